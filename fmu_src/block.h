@@ -1,0 +1,271 @@
+/* A block: one table of variables and the meanings it gets.
+
+   A model file defines MODEL, SUMMARY, SOURCE and the table VARIABLES, includes this header, and writes
+   `equations` (continuous blocks) or `sample` (blocks that define SAMPLED). Everything else is derived.
+
+       #define VARIABLES                                                                     \
+           INPUT    (v,      VELOCITY,  0.0,                 "relative sliding velocity")    \
+           OUTPUT   (F,      FORCE,                          "friction force, opposes v")    \
+           STATE    (z,      LENGTH,    0.0, 1e-5,           "mean bristle deflection")      \
+           PARAMETER(sigma0, STIFFNESS, 1e5, 0.0, INF,       "bristle stiffness")
+
+   A block may also define
+     MEMORY     a struct without pointers, reached as m->memory, part of the FMU state
+     STEPS_BY   the name of its own exact step `static bool f(Model *m, double h)` in place of `integrate`
+     SAMPLED    `sample(Model *m)` is called at start + k Ts; the table then has FIXED(Ts, ...)          */
+
+#ifndef BLOCK_H
+#define BLOCK_H
+
+#include <float.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define INF    HUGE_VAL
+#define COUNTS 2147483647.0 /* the largest fmi2Integer */
+
+/* clang-format off: the tables and their expansions are set by hand */
+
+/* Units by quantity, so that a sliding block is also its rotational twin. */
+#ifdef ROTATIONAL
+#define LENGTH       "rad"
+#define VELOCITY     "rad/s"
+#define ACCELERATION "rad/s2"
+#define JERK         "rad/s3"
+#define FORCE        "N.m"
+#define MASS         "kg.m2"
+#define STIFFNESS    "N.m/rad"
+#define DAMPING      "N.m.s/rad"
+#else
+#define LENGTH       "m"
+#define VELOCITY     "m/s"
+#define ACCELERATION "m/s2"
+#define JERK         "m/s3"
+#define FORCE        "N"
+#define MASS         "kg"
+#define STIFFNESS    "N/m"
+#define DAMPING      "N.s/m"
+#endif
+#define TIME      "s"
+#define FREQUENCY "Hz"
+#define ANGLE     "rad"
+#define NO_UNIT   ""
+
+/* What a row of the table is; the packager reads these numbers. */
+enum role {
+    ROLE_TIME,
+    ROLE_INPUT,
+    ROLE_OUTPUT,
+    ROLE_LOCAL,
+    ROLE_PARAMETER,
+    ROLE_FIXED,
+    ROLE_STATE,
+    ROLE_STATE_OUTPUT,
+    ROLE_DERIVATIVE
+};
+enum type { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN };
+
+/* The kinds of row, each in terms of the three shapes that the expansions below give a meaning to:
+   SCALAR(name, role, type, unit, start, min, max, text), VECTOR(name, n, unit, starts, min, max, text) and
+   DYNAMIC(name, role, unit, start, from, nominal, text), a state and, in continuous blocks, its derivative. */
+#define INPUT(name, unit, start, text) SCALAR(name, ROLE_INPUT, TYPE_REAL, unit, start, -INF, INF, text)
+#define COMMAND(name, start, text)     SCALAR(name, ROLE_INPUT, TYPE_BOOLEAN, "", start, 0.0, 1.0, text)
+#define OUTPUT(name, unit, text)       SCALAR(name, ROLE_OUTPUT, TYPE_REAL, unit, 0.0, -INF, INF, text)
+#define LOCAL(name, unit, text)        SCALAR(name, ROLE_LOCAL, TYPE_REAL, unit, 0.0, -INF, INF, text)
+#define FLAG(name, text)               SCALAR(name, ROLE_LOCAL, TYPE_BOOLEAN, "", 0.0, 0.0, 1.0, text)
+#define PARAMETER(name, unit, start, min, max, text)                                                                   \
+    SCALAR(name, ROLE_PARAMETER, TYPE_REAL, unit, start, min, max, text)
+#define SWITCH(name, start, text)                SCALAR(name, ROLE_PARAMETER, TYPE_BOOLEAN, "", start, 0.0, 1.0, text)
+#define FIXED(name, unit, start, min, max, text) SCALAR(name, ROLE_FIXED, TYPE_REAL, unit, start, min, max, text)
+#define COUNT(name, start, min, max, text)       SCALAR(name, ROLE_FIXED, TYPE_INTEGER, "", start, min, max, text)
+#define PARAMETERS(name, n, unit, starts, min, max, text) VECTOR(name, n, unit, starts, min, max, text)
+#define STATE(name, unit, start, nominal, text)           DYNAMIC(name, ROLE_STATE, unit, start, name, nominal, text)
+#define STATE_OUTPUT(name, unit, from, nominal, text) DYNAMIC(name, ROLE_STATE_OUTPUT, unit, NAN, from, nominal, text)
+
+/* Position in the simulation; part of the FMU state, so that a restored state carries the mode. */
+typedef struct {
+    double start, stop, tolerance; /* [s], [s], relative; stop = INF and tolerance = 0 if not given */
+    double inner_step;             /* [s] last accepted step of the inner solver, 0 at first       */
+    double last_step;              /* [s] last communication step                                  */
+    int64_t tick;                  /* samples taken by a sampled block                             */
+    int mode;                      /* of the call-sequence table                                   */
+    bool stale;                    /* something was set since the outputs were computed            */
+    bool slopes_used;              /* the input slopes belong to the step that is over             */
+} Run;
+
+#ifdef MEMORY
+typedef MEMORY Memory;
+#else
+typedef struct {
+    char none;
+} Memory;
+#endif
+
+/* Inputs by number: enum { INPUT_v, ..., INPUTS } */
+#define SCALAR(name, role, type, unit, start, min, max, text) NUMBER_##role(name)
+#define VECTOR(name, n, unit, starts, min, max, text)
+#define DYNAMIC(name, role, unit, start, from, nominal, text)
+#define NUMBER_ROLE_INPUT(name) INPUT_##name,
+#define NUMBER_ROLE_OUTPUT(name)
+#define NUMBER_ROLE_LOCAL(name)
+#define NUMBER_ROLE_PARAMETER(name)
+#define NUMBER_ROLE_FIXED(name)
+enum { VARIABLES INPUTS };
+#undef SCALAR
+#undef VECTOR
+#undef DYNAMIC
+
+/* The values: double time; double v; double F; double z; double der_z; double k[10]; ...
+   A value reference is the index of a double, counted from the start of the struct. */
+#define SCALAR(name, role, type, unit, start, min, max, text) double name;
+#define VECTOR(name, n, unit, starts, min, max, text)         double name[n];
+#ifdef SAMPLED
+#define DYNAMIC(name, role, unit, start, from, nominal, text) double name;
+#else
+#define DYNAMIC(name, role, unit, start, from, nominal, text)                                                          \
+    double name;                                                                                                       \
+    double der_##name;
+#endif
+typedef struct {
+    double time;
+    VARIABLES
+    double slope[INPUTS + 1]; /* time derivatives of the inputs, 0 for held inputs */
+    Memory memory;
+    Run run;
+} Model;
+#undef SCALAR
+#undef VECTOR
+#undef DYNAMIC
+
+#define VALUES      (offsetof(Model, slope) / sizeof(double))
+#define AT(name)    (offsetof(Model, name) / sizeof(double))
+#define SLOPE(name) (m->slope[INPUT_##name])
+
+/* The table as data: { "v", "m/s", "relative sliding velocity", ... } */
+typedef struct {
+    const char *name, *unit, *text;
+    double start, min, max, nominal;
+    const double *starts;   /* of a vector */
+    uint32_t index, length; /* value reference of the first element, number of elements (0: a scalar) */
+    uint32_t from;          /* derivative: its state; state: where its initial value comes from */
+    int32_t role, type;
+} Row;
+
+#define UNWRAP(...) __VA_ARGS__
+
+/* static const double starts_of_k[10] = { 5e4, 3e4 }; */
+#define SCALAR(name, role, type, unit, start, min, max, text)
+#define VECTOR(name, n, unit, starts, min, max, text) static const double starts_of_##name[n] = {UNWRAP starts};
+#define DYNAMIC(name, role, unit, start, from, nominal, text)
+VARIABLES
+#undef SCALAR
+#undef VECTOR
+#undef DYNAMIC
+
+#define SCALAR(name, role, type, unit, start, min, max, text)                                                          \
+    {#name, unit, text, start, min, max, 1.0, NULL, AT(name), 0, AT(name), role, type},
+#define VECTOR(name, n, unit, starts, min, max, text)                                                                  \
+    {#name, unit, text, NAN, min, max, 1.0, starts_of_##name, AT(name), n, AT(name), ROLE_PARAMETER, TYPE_REAL},
+#define STATE_ROW(name, role, unit, start, from, nominal, text)                                                        \
+    {#name, unit, text, start, -INF, INF, nominal, NULL, AT(name), 0, AT(from), role, TYPE_REAL},
+#ifdef SAMPLED
+#define DYNAMIC STATE_ROW
+#else
+#define DYNAMIC(name, role, unit, start, from, nominal, text)                                                          \
+    STATE_ROW(name, role, unit, start, from, nominal,                                                                  \
+              text){"der(" #name ")", unit,     text, 0.0, -INF, INF, nominal, NULL, AT(der_##name), 0, AT(name),      \
+                    ROLE_DERIVATIVE,  TYPE_REAL},
+#endif
+static const Row rows[] = {{"time", TIME, "simulation time", 0.0, -INF, INF, 1.0, NULL, 0, 0, 0, ROLE_TIME, TYPE_REAL},
+                           VARIABLES};
+#undef SCALAR
+#undef VECTOR
+#undef DYNAMIC
+
+#define ROWS (sizeof rows / sizeof rows[0])
+
+/* Numbers of the continuous states and, in the same order, of their derivatives; one spare each because an
+   empty array is illegal. */
+#define SCALAR(name, role, type, unit, start, min, max, text)
+#define VECTOR(name, n, unit, starts, min, max, text)
+#ifdef SAMPLED
+#define DYNAMIC(name, role, unit, start, from, nominal, text)
+#else
+#define DYNAMIC(name, role, unit, start, from, nominal, text) AT(name),
+#endif
+static const uint32_t states[] = {VARIABLES 0};
+#undef DYNAMIC
+#define DYNAMIC(name, role, unit, start, from, nominal, text) nominal,
+static const double nominals[] = {VARIABLES 1.0};
+#undef SCALAR
+#undef VECTOR
+#undef DYNAMIC
+
+enum { STATES = (int)(sizeof states / sizeof states[0]) - 1 };
+
+/* Numbers of the inputs, in the order of `slope`. */
+#define SCALAR(name, role, type, unit, start, min, max, text) PLACE_##role(name)
+#define VECTOR(name, n, unit, starts, min, max, text)
+#define DYNAMIC(name, role, unit, start, from, nominal, text)
+#define PLACE_ROLE_INPUT(name) AT(name),
+#define PLACE_ROLE_OUTPUT(name)
+#define PLACE_ROLE_LOCAL(name)
+#define PLACE_ROLE_PARAMETER(name)
+#define PLACE_ROLE_FIXED(name)
+static const uint32_t inputs[] = {VARIABLES 0};
+#undef SCALAR
+#undef VECTOR
+#undef DYNAMIC
+
+/* GIVEN(m): const double v = m->v; const double *k = m->k; ... for the reader of the equations. Outputs are
+   not given: an output is written, once. */
+#define SCALAR(name, role, type, unit, start, min, max, text) GIVEN_##role(name, type)
+#define VECTOR(name, n, unit, starts, min, max, text)                                                                  \
+    const double *const name = given->name;                                                                            \
+    (void)name;
+#define DYNAMIC(name, role, unit, start, from, nominal, text) GIVEN_TYPE_REAL(name)
+#define GIVEN_ROLE_INPUT(name, type)                          GIVEN_##type(name)
+#define GIVEN_ROLE_OUTPUT(name, type)
+#define GIVEN_ROLE_LOCAL(name, type)
+#define GIVEN_ROLE_PARAMETER(name, type) GIVEN_##type(name)
+#define GIVEN_ROLE_FIXED(name, type)     GIVEN_##type(name)
+#define GIVEN_TYPE_REAL(name)                                                                                          \
+    const double name = given->name;                                                                                   \
+    (void)name;
+#define GIVEN_TYPE_INTEGER(name)                                                                                       \
+    const int name = (int)given->name;                                                                                 \
+    (void)name;
+#define GIVEN_TYPE_BOOLEAN(name)                                                                                       \
+    const bool name = given->name != 0.0;                                                                              \
+    (void)name;
+#define GIVEN(m)                                                                                                       \
+    const Model *const given = (m);                                                                                    \
+    VARIABLES
+
+/* clang-format on */
+
+static inline double square(double a) { return a * a; }
+static inline double sign(double a) { return (double)((a > 0.0) - (a < 0.0)); }
+static inline double clip(double a, double low, double high) { return a < low ? low : a > high ? high : a; }
+
+static inline double *value_of(Model *m, uint32_t index) { return (double *)(void *)m + index; }
+
+#ifdef SAMPLED
+static void sample(Model *m);
+#else
+static void equations(Model *m);
+#endif
+
+#include "solver.h"
+
+#ifndef STEPS_BY
+#define STEPS_BY integrate
+#else
+static bool STEPS_BY(Model *m, double h);
+#endif
+
+#include "fmi2.h"
+
+#endif

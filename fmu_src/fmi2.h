@@ -1,0 +1,499 @@
+/* FMI 2.0.5 co-simulation around one block: instances, logging, modes, values, steps.
+   What is refused (wrong order, unknown variable, bad value) is logged, answered with the status that the standard
+   names, and changes nothing. */
+
+#ifndef BLOCK_FMI2_H
+#define BLOCK_FMI2_H
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define PASTE_(a, b)         a##b
+#define PASTE(a, b)          PASTE_(a, b)
+#define QUOTE_(name)         #name
+#define QUOTE(name)          QUOTE_(name)
+#define FMI2_FUNCTION_PREFIX PASTE(MODEL, _)
+#include "fmi2Functions.h"
+
+/* Modes, and the modes in which each function may be called (the table of section 4.2.4). Two columns are more
+   lenient than the table, as importers need it: inputs may be set right after fmi2Instantiate. */
+/* clang-format off */
+enum { INSTANTIATED = 1, INITIALIZING = 2, STEP_COMPLETE = 4, STEP_FAILED = 8, TERMINATED = 16 };
+enum {
+    BEFORE_STEPPING             = INSTANTIATED | INITIALIZING,
+    WITH_RESULTS                = INITIALIZING | STEP_COMPLETE | STEP_FAILED | TERMINATED,
+    ANY_MODE                    = INSTANTIATED | WITH_RESULTS,
+    MAY_SetDebugLogging         = ANY_MODE,
+    MAY_SetupExperiment         = INSTANTIATED,
+    MAY_EnterInitializationMode = INSTANTIATED,
+    MAY_ExitInitializationMode  = INITIALIZING,
+    MAY_Terminate               = STEP_COMPLETE | STEP_FAILED,
+    MAY_Reset                   = ANY_MODE,
+    MAY_Get                     = WITH_RESULTS,
+    MAY_Set                     = BEFORE_STEPPING | STEP_COMPLETE,
+    MAY_FMUstate                = ANY_MODE,
+    MAY_GetDirectionalDerivative = WITH_RESULTS,
+    MAY_SetRealInputDerivatives = BEFORE_STEPPING | STEP_COMPLETE,
+    MAY_GetRealOutputDerivatives = STEP_COMPLETE | STEP_FAILED | TERMINATED,
+    MAY_DoStep                  = STEP_COMPLETE,
+    MAY_GetStatus               = STEP_COMPLETE | STEP_FAILED | TERMINATED
+};
+/* clang-format on */
+
+static const char *const categories[] = {"logStatusWarning", "logStatusDiscard", "logStatusError", "logEvents",
+                                         "logAll"};
+enum { LOG_WARNING = 1, LOG_DISCARD = 2, LOG_ERROR = 4, LOG_EVENTS = 8, LOG_EVERYTHING = 16, LOG_CATEGORIES = 5 };
+
+typedef struct {
+    Model model;               /* all that a saved state holds */
+    Model backup;              /* the start of the step        */
+    const Row *row_of[VALUES]; /* by value reference           */
+    uint32_t results[VALUES];  /* states and outputs, which must stay finite */
+    size_t result_count;
+    fmi2CallbackLogger logger;
+    fmi2ComponentEnvironment environment;
+    int logging;
+    char name[1]; /* of the instance, allocated to fit */
+} Instance;
+
+/* Sends a message; every % is doubled because importers use the text as a format. */
+static fmi2Status report(const Instance *c, fmi2Status status, int category, const char *format, ...)
+{
+    if (!c->logger || !(c->logging & (category | LOG_EVERYTHING)))
+        return status;
+    char text[512], doubled[1024];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    size_t length = 0;
+    for (const char *from = text; *from; from++) {
+        if (*from == '%')
+            doubled[length++] = '%';
+        doubled[length++] = *from;
+    }
+    doubled[length] = '\0';
+    int which = 0;
+    while (!(category >> which & 1))
+        which++;
+    c->logger(c->environment, c->name, status, categories[which], doubled);
+    return status;
+}
+
+static const char *mode_name(int mode)
+{
+    switch (mode) {
+    case INSTANTIATED: return "instantiated";
+    case INITIALIZING: return "initialization mode";
+    case STEP_COMPLETE: return "step complete";
+    case STEP_FAILED: return "step failed";
+    default: return "terminated";
+    }
+}
+
+#define MODE(c) ((c)->model.run.mode)
+
+/* Opens a function: `c` is the instance, and the call is in order. */
+#define ENTER(function, allowed)                                                                                       \
+    Instance *const c = (Instance *)component;                                                                         \
+    if (!c)                                                                                                            \
+        return fmi2Error;                                                                                              \
+    if (!(MODE(c) & (allowed)))                                                                                        \
+        return report(c, fmi2Error, LOG_ERROR, "fmi2%s is not allowed in the mode \"%s\"", function,                   \
+                      mode_name(MODE(c)));
+
+#define REQUIRE(condition, ...)                                                                                        \
+    if (!(condition))                                                                                                  \
+        return report(c, fmi2Error, LOG_ERROR, __VA_ARGS__);
+
+static bool before_stepping(const Model *m) { return (m->run.mode & BEFORE_STEPPING) != 0; }
+
+/* One evaluation of the block on a model that may be spoilt. */
+static void evaluate(Model *m)
+{
+    if (before_stepping(m))
+        for (size_t i = 0; i < ROWS; i++)
+            if (rows[i].role == ROLE_STATE_OUTPUT)
+                *value_of(m, rows[i].index) = *value_of(m, rows[i].from);
+#ifdef SAMPLED
+    sample(m);
+#else
+    equations(m);
+#endif
+}
+
+static bool results_finite(Instance *c)
+{
+    for (size_t i = 0; i < c->result_count; i++)
+        if (!isfinite(*value_of(&c->model, c->results[i])))
+            return false;
+    return true;
+}
+
+/* Brings the outputs up to date with what was set. A sampled block keeps its outputs from one sample to the next;
+   before the first one they show what it would give. */
+static bool refresh(Instance *c)
+{
+    Model *const m = &c->model;
+    if (!m->run.stale)
+        return true;
+#ifdef SAMPLED
+    if (m->run.tick == 0) {
+        Model *const preview = &c->backup;
+        *preview = *m;
+        evaluate(preview);
+        for (size_t i = 0; i < ROWS; i++)
+            if (rows[i].role == ROLE_OUTPUT || rows[i].role == ROLE_LOCAL)
+                *value_of(m, rows[i].index) = *value_of(preview, rows[i].index);
+    }
+#else
+    evaluate(m);
+#endif
+    m->run.stale = !results_finite(c);
+    return !m->run.stale;
+}
+
+static void set_start_values(Instance *c)
+{
+    memset(&c->model, 0, sizeof c->model);
+    for (size_t i = 0; i < ROWS; i++) {
+        if (rows[i].length > 0)
+            memcpy(value_of(&c->model, rows[i].index), rows[i].starts, rows[i].length * sizeof(double));
+        else
+            *value_of(&c->model, rows[i].index) = rows[i].role == ROLE_STATE_OUTPUT ? 0.0 : rows[i].start;
+    }
+    c->model.run.mode = INSTANTIATED;
+    c->model.run.stop = INF;
+    c->model.run.stale = true;
+}
+
+#include "fmi2_state.h"
+
+/* ---- about the library -------------------------------------------------------------------------------------- */
+
+const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
+const char *fmi2GetVersion(void) { return fmi2Version; }
+
+fmi2Status fmi2SetDebugLogging(fmi2Component component, fmi2Boolean on, size_t n, const fmi2String names[])
+{
+    ENTER("SetDebugLogging", MAY_SetDebugLogging)
+    int chosen = n == 0 ? LOG_EVERYTHING : 0;
+    for (size_t i = 0; i < n; i++) {
+        int which = 0;
+        REQUIRE(names && names[i], "fmi2SetDebugLogging: category %d is a null pointer", (int)i)
+        while (which < LOG_CATEGORIES && strcmp(names[i], categories[which]) != 0)
+            which++;
+        REQUIRE(which < LOG_CATEGORIES, "fmi2SetDebugLogging: there is no log category \"%s\"", names[i])
+        chosen |= 1 << which;
+    }
+    c->logging = on ? c->logging | chosen : n == 0 ? 0 : c->logging & ~chosen;
+    return fmi2OK;
+}
+
+/* ---- life of an instance ------------------------------------------------------------------------------------ */
+
+fmi2Component fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2String guid, fmi2String resources,
+                              const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging)
+{
+    (void)resources;
+    (void)visible;
+    char expected[GUID_LENGTH + 1];
+    write_guid(expected);
+    const bool named = name && name[0];
+    Instance *const c = (Instance *)calloc(1, sizeof(Instance) + (named ? strlen(name) : 0));
+    if (!c)
+        return NULL;
+    if (named)
+        strcpy(c->name, name);
+    c->logger = functions ? functions->logger : NULL;
+    c->environment = functions ? functions->componentEnvironment : NULL;
+    c->logging = LOG_EVERYTHING;
+
+    const char *fault = NULL;
+    if (!named)
+        fault = "the instance name is empty";
+    else if (kind != fmi2CoSimulation)
+        fault = "this FMU is for co-simulation only";
+    else if (!guid || strcmp(guid, expected) != 0)
+        fault = "the GUID is not that of this binary: modelDescription.xml and library do not belong together";
+    if (fault) {
+        report(c, fmi2Error, LOG_ERROR, "fmi2Instantiate of %s: %s", QUOTE(MODEL), fault);
+        free(c);
+        return NULL;
+    }
+    c->logging = logging ? LOG_EVERYTHING : 0;
+    for (size_t i = 0; i < ROWS; i++) {
+        for (uint32_t k = 0; k < (rows[i].length ? rows[i].length : 1); k++)
+            c->row_of[rows[i].index + k] = &rows[i];
+        if (rows[i].role == ROLE_OUTPUT || rows[i].role == ROLE_LOCAL || rows[i].role == ROLE_STATE ||
+            rows[i].role == ROLE_STATE_OUTPUT || rows[i].role == ROLE_DERIVATIVE)
+            c->results[c->result_count++] = rows[i].index;
+    }
+    set_start_values(c);
+    return c;
+}
+
+void fmi2FreeInstance(fmi2Component component) { free(component); }
+
+fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_given, fmi2Real tolerance, fmi2Real start,
+                               fmi2Boolean stop_given, fmi2Real stop)
+{
+    ENTER("SetupExperiment", MAY_SetupExperiment)
+    REQUIRE(!tolerance_given || (tolerance > 0.0 && isfinite(tolerance)),
+            "fmi2SetupExperiment: tolerance %g must be positive", tolerance)
+    REQUIRE(isfinite(start), "fmi2SetupExperiment: start time %g must be finite", start)
+    REQUIRE(!stop_given || stop >= start, "fmi2SetupExperiment: stop time %g must not lie before start time %g", stop,
+            start)
+    c->model.run.tolerance = tolerance_given ? tolerance : 0.0;
+    c->model.run.start = c->model.time = start;
+    c->model.run.stop = stop_given ? stop : INF;
+    c->model.run.stale = true;
+    return fmi2OK;
+}
+
+fmi2Status fmi2EnterInitializationMode(fmi2Component component)
+{
+    ENTER("EnterInitializationMode", MAY_EnterInitializationMode)
+    MODE(c) = INITIALIZING;
+    return fmi2OK;
+}
+
+fmi2Status fmi2ExitInitializationMode(fmi2Component component)
+{
+    ENTER("ExitInitializationMode", MAY_ExitInitializationMode)
+    REQUIRE(refresh(c), "fmi2ExitInitializationMode: the start values of \"%s\" give outputs that are not finite",
+            c->name)
+    MODE(c) = STEP_COMPLETE;
+    return fmi2OK;
+}
+
+fmi2Status fmi2Terminate(fmi2Component component)
+{
+    ENTER("Terminate", MAY_Terminate)
+    MODE(c) = TERMINATED;
+    return fmi2OK;
+}
+
+fmi2Status fmi2Reset(fmi2Component component)
+{
+    ENTER("Reset", MAY_Reset)
+    set_start_values(c);
+    return fmi2OK;
+}
+
+/* ---- values ------------------------------------------------------------------------------------------------- */
+
+static const char *const type_names[] = {"Real", "Integer", "Boolean"};
+
+static bool known(const Instance *c, fmi2ValueReference reference, int type)
+{
+    return reference < VALUES && c->row_of[reference]->type == type;
+}
+
+static fmi2Status check_get(Instance *c, const fmi2ValueReference references[], size_t n, int type)
+{
+    for (size_t i = 0; i < n; i++)
+        REQUIRE(known(c, references[i], type), "fmi2Get%s: there is no %s variable with value reference %u",
+                type_names[type], type_names[type], references[i])
+    REQUIRE(refresh(c), "fmi2Get%s: with the values set at t = %g s an output of \"%s\" is not finite",
+            type_names[type], c->model.time, c->name)
+    return fmi2OK;
+}
+
+static fmi2Status check_set(Instance *c, fmi2ValueReference reference, double value, int type)
+{
+    REQUIRE(known(c, reference, type), "fmi2Set%s: there is no %s variable with value reference %u", type_names[type],
+            type_names[type], reference)
+    const Row *const row = c->row_of[reference];
+    const bool early = before_stepping(&c->model);
+    REQUIRE(row->role == ROLE_INPUT || row->role == ROLE_PARAMETER ||
+                (early && (row->role == ROLE_FIXED || row->role == ROLE_STATE)),
+            "fmi2Set%s: %s cannot be set in the mode \"%s\"", type_names[type], row->name, mode_name(MODE(c)))
+    if (!isfinite(value))
+        return report(c, fmi2Discard, LOG_DISCARD, "fmi2Set%s: %s = %g is not finite", type_names[type], row->name,
+                      value);
+    if (!(value >= row->min && value <= row->max))
+        return report(c, fmi2Discard, LOG_DISCARD, "fmi2Set%s: %s = %g lies outside [%g, %g]", type_names[type],
+                      row->name, value, row->min, row->max);
+    return fmi2OK;
+}
+
+/* All values are checked before the first is written. */
+#define SET(TYPE, type, as_double)                                                                                     \
+    fmi2Status fmi2Set##TYPE(fmi2Component component, const fmi2ValueReference references[], size_t n,                 \
+                             const fmi2##TYPE values[])                                                                \
+    {                                                                                                                  \
+        ENTER("Set" #TYPE, MAY_Set)                                                                                    \
+        for (size_t i = 0; i < n; i++) {                                                                               \
+            const fmi2Status status = check_set(c, references[i], as_double, type);                                    \
+            if (status != fmi2OK)                                                                                      \
+                return status;                                                                                         \
+        }                                                                                                              \
+        for (size_t i = 0; i < n; i++)                                                                                 \
+            *value_of(&c->model, references[i]) = as_double;                                                           \
+        c->model.run.stale = c->model.run.stale || n > 0;                                                              \
+        return fmi2OK;                                                                                                 \
+    }
+SET(Real, TYPE_REAL, values[i])
+SET(Integer, TYPE_INTEGER, (double)values[i])
+SET(Boolean, TYPE_BOOLEAN, (double)(values[i] != fmi2False))
+
+#define GET(TYPE, type, from_double)                                                                                   \
+    fmi2Status fmi2Get##TYPE(fmi2Component component, const fmi2ValueReference references[], size_t n,                 \
+                             fmi2##TYPE values[])                                                                      \
+    {                                                                                                                  \
+        ENTER("Get" #TYPE, MAY_Get)                                                                                    \
+        const fmi2Status status = check_get(c, references, n, type);                                                   \
+        if (status != fmi2OK)                                                                                          \
+            return status;                                                                                             \
+        for (size_t i = 0; i < n; i++)                                                                                 \
+            values[i] = from_double(*value_of(&c->model, references[i]));                                              \
+        return fmi2OK;                                                                                                 \
+    }
+#define AS_BOOLEAN(value) ((value) != 0.0 ? fmi2True : fmi2False)
+GET(Real, TYPE_REAL, (fmi2Real))
+GET(Integer, TYPE_INTEGER, (fmi2Integer))
+GET(Boolean, TYPE_BOOLEAN, AS_BOOLEAN)
+
+fmi2Status fmi2GetString(fmi2Component component, const fmi2ValueReference references[], size_t n, fmi2String values[])
+{
+    ENTER("GetString", MAY_Get)
+    (void)references;
+    (void)values;
+    REQUIRE(n == 0, "fmi2GetString: %s has no String variables", QUOTE(MODEL))
+    return fmi2OK;
+}
+
+fmi2Status fmi2SetString(fmi2Component component, const fmi2ValueReference references[], size_t n,
+                         const fmi2String values[])
+{
+    ENTER("SetString", MAY_Set)
+    (void)references;
+    (void)values;
+    REQUIRE(n == 0, "fmi2SetString: %s has no String variables", QUOTE(MODEL))
+    return fmi2OK;
+}
+
+/* ---- steps -------------------------------------------------------------------------------------------------- */
+
+#ifdef SAMPLED
+/* A sample at every start + k Ts in [t, t + h). The tolerance keeps a step that is short by rounding from taking
+   the next sample or losing its own. */
+static bool advance(Model *m, double t, double h)
+{
+    const Model begin = *m;
+    for (;;) {
+        const double at = m->run.start + (double)m->run.tick * m->Ts;
+        if (!(at < t + h - 1e-6 * m->Ts))
+            break;
+        for (int i = 0; i < INPUTS; i++)
+            *value_of(m, inputs[i]) =
+                ((const double *)(const void *)&begin)[inputs[i]] + begin.slope[i] * fmax(at - t, 0.0);
+        m->time = at;
+        sample(m);
+        m->run.tick++;
+    }
+    for (int i = 0; i < INPUTS; i++)
+        *value_of(m, inputs[i]) = ((const double *)(const void *)&begin)[inputs[i]] + begin.slope[i] * h;
+    return true;
+}
+#else
+/* Pieces between the zeros of the inputs, each by the block's own step. */
+static bool advance(Model *m, double t, double h)
+{
+    m->time = t;
+    if (inputs_held(m)) {
+        if (!STEPS_BY(m, h))
+            return false;
+    } else {
+        for (double rest = h; rest > 0.0;) {
+            const double piece = time_to_reversal(m, rest);
+            if (!STEPS_BY(m, piece))
+                return false;
+            const bool whole = piece >= rest;
+            for (int i = 0; i < INPUTS; i++) {
+                double *const u = value_of(m, inputs[i]);
+                const bool arrives = !whole && *u * m->slope[i] < 0.0 && -*u / m->slope[i] <= piece;
+                *u = arrives ? 0.0 : *u + m->slope[i] * piece;
+            }
+            rest = whole ? 0.0 : rest - piece;
+            m->time += piece;
+        }
+    }
+    m->time = t + h;
+    equations(m);
+    return true;
+}
+#endif
+
+fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boolean keeps_no_state)
+{
+    (void)keeps_no_state;
+    ENTER("DoStep", MAY_DoStep)
+    Model *const m = &c->model;
+    /* The master's time rules; it may differ by rounding, or by the tolerance of a master that adds up steps. */
+    const double slack = 1e-6 * h + 1e-12 * (fabs(t) + fabs(m->run.start)) + 1e-12;
+    REQUIRE(isfinite(t) && isfinite(h) && h > 0.0, "fmi2DoStep: step size %g at t = %g s must be positive and finite",
+            h, t)
+    REQUIRE(fabs(t - m->time) <= slack, "fmi2DoStep: communication point %.17g s is not the current time %.17g s", t,
+            m->time)
+    REQUIRE(t + h <= m->run.stop + slack, "fmi2DoStep: the step to %.17g s passes the stop time %.17g s", t + h,
+            m->run.stop)
+
+    c->backup = *m;
+    if (m->run.slopes_used)
+        memset(m->slope, 0, sizeof m->slope);
+    const bool done = advance(m, t, h);
+    m->time = t + h;
+    if (!done || !results_finite(c)) {
+        *m = c->backup;
+        MODE(c) = STEP_FAILED;
+        return report(c, fmi2Discard, LOG_DISCARD,
+                      "fmi2DoStep: the step from %.17g s over %g s %s; the state is that of its start", t, h,
+                      done ? "gives a value that is not finite" : "does not meet the tolerance");
+    }
+    m->run.stale = false;
+    m->run.slopes_used = true;
+    m->run.last_step = h;
+    return fmi2OK;
+}
+
+fmi2Status fmi2CancelStep(fmi2Component component)
+{
+    Instance *const c = (Instance *)component;
+    return c ? report(c, fmi2Error, LOG_ERROR, "fmi2CancelStep: steps of %s are never pending", QUOTE(MODEL))
+             : fmi2Error;
+}
+
+#define NO_STATUS(TYPE, value_type)                                                                                    \
+    fmi2Status fmi2Get##TYPE(fmi2Component component, const fmi2StatusKind kind, value_type *value)                    \
+    {                                                                                                                  \
+        ENTER("Get" #TYPE, MAY_GetStatus)                                                                              \
+        (void)value;                                                                                                   \
+        return report(c, fmi2Discard, LOG_DISCARD, "fmi2Get" #TYPE ": status kind %d is not available", (int)kind);    \
+    }
+NO_STATUS(Status, fmi2Status)
+NO_STATUS(IntegerStatus, fmi2Integer)
+NO_STATUS(StringStatus, fmi2String)
+
+fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Real *value)
+{
+    ENTER("GetRealStatus", MAY_GetStatus)
+    if (kind != fmi2LastSuccessfulTime)
+        return report(c, fmi2Discard, LOG_DISCARD, "fmi2GetRealStatus: status kind %d is not available", (int)kind);
+    *value = c->model.time;
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetBooleanStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Boolean *value)
+{
+    ENTER("GetBooleanStatus", MAY_GetStatus)
+    if (kind != fmi2Terminated)
+        return report(c, fmi2Discard, LOG_DISCARD, "fmi2GetBooleanStatus: status kind %d is not available", (int)kind);
+    *value = fmi2False;
+    return fmi2OK;
+}
+
+#endif

@@ -1,0 +1,318 @@
+/* The rest of FMI 2.0: identity, saved states, derivatives, and what the packager reads. */
+
+#ifndef BLOCK_FMI2_STATE_H
+#define BLOCK_FMI2_STATE_H
+
+/* ---- identity ----------------------------------------------------------------------------------------------- */
+
+enum { GUID_LENGTH = 38 };
+
+/* FNV-1a, 64 bit. */
+static uint64_t mix(uint64_t hash, const void *data, size_t size)
+{
+    const unsigned char *byte = (const unsigned char *)data;
+    for (size_t i = 0; i < size; i++)
+        hash = (hash ^ byte[i]) * UINT64_C(1099511628211);
+    return hash;
+}
+
+static uint64_t mix_text(uint64_t hash, const char *text) { return mix(hash, text, strlen(text) + 1); }
+
+static uint64_t fingerprint(uint64_t hash)
+{
+    hash = mix_text(hash, QUOTE(MODEL));
+    for (size_t i = 0; i < ROWS; i++) {
+        const Row *const row = &rows[i];
+        const double numbers[] = {row->start,  row->min,  row->max,  row->nominal, row->index,
+                                  row->length, row->from, row->role, row->type};
+        hash = mix_text(mix_text(mix_text(hash, row->name), row->unit), row->text);
+        for (size_t k = 0; k < sizeof numbers / sizeof numbers[0]; k++)
+            hash = isnan(numbers[k]) ? mix_text(hash, "none") : mix(hash, &numbers[k], sizeof numbers[k]);
+        hash = mix(hash, row->starts, row->length * sizeof(double));
+    }
+    return hash;
+}
+
+/* {8-4-4-4-12}: the hash of all rows, so that XML and code cannot disagree. */
+static void write_guid(char *text)
+{
+    char digits[33];
+    snprintf(digits, sizeof digits, "%016llx%016llx", (unsigned long long)fingerprint(UINT64_C(14695981039346656037)),
+             (unsigned long long)fingerprint(UINT64_C(88172645463325252)));
+    snprintf(text, GUID_LENGTH + 1, "{%.8s-%.4s-%.4s-%.4s-%.12s}", digits, digits + 8, digits + 12, digits + 16,
+             digits + 20);
+}
+
+/* ---- saved states ------------------------------------------------------------------------------------------- */
+
+typedef struct {
+    char magic[8];
+    char guid[GUID_LENGTH + 2];
+    uint32_t byte_order, size;
+    uint64_t checksum;
+    Model model;
+} Saved;
+
+static void save(const Instance *c, Saved *saved)
+{
+    memset(saved, 0, offsetof(Saved, model));
+    memcpy(saved->magic, "friction", 8);
+    write_guid(saved->guid);
+    saved->byte_order = 0x01020304;
+    saved->size = sizeof(Saved);
+    memcpy(&saved->model, &c->model, sizeof c->model); /* with its padding, for equal bytes */
+    saved->checksum = mix(UINT64_C(14695981039346656037), &saved->model, sizeof saved->model);
+}
+
+static const char *fault_of(const Saved *saved)
+{
+    char guid[GUID_LENGTH + 1];
+    write_guid(guid);
+    if (memcmp(saved->magic, "friction", 8) != 0)
+        return "it is not a state of such an FMU";
+    if (saved->byte_order != 0x01020304)
+        return "it was written on a machine of the other byte order";
+    if (strncmp(saved->guid, guid, sizeof guid) != 0 || saved->size != sizeof(Saved))
+        return "it belongs to another FMU or version";
+    if (saved->checksum != mix(UINT64_C(14695981039346656037), &saved->model, sizeof saved->model))
+        return "it is damaged";
+    return NULL;
+}
+
+fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
+{
+    ENTER("GetFMUstate", MAY_FMUstate)
+    REQUIRE(state, "fmi2GetFMUstate: the place for the state is a null pointer")
+    if (!*state)
+        *state = calloc(1, sizeof(Saved));
+    REQUIRE(*state, "fmi2GetFMUstate: out of memory")
+    save(c, (Saved *)*state);
+    return fmi2OK;
+}
+
+fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state)
+{
+    ENTER("SetFMUstate", MAY_FMUstate)
+    REQUIRE(state, "fmi2SetFMUstate: the state is a null pointer")
+    const char *const fault = fault_of((const Saved *)state);
+    REQUIRE(!fault, "fmi2SetFMUstate: the state cannot be used: %s", fault)
+    c->model = ((const Saved *)state)->model;
+    return fmi2OK;
+}
+
+fmi2Status fmi2FreeFMUstate(fmi2Component component, fmi2FMUstate *state)
+{
+    ENTER("FreeFMUstate", MAY_FMUstate)
+    if (state) {
+        free(*state);
+        *state = NULL;
+    }
+    return fmi2OK;
+}
+
+fmi2Status fmi2SerializedFMUstateSize(fmi2Component component, fmi2FMUstate state, size_t *size)
+{
+    ENTER("SerializedFMUstateSize", MAY_FMUstate)
+    REQUIRE(state && size, "fmi2SerializedFMUstateSize: a pointer is null")
+    *size = sizeof(Saved);
+    return fmi2OK;
+}
+
+fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
+{
+    ENTER("SerializeFMUstate", MAY_FMUstate)
+    REQUIRE(state && bytes, "fmi2SerializeFMUstate: a pointer is null")
+    REQUIRE(size >= sizeof(Saved), "fmi2SerializeFMUstate: %u bytes are too few for a state of %u", (unsigned)size,
+            (unsigned)sizeof(Saved))
+    memcpy(bytes, state, sizeof(Saved));
+    return fmi2OK;
+}
+
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
+{
+    ENTER("DeSerializeFMUstate", MAY_FMUstate)
+    REQUIRE(bytes && state, "fmi2DeSerializeFMUstate: a pointer is null")
+    REQUIRE(size == sizeof(Saved), "fmi2DeSerializeFMUstate: %u bytes, a state of this FMU has %u", (unsigned)size,
+            (unsigned)sizeof(Saved))
+    Saved *const read = (Saved *)calloc(1, sizeof(Saved));
+    REQUIRE(read, "fmi2DeSerializeFMUstate: out of memory")
+    memcpy(read, bytes, sizeof(Saved));
+    const char *const fault = fault_of(read);
+    if (fault) {
+        free(read);
+        return report(c, fmi2Error, LOG_ERROR, "fmi2DeSerializeFMUstate: the bytes cannot be used: %s", fault);
+    }
+    free(*state);
+    *state = read;
+    return fmi2OK;
+}
+
+/* ---- derivatives -------------------------------------------------------------------------------------------- */
+
+/* `unknown` at the values of now plus e times `direction`. */
+static double moved_value(Instance *c, uint32_t unknown, const double *direction, double e)
+{
+    Model *const work = &c->backup;
+    *work = c->model;
+    for (uint32_t i = 0; i < VALUES; i++)
+        if (direction[i] != 0.0)
+            *value_of(work, i) += e * direction[i];
+    evaluate(work);
+    return *value_of(work, unknown);
+}
+
+/* d unknown / d e at e = 0: central differences over halved distances, extrapolated to zero, of which the estimate
+   with the smallest error is kept. Ridders, Adv. Eng. Software 4(2), 1982. */
+static double derivative_along(Instance *c, uint32_t unknown, const double *direction, double distance)
+{
+    enum { LEVELS = 28 };
+    double previous[LEVELS], current[LEVELS], best = 0.0, smallest = INF;
+    for (int level = 0; level < LEVELS; level++, distance *= 0.5) {
+        current[0] = (moved_value(c, unknown, direction, distance) - moved_value(c, unknown, direction, -distance)) /
+                     (2.0 * distance);
+        double weight = 4.0;
+        for (int j = 1; j <= level; j++, weight *= 4.0) {
+            current[j] = (weight * current[j - 1] - previous[j - 1]) / (weight - 1.0);
+            const double error = fmax(fabs(current[j] - current[j - 1]), fabs(current[j] - previous[j - 1]));
+            if (error < smallest) {
+                smallest = error;
+                best = current[j];
+            }
+        }
+        memcpy(previous, current, sizeof current);
+    }
+    return best;
+}
+
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2ValueReference unknowns[], size_t n_unknowns,
+                                        const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
+                                        fmi2Real result[])
+{
+    ENTER("GetDirectionalDerivative", MAY_GetDirectionalDerivative)
+    double direction[VALUES] = {0.0}, distance = INF;
+    for (size_t i = 0; i < n_unknowns; i++) {
+        const int role = unknowns[i] < VALUES ? c->row_of[unknowns[i]]->role : ROLE_TIME;
+        REQUIRE((role == ROLE_OUTPUT || role == ROLE_LOCAL || role == ROLE_STATE_OUTPUT || role == ROLE_DERIVATIVE) &&
+                    c->row_of[unknowns[i]]->type == TYPE_REAL,
+                "fmi2GetDirectionalDerivative: value reference %u is not an output or derivative", unknowns[i])
+    }
+    for (size_t i = 0; i < n_knowns; i++) {
+        const Row *const row = knowns[i] < VALUES ? c->row_of[knowns[i]] : &rows[0];
+        const bool exact = row->role == ROLE_PARAMETER || row->role == ROLE_FIXED;
+        REQUIRE(row->type == TYPE_REAL && (row->role == ROLE_INPUT || row->role == ROLE_STATE ||
+                                           row->role == ROLE_STATE_OUTPUT || (exact && MODE(c) == INITIALIZING)),
+                "fmi2GetDirectionalDerivative: value reference %u is not an input, state or, in initialization mode, "
+                "parameter",
+                knowns[i])
+        REQUIRE(isfinite(seed[i]), "fmi2GetDirectionalDerivative: seed %d is not finite", (int)i)
+        direction[knowns[i]] += seed[i];
+    }
+    for (uint32_t i = 0; i < VALUES; i++)
+        if (direction[i] != 0.0) {
+            const double value = fabs(*value_of(&c->model, i)), nominal = c->row_of[i]->nominal;
+            distance = fmin(distance, 0.05 * (value > 1e-5 * nominal ? value : nominal) / fabs(direction[i]));
+        }
+    for (size_t i = 0; i < n_unknowns; i++)
+        result[i] = distance < INF ? derivative_along(c, unknowns[i], direction, distance) : 0.0;
+    return fmi2OK;
+}
+
+static fmi2Status check_derivatives(const Instance *c, const char *function, int role,
+                                    const fmi2ValueReference references[], size_t n, const fmi2Integer orders[])
+{
+    for (size_t i = 0; i < n; i++) {
+        const Row *const row = references[i] < VALUES ? c->row_of[references[i]] : &rows[0];
+        const bool fits = row->role == role || (role == ROLE_OUTPUT && row->role == ROLE_STATE_OUTPUT);
+        REQUIRE(fits && row->type == TYPE_REAL, "%s: value reference %u is not a Real %s", function, references[i],
+                role == ROLE_INPUT ? "input" : "output")
+        REQUIRE(orders[i] == 1, "%s: order %d of %s, only order 1 is supported", function, orders[i], row->name)
+    }
+    return fmi2OK;
+}
+
+fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueReference references[], size_t n,
+                                       const fmi2Integer orders[], const fmi2Real values[])
+{
+    ENTER("SetRealInputDerivatives", MAY_SetRealInputDerivatives)
+    const fmi2Status status = check_derivatives(c, "fmi2SetRealInputDerivatives", ROLE_INPUT, references, n, orders);
+    if (status != fmi2OK)
+        return status;
+    for (size_t i = 0; i < n; i++)
+        if (!isfinite(values[i]))
+            return report(c, fmi2Discard, LOG_DISCARD,
+                          "fmi2SetRealInputDerivatives: the derivative %g of %s is not finite", values[i],
+                          c->row_of[references[i]]->name);
+    if (c->model.run.slopes_used)
+        memset(c->model.slope, 0, sizeof c->model.slope);
+    c->model.run.slopes_used = false;
+    for (size_t i = 0; i < n; i++)
+        for (int k = 0; k < INPUTS; k++)
+            if (inputs[k] == references[i])
+                c->model.slope[k] = values[i];
+    return fmi2OK;
+}
+
+/* The rate of the outputs at the end of the step, along time, the states and the inputs as they moved in it. */
+fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2ValueReference references[], size_t n,
+                                        const fmi2Integer orders[], fmi2Real values[])
+{
+    ENTER("GetRealOutputDerivatives", MAY_GetRealOutputDerivatives)
+    const fmi2Status status = check_derivatives(c, "fmi2GetRealOutputDerivatives", ROLE_OUTPUT, references, n, orders);
+    if (status != fmi2OK)
+        return status;
+#ifdef SAMPLED
+    for (size_t i = 0; i < n; i++)
+        values[i] = 0.0; /* held between samples */
+#else
+    double direction[VALUES] = {0.0};
+    REQUIRE(refresh(c), "fmi2GetRealOutputDerivatives: an output of \"%s\" is not finite", c->name)
+    direction[0] = 1.0;
+    for (int i = 0; i < STATES; i++)
+        direction[states[i]] = *value_of(&c->model, states[i] + 1);
+    for (int i = 0; i < INPUTS; i++)
+        direction[inputs[i]] = c->model.slope[i];
+    for (size_t i = 0; i < n; i++)
+        values[i] = derivative_along(c, references[i], direction,
+                                     0.05 * (c->model.run.last_step > 0.0 ? c->model.run.last_step : 1e-3));
+#endif
+    return fmi2OK;
+}
+
+/* ---- for the packager: only in the shared library ----------------------------------------------------------- */
+
+#ifdef FMI2_OVERRIDE_FUNCTION_PREFIX
+#if defined _WIN32
+#define PACKAGER_EXPORT __declspec(dllexport)
+#else
+#define PACKAGER_EXPORT __attribute__((visibility("default")))
+#endif
+
+PACKAGER_EXPORT const Row *block_rows(size_t *count, size_t *values, int *sampled, char *guid);
+PACKAGER_EXPORT void block_evaluate(double *values, int initializing);
+
+PACKAGER_EXPORT const Row *block_rows(size_t *count, size_t *values, int *sampled, char *guid)
+{
+    *count = ROWS;
+    *values = VALUES;
+#ifdef SAMPLED
+    *sampled = 1;
+#else
+    *sampled = 0;
+#endif
+    write_guid(guid);
+    return rows;
+}
+
+/* Evaluates the block at `values`, by value reference, for the dependency probe. */
+PACKAGER_EXPORT void block_evaluate(double *values, int initializing)
+{
+    Model m;
+    memset(&m, 0, sizeof m);
+    memcpy(&m, values, VALUES * sizeof(double));
+    m.run.mode = initializing ? INITIALIZING : STEP_COMPLETE;
+    evaluate(&m);
+    memcpy(values, &m, VALUES * sizeof(double));
+}
+#endif
+
+#endif

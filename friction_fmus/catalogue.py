@@ -1,0 +1,125 @@
+"""What there is to build: one C file per block, one Python file per law, found by directory."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from friction_fmus.emit import block_source
+from friction_fmus.errors import FrictionError, UnknownName, nearest
+from friction_fmus.law import discover_laws
+
+KINDS = {"friction": "friction", "plants": "plant", "controllers": "controller", "signals": "signal"}
+"""Folder of ``fmu_src`` -> kind of block; laws come from ``friction_fmus/laws``."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block that can become an FMU.
+
+    Attributes
+    ----------
+    name : str
+        Model identifier.
+    kind : str
+        friction, plant, law, controller or signal.
+    summary, source : str
+        One line each: what it is, where it comes from.
+    notes : str
+        The documentation page as plain text; indented paragraphs are equations.
+    path : Path
+        The one file that defines it.
+    code : str
+        Its C source.
+    """
+
+    name: str
+    kind: str
+    summary: str
+    source: str
+    notes: str
+    path: Path
+    code: str
+
+
+def source_folder() -> Path:
+    """The folder of the C sources: inside an installed package, beside it in a checkout."""
+    inside = Path(__file__).parent / "fmu_src"
+    return inside if inside.is_dir() else Path(__file__).parent.parent / "fmu_src"
+
+
+def laws_folder() -> Path:
+    """The folder of the laws that come with the package."""
+    return Path(__file__).parent / "laws"
+
+
+def read_c_block(path: Path, kind: str) -> Block:
+    """A block from its C file.
+
+    Raises
+    ------
+    FrictionError
+        If the file lacks ``MODEL`` or ``VARIABLES`` and so is not a block.
+    """
+    code = path.read_text(encoding="utf-8")
+    name = re.search(r"^#define\s+MODEL\s+(\w+)\s*$", code, re.M)
+    if not name or not re.search(r"^#define\s+VARIABLES\b", code, re.M):
+        raise FrictionError(f"{path} is not a block: it needs `#define MODEL name` and `#define VARIABLES`")
+    notes = re.match(r"\s*/\*(.*?)\*/", code, re.S)
+
+    def text(macro: str) -> str:
+        found = re.search(rf'^#define\s+{macro}\s+"(.*)"\s*$', code, re.M)
+        return found.group(1) if found else ""
+
+    lines = notes.group(1).splitlines() if notes else []
+    page = "\n".join(line.removeprefix("   ").rstrip() for line in lines).strip()
+    return Block(name.group(1), kind, text("SUMMARY"), text("SOURCE"), page, path, code)
+
+
+def _read_laws(path: Path) -> list[Block]:
+    return [
+        Block(law.name, "law", law.summary, law.source, law.documentation, law.path, block_source(law))
+        for law in discover_laws(path)
+    ]
+
+
+@cache
+def catalogue() -> dict[str, Block]:
+    """All blocks that come with the package, by name, in the order friction, plant, law, controller, signal."""
+    blocks = []
+    for folder, kind in KINDS.items():
+        blocks += [read_c_block(path, kind) for path in sorted((source_folder() / folder).glob("*.c"))]
+    blocks += _read_laws(laws_folder())
+    order = ["friction", "plant", "law", "controller", "signal"]
+    blocks.sort(key=lambda block: (order.index(block.kind), block.name))
+    return {block.name: block for block in blocks}
+
+
+def find(model: str | Path) -> Block:
+    """The block of that name, or of a ``.c`` or law ``.py`` file of the user's.
+
+    Raises
+    ------
+    UnknownName
+        If there is no such block; the message names the nearest.
+    FrictionError
+        If the file is not a block.
+    """
+    known = catalogue()
+    if str(model) in known:
+        return known[str(model)]
+    path = Path(model)
+    if path.suffix not in (".c", ".py"):
+        raise UnknownName(
+            f"There is no model {str(model)!r}{nearest(str(model), known)} (`friction-fmus list` shows them all)"
+        )
+    if not path.is_file():
+        raise UnknownName(f"There is no file {path}; give the path of a block's .c file or a law's .py file")
+    if path.suffix == ".c":
+        return read_c_block(path, "friction")
+    laws = _read_laws(path)
+    if len(laws) != 1:
+        raise FrictionError(f"{path} defines {len(laws)} laws; a law file defines exactly one with @law")
+    return laws[0]

@@ -1,0 +1,106 @@
+"""A block's C source with other start values or another name, as the user's FMU carries it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from friction_fmus.errors import BuildError, UnknownName, nearest
+
+START_ARGUMENT = {
+    "INPUT": 2,
+    "COMMAND": 1,
+    "PARAMETER": 2,
+    "SWITCH": 1,
+    "FIXED": 2,
+    "COUNT": 1,
+    "PARAMETERS": 3,
+    "STATE": 2,
+}
+"""Row macro of block.h -> position of its start value."""
+
+ROW = re.compile(rf"\b({'|'.join(START_ARGUMENT)})\s*\(\s*(\w+)\s*,")
+
+Start = Mapping[str, float | int | bool]
+
+
+def renamed(code: str, name: str) -> str:
+    """The source with another model identifier.
+
+    Raises
+    ------
+    BuildError
+        If the name is not a C identifier.
+    """
+    if not re.fullmatch(r"[A-Za-z]\w*", name):
+        raise BuildError(f"{name!r} cannot name an FMU; use letters, digits and underscores, a letter first")
+    return re.sub(r"^(#define\s+MODEL\s+)\w+", rf"\g<1>{name}", code, count=1, flags=re.M)
+
+
+def with_start_values(code: str, start: Start) -> str:
+    """The source with start values replaced in its VARIABLES table.
+
+    Parameters
+    ----------
+    code : str
+        Source of a block.
+    start : mapping of str to number
+        Variable -> start value; elements of vectors are ``k[1]``.
+
+    Raises
+    ------
+    UnknownName
+        If the block has no such variable, or it has no start value of its own.
+    BuildError
+        If the value is not finite.
+    """
+    for variable, value in start.items():
+        if not float(value) - float(value) == 0.0:
+            raise BuildError(f"The start value {variable} = {value} is not finite; give a number")
+        code = _with_start_value(code, variable, value)
+    return code
+
+
+def _with_start_value(code: str, variable: str, value: float | int | bool) -> str:
+    rows = {match.group(2): match for match in ROW.finditer(code)}
+    element = re.fullmatch(r"(\w+)\[(\d+)\]", variable)
+    name = element.group(1) if element else variable
+    if name not in rows or (rows[name].group(1) == "PARAMETERS") != bool(element):
+        raise UnknownName(f"There is no variable {variable!r} with a start value{nearest(variable, rows)}")
+    match = rows[name]
+    spans = _arguments(code, match.start(2))
+    begin, end = spans[START_ARGUMENT[match.group(1)]]
+    text = str(int(value)) if isinstance(value, bool) else repr(value)
+    if element:
+        values = [part.strip() for part in code[begin:end].strip("()").split(",")]
+        number = int(element.group(2))
+        length = int(code[slice(*spans[1])])
+        if not 1 <= number <= length:
+            raise UnknownName(f"There is no variable {variable!r}; the elements of {name} are 1 to {length}")
+        values += ["0.0"] * (number - len(values))
+        values[number - 1] = text
+        text = f"({', '.join(values)})"
+    return code[:begin] + text + code[end:]
+
+
+def _arguments(code: str, begin: int) -> list[tuple[int, int]]:
+    """Spans of a macro's arguments, without the blanks around them; commas in strings and brackets do not count."""
+    spans, depth, start, quoted = [], 0, begin, False
+    for position in range(begin, len(code)):
+        character = code[position]
+        if character == '"' and code[position - 1] != "\\":
+            quoted = not quoted
+        elif quoted:
+            continue
+        elif character == "(":
+            depth += 1
+        elif depth == 0 and character in ",)":
+            text = code[start:position]
+            left = start + len(text) - len(text.lstrip())
+            spans.append((left, left + len(text.strip())))
+            start = position + 1
+            if character == ")":
+                return spans
+        elif character == ")":
+            depth -= 1
+    raise BuildError("The VARIABLES table has a row that does not end; close its bracket")

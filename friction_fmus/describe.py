@@ -1,0 +1,202 @@
+"""What a compiled block says of itself: its rows, its fingerprint, and which variable depends on which."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import random
+from dataclasses import dataclass
+from pathlib import Path
+
+TIME, INPUT, OUTPUT, LOCAL, PARAMETER, FIXED, STATE, STATE_OUTPUT, DERIVATIVE = range(9)
+REAL, INTEGER, BOOLEAN = range(3)
+
+
+class _Row(ctypes.Structure):
+    """``Row`` of block.h."""
+
+    _fields_ = (
+        *((name, ctypes.c_char_p) for name in ("name", "unit", "text")),
+        *((name, ctypes.c_double) for name in ("start", "min", "max", "nominal")),
+        ("starts", ctypes.POINTER(ctypes.c_double)),
+        *((name, ctypes.c_uint32) for name in ("index", "length", "origin")),
+        *((name, ctypes.c_int32) for name in ("role", "type")),
+    )
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One scalar variable of a block.
+
+    Attributes
+    ----------
+    name, unit, text : str
+        Name as in the XML (elements of vectors are ``k[1]``, derivatives ``der(z)``), unit, description.
+    start, min, max, nominal : float
+        Start is NaN where the initial value is taken from a parameter.
+    role, type : int
+        The constants of this module.
+    reference : int
+        Value reference.
+    origin : int
+        Value reference of the state (derivatives) or of the parameter with the initial value (state outputs).
+    """
+
+    name: str
+    unit: str
+    text: str
+    start: float
+    min: float
+    max: float
+    nominal: float
+    role: int
+    type: int
+    reference: int
+    origin: int
+
+
+@dataclass(frozen=True)
+class Description:
+    """A block's variables and structure.
+
+    Attributes
+    ----------
+    variables : tuple of Variable
+        In the order of the XML, time first.
+    guid : str
+        Hash of the rows, computed in the library.
+    sampled : bool
+        Whether it acts at sample times.
+    dependencies, initial_dependencies : dict of int to tuple of int
+        Value reference of an unknown -> those of the knowns it depends on, in step mode (inputs, continuous
+        states, time) and in initialization mode (inputs, exact variables, time).
+    """
+
+    variables: tuple[Variable, ...]
+    guid: str
+    sampled: bool
+    dependencies: dict[int, tuple[int, ...]]
+    initial_dependencies: dict[int, tuple[int, ...]]
+
+
+def describe(library: Path) -> Description:
+    """Reads the row table of a compiled block and probes its dependencies."""
+    handle = ctypes.CDLL(str(library))
+    handle.block_rows.restype = ctypes.POINTER(_Row)
+    handle.block_rows.argtypes = (
+        *(ctypes.POINTER(ctypes.c_size_t),) * 2,
+        ctypes.POINTER(ctypes.c_int),
+        ctypes.c_char_p,
+    )
+    count, size, sampled, guid = ctypes.c_size_t(), ctypes.c_size_t(), ctypes.c_int(), ctypes.create_string_buffer(64)
+    rows = handle.block_rows(ctypes.byref(count), ctypes.byref(size), ctypes.byref(sampled), guid)
+
+    variables = []
+    for row in rows[: count.value]:
+        name, unit, text = row.name.decode(), row.unit.decode(), row.text.decode()
+        if row.role == DERIVATIVE:
+            unit, text = _per_second(unit), f"time derivative of the {text}"
+        for k in range(max(row.length, 1)):
+            element = f"{name}[{k + 1}]" if row.length else name
+            start = row.starts[k] if row.length else row.start
+            limits = (row.min, row.max, row.nominal, row.role, row.type)
+            variables.append(Variable(element, unit, text, start, *limits, row.index + k, row.origin))
+
+    block = _Probe(handle, size.value, tuple(variables), bool(sampled.value))
+    return Description(
+        tuple(variables), guid.value.decode(), bool(sampled.value), block.dependencies(False), block.dependencies(True)
+    )
+
+
+def _per_second(unit: str) -> str:
+    """m -> m/s, m/s -> m/s2: FMI's notation has one slash and exponents behind it."""
+    if "/" not in unit:
+        return f"{unit or 1}/s"
+    above, below = unit.split("/")
+    factors = below.split(".")
+    for i, factor in enumerate(factors):
+        if factor.rstrip("0123456789") == "s":
+            factors[i] = f"s{int(factor[1:] or 1) + 1}"
+            return f"{above}/{'.'.join(factors)}"
+    return f"{above}/{below}.s"
+
+
+class _Probe:
+    """Finds dependencies by poisoning one value with NaN and, as comparisons swallow NaN, by moving it."""
+
+    POINTS = 60
+
+    def __init__(self, handle: ctypes.CDLL, size: int, variables: tuple[Variable, ...], sampled: bool) -> None:
+        self._evaluate = handle.block_evaluate
+        self._evaluate.restype = None
+        self._evaluate.argtypes = (ctypes.POINTER(ctypes.c_double), ctypes.c_int)
+        self._size = size
+        self._variables = variables
+        self._sampled = sampled
+        self._random = random.Random(1)
+
+    def dependencies(self, initial: bool) -> dict[int, tuple[int, ...]]:
+        """Unknown -> knowns, both as value references."""
+        unknown_roles = (OUTPUT, LOCAL, DERIVATIVE, STATE_OUTPUT)
+        known_roles = (TIME, INPUT, PARAMETER, FIXED, STATE) if initial else (TIME, INPUT, STATE, STATE_OUTPUT)
+        unknowns = [v.reference for v in self._variables if v.role in unknown_roles]
+        knowns = [
+            v for v in self._variables if v.role in known_roles and not (self._sampled and not initial and v.role == STATE)
+        ]
+        if self._sampled and not initial:
+            knowns = [v for v in knowns if v.role in (TIME, INPUT)]
+        found: dict[int, set[int]] = {reference: set() for reference in unknowns}
+        for point in range(self.POINTS):
+            values = self._point(plain=point == 0)
+            base = self._run(values, initial)
+            for known in knowns:
+                for poison in (math.nan, self._moved(known, values[known.reference])):
+                    changed = list(values)
+                    changed[known.reference] = poison
+                    after = self._run(changed, initial)
+                    for reference in unknowns:
+                        if not _same(base[reference], after[reference]):
+                            found[reference].add(known.reference)
+        states = {v.reference for v in self._variables if v.role == STATE_OUTPUT}
+        for reference in states & found.keys() if not initial else ():
+            found[reference] = {reference}  # a state is known as itself
+        return {reference: tuple(sorted(knowns_of)) for reference, knowns_of in found.items()}
+
+    def _point(self, plain: bool) -> list[float]:
+        """Start values, or values drawn around them within their limits."""
+        values = [0.0] * self._size
+        for v in self._variables:
+            start = 0.0 if math.isnan(v.start) else v.start
+            values[v.reference] = start if plain else self._drawn(v, start)
+        return values
+
+    def _drawn(self, v: Variable, start: float) -> float:
+        draw = self._random
+        if v.type == BOOLEAN:
+            return float(draw.random() < 0.5)
+        if v.type == INTEGER:
+            return float(draw.randint(int(max(v.min, start - 3)), int(min(v.max, start + 3))))
+        if v.role in (PARAMETER, FIXED):
+            value = start * draw.uniform(0.5, 2.0) if start != 0.0 else draw.choice((0.0, 1.0)) * draw.uniform(0.1, 2.0)
+            return min(max(value, v.min), v.max)
+        if v.role == TIME:
+            return draw.uniform(0.0, 2.0)
+        size = 10.0 ** draw.uniform(-6.0, 1.0) * (v.nominal if v.role in (STATE, STATE_OUTPUT) else 1.0)
+        return draw.choice((0.0, 1.0, -1.0, 1.0, -1.0)) * size
+
+    def _moved(self, v: Variable, value: float) -> float:
+        if v.type == BOOLEAN:
+            return 1.0 - value
+        if v.type == INTEGER:
+            return value + 1.0 if value + 1.0 <= v.max else value - 1.0
+        moved = value * self._random.uniform(1.1, 3.0) if value else 10.0 ** self._random.uniform(-5.0, 1.0)
+        return min(max(moved, v.min), v.max)
+
+    def _run(self, values: list[float], initial: bool) -> list[float]:
+        buffer = (ctypes.c_double * self._size)(*values)
+        self._evaluate(buffer, int(initial))
+        return list(buffer)
+
+
+def _same(a: float, b: float) -> bool:
+    return a == b or (math.isnan(a) and math.isnan(b))

@@ -1,0 +1,193 @@
+"""From a block to an FMU: compile, describe, document, zip."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+
+import fmpy
+import numpy as np
+from numpy.typing import ArrayLike
+
+from friction_fmus import toolchain
+from friction_fmus.catalogue import Block, find, source_folder
+from friction_fmus.customise import Start, renamed, with_start_values
+from friction_fmus.describe import FIXED, INPUT, PARAMETER, STATE, Description, describe
+from friction_fmus.documentation import index_page, picture
+from friction_fmus.errors import BuildError
+from friction_fmus.model_description import build_time, model_description
+from friction_fmus.version import VERSION
+
+HEADERS = ("block.h", "solver.h", "fmi2.h", "fmi2_state.h")
+
+
+def build(
+    model: str | Path,
+    out_dir: Path,
+    start: Start | None = None,
+    name: str | None = None,
+    files: Mapping[str, str] | None = None,
+) -> Path:
+    """Builds one FMU.
+
+    Parameters
+    ----------
+    model : str or Path
+        Name of a block (`friction-fmus list`), or path of a block's ``.c`` or a law's ``.py`` file.
+    out_dir : Path
+        Folder for ``NAME.fmu``; made if needed.
+    start : mapping of str to number, optional
+        Start values to burn in, in the units of the block.
+    name : str, optional
+        Other model identifier and file name.
+    files : mapping of str to str, optional
+        Further or replaced headers of the block, such as ``series.h`` of `Record`.
+
+    Returns
+    -------
+    Path
+        The FMU, complete or not there at all.
+
+    Raises
+    ------
+    UnknownName, BuildError
+        See their messages.
+    """
+    block = find(model)
+    code = with_start_values(block.code, start or {})
+    identifier = name or block.name
+    code = renamed(code, identifier) if name else code
+    block = Block(identifier, block.kind, block.summary, block.source, block.notes, block.path, code)
+    sources = _sources(block, files or {})
+    kept = toolchain.cache_folder() / f"{identifier}-{_key(sources, block)}.fmu"
+    if not kept.is_file():
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix="friction-fmus-") as folder:
+            _make(block, sources, Path(folder), kept)
+    out_dir.mkdir(parents=True, exist_ok=True)
+    return _copy(kept, out_dir / f"{identifier}.fmu")
+
+
+def build_record(
+    times: ArrayLike, r: ArrayLike, rd: ArrayLike, rdd: ArrayLike, out_dir: Path, name: str = "Record"
+) -> Path:
+    """Builds a `Record` FMU that plays a measured or computed reference.
+
+    Parameters
+    ----------
+    times, r, rd, rdd : array_like, shape (n,)
+        Strictly increasing times [s], position [m], velocity [m/s], acceleration [m/s2].
+    out_dir : Path
+        Folder for the FMU.
+    name : str
+        Model identifier.
+
+    Raises
+    ------
+    BuildError
+        If lengths differ, values are not finite or times do not increase.
+    """
+    columns = [np.asarray(column, dtype=float) for column in (times, r, rd, rdd)]
+    if len({column.shape for column in columns}) != 1 or columns[0].ndim != 1 or columns[0].size < 2:
+        raise BuildError("A record needs times, r, rd and rdd as vectors of one length, at least 2")
+    table = np.column_stack(columns)
+    if not np.isfinite(table).all() or not (np.diff(columns[0]) > 0.0).all():
+        raise BuildError("A record needs finite values at strictly increasing times; sort it and drop the gaps")
+    rows = "".join("    {" + ", ".join(repr(float(value)) for value in row) + "},\n" for row in table)
+    text = f"/* t [s], r [m], rd [m/s], rdd [m/s2] */\nstatic const double series[][4] = {{\n{rows}}};\n"
+    return build("Record", out_dir, name=name, files={"series.h": text})
+
+
+def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:
+    """File name -> text: the block, the shared headers, and headers beside the block that it includes."""
+    sources = {f"{block.name}.c": block.code}
+    for header in HEADERS:
+        sources[header] = (source_folder() / header).read_text(encoding="utf-8")
+    for header in re.findall(r'^#include\s+"([^"]+)"', block.code, re.M):
+        if header not in sources:
+            beside = block.path.parent / header
+            if header not in files and not beside.is_file():
+                raise BuildError(f"{block.path} includes {header!r}, which is not beside it")
+            sources[header] = files[header] if header in files else beside.read_text(encoding="utf-8")
+    return sources
+
+
+def _key(sources: Mapping[str, str], block: Block) -> str:
+    """Hash of all that decides the bytes of the FMU."""
+    digest = hashlib.sha256()
+    package = [path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("*.py"))]
+    texts = [VERSION, build_time(), toolchain.identity(), fmpy.__version__, block.kind, block.summary, block.source]
+    for text in (*texts, block.notes, *package, *(part for item in sorted(sources.items()) for part in item)):
+        digest.update(text.encode() + b"\0")
+    return digest.hexdigest()[:24]
+
+
+def _make(block: Block, sources: Mapping[str, str], folder: Path, target: Path) -> None:
+    """Stages the unzipped FMU in `folder` and zips it to `target`."""
+    staged = folder / "fmu"
+    (staged / "sources").mkdir(parents=True)
+    for name, text in sources.items():
+        (staged / "sources" / name).write_text(text, encoding="utf-8", newline="\n")
+    library = staged / "binaries" / fmpy.platform / f"{block.name}{fmpy.sharedLibraryExtension}"
+    library.parent.mkdir(parents=True)
+    toolchain.compile_library(staged / "sources", f"{block.name}.c", library)
+    description = describe(library)
+    _check_start_values(block, description)
+    (staged / "modelDescription.xml").write_bytes(model_description(block, description, block.name))
+    (staged / "model.png").write_bytes(picture(block, description, block.name, staged))
+    licences = staged / "documentation" / "licenses"
+    licences.mkdir(parents=True)
+    (licences / "license.txt").write_text(_licence(), encoding="utf-8")
+    page = index_page(block, description, block.name)
+    (staged / "documentation" / "index.html").write_text(page, encoding="utf-8")
+    archive = folder / "archive.fmu"
+    _zip(staged, archive)
+    _copy(archive, target)
+
+
+def _check_start_values(block: Block, description: Description) -> None:
+    for v in description.variables:
+        if v.role in (INPUT, PARAMETER, FIXED, STATE) and not v.min <= v.start <= v.max:
+            raise BuildError(
+                f"The start value {v.name} = {v.start:g} of {block.name} lies outside [{v.min:g}, {v.max:g}]; choose one inside"
+            )
+
+
+def _licence() -> str:
+    beside = Path(__file__).parent.parent / "LICENSE"
+    if beside.is_file():
+        return beside.read_text(encoding="utf-8")
+    return resources.files("friction_fmus").joinpath("LICENSE").read_text(encoding="utf-8")
+
+
+def _zip(folder: Path, target: Path) -> None:
+    """Sorted entries with one time and mode, so that equal contents are equal bytes."""
+    stamp = build_time()
+    moment = tuple(int(part) for part in re.findall(r"\d+", stamp))
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+            entry = zipfile.ZipInfo(path.relative_to(folder).as_posix(), moment[:6])  # type: ignore[arg-type]
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.create_system = 3
+            entry.external_attr = (0o755 if "binaries" in path.parts else 0o644) << 16
+            archive.writestr(entry, path.read_bytes())
+
+
+def _copy(source: Path, target: Path) -> Path:
+    """Copies so that the target is complete or absent."""
+    descriptor, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+    os.close(descriptor)
+    try:
+        shutil.copyfile(source, name)
+        Path(name).chmod(0o644)
+        Path(name).replace(target)
+    finally:
+        Path(name).unlink(missing_ok=True)
+    return target
