@@ -25,7 +25,7 @@ from friction_fmus.errors import BuildError
 from friction_fmus.model_description import build_time, model_description
 from friction_fmus.version import VERSION
 
-HEADERS = ("block.h", "solver.h", "fmi2.h", "fmi2_state.h")
+HEADERS = ("block.h", "solver.h", "fmi2.h", "fmi2_instance.h", "fmi2_state.h")
 
 
 def build(
