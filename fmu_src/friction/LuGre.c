@@ -42,12 +42,12 @@
 #define STEPS_BY step
 
 #include "block.h"
+#include "stribeck.h"
 
 static double level(const Model *m)
 {
     GIVEN(m)
-    return asymmetric && v < 0.0 ? Fc_neg + (Fs_neg - Fc_neg) * exp(-pow(-v / vs_neg, delta_neg))
-                                 : Fc + (Fs - Fc) * exp(-pow(fabs(v) / vs, delta));
+    return asymmetric && v < 0.0 ? stribeck(v, Fc_neg, Fs_neg, vs_neg, delta_neg) : stribeck(v, Fc, Fs, vs, delta);
 }
 
 static void equations(Model *m)

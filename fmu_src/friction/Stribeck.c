@@ -38,6 +38,7 @@
 /* clang-format on */
 
 #include "block.h"
+#include "stribeck.h"
 
 static void equations(Model *m)
 {
@@ -45,12 +46,10 @@ static void equations(Model *m)
     const double holding = asymmetric ? Fs_neg : Fs; /* against a push to negative v */
 
     m->stuck = v == 0.0 && F_ext >= offset - holding && F_ext <= offset + Fs ? 1.0 : 0.0;
-    if (v > 0.0)
-        m->F = Fc + (Fs - Fc) * exp(-pow(v / vs, delta)) + Fv * v + offset;
-    else if (v == 0.0)
+    if (v == 0.0)
         m->F = clip(F_ext, offset - holding, offset + Fs);
-    else if (asymmetric)
-        m->F = -(Fc_neg + (Fs_neg - Fc_neg) * exp(-pow(-v / vs_neg, delta_neg))) + Fv_neg * v + offset;
+    else if (asymmetric && v < 0.0)
+        m->F = -stribeck(v, Fc_neg, Fs_neg, vs_neg, delta_neg) + Fv_neg * v + offset;
     else
-        m->F = -(Fc + (Fs - Fc) * exp(-pow(-v / vs, delta))) + Fv * v + offset;
+        m->F = sign(v) * stribeck(v, Fc, Fs, vs, delta) + Fv * v + offset;
 }

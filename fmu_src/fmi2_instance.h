@@ -1,0 +1,170 @@
+/* One instance of the block as an FMU: its modes, its messages, and how its outputs are kept up to date. */
+
+#ifndef BLOCK_FMI2_INSTANCE_H
+#define BLOCK_FMI2_INSTANCE_H
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define PASTE_(a, b)         a##b
+#define PASTE(a, b)          PASTE_(a, b)
+#define QUOTE_(name)         #name
+#define QUOTE(name)          QUOTE_(name)
+#define FMI2_FUNCTION_PREFIX PASTE(MODEL, _)
+#include "fmi2Functions.h"
+
+/* Modes, and the modes in which each function may be called (the table of section 4.2.4). Two columns are more
+   lenient than the table, as importers need it: inputs may be set right after fmi2Instantiate. */
+/* clang-format off */
+enum { INSTANTIATED = 1, INITIALIZING = 2, STEP_COMPLETE = 4, STEP_FAILED = 8, TERMINATED = 16 };
+enum {
+    BEFORE_STEPPING             = INSTANTIATED | INITIALIZING,
+    WITH_RESULTS                = INITIALIZING | STEP_COMPLETE | STEP_FAILED | TERMINATED,
+    ANY_MODE                    = INSTANTIATED | WITH_RESULTS,
+    MAY_SetDebugLogging         = ANY_MODE,
+    MAY_SetupExperiment         = INSTANTIATED,
+    MAY_EnterInitializationMode = INSTANTIATED,
+    MAY_ExitInitializationMode  = INITIALIZING,
+    MAY_Terminate               = STEP_COMPLETE | STEP_FAILED,
+    MAY_Reset                   = ANY_MODE,
+    MAY_Get                     = WITH_RESULTS,
+    MAY_Set                     = BEFORE_STEPPING | STEP_COMPLETE,
+    MAY_FMUstate                = ANY_MODE,
+    MAY_GetDirectionalDerivative = WITH_RESULTS,
+    MAY_SetRealInputDerivatives = BEFORE_STEPPING | STEP_COMPLETE,
+    MAY_GetRealOutputDerivatives = STEP_COMPLETE | STEP_FAILED | TERMINATED,
+    MAY_DoStep                  = STEP_COMPLETE,
+    MAY_GetStatus               = STEP_COMPLETE | STEP_FAILED | TERMINATED
+};
+/* clang-format on */
+
+static const char *const categories[] = {"logStatusWarning", "logStatusDiscard", "logStatusError", "logEvents",
+                                         "logAll"};
+enum { LOG_WARNING = 1, LOG_DISCARD = 2, LOG_ERROR = 4, LOG_EVENTS = 8, LOG_EVERYTHING = 16, LOG_CATEGORIES = 5 };
+
+typedef struct {
+    Model model;               /* all that a saved state holds */
+    Model backup;              /* the start of the step        */
+    const Row *row_of[VALUES]; /* by value reference           */
+    uint32_t results[VALUES];  /* states and outputs, which must stay finite */
+    size_t result_count;
+    fmi2CallbackLogger logger;
+    fmi2ComponentEnvironment environment;
+    int logging;
+    char name[1]; /* of the instance, allocated to fit */
+} Instance;
+
+/* Sends a message; every % is doubled because importers use the text as a format. */
+static fmi2Status report(const Instance *c, fmi2Status status, int category, const char *format, ...)
+{
+    if (!c->logger || !(c->logging & (category | LOG_EVERYTHING)))
+        return status;
+    char text[512], doubled[1024];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    size_t length = 0;
+    for (const char *from = text; *from; from++) {
+        if (*from == '%')
+            doubled[length++] = '%';
+        doubled[length++] = *from;
+    }
+    doubled[length] = '\0';
+    int which = 0;
+    while (!(category >> which & 1))
+        which++;
+    c->logger(c->environment, c->name, status, categories[which], doubled);
+    return status;
+}
+
+static const char *mode_name(int mode)
+{
+    switch (mode) {
+    case INSTANTIATED: return "instantiated";
+    case INITIALIZING: return "initialization mode";
+    case STEP_COMPLETE: return "step complete";
+    case STEP_FAILED: return "step failed";
+    default: return "terminated";
+    }
+}
+
+#define MODE(c) ((c)->model.run.mode)
+
+/* Opens a function: `c` is the instance, and the call is in order. */
+#define ENTER(function, allowed)                                                                                       \
+    Instance *const c = (Instance *)component;                                                                         \
+    if (!c)                                                                                                            \
+        return fmi2Error;                                                                                              \
+    if (!(MODE(c) & (allowed)))                                                                                        \
+        return report(c, fmi2Error, LOG_ERROR, "fmi2%s is not allowed in the mode \"%s\"", function,                   \
+                      mode_name(MODE(c)));
+
+#define REQUIRE(condition, ...)                                                                                        \
+    if (!(condition))                                                                                                  \
+        return report(c, fmi2Error, LOG_ERROR, __VA_ARGS__);
+
+static bool before_stepping(const Model *m) { return (m->run.mode & BEFORE_STEPPING) != 0; }
+
+/* One evaluation of the block on a model that may be spoilt. */
+static void evaluate(Model *m)
+{
+    if (before_stepping(m))
+        for (size_t i = 0; i < ROWS; i++)
+            if (rows[i].role == ROLE_STATE_OUTPUT)
+                *value_of(m, rows[i].index) = *value_of(m, rows[i].from);
+#ifdef SAMPLED
+    sample(m);
+#else
+    equations(m);
+#endif
+}
+
+static bool results_finite(Instance *c)
+{
+    for (size_t i = 0; i < c->result_count; i++)
+        if (!isfinite(*value_of(&c->model, c->results[i])))
+            return false;
+    return true;
+}
+
+/* Brings the outputs up to date with what was set. A sampled block keeps its outputs from one sample to the next;
+   before the first one they show what it would give. */
+static bool refresh(Instance *c)
+{
+    Model *const m = &c->model;
+    if (!m->run.stale)
+        return true;
+#ifdef SAMPLED
+    if (m->run.tick == 0) {
+        Model *const preview = &c->backup;
+        *preview = *m;
+        evaluate(preview);
+        for (size_t i = 0; i < ROWS; i++)
+            if (rows[i].role == ROLE_OUTPUT || rows[i].role == ROLE_LOCAL)
+                *value_of(m, rows[i].index) = *value_of(preview, rows[i].index);
+    }
+#else
+    evaluate(m);
+#endif
+    m->run.stale = !results_finite(c);
+    return !m->run.stale;
+}
+
+static void set_start_values(Instance *c)
+{
+    memset(&c->model, 0, sizeof c->model);
+    for (size_t i = 0; i < ROWS; i++) {
+        if (rows[i].length > 0)
+            memcpy(value_of(&c->model, rows[i].index), rows[i].starts, rows[i].length * sizeof(double));
+        else
+            *value_of(&c->model, rows[i].index) = rows[i].role == ROLE_STATE_OUTPUT ? 0.0 : rows[i].start;
+    }
+    c->model.run.mode = INSTANTIATED;
+    c->model.run.stop = INF;
+    c->model.run.stale = true;
+}
+
+#endif

@@ -1,0 +1,27 @@
+/* Quantiser: the nearest multiple of a step q, as an encoder or a converter delivers it.
+
+   Widrow, Kollar: Quantization Noise, Cambridge University Press 2008 (the mid-tread uniform quantiser).
+
+       y = q round(x / q),   halves away from zero;   y = x if q = 0
+
+   Limits: no saturation, and no hysteresis: a position that rests half way between two multiples flickers with the
+   last bit of x. The error is at most q/2. */
+
+#define MODEL   Quantiser
+#define SUMMARY "Rounds to the nearest multiple of a step"
+#define SOURCE  "Widrow, Kollar: Quantization Noise, 2008"
+
+/* clang-format off */
+#define VARIABLES                                                            \
+    INPUT    (x, LENGTH, 0.0,             "value to be measured")            \
+    OUTPUT   (y, LENGTH,                  "measured value")                  \
+    PARAMETER(q, LENGTH, 1e-6, 0.0, INF,  "step, 0: none, y is x")
+/* clang-format on */
+
+#include "block.h"
+
+static void equations(Model *m)
+{
+    GIVEN(m)
+    m->y = q == 0.0 ? x : q * round(x / q);
+}

@@ -1,0 +1,44 @@
+/* A sum of four sines about an offset, with its exact derivatives. One of them is the usual test of tracking and of
+   frictional lag; several are a multisine, which excites chosen frequencies and no others.
+
+   Pintelon, Schoukens: System Identification, 2nd ed., Wiley 2012 (multisine excitation).
+
+       r(t) = offset + sum_k a_k sin(w_k t + phi_k),   w_k = 2 pi f_k
+       a = amplitude, f = frequency, phi = phase
+
+   Limits: t is the time of the simulation, not the time since its start. A phase of pi/2 starts at rest but at the
+   amplitude. The phase of late times carries the rounding error of f t, some 1e-16 f t periods. */
+
+#define MODEL   Sine
+#define SUMMARY "Sum of up to four sines with exact derivatives"
+#define SOURCE  "Pintelon, Schoukens: System Identification, 2nd ed., 2012"
+
+/* clang-format off */
+#define VARIABLES                                                                                               \
+    OUTPUT    (r,         LENGTH,                                    "position")                                \
+    OUTPUT    (rd,        VELOCITY,                                  "velocity")                                \
+    OUTPUT    (rdd,       ACCELERATION,                              "acceleration")                            \
+    PARAMETER (offset,    LENGTH,       0.0,                   -INF, INF, "mean position")                      \
+    PARAMETERS(amplitude, 4, LENGTH,    (0.01, 0.0, 0.0, 0.0), -INF, INF, "amplitude of each sine, 0: none")    \
+    PARAMETERS(frequency, 4, FREQUENCY, (1.0, 2.0, 3.0, 4.0),  0.0,  INF, "frequency of each sine")             \
+    PARAMETERS(phase,     4, ANGLE,     (0.0, 0.0, 0.0, 0.0),  -INF, INF, "phase of each sine at t = 0")
+/* clang-format on */
+
+#include "block.h"
+
+enum { SINES = sizeof starts_of_amplitude / sizeof starts_of_amplitude[0] };
+
+static void equations(Model *m)
+{
+    GIVEN(m)
+    const double two_pi = 6.283185307179586;
+
+    m->r = offset;
+    m->rd = m->rdd = 0.0;
+    for (int k = 0; k < SINES; k++) {
+        const double w = two_pi * frequency[k], angle = w * m->time + phase[k];
+        m->r += amplitude[k] * sin(angle);
+        m->rd += amplitude[k] * w * cos(angle);
+        m->rdd -= amplitude[k] * w * w * sin(angle);
+    }
+}

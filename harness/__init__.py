@@ -1,0 +1,71 @@
+"""Couples FMI 2.0 co-simulation FMUs, Python functions and recorded series into closed loops.
+
+A `System` is made of `Part` objects and wires; a master (``jacobi``, ``gauss-seidel``) says who steps when; a
+`Tap` reads values during a run; the result is an `xarray.Dataset` with units.
+"""
+
+from harness.archive import open_archive
+from harness.callable_part import CallablePart
+from harness.errors import (
+    AlgebraicLoopError,
+    ExperimentError,
+    FmuError,
+    HarnessError,
+    OutputError,
+    PartError,
+    SeriesError,
+    StartValueError,
+    SystemFileError,
+    UnconnectedError,
+    UnitError,
+    UnknownNameError,
+    WireError,
+)
+from harness.experiment import Experiment
+from harness.fmu import FmuPart
+from harness.masters import masters
+from harness.part import Calls, Part, Port
+from harness.plan import Plan
+from harness.plot import plot
+from harness.result import Result, to_csv, to_parquet
+from harness.series import SeriesPart
+from harness.system import System
+from harness.tap import Progress, Tap
+from harness.units import BaseUnit, parse_unit
+from harness.wire import Wire
+
+__all__ = [
+    "AlgebraicLoopError",
+    "BaseUnit",
+    "CallablePart",
+    "Calls",
+    "Experiment",
+    "ExperimentError",
+    "FmuError",
+    "FmuPart",
+    "HarnessError",
+    "OutputError",
+    "Part",
+    "PartError",
+    "Plan",
+    "Port",
+    "Progress",
+    "Result",
+    "SeriesError",
+    "SeriesPart",
+    "StartValueError",
+    "System",
+    "SystemFileError",
+    "Tap",
+    "UnconnectedError",
+    "UnitError",
+    "UnknownNameError",
+    "Wire",
+    "WireError",
+    "masters",
+    "open_archive",
+    "parse_unit",
+    "plot",
+    "to_csv",
+    "to_parquet",
+]

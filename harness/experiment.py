@@ -1,0 +1,74 @@
+"""The experiment: from when to when, in which steps, by which master, and what is recorded."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from harness.errors import ExperimentError
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """How a system is run.
+
+    Parameters
+    ----------
+    stop, step : float
+        End of the run and length of a communication step (tick) [s]. The span must be a whole number of
+        steps: a shorter last step would change the sampling of every controller in it.
+    start : float
+        Begin of the run [s].
+    master : str
+        Name of the master algorithm.
+    record : tuple of str
+        What is recorded: ``part.port``, with ``*`` and ``?`` standing for any outputs. Inputs, parameters and
+        local variables are recorded when they are named in full.
+    decimate : int
+        Every so many ticks a row is recorded.
+    tolerance : float or None
+        Relative tolerance handed to the parts.
+    order : tuple of str
+        Names of all parts in the order in which they are stepped, instead of the order found from their
+        dependencies.
+
+    Raises
+    ------
+    ExperimentError
+        If the numbers make no sense.
+    """
+
+    stop: float
+    step: float
+    start: float = 0.0
+    master: str = "gauss-seidel"
+    record: tuple[str, ...] = ("*",)
+    decimate: int = 1
+    tolerance: float | None = None
+    order: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name in ("start", "stop", "step"):
+            object.__setattr__(self, name, float(getattr(self, name)))  # an FMU takes no other kind of number
+            if not math.isfinite(getattr(self, name)):
+                raise ExperimentError(f"{name} is {getattr(self, name)}: give a finite number of seconds")
+        if self.step <= 0:
+            raise ExperimentError(f"the step is {self.step} s: give a positive number of seconds")
+        if self.stop < self.start:
+            raise ExperimentError(f"the run stops at {self.stop} s before it starts at {self.start} s: exchange them")
+        if self.decimate < 1:
+            raise ExperimentError(f"decimate is {self.decimate}: give 1 to record every tick, or more")
+        ratio = (self.stop - self.start) / self.step
+        if abs(ratio - round(ratio)) > 1e-6:
+            fitting = (self.stop - self.start) / max(1, round(ratio))
+            stop = self.start + math.floor(ratio) * self.step
+            raise ExperimentError(
+                f"the step {self.step:.12g} s does not divide the span of {self.stop - self.start:.12g} s: "
+                f"use a step of {fitting:.12g} s or stop at {stop:.12g} s"
+            )
+
+    @property
+    def ticks(self) -> int:
+        """Number of steps."""
+        return round((self.stop - self.start) / self.step)

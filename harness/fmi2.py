@@ -1,0 +1,185 @@
+"""One FMI 2.0 co-simulation instance: loaded library, log, and status of every call."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import os
+import tempfile
+import weakref
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import fmpy
+import fmpy.fmi2
+
+from harness.archive import Archive
+from harness.errors import FmuError, PartError
+
+FATAL: Final = 4
+
+_STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
+_LEVEL = (logging.DEBUG, logging.WARNING, logging.WARNING, logging.ERROR, logging.CRITICAL, logging.DEBUG)
+_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
+
+_POINTER = ctypes.c_void_p
+_REAL = ctypes.c_double
+_INT = ctypes.c_int
+_EXCHANGE = ctypes.CFUNCTYPE(_INT, _POINTER, _POINTER, ctypes.c_size_t, _POINTER)
+_DO_STEP = ctypes.CFUNCTYPE(_INT, _POINTER, _REAL, _REAL, _INT)
+
+
+class Library:
+    """The unpacked FMU with its loaded shared library.
+
+    Each part has its own copy, so that FMUs which keep data in static variables can be used several times.
+
+    Parameters
+    ----------
+    archive : Archive
+        The checked FMU file.
+    name : str
+        Instance name.
+
+    Raises
+    ------
+    FmuError
+        If the archive cannot be unpacked or the library cannot be loaded.
+    """
+
+    def __init__(self, archive: Archive, name: str) -> None:
+        """Unpack and load."""
+        folder = tempfile.TemporaryDirectory(prefix="harness-", ignore_cleanup_errors=True)
+        here = Path.cwd()
+        try:
+            fmpy.extract(archive.path, folder.name)
+            self.slave = fmpy.fmi2.FMU2Slave(
+                instanceName=name,
+                guid=archive.description.guid,
+                modelIdentifier=archive.description.coSimulation.modelIdentifier,
+                unzipDirectory=folder.name,
+            )
+        except Exception as error:
+            folder.cleanup()
+            reason = " ".join(str(error).split())
+            raise FmuError(f"cannot load {archive.path}: {reason}; export it again for this platform") from error
+        finally:
+            os.chdir(here)  # fmpy changes to the folder of the library and stays there when loading fails
+        self.set_ = {
+            kind: _pointer(self.slave.dll, f"fmi2Set{kind}", _EXCHANGE) for kind in ("Real", "Integer", "Boolean")
+        }
+        self.get = {
+            kind: _pointer(self.slave.dll, f"fmi2Get{kind}", _EXCHANGE) for kind in ("Real", "Integer", "Boolean")
+        }
+        self.do_step = _pointer(self.slave.dll, "fmi2DoStep", _DO_STEP)
+        self.close = weakref.finalize(self, _unload, self.slave.dll._handle, folder)
+
+
+def _pointer(library: Any, function: str, prototype: Any) -> Callable[..., int]:
+    """A function of the library that takes addresses as integers: twice as fast as converting arrays."""
+    address = ctypes.cast(getattr(library, function), _POINTER).value
+    call: Callable[..., int] = prototype(address)
+    return call
+
+
+def _unload(handle: int, folder: tempfile.TemporaryDirectory[str]) -> None:
+    fmpy.freeLibrary(handle)
+    folder.cleanup()
+
+
+class Instance:
+    """One instance of an FMU, from instantiation to release.
+
+    Parameters
+    ----------
+    library : Library
+        The loaded FMU.
+    archive : Archive
+        Its description.
+    name : str
+        Name of the part: instance name, and name of the logger below ``harness``.
+
+    Raises
+    ------
+    PartError
+        If the FMU cannot be instantiated.
+    """
+
+    def __init__(self, library: Library, archive: Archive, name: str) -> None:
+        """Instantiate with logging on."""
+        self.slave = library.slave
+        self.name = name
+        self.last_message = ""
+        self.running = False
+        self._released = False
+        self._fatal = False
+        self._log = logging.getLogger(f"harness.{name}")
+        callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+        callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(self._logged)
+        callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+        callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+        _format_messages(callbacks)
+        try:
+            self.slave.instantiate(callbacks=callbacks, loggingOn=True)
+        except Exception as error:
+            reason = "it returned no instance and logged " + self._quoted_message()
+            raise PartError(name, "fmi2Instantiate", reason) from error
+        self.component: int = self.slave.component
+        declared = {category.name for category in archive.description.logCategories}
+        wanted = [category for category in _CATEGORIES if category in declared]
+        if wanted:
+            self.call("SetDebugLogging", 1, len(wanted), (ctypes.c_char_p * len(wanted))(*map(str.encode, wanted)))
+
+    def call(self, function: str, *arguments: object) -> None:
+        """Call fmi2<function> with the instance as first argument.
+
+        Raises
+        ------
+        PartError
+            If it returns Discard, Error or Fatal.
+        """
+        status: int = getattr(self.slave.dll, f"fmi2{function}")(self.component, *arguments)
+        if status > 1:
+            raise self.failure(f"fmi2{function}", status)
+
+    def failure(self, function: str, status: int, time: float | None = None) -> PartError:
+        """The error for a call that returned more than Warning, with the last log message as reason."""
+        self._fatal = self._fatal or status == FATAL
+        self.running = False
+        label = _STATUS[status] if 0 <= status < len(_STATUS) else f"the illegal status {status}"
+        return PartError(self.name, function, f"it returned {label} and logged {self._quoted_message()}", time)
+
+    def release(self) -> None:
+        """Free the instance; harmless if done twice."""
+        if self._released:
+            return
+        self._released = True
+        if self._fatal:
+            return  # after Fatal no function may be called any more
+        if self.running:
+            self.slave.dll.fmi2Terminate(self.component)
+        self.slave.dll.fmi2FreeInstance(self.component)
+
+    def _quoted_message(self) -> str:
+        return f"'{self.last_message}'" if self.last_message else "nothing"
+
+    def _logged(
+        self, _: object, instance: bytes | None, status: int, category: bytes | None, message: bytes | None
+    ) -> None:
+        text = (message or b"").decode("utf-8", "replace")
+        self.last_message = text
+        known = status if 0 <= status < len(_LEVEL) else 3
+        self._log.log(_LEVEL[known], "%s [%s]", text, (category or b"").decode("utf-8", "replace"))
+
+
+def _format_messages(callbacks: Any) -> None:
+    """Put fmpy's native formatter before the logger: Python cannot take the printf arguments of a message.
+
+    It is not built for every platform; where it is missing, messages keep their format characters.
+    """
+    try:
+        from fmpy.logging import addLoggerProxy
+    except Exception:
+        return
+    addLoggerProxy(ctypes.byref(callbacks))

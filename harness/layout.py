@@ -1,0 +1,148 @@
+"""From a system to the plan of a run: which value lives where."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harness.errors import ExperimentError, UnknownNameError, nearest
+from harness.experiment import Experiment
+from harness.graph import stepping_order
+from harness.part import TYPE_ORDER, Part, Port
+from harness.plan import Plan
+from harness.wire import find_part, split_name
+
+if TYPE_CHECKING:
+    from harness.system import System
+
+
+def recorded_names(parts: Mapping[str, Part], patterns: Iterable[str]) -> list[str]:
+    """Names of the variables that patterns stand for.
+
+    Parameters
+    ----------
+    parts : mapping of str to Part
+        All parts by name.
+    patterns : iterable of str
+        ``part.port`` in full, of any readable variable, or with ``*`` and ``?`` for outputs.
+
+    Returns
+    -------
+    list of str
+        Each name once, in the order of parts and ports for a pattern.
+
+    Raises
+    ------
+    UnknownNameError
+        If a pattern stands for nothing.
+    """
+    outputs = [f"{name}.{port.name}" for name, part in parts.items() for port in part.outputs]
+    found: dict[str, None] = {}
+    for pattern in patterns:
+        if "*" in pattern or "?" in pattern:
+            # not fnmatch, for which the brackets of k[1] are special
+            expression = re.escape(pattern).replace(r"\*", ".*").replace(r"\?", ".")
+            matching = [name for name in outputs if re.fullmatch(expression, name)]
+            if not matching and pattern != "*":
+                raise UnknownNameError(f"no output matches '{pattern}' (in record): {nearest(pattern, outputs)}")
+            found.update(dict.fromkeys(matching))
+        else:
+            find_port(parts, pattern, "record")
+            found[pattern] = None
+    return list(found)
+
+
+def find_port(parts: Mapping[str, Part], dotted: str, context: str) -> Port:
+    """Any readable variable by its full name.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none.
+    """
+    part_name, port_name = split_name(dotted)
+    part = find_part(parts, part_name, context)
+    ports = {port.name: port for port in (*part.inputs, *part.outputs, *part.observables)}
+    if port_name not in ports:
+        raise UnknownNameError(
+            f"'{part_name}' has no variable '{port_name}' (in {context}): {nearest(port_name, ports)}"
+        )
+    return ports[port_name]
+
+
+def make_plan(system: System, experiment: Experiment, read: Sequence[str]) -> Plan:
+    """Lay a system out for running.
+
+    Parameters
+    ----------
+    system : System
+        The checked system.
+    experiment : Experiment
+        Times and order.
+    read : sequence of str
+        Names of all variables that something records or taps.
+
+    Returns
+    -------
+    Plan
+        Without calls, because the parts have not been started.
+    """
+    parts = [system.parts[name] for name in _order(system, experiment)]
+    drivers = {wire.target: wire.source for wire in system.wires}
+    wanted = set(read) | set(drivers.values())
+
+    exchanged = [_by_type(p.name, (*p.outputs, *p.observables), wanted) for p in parts]
+    wired = [_by_type(p.name, p.inputs, set(drivers)) for p in parts]
+    constant = [_by_type(p.name, p.inputs, wanted - set(drivers)) for p in parts]
+
+    ports: dict[str, Port] = {}
+    ranges = []
+    for block in (exchanged, wired, constant):
+        for members in block:
+            ranges.append((len(ports), len(ports) + len(members)))
+            ports.update(members)
+    columns = {name: index for index, name in enumerate(ports)}
+    signals = np.zeros(len(ports))
+    for members in constant:
+        for name in members:
+            signals[columns[name]] = float(system.start[name])
+
+    every = np.array([part.every for part in parts], dtype=np.int64).reshape(-1)
+    sampled = np.array([part.sampled for part in parts], dtype=bool).reshape(-1)
+    return Plan(
+        parts=tuple(parts),
+        calls=(),
+        signals=signals,
+        outputs=np.array(ranges[: len(parts)], dtype=np.int64).reshape(-1, 2),
+        inputs=np.array(ranges[len(parts) : 2 * len(parts)], dtype=np.int64).reshape(-1, 2),
+        sources=np.array([columns[drivers.get(name, name)] for name in ports], dtype=np.int64),
+        every=every,
+        phase=np.where(sampled, 0, every - 1),
+        columns=columns,
+        ports=ports,
+        start=experiment.start,
+        step=experiment.step,
+        ticks=experiment.ticks,
+    )
+
+
+def _order(system: System, experiment: Experiment) -> list[str]:
+    """Stepping order: the one asked for, or the one found."""
+    if not experiment.order:
+        return stepping_order(system.parts, system.wires)
+    for name in experiment.order:
+        find_part(system.parts, name, "order")
+    if sorted(experiment.order) != sorted(system.parts):
+        missing = sorted(set(system.parts) - set(experiment.order))
+        fault = f"does not name {', '.join(missing)}" if missing else "names a part twice"
+        raise ExperimentError(f"the order {', '.join(experiment.order)} {fault}: name every part exactly once")
+    return list(experiment.order)
+
+
+def _by_type(part: str, ports: Iterable[Port], wanted: set[str]) -> dict[str, Port]:
+    """Those ports of a part that are wanted, Reals first, so that each type is one contiguous range."""
+    named = {f"{part}.{port.name}": port for port in ports if f"{part}.{port.name}" in wanted}
+    return dict(sorted(named.items(), key=lambda item: TYPE_ORDER.index(item[1].type)))

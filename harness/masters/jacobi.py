@@ -1,0 +1,11 @@
+"""Jacobi: every part steps on the outputs of the beginning of the step, then all outputs are exchanged."""
+
+from __future__ import annotations
+
+from harness.plan import GET, SET, STEP, Plan, Program
+
+
+def master(plan: Plan) -> Program:
+    """All parts set, then all stepped, then all read; the order of the parts does not matter."""
+    parts = range(len(plan.parts))
+    return Program(plan, [(operation, part) for operation in (SET, STEP, GET) for part in parts])

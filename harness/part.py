@@ -1,0 +1,156 @@
+"""What a system is made of: ports and the parts that carry them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.units import BaseUnit
+
+Values: TypeAlias = NDArray[np.float64]
+StartValue: TypeAlias = float | int | bool | str
+PortType: TypeAlias = Literal["Real", "Integer", "Boolean", "String"]
+
+TYPE_ORDER: Final[tuple[PortType, ...]] = ("Real", "Integer", "Boolean", "String")
+
+
+@dataclass(frozen=True)
+class Port:
+    """One scalar variable of a part.
+
+    Parameters
+    ----------
+    name : str
+        Name within the part; a vector element is ``k[1]``.
+    unit : str or None
+        Unit name; None means not stated, and is then not checked on a wire.
+    type : {"Real", "Integer", "Boolean", "String"}
+        Values of the first three cross as float64; a String can only be a parameter.
+    start : float, int, bool, str or None
+        Start value, where there is one.
+    description : str
+        One line for people.
+    base : BaseUnit or None
+        The unit in base units; None means that it follows from the unit's name.
+    """
+
+    name: str
+    unit: str | None = None
+    type: PortType = "Real"
+    start: StartValue | None = None
+    description: str = ""
+    base: BaseUnit | None = None
+
+
+@dataclass(frozen=True)
+class Calls:
+    """The three things done to a running part at every communication step, ready to be called.
+
+    Parameters
+    ----------
+    set : callable
+        Hand the bound inputs over to the part.
+    step : callable
+        ``step(t, h)``: advance from t to t + h [s]. A sampled part takes its sample at t.
+    get : callable
+        Fetch the bound outputs from the part.
+    """
+
+    set: Callable[[], None]
+    step: Callable[[float, float], None]
+    get: Callable[[], None]
+
+
+class Part(ABC):
+    """Anything that can be set, stepped and read: an FMU, a Python callable, a recorded series.
+
+    The life of a part is enter_initialisation, bind, (set, get)*, exit_initialisation, (set, step, get)*,
+    terminate; after terminate it can be initialised again; close gives everything back for good.
+
+    Attributes
+    ----------
+    name : str
+        Name within the system.
+    inputs, outputs : tuple of Port
+        What can be wired.
+    parameters : tuple of Port
+        What else accepts a start value.
+    observables : tuple of Port
+        What else can be recorded.
+    dependencies : mapping of str to frozenset of str
+        For each output the inputs on which it depends directly (without a state in between).
+    sampled : bool
+        True if the outputs change only at the beginning of a step (controllers, estimators).
+    every : int
+        The part is stepped only every so many ticks, over that many ticks.
+    """
+
+    name: str
+    inputs: tuple[Port, ...]
+    outputs: tuple[Port, ...]
+    parameters: tuple[Port, ...] = ()
+    observables: tuple[Port, ...] = ()
+    dependencies: Mapping[str, frozenset[str]]
+    sampled: bool = False
+    every: int = 1
+
+    @abstractmethod
+    def enter_initialisation(
+        self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
+    ) -> None:
+        """Make a fresh instance with these start values and enter initialisation mode.
+
+        Parameters
+        ----------
+        start, stop : float
+            Span of the run [s].
+        tolerance : float or None
+            Relative tolerance for the part's own solver, if one is asked for.
+        values : mapping of str to value
+            Start values of inputs and parameters by name.
+
+        Raises
+        ------
+        StartValueError
+            If the part refuses a value.
+        PartError
+            If the part cannot be initialised.
+        """
+
+    @abstractmethod
+    def bind(self, inputs: Sequence[str], outputs: Sequence[str], u: Values, y: Values) -> Calls:
+        """Connect the part to the places its values come from and go to.
+
+        Parameters
+        ----------
+        inputs, outputs : sequence of str
+            The ports that will be exchanged, sorted by type in the order of ``TYPE_ORDER``. Outputs may be
+            observables.
+        u, y : float64 array, shapes (len(inputs),) and (len(outputs),)
+            Contiguous views that are read at every set and written at every get.
+        """
+
+    @abstractmethod
+    def exit_initialisation(self) -> None:
+        """Leave initialisation mode; the part is then at the start time."""
+
+    @abstractmethod
+    def save(self, state: object | None = None) -> object:
+        """Copy the complete state; a state from an earlier save of this part may be handed in for re-use."""
+
+    @abstractmethod
+    def restore(self, state: object) -> None:
+        """Return to a saved state."""
+
+    @abstractmethod
+    def terminate(self) -> None:
+        """End the run; harmless if there is none."""
+
+    def close(self) -> None:
+        """Give back all resources; harmless if done twice."""
+        self.terminate()

@@ -1,0 +1,62 @@
+"""Plots of results."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from harness.atomic import atomic_path
+from harness.errors import OutputError, UnknownNameError, nearest
+from harness.result import Result
+
+
+def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
+    """Draw a result over time, one panel per unit, and write it to a file.
+
+    Parameters
+    ----------
+    result : xarray.Dataset
+        Result of a run.
+    path : path-like
+        The file; its suffix decides the format (png, svg, pdf).
+    names : sequence of str
+        Variables to be drawn; all where none is given.
+
+    Raises
+    ------
+    UnknownNameError
+        If a variable was not recorded.
+    OutputError
+        If there is nothing to draw, the format is unknown, or the file cannot be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    path = Path(path)
+    known = [str(name) for name in result.data_vars]
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(f"'{name}' was not recorded: {nearest(name, known)}")
+    panels: dict[str, list[str]] = {}
+    for name in names or known:
+        panels.setdefault(str(result[name].attrs.get("units", "1")), []).append(name)
+    if not panels:
+        raise OutputError(f"there is nothing to draw in {path}: record at least one variable")
+
+    figure = Figure(figsize=(8.0, 1.0 + 2.0 * len(panels)), layout="constrained")
+    canvas = FigureCanvasAgg(figure)
+    formats = sorted(canvas.get_supported_filetypes())
+    if path.suffix[1:].lower() not in formats:
+        raise OutputError(f"cannot draw {path}: the suffix must be one of {', '.join(formats)}")
+    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    time = result["time"].to_numpy()
+    for axis, (unit, members) in zip(axes, panels.items(), strict=True):
+        for name in members:
+            axis.plot(time, result[name].to_numpy(), label=name, linewidth=1.0)
+        axis.set_ylabel(f"{members[0]} [{unit}]" if len(members) == 1 else f"[{unit}]")
+        axis.grid(alpha=0.3)
+        if len(members) > 1:
+            axis.legend(loc="upper right", fontsize="small")
+    axes[-1].set_xlabel("time [s]")
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=120)

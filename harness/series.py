@@ -1,0 +1,201 @@
+"""Parts that play back a recorded time series."""
+
+from __future__ import annotations
+
+import csv
+import re
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harness.errors import SeriesError
+from harness.part import Calls, Part, Port, StartValue, Values
+
+# The space before the bracket tells a unit, "x [m]", from an index, "k[1]".
+_HEADING = re.compile(r"\s*(?P<name>.+?)(?:\s+\[(?P<unit>[^\[\]]*)\])?\s*")
+
+
+class SeriesPart(Part):
+    """A part whose outputs are recorded columns.
+
+    Parameters
+    ----------
+    name : str
+        Name within the system.
+    times : array_like, shape (n,)
+        Times of the samples [s], strictly increasing.
+    columns : mapping of str to array_like, shape (n,)
+        One output per column.
+    units : mapping of str to str
+        Units of the columns.
+    interpolation : {"linear", "previous"}
+        Value between two samples: on the straight line, or that of the earlier sample.
+    beyond : {"error", "hold"}
+        What to do when a run goes beyond the record: refuse it, or hold the first or last value.
+    path : Path or None
+        The file from which the series was read, if it was.
+
+    Raises
+    ------
+    SeriesError
+        If times or columns are not finite, not of one length, or the times do not increase.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        times: ArrayLike,
+        columns: Mapping[str, ArrayLike],
+        units: Mapping[str, str] | None = None,
+        *,
+        interpolation: Literal["linear", "previous"] = "linear",
+        beyond: Literal["error", "hold"] = "error",
+        path: Path | None = None,
+    ) -> None:
+        """Check the table."""
+        self.name = name
+        self.path = path
+        self.interpolation = interpolation
+        self.beyond = beyond
+        self.outputs = tuple(Port(column, (units or {}).get(column)) for column in columns)
+        self.inputs = ()
+        self.dependencies = {column: frozenset() for column in columns}
+        self._times = np.array(times, dtype=np.float64).reshape(-1)
+        self._values = np.array([np.asarray(column, dtype=np.float64) for column in columns.values()]).T
+        self._check()
+        self._grid: list[float] = self._times.tolist()
+        # A communication point meant to be a sample's time may fall short of it by rounding.
+        self._slack = 1e-6 * float(np.diff(self._times).min()) if len(self._grid) > 1 else 0.0
+        self._now = self._grid[0]
+
+    @classmethod
+    def from_csv(
+        cls,
+        name: str,
+        path: str | Path,
+        *,
+        interpolation: Literal["linear", "previous"] = "linear",
+        beyond: Literal["error", "hold"] = "error",
+    ) -> SeriesPart:
+        """Read a series from a CSV file: first column time [s], headings ``name [unit]``.
+
+        Raises
+        ------
+        SeriesError
+            If the file cannot be read as such a table.
+        """
+        path = Path(path)
+        times, columns, units = _read_csv(path)
+        return cls(name, times, columns, units, interpolation=interpolation, beyond=beyond, path=path)
+
+    def enter_initialisation(
+        self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
+    ) -> None:
+        """Go to the start time; refuse a run that the record does not cover."""
+        first, last = self._grid[0], self._grid[-1]
+        slack = 1e-9 * max(abs(first), abs(last), last - first)
+        if self.beyond == "error" and (start < first - slack or stop > last + slack):
+            raise SeriesError(
+                f"the record '{self.name}' covers {first:.12g} to {last:.12g} s but the run goes "
+                f'from {start:.12g} to {stop:.12g} s: shorten the run or set beyond = "hold"'
+            )
+        self._now = start
+
+    def bind(self, inputs: Sequence[str], outputs: Sequence[str], u: Values, y: Values) -> Calls:
+        """Connect to the signal vector."""
+        names = [port.name for port in self.outputs]
+        rows = np.ascontiguousarray(self._values[:, [names.index(name) for name in outputs]])
+        slopes = np.zeros_like(rows)
+        if self.interpolation == "linear":
+            slopes[:-1] = np.diff(rows, axis=0) / np.diff(self._times)[:, None]
+        grid = self._grid
+        last = len(grid) - 1
+
+        def get() -> None:
+            index = bisect_right(grid, self._now + self._slack) - 1
+            if index < 0 or index >= last:
+                y[:] = rows[0 if index < 0 else last]
+            else:
+                y[:] = rows[index] + (self._now - grid[index]) * slopes[index]
+
+        return Calls(_nothing, self._step, get)
+
+    def exit_initialisation(self) -> None:
+        """Nothing to do."""
+
+    def save(self, state: object | None = None) -> object:
+        """The present time is the whole state."""
+        return self._now
+
+    def restore(self, state: object) -> None:
+        """Return to a saved time."""
+        assert isinstance(state, float)
+        self._now = state
+
+    def terminate(self) -> None:
+        """Nothing to do."""
+
+    def _step(self, t: float, h: float) -> None:
+        self._now = t + h
+
+    def _check(self) -> None:
+        if self.interpolation not in ("linear", "previous"):
+            raise SeriesError(
+                f"the record '{self.name}' has interpolation '{self.interpolation}': use linear or previous"
+            )
+        if self.beyond not in ("error", "hold"):
+            raise SeriesError(f"the record '{self.name}' has beyond '{self.beyond}': use error or hold")
+        if self._times.size == 0 or self._values.size == 0:
+            raise SeriesError(f"the record '{self.name}' is empty: give at least one time and one column")
+        if self._values.shape[0] != self._times.size:
+            raise SeriesError(
+                f"the record '{self.name}' has {self._times.size} times but {self._values.shape[0]} values "
+                "in a column: give columns of one length"
+            )
+        if not (np.isfinite(self._times).all() and np.isfinite(self._values).all()):
+            raise SeriesError(
+                f"the record '{self.name}' contains values that are not finite: remove or repair those rows"
+            )
+        if (np.diff(self._times) <= 0).any():
+            row = int(np.argmax(np.diff(self._times) <= 0)) + 1
+            raise SeriesError(f"the times of the record '{self.name}' do not increase at row {row}: sort the record")
+
+
+def _nothing() -> None:
+    """There are no inputs to set."""
+
+
+def _read_csv(path: Path) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
+    """Times, columns and units of a CSV file."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            lines = [line for line in csv.reader(file) if line]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise SeriesError(f"cannot read the record {path}: {error}; give a CSV file") from error
+    if len(lines) < 2 or len(lines[0]) < 2:
+        raise SeriesError(
+            f"the record {path} is no table: give a heading, a time column and at least one more, with commas"
+        )
+    names, units = [], {}
+    for heading in lines[0]:
+        match = _HEADING.fullmatch(heading)
+        name = match["name"] if match else heading
+        names.append(name)
+        if match and match["unit"]:
+            units[name] = match["unit"]
+    if names[0].lower() not in {"time", "t"} or units.get(names[0], "s") != "s":
+        raise SeriesError(f"the first column of {path} is '{lines[0][0]}': it must be 'time [s]'")
+    if len(set(names)) < len(names):
+        raise SeriesError(f"two columns of {path} have the same name: rename one")
+    try:
+        table = [[float(text) for text in line] for line in lines[1:]]
+        columns = [list(column) for column in zip(*table, strict=True)]
+    except ValueError as error:
+        raise SeriesError(f"the record {path} has a row that is not all numbers ({error}): repair it") from error
+    if len(columns) != len(names):
+        raise SeriesError(f"the record {path} has {len(names)} headings but {len(columns)} columns: repair the heading")
+    return columns[0], dict(zip(names[1:], columns[1:], strict=True)), units

@@ -1,0 +1,217 @@
+"""Systems: parts, the wires between them, and their start values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from harness.errors import (
+    ExperimentError,
+    HarnessError,
+    StartValueError,
+    UnconnectedError,
+    UnknownNameError,
+    WireError,
+    nearest,
+)
+from harness.experiment import Experiment
+from harness.graph import check_loops
+from harness.part import Part, StartValue
+from harness.result import Result
+from harness.run import run
+from harness.system_file import read_system, write_system
+from harness.tap import Progress, Tap
+from harness.wire import Wire, check_wires, find_part, parse_wire, split_name
+
+
+class System:
+    """Parts wired together; everything is checked when the system is made.
+
+    Parameters
+    ----------
+    parts : iterable of Part
+        The parts; their names must differ.
+    wires : iterable of str, (str, str) or Wire
+        ``"a.y -> b.u"``.
+    start : mapping of str to value
+        Start values of parameters, and constants for inputs that have no wire: ``{"mass.m": 2.0}``.
+    experiment : Experiment or None
+        How the system is run when nothing else is said.
+    name : str
+        Name of the system.
+
+    Attributes
+    ----------
+    parts : dict of str to Part
+        The parts by name.
+    wires : tuple of Wire
+        The wires.
+    start : dict of str to value
+        The start values.
+
+    Raises
+    ------
+    HarnessError
+        `UnknownNameError`, `WireError`, `UnitError`, `UnconnectedError`, `AlgebraicLoopError`,
+        `StartValueError`: at the first thing that is wrong.
+    """
+
+    def __init__(
+        self,
+        parts: Iterable[Part],
+        wires: Iterable[str | tuple[str, str] | Wire] = (),
+        start: Mapping[str, StartValue] | None = None,
+        experiment: Experiment | None = None,
+        name: str = "system",
+    ) -> None:
+        """Check everything."""
+        self.name = name
+        self.parts: dict[str, Part] = {}
+        for part in parts:
+            if not part.name or "." in part.name or part.name != part.name.strip():
+                raise HarnessError(f"'{part.name}' cannot be the name of a part: use letters, digits and _, no dot")
+            if part.name in self.parts:
+                raise HarnessError(f"two parts are called '{part.name}': rename one")
+            if part.every < 1:
+                raise ExperimentError(f"'{part.name}' is to be stepped every {part.every} ticks: give 1 or more")
+            self.parts[part.name] = part
+        self.wires = tuple(parse_wire(wire) for wire in wires)
+        self.start = dict(start or {})
+        self.experiment = experiment
+        check_wires(self.parts, self.wires)
+        self._check_start()
+        self._check_connected()
+        check_loops(self.parts, self.wires)
+
+    @classmethod
+    def from_toml(cls, path: str | Path, resolve: Callable[[str], Path] | None = None) -> Self:
+        """Read a system file.
+
+        Parameters
+        ----------
+        path : path-like
+            The TOML file; paths in it are relative to its folder.
+        resolve : callable or None
+            ``resolve("LuGre") -> Path`` finds the FMU of a part that is given as ``model = "LuGre"``.
+
+        Raises
+        ------
+        SystemFileError
+            If the file cannot be read or has keys that are not understood.
+        HarnessError
+            If what it describes is wrong.
+        """
+        description = read_system(Path(path), resolve)
+        try:
+            return cls(**vars(description))
+        except HarnessError:
+            for part in description.parts:
+                part.close()
+            raise
+
+    def to_toml(self, path: str | Path) -> None:
+        """Write a system file that `from_toml` reads back.
+
+        Raises
+        ------
+        SystemFileError
+            If a part has no file (a callable, or a series made from arrays).
+        OutputError
+            If the file cannot be written.
+        """
+        write_system(self, Path(path))
+
+    def with_start(self, values: Mapping[str, StartValue]) -> System:
+        """A system with some start values changed; the parts are shared, so run one of them at a time."""
+        return System(self.parts.values(), self.wires, {**self.start, **values}, self.experiment, self.name)
+
+    def run(
+        self,
+        *,
+        start: float | None = None,
+        stop: float | None = None,
+        step: float | None = None,
+        master: str | None = None,
+        record: Sequence[str] | None = None,
+        decimate: int | None = None,
+        tolerance: float | None = None,
+        order: Sequence[str] | None = None,
+        taps: Sequence[Tap] = (),
+        progress: Progress | None = None,
+    ) -> Result:
+        """Run the system; what is not given is taken from its experiment, see `Experiment`.
+
+        Returns
+        -------
+        xarray.Dataset
+            The recorded variables along ``time`` [s].
+
+        Raises
+        ------
+        ExperimentError
+            If the times make no sense, or stop and step are given nowhere.
+        HarnessError
+            If a part fails; what was recorded until then is in the ``result`` of the error.
+        """
+        given = {
+            "start": start,
+            "stop": stop,
+            "step": step,
+            "master": master,
+            "decimate": decimate,
+            "tolerance": tolerance,
+        }
+        lists = {"record": record, "order": order}
+        changes: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
+        changes |= {key: tuple(value) for key, value in lists.items() if value is not None}
+        if self.experiment is not None:
+            experiment = replace(self.experiment, **changes)
+        elif stop is None or step is None:
+            raise ExperimentError(f"the system '{self.name}' has no experiment: give stop and step")
+        else:
+            experiment = Experiment(**changes)
+        return run(self, experiment, taps, progress)
+
+    def close(self) -> None:
+        """Unload all parts and remove their temporary files."""
+        for part in self.parts.values():
+            part.close()
+
+    def __enter__(self) -> Self:
+        """Return the system; leaving the block closes it."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        """Close the system."""
+        self.close()
+
+    def _check_start(self) -> None:
+        wired = {wire.target: wire for wire in self.wires}
+        for dotted, value in self.start.items():
+            owner, name = split_name(dotted)
+            part = find_part(self.parts, owner, f"start value {dotted}")
+            if dotted in wired:
+                raise WireError(
+                    f"{dotted} is driven twice, by {wired[dotted].source} and by the start value {value!r}: "
+                    "remove one of them"
+                )
+            settable = {port.name for port in (*part.inputs, *part.parameters)}
+            if name in settable:
+                continue
+            if name in {port.name for port in (*part.outputs, *part.observables)}:
+                raise StartValueError(f"{dotted} is computed by the part: set a parameter or an input instead")
+            raise UnknownNameError(f"'{owner}' has no input or parameter '{name}': {nearest(name, settable)}")
+
+    def _check_connected(self) -> None:
+        driven = {wire.target for wire in self.wires} | set(self.start)
+        inputs = [f"{name}.{port.name}" for name, part in self.parts.items() for port in part.inputs]
+        missing = [name for name in inputs if name not in driven]
+        if missing:
+            raise UnconnectedError(
+                f"nothing drives {', '.join(missing)}: wire each one to an output or give it a constant as start value"
+            )

@@ -1,0 +1,178 @@
+"""Units as FMI 2.0 sees them: exponents of the eight base units, a factor and an offset (FMI 2.0, 2.2.2)."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+BASE_SYMBOLS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+
+
+@dataclass(frozen=True)
+class BaseUnit:
+    """A unit expressed in base units: value in base units = factor * value + offset.
+
+    Parameters
+    ----------
+    exponents : tuple of 8 int
+        Exponents of kg, m, s, A, K, mol, cd, rad.
+    factor, offset : float
+        Conversion to the base unit.
+    """
+
+    exponents: tuple[int, ...] = (0,) * 8
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def agrees(self, other: BaseUnit) -> bool:
+        """Whether a number in this unit means the same in the other one.
+
+        Factors are compared to 1e-9 relative, because modelDescription.xml files round them.
+        """
+        return (
+            self.exponents == other.exponents
+            and math.isclose(self.factor, other.factor, rel_tol=1e-9)
+            and math.isclose(self.offset, other.offset, rel_tol=1e-9, abs_tol=1e-12)
+        )
+
+    def __str__(self) -> str:
+        """Readable form, for example ``0.001 * m.s-1``."""
+        powers = zip(BASE_SYMBOLS, self.exponents, strict=True)
+        product = ".".join(name + (str(power) if power != 1 else "") for name, power in powers if power)
+        text = product or "1"
+        if not math.isclose(self.factor, 1.0, rel_tol=1e-12):
+            text = f"{self.factor:.12g} * {text}"
+        return text + (f" + {self.offset:.12g}" if self.offset else "")
+
+
+def _unit(text: str, factor: float = 1.0, offset: float = 0.0) -> BaseUnit:
+    """Table entry from ``"kg.m.s-2"``."""
+    exponents = dict.fromkeys(BASE_SYMBOLS, 0)
+    for name, power in re.findall(r"([A-Za-z]+)(-?\d*)", text):
+        exponents[name] += int(power or 1)
+    return BaseUnit(tuple(exponents.values()), factor, offset)
+
+
+# What modelDescription.xml files of mechanical and electrical drives use; any other name is "unknown".
+_SYMBOLS = {
+    "1": _unit(""),
+    "%": _unit("", 0.01),
+    "g": _unit("kg", 1e-3),
+    **{symbol: _unit(symbol) for symbol in BASE_SYMBOLS if symbol != "kg"},
+    "N": _unit("kg.m.s-2"),
+    "Pa": _unit("kg.m-1.s-2"),
+    "bar": _unit("kg.m-1.s-2", 1e5),
+    "J": _unit("kg.m2.s-2"),
+    "W": _unit("kg.m2.s-3"),
+    "V": _unit("kg.m2.s-3.A-1"),
+    "Ohm": _unit("kg.m2.s-3.A-2"),
+    "C": _unit("A.s"),
+    "F": _unit("kg-1.m-2.s4.A2"),
+    "H": _unit("kg.m2.s-2.A-2"),
+    "T": _unit("kg.s-2.A-1"),
+    "Hz": _unit("s-1"),
+    "min": _unit("s", 60.0),
+    "h": _unit("s", 3600.0),
+    "deg": _unit("rad", math.pi / 180.0),
+    "rev": _unit("rad", 2.0 * math.pi),
+    "degC": _unit("K", 1.0, 273.15),
+}
+_PREFIXES = {
+    "n": 1e-9,
+    "u": 1e-6,
+    "µ": 1e-6,
+    "μ": 1e-6,
+    "m": 1e-3,
+    "c": 1e-2,
+    "d": 0.1,
+    "k": 1e3,
+    "M": 1e6,
+    "G": 1e9,
+}
+_TOKEN = re.compile(r"\s*(?:([A-Za-zµμ%]+|1)(?:\^|\*\*)?(-?\d+)?|([./*·()]))")
+
+
+def _symbol(name: str) -> BaseUnit | None:
+    """A symbol of the table, with or without an SI prefix."""
+    if name in _SYMBOLS:
+        return _SYMBOLS[name]
+    base = _SYMBOLS.get(name[1:]) if name[:1] in _PREFIXES else None
+    if base is None or base.offset:
+        return None
+    return BaseUnit(base.exponents, base.factor * _PREFIXES[name[0]])
+
+
+def _times(a: BaseUnit, b: BaseUnit, power: int) -> BaseUnit:
+    """Product a * b**power; an offset has no meaning inside a product."""
+    exponents = tuple(i + power * j for i, j in zip(a.exponents, b.exponents, strict=True))
+    return BaseUnit(exponents, a.factor * b.factor**power)
+
+
+def _tokens(text: str) -> list[tuple[str, str, str]] | None:
+    """(symbol, exponent, operator) triples, or None where the text is not a unit."""
+    found = []
+    position = 0
+    while position < len(text):
+        match = _TOKEN.match(text, position)
+        if match is None:
+            return None
+        found.append((match[1] or "", match[2] or "", match[3] or ""))
+        position = match.end()
+    return found
+
+
+def _product(tokens: list[tuple[str, str, str]], nested: bool) -> BaseUnit | None:
+    """Evaluate tokens from the left up to the end or to the closing bracket, consuming them."""
+    total = BaseUnit()
+    sign, expect_symbol = 1, True
+    while tokens:
+        symbol, exponent, operator = tokens.pop(0)
+        if operator == ")":
+            return total if nested and not expect_symbol else None
+        if operator and operator != "(":
+            if expect_symbol:
+                return None
+            sign, expect_symbol = (-1 if operator == "/" else 1), True
+            continue
+        factor = _product(tokens, nested=True) if operator == "(" else _symbol(symbol)
+        if factor is None or not expect_symbol:
+            return None
+        total = _times(total, factor, sign * int(exponent or 1))
+        sign, expect_symbol = 1, False
+    return None if nested or expect_symbol else total
+
+
+def parse_unit(text: str) -> BaseUnit | None:
+    """Base unit of a unit name such as ``N.m/s``, ``kg.m2``, ``mm``, ``N/(m/s)``.
+
+    Parameters
+    ----------
+    text : str
+        Unit name: symbols with optional SI prefix and integer exponent, joined by ``.``, ``*`` or ``/``
+        (evaluated from the left), with brackets.
+
+    Returns
+    -------
+    BaseUnit or None
+        None where the name is not understood.
+    """
+    alone = _SYMBOLS.get(text.strip())
+    if alone is not None:
+        return alone  # keeps the offset of degC
+    tokens = _tokens(text.strip())
+    return _product(tokens, nested=False) if tokens else None
+
+
+def units_agree(a: str | None, base_a: BaseUnit | None, b: str | None, base_b: BaseUnit | None) -> bool | None:
+    """Whether two units mean the same: True, False, or None where it cannot be known.
+
+    A missing unit name (FMI: no ``unit`` attribute) is unknown. A missing base unit is looked up by name.
+    """
+    if a is None or b is None:
+        return None
+    base_a = base_a or parse_unit(a)
+    base_b = base_b or parse_unit(b)
+    if base_a is None or base_b is None:
+        return True if a == b else None
+    return base_a.agrees(base_b)

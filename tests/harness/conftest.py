@@ -1,0 +1,64 @@
+"""Fixtures of the harness tests: a small FMU that fails on request, and files that only look like FMUs."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import fmpy
+import pytest
+
+SOURCES = Path(__file__).parent / "probe"
+BINARY = f"binaries/{fmpy.platform}/probe{fmpy.sharedLibraryExtension}"
+
+
+def compiler() -> list[str]:
+    if "CC" in os.environ:
+        return shlex.split(os.environ["CC"])
+    if importlib.util.find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "cc"]
+    return [shutil.which("cc") or pytest.skip("there is no C compiler: install ziglang or set CC")]
+
+
+@pytest.fixture(scope="session")
+def probe_library(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    library = tmp_path_factory.mktemp("probe") / Path(BINARY).name
+    headers = Path(fmpy.__file__).parent / "c-code"
+    flags = ["-std=gnu99", "-O1", "-shared", "-fPIC", f"-I{headers}", "-o", str(library)]
+    subprocess.run([*compiler(), *flags, str(SOURCES / "probe.c")], check=True, timeout=300)
+    return library.read_bytes()
+
+
+@pytest.fixture
+def make_fmu(tmp_path: Path, probe_library: bytes) -> Callable[..., Path]:
+    """Write a probe FMU: members can be replaced or removed, the XML changed by (old, new) pairs."""
+
+    def make(
+        *changes: tuple[str, str], name: str = "probe.fmu", members: dict[str, bytes | None] | None = None
+    ) -> Path:
+        xml = (SOURCES / "modelDescription.xml").read_text(encoding="utf-8")
+        for old, new in changes:
+            assert old in xml
+            xml = xml.replace(old, new)
+        content: dict[str, bytes | None] = {"modelDescription.xml": xml.encode(), BINARY: probe_library}
+        content |= members or {}
+        path = tmp_path / name
+        with zipfile.ZipFile(path, "w") as archive:
+            for member, data in content.items():
+                if data is not None:
+                    archive.writestr(member, data)
+        return path
+
+    return make
+
+
+@pytest.fixture
+def probe(make_fmu: Callable[..., Path]) -> Path:
+    return make_fmu()

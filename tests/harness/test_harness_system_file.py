@@ -1,0 +1,160 @@
+"""Systems as TOML files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from harness_parts import mass
+
+from harness import Experiment, FmuPart, HarnessError, SeriesPart, System, SystemFileError
+
+TEXT = """
+name = "bench"
+wires = [
+    "force.F -> p.u",
+]
+
+[parts.force]
+record = "force.csv"
+
+[parts.p]
+fmu = "probe.fmu"
+every = 2
+
+[parts.p.start]
+gain = 2
+n = 3
+b = true
+label = "left \\"axis\\""
+
+[experiment]
+stop = 1
+step = 0.25
+master = "jacobi"
+record = ["p.x", "p.y"]
+"""
+
+
+@pytest.fixture
+def folder(probe: Path) -> Path:
+    (probe.parent / "force.csv").write_text("time [s],F [N]\n0,1\n2,1\n")
+    return probe.parent
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "system.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_read_and_run(folder: Path) -> None:
+    with System.from_toml(write(folder, TEXT)) as system:
+        assert system.name == "bench"
+        assert system.experiment == Experiment(stop=1.0, step=0.25, master="jacobi", record=("p.x", "p.y"))
+        assert system.parts["p"].every == 2
+        result = system.run()
+    np.testing.assert_array_equal(result["p.y"], np.full(5, 2.0))
+    np.testing.assert_array_equal(result["p.x"], [0, 0, 0.5, 0.5, 1.0])
+
+
+def test_round_trip(folder: Path) -> None:
+    (folder / "sub").mkdir()
+    with System.from_toml(write(folder, TEXT)) as system:
+        system.to_toml(folder / "sub" / "copy.toml")
+        with System.from_toml(folder / "sub" / "copy.toml") as copy:
+            assert (copy.name, copy.wires, copy.start) == (system.name, system.wires, system.start)
+            assert copy.experiment == system.experiment
+            assert copy.run().identical(system.run())
+            copy.to_toml(folder / "sub" / "again.toml")
+    assert (folder / "sub" / "again.toml").read_text() == (folder / "sub" / "copy.toml").read_text()
+
+
+def test_round_trip_of_everything_else(folder: Path) -> None:
+    parts = [
+        FmuPart("p", folder / "probe.fmu", model="Probe"),
+        SeriesPart.from_csv("force", folder / "force.csv", interpolation="previous", beyond="hold"),
+    ]
+    experiment = Experiment(
+        start=-1.0, stop=1e300, step=1e299, decimate=2, tolerance=1e-6, order=("p", "force"), record=(), master="jacobi"
+    )
+    system = System(
+        parts, ["force.F -> p.u"], {"p.n": 1, "p.b": False, "p.gain": 1e-300}, Experiment(stop=1.0, step=0.1)
+    )
+    system.experiment = Experiment(**{**vars(experiment), "stop": 9.0, "step": 1.0, "record": ("p.*",)})
+    system.to_toml(folder / "all.toml")
+    copy = System.from_toml(folder / "all.toml", resolve=lambda name: folder / f"{name.lower()}.fmu")
+    assert copy.experiment == system.experiment
+    assert copy.start == system.start
+    assert isinstance(copy.parts["p"], FmuPart) and copy.parts["p"].model == "Probe"
+    series = copy.parts["force"]
+    assert isinstance(series, SeriesPart) and (series.interpolation, series.beyond) == ("previous", "hold")
+
+
+def test_models_are_resolved(folder: Path) -> None:
+    asked: list[str] = []
+
+    def resolve(name: str) -> Path:
+        asked.append(name)
+        return folder / "probe.fmu"
+
+    System.from_toml(write(folder, TEXT.replace('fmu = "probe.fmu"', 'model = "Probe"')), resolve).close()
+    assert asked == ["Probe"]
+    with pytest.raises(SystemFileError, match="model 'Probe' but nothing here knows models"):
+        System.from_toml(folder / "system.toml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("name =", "nmae =", "'nmae' means nothing in .*did you mean 'name'"),
+        ("every = 2", "evry = 2", "'evry' means nothing in part 'p' .*did you mean 'every'"),
+        ("master =", "mastre =", r"'mastre' means nothing in \[experiment\]"),
+        ("every = 2", "every = 2.5", "every of part 'p' .* is 2.5"),
+        ('fmu = "probe.fmu"', "", "part 'p' .* has no origin"),
+        ('fmu = "probe.fmu"', 'fmu = "probe.fmu"\nrecord = "force.csv"', "has fmu and record"),
+        ('fmu = "probe.fmu"', "fmu = 3", "fmu of part 'p' .* is 3"),
+        ('"force.F -> p.u",', "1,", "wires in .* is not a list of texts"),
+        ("stop = 1\n", "", "has no stop"),
+        ("stop = 1\n", 'stop = "one"\n', "stop of .* is 'one'"),
+        ("stop = 1\n", "stop = 1\ndecimate = 1.5\n", "decimate of .* is 1.5"),
+        ('record = ["p.x", "p.y"]', 'record = "p.x"', "record of .* is 'p.x'"),
+        ("gain = 2", "gain = [2]", "start value gain of part 'p'"),
+        ("[parts.force]\n", "[parts]\nq = 1\n[parts.force]\n", "part 'q' .* is not a table"),
+        ("name =", "name = = ", "is not a TOML file"),
+    ],
+)
+def test_what_is_not_understood(folder: Path, old: str, new: str, message: str) -> None:
+    assert old in TEXT
+    with pytest.raises(SystemFileError, match=message) as caught:
+        System.from_toml(write(folder, TEXT.replace(old, new, 1)))
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(SystemFileError, match="cannot read the system file"):
+        System.from_toml(tmp_path / "none.toml")
+
+
+def test_wrong_system_in_a_right_file(folder: Path) -> None:
+    with pytest.raises(HarnessError, match="did you mean 'force'"):
+        System.from_toml(write(folder, TEXT.replace("force.F ->", "forc.F ->")))
+
+
+def test_what_has_no_place_in_a_file(tmp_path: Path, make_fmu: Callable[..., Path]) -> None:
+    for system in (System([mass()], start={"mass.F": 0.0}), System([SeriesPart("s", [0.0], {"x": [1.0]})])):
+        with pytest.raises(SystemFileError, match="cannot be written"):
+            system.to_toml(tmp_path / "out.toml")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_parts_and_ports_with_unusual_names(folder: Path, make_fmu: Callable[..., Path]) -> None:
+    path = make_fmu(('name="gain"', 'name="k[1]"'), name="odd.fmu")
+    start = {"my part.k[1]": 0.5, "my part.u": 1.0, "my part.n": 0, "my part.b": True}
+    with System([FmuPart("my part", path)], start=start) as system:
+        system.to_toml(folder / "odd.toml")
+    with System.from_toml(folder / "odd.toml") as copy:
+        assert copy.start == start
+        assert float(copy.run(stop=1.0, step=1.0)["my part.y"][0]) == 0.5
