@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from friction_fmus.emit import block_source
-from friction_fmus.errors import FrictionError, UnknownName, nearest
-from friction_fmus.law import discover_laws
+from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.law_block import block_source
+from friction_fmus.law_files import discover_laws
 
 KINDS = {"friction": "friction", "plants": "plant", "controllers": "controller", "signals": "signal"}
 """Folder of ``fmu_src`` -> kind of block; laws come from ``friction_fmus/laws``."""
@@ -102,7 +102,7 @@ def find(model: str | Path) -> Block:
 
     Raises
     ------
-    UnknownName
+    UnknownNameError
         If there is no such block; the message names the nearest.
     FrictionError
         If the file is not a block.
@@ -112,11 +112,11 @@ def find(model: str | Path) -> Block:
         return known[str(model)]
     path = Path(model)
     if path.suffix not in (".c", ".py"):
-        raise UnknownName(
+        raise UnknownNameError(
             f"There is no model {str(model)!r}{nearest(str(model), known)} (`friction-fmus list` shows them all)"
         )
     if not path.is_file():
-        raise UnknownName(f"There is no file {path}; give the path of a block's .c file or a law's .py file")
+        raise UnknownNameError(f"There is no file {path}; give the path of a block's .c file or a law's .py file")
     if path.suffix == ".c":
         return read_c_block(path, "friction")
     laws = _read_laws(path)

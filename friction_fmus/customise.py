@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from friction_fmus.errors import BuildError, UnknownName, nearest
+from friction_fmus.errors import BuildError, UnknownNameError, nearest
 
 START_ARGUMENT = {
     "INPUT": 2,
@@ -49,7 +49,7 @@ def with_start_values(code: str, start: Start) -> str:
 
     Raises
     ------
-    UnknownName
+    UnknownNameError
         If the block has no such variable, or it has no start value of its own.
     BuildError
         If the value is not finite.
@@ -66,7 +66,7 @@ def _with_start_value(code: str, variable: str, value: float | int | bool) -> st
     element = re.fullmatch(r"(\w+)\[(\d+)\]", variable)
     name = element.group(1) if element else variable
     if name not in rows or (rows[name].group(1) == "PARAMETERS") != bool(element):
-        raise UnknownName(f"There is no variable {variable!r} with a start value{nearest(variable, rows)}")
+        raise UnknownNameError(f"There is no variable {variable!r} with a start value{nearest(variable, rows)}")
     match = rows[name]
     spans = _arguments(code, match.start(2))
     begin, end = spans[START_ARGUMENT[match.group(1)]]
@@ -76,7 +76,7 @@ def _with_start_value(code: str, variable: str, value: float | int | bool) -> st
         number = int(element.group(2))
         length = int(code[slice(*spans[1])])
         if not 1 <= number <= length:
-            raise UnknownName(f"There is no variable {variable!r}; the elements of {name} are 1 to {length}")
+            raise UnknownNameError(f"There is no variable {variable!r}; the elements of {name} are 1 to {length}")
         values += ["0.0"] * (number - len(values))
         values[number - 1] = text
         text = f"({', '.join(values)})"

@@ -88,7 +88,12 @@ def describe(library: Path) -> Description:
         ctypes.POINTER(ctypes.c_int),
         ctypes.c_char_p,
     )
-    count, size, sampled, guid = ctypes.c_size_t(), ctypes.c_size_t(), ctypes.c_int(), ctypes.create_string_buffer(64)
+    count, size, sampled, guid = (
+        ctypes.c_size_t(),
+        ctypes.c_size_t(),
+        ctypes.c_int(),
+        ctypes.create_string_buffer(64),
+    )
     rows = handle.block_rows(ctypes.byref(count), ctypes.byref(size), ctypes.byref(sampled), guid)
 
     variables = []
@@ -104,7 +109,11 @@ def describe(library: Path) -> Description:
 
     block = _Probe(handle, size.value, tuple(variables), bool(sampled.value))
     return Description(
-        tuple(variables), guid.value.decode(), bool(sampled.value), block.dependencies(False), block.dependencies(True)
+        tuple(variables),
+        guid.value.decode(),
+        bool(sampled.value),
+        block.dependencies(False),
+        block.dependencies(True),
     )
 
 
@@ -141,7 +150,9 @@ class _Probe:
         known_roles = (TIME, INPUT, PARAMETER, FIXED, STATE) if initial else (TIME, INPUT, STATE, STATE_OUTPUT)
         unknowns = [v.reference for v in self._variables if v.role in unknown_roles]
         knowns = [
-            v for v in self._variables if v.role in known_roles and not (self._sampled and not initial and v.role == STATE)
+            v
+            for v in self._variables
+            if v.role in known_roles and not (self._sampled and not initial and v.role == STATE)
         ]
         if self._sampled and not initial:
             knowns = [v for v in knowns if v.role in (TIME, INPUT)]
@@ -181,7 +192,8 @@ class _Probe:
             return min(max(value, v.min), v.max)
         if v.role == TIME:
             return draw.uniform(0.0, 2.0)
-        size = 10.0 ** draw.uniform(-6.0, 1.0) * (v.nominal if v.role in (STATE, STATE_OUTPUT) else 1.0)
+        far = 8.0 if draw.random() < 0.25 else 1.0  # beyond the limits of saturations, too
+        size = math.pow(10.0, draw.uniform(-6.0, far)) * (v.nominal if v.role in (STATE, STATE_OUTPUT) else 1.0)
         return draw.choice((0.0, 1.0, -1.0, 1.0, -1.0)) * size
 
     def _moved(self, v: Variable, value: float) -> float:

@@ -84,7 +84,15 @@ def picture(block: Block, description: Description, identifier: str, folder: Pat
     figure = Figure(figsize=(3.0, 3.0), dpi=100)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.08, 0.08, 0.84, 0.74))
-    figure.text(0.5, 0.9, identifier, ha="center", va="center", fontsize=min(18.0, 260.0 / len(identifier)), weight="bold")
+    figure.text(
+        0.5,
+        0.9,
+        identifier,
+        ha="center",
+        va="center",
+        fontsize=min(18.0, 260.0 / len(identifier)),
+        weight="bold",
+    )
     names = {v.name: v for v in description.variables}
     if block.kind == "friction" and {"v", "F"} <= names.keys():
         _draw_loop(axes, description, identifier, folder)
@@ -93,14 +101,23 @@ def picture(block: Block, description: Description, identifier: str, folder: Pat
         times = np.linspace(0.0, 1.0, 401)
         values = _run(description, identifier, folder, times, None, first.reference)
         axes.plot(times, values, color="tab:blue", lw=2)
-        axes.set_ylabel(f"{first.name} [{first.unit}]", labelpad=-2)
+        axes.set_ylabel(f"{first.name} [{first.unit}]", labelpad=2)
     else:
-        axes.text(0.5, 0.5, block.kind, ha="center", va="center", fontsize=22, color="tab:blue", transform=axes.transAxes)
+        _draw_ports(axes, description)
     axes.set_xticks([])
     axes.set_yticks([])
     stream = io.BytesIO()
     figure.savefig(stream, format="png", metadata={"Software": None})
     return stream.getvalue()
+
+
+def _draw_ports(axes, description: Description) -> None:  # type: ignore[no-untyped-def]
+    """Inputs on the left, outputs on the right, as in a block diagram."""
+    for causality, x, side in (("input", 0.05, "left"), ("output", 0.95, "right")):
+        names = [v.name for v in description.variables if ROLE[v.role][0] == causality]
+        for k, name in enumerate(names):
+            y = 1.0 - (k + 0.5) / len(names)
+            axes.text(x, y, name, ha=side, va="center", fontsize=13, color="tab:blue", transform=axes.transAxes)
 
 
 def _draw_loop(axes, description: Description, identifier: str, folder: Path) -> None:  # type: ignore[no-untyped-def]

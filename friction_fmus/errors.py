@@ -10,7 +10,7 @@ class FrictionError(Exception):
     """Anything the user can mend; the message says how."""
 
 
-class UnknownName(FrictionError):
+class UnknownNameError(FrictionError):
     """A model, variable or command that does not exist."""
 
 

@@ -152,9 +152,7 @@ def _type_definitions(root: etree._Element, units: list[str]) -> None:
 
 def _scalar_variable(parent: etree._Element, v: Variable, index: dict[int, int], sampled: bool) -> None:
     causality, variability, initial = ROLE[v.role]
-    if variability == "continuous" and (
-        v.type != 0 or (sampled and v.role in (OUTPUT, LOCAL, STATE, STATE_OUTPUT))
-    ):
+    if variability == "continuous" and (v.type != 0 or (sampled and v.role in (OUTPUT, LOCAL, STATE, STATE_OUTPUT))):
         variability = "discrete"
     attributes = {"name": v.name, "valueReference": str(v.reference), "description": v.text}
     attributes |= {"causality": causality, "variability": variability}

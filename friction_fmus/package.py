@@ -57,7 +57,7 @@ def build(
 
     Raises
     ------
-    UnknownName, BuildError
+    UnknownNameError, BuildError
         See their messages.
     """
     block = find(model)
@@ -73,6 +73,26 @@ def build(
             _make(block, sources, Path(folder), kept)
     out_dir.mkdir(parents=True, exist_ok=True)
     return _copy(kept, out_dir / f"{identifier}.fmu")
+
+
+def resolve(name: str) -> Path:
+    """The FMU of a block as it stands in a system file: ``model = "LuGre"``."""
+    return build(name, toolchain.cache_folder() / "models")
+
+
+def describe_block(block: Block, folder: Path) -> Description:
+    """Compiles a block into `folder` and reads its variables.
+
+    Raises
+    ------
+    BuildError
+        If it does not compile.
+    """
+    for name, text in _sources(block, {}).items():
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+    library = folder / f"{block.name}{fmpy.sharedLibraryExtension}"
+    toolchain.compile_library(folder, f"{block.name}.c", library)
+    return describe(library)
 
 
 def build_record(
@@ -123,7 +143,15 @@ def _key(sources: Mapping[str, str], block: Block) -> str:
     """Hash of all that decides the bytes of the FMU."""
     digest = hashlib.sha256()
     package = [path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("*.py"))]
-    texts = [VERSION, build_time(), toolchain.identity(), fmpy.__version__, block.kind, block.summary, block.source]
+    texts = [
+        VERSION,
+        build_time(),
+        toolchain.identity(),
+        fmpy.__version__,
+        block.kind,
+        block.summary,
+        block.source,
+    ]
     for text in (*texts, block.notes, *package, *(part for item in sorted(sources.items()) for part in item)):
         digest.update(text.encode() + b"\0")
     return digest.hexdigest()[:24]
@@ -156,7 +184,8 @@ def _check_start_values(block: Block, description: Description) -> None:
     for v in description.variables:
         if v.role in (INPUT, PARAMETER, FIXED, STATE) and not v.min <= v.start <= v.max:
             raise BuildError(
-                f"The start value {v.name} = {v.start:g} of {block.name} lies outside [{v.min:g}, {v.max:g}]; choose one inside"
+                f"The start value {v.name} = {v.start:g} of {block.name} lies outside "
+                f"[{v.min:g}, {v.max:g}]; choose one inside"
             )
 
 

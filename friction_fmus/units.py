@@ -101,5 +101,5 @@ def base_unit(unit: str) -> BaseUnit:
         quantity = _registry().Quantity(1.0, _registry().parse_units(expression)).to_base_units()
     except Exception as error:  # pint raises many kinds, also for bad syntax
         raise FrictionError(f"The unit {unit!r} is not known; write it from SI units, such as N.s/m") from error
-    exponents = {BASE_UNITS[str(name)]: int(power) for name, power in dict(quantity.unit_items()).items()}
+    exponents = {BASE_UNITS[name]: int(str(power)) for name, power in quantity.unit_items()}
     return BaseUnit({name: exponents[name] for name in BASE_UNITS.values() if name in exponents}, quantity.magnitude)

@@ -44,7 +44,7 @@ static void sample(Model *m)
 {
     GIVEN(m)
     double *const ring = m->memory.x;
-    const size_t n = (size_t)fmin(fmax(window, 1.0), LONGEST);
+    const size_t n = (size_t)clip(window, 1.0, LONGEST);
 
     /* as if x had rested before the first sample */
     if (m->run.tick == 0) {

@@ -1,0 +1,236 @@
+"""The command line: ``friction-fmus`` or ``python -m friction_fmus``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import sys
+import textwrap
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from friction_fmus.errors import FrictionError
+from friction_fmus.version import VERSION
+from harness import HarnessError
+
+console = Console()
+
+
+def progress_bar() -> Progress:
+    """A bar on stderr that disappears when done; nothing where the output is not a terminal."""
+    screen = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal)
+
+
+def list_blocks(options: argparse.Namespace) -> None:
+    """All blocks that can be built."""
+    from friction_fmus.catalogue import catalogue
+
+    blocks = catalogue().values()
+    if options.json:
+        fields = ("name", "kind", "summary", "source")
+        print(json.dumps([{field: getattr(block, field) for field in fields} for block in blocks], indent=2))
+        return
+    table = Table(box=None, pad_edge=False)
+    for heading in ("name", "kind", "what it is"):
+        table.add_column(heading)
+    for block in blocks:
+        table.add_row(block.name, block.kind, block.summary)
+    console.print(table)
+
+
+def show(options: argparse.Namespace) -> None:
+    """A block's equations, source and variables."""
+    import math
+    import tempfile
+
+    from friction_fmus.catalogue import find
+    from friction_fmus.describe import BOOLEAN, STATE
+    from friction_fmus.model_description import ROLE
+    from friction_fmus.package import describe_block
+
+    block = find(options.name)
+    with tempfile.TemporaryDirectory() as folder:
+        description = describe_block(block, Path(folder))
+    console.print(f"[bold]{block.name}[/] ({block.kind}): {block.summary}\n")
+    for paragraph in block.notes.split("\n\n"):
+        layout = "\n" if paragraph.startswith("    ") else " "
+        console.print(layout.join(paragraph.splitlines()) + "\n", markup=False, highlight=False)
+    table = Table(title="Variables", title_justify="left", box=None, pad_edge=False)
+    for heading in ("name", "", "start", "unit", "meaning"):
+        table.add_column(heading, justify="right" if heading == "start" else "left")
+    for v in description.variables[1:]:
+        causality = "state" if v.role == STATE else ROLE[v.role][0]
+        stated = "" if math.isnan(v.start) or causality in ("output", "local") else f"{v.start:g}"
+        start = ("true" if v.start else "false") if v.type == BOOLEAN and stated else stated
+        table.add_row(v.name.replace("[", "\\["), causality, start, v.unit, v.text)
+    console.print(table)
+
+
+def build_blocks(options: argparse.Namespace) -> None:
+    """FMUs of the named blocks, or of all."""
+    from friction_fmus.catalogue import catalogue
+    from friction_fmus.package import build
+
+    if options.all == bool(options.names):
+        raise FrictionError("Say what to build: names of models (`friction-fmus list` shows them) or --all")
+    names = list(catalogue()) if options.all else options.names
+    start = dict(parse_assignment(text) for text in options.set or ())
+    if start and len(names) != 1:
+        raise FrictionError(f"--set goes with one model, not with {len(names)}; build them one by one")
+    with progress_bar() as bar:
+        for name in bar.track(names, description="building"):
+            path = build(name, options.output, start, options.name)
+            bar.console.print(path) if bar.console.is_terminal else print(path)
+
+
+def parse_assignment(text: str) -> tuple[str, float | bool]:
+    """``NAME=VALUE`` -> name and number or truth value.
+
+    Raises
+    ------
+    FrictionError
+        If it is neither.
+    """
+    name, equals, value = text.partition("=")
+    if equals and value.strip().lower() in ("true", "false"):
+        return name.strip(), value.strip().lower() == "true"
+    try:
+        number = float(value)
+    except ValueError:
+        equals = ""
+    if not equals:
+        raise FrictionError(f"--set {text!r} is not NAME=VALUE with a number, true or false as VALUE")
+    return name.strip(), number
+
+
+def check_files(options: argparse.Namespace) -> int:
+    """Findings in FMUs; status 1 if there are any."""
+    from friction_fmus.check import check
+
+    faults = 0
+    for path in options.files:
+        findings = check(path)
+        faults += bool(findings)
+        console.print(f"{path}: {'no findings' if not findings else ''}", highlight=False, soft_wrap=True)
+        for finding in findings:
+            console.print(f"  {finding}", markup=False, highlight=False, soft_wrap=True)
+    return 1 if faults else 0
+
+
+class _Bar:
+    """A run's progress on a rich bar."""
+
+    def __init__(self, bar: Progress, description: str) -> None:
+        self._bar = bar
+        self._task = bar.add_task(description, total=None)
+
+    def update(self, done: int, total: int) -> None:
+        """Called by the harness."""
+        self._bar.update(self._task, completed=done, total=total)
+
+
+def run_system(options: argparse.Namespace) -> None:
+    """A system file, run to a result file."""
+    from friction_fmus.package import resolve
+    from harness import System, plot, to_csv, to_parquet
+
+    writers = {".csv": to_csv, ".parquet": to_parquet}
+    if options.output.suffix not in writers:
+        raise FrictionError(f"{options.output} has no known format; end the name in {' or '.join(writers)}")
+    if options.plot and options.plot.suffix not in (".png", ".svg", ".pdf"):
+        raise FrictionError(f"{options.plot} has no known picture format; end the name in .png, .svg or .pdf")
+    with System.from_toml(options.system, resolve=resolve) as system, progress_bar() as bar:
+        result = system.run(
+            step=options.step, stop=options.stop, master=options.master, progress=_Bar(bar, system.name)
+        )
+    options.output.parent.mkdir(parents=True, exist_ok=True)
+    writers[options.output.suffix](result, options.output)
+    if options.plot:
+        options.plot.parent.mkdir(parents=True, exist_ok=True)
+        plot(result, options.plot)
+    shown = f"{result.sizes['time']} rows of {len(result.data_vars)} variables"
+    console.print(f"{options.output}: {shown}", highlight=False, soft_wrap=True)
+
+
+def study(options: argparse.Namespace) -> None:
+    """The study of a measured axis."""
+    from friction_fmus.study import run_study, summary_table
+
+    with progress_bar() as bar:
+        summary = run_study(options.output, _Bar(bar, "study"))
+    console.print(summary_table(summary))
+    console.print(f"Report: {options.output / 'report.html'}", highlight=False, soft_wrap=True)
+
+
+def parser() -> argparse.ArgumentParser:
+    """All commands and options."""
+    top = argparse.ArgumentParser(
+        prog="friction-fmus",
+        description="Friction models and friction compensators as FMI 2.0 co-simulation FMUs.",
+    )
+    top.add_argument("--version", action="version", version=f"friction-fmus {VERSION}")
+    top.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
+
+    def command(name: str, action: Callable[[argparse.Namespace], int | None], text: str) -> argparse.ArgumentParser:
+        added = commands.add_parser(name, help=text, description=textwrap.dedent(action.__doc__ or text))
+        added.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+        added.set_defaults(action=action)
+        return added
+
+    listing = command("list", list_blocks, "show all models, laws, plants and signals")
+    listing.add_argument("--json", action="store_true", help="as JSON: name, kind, summary, source")
+    showing = command("show", show, "show a model's equations and variables")
+    showing.add_argument("name", metavar="NAME", help="name of a model, or its .c or .py file")
+    building = command("build", build_blocks, "build FMUs")
+    building.add_argument("names", nargs="*", metavar="NAME", help="name of a model, or its .c or .py file")
+    building.add_argument("--all", action="store_true", help="build all")
+    building.add_argument("-o", "--output", type=Path, default=Path(), metavar="DIR", help="folder for the FMUs")
+    building.add_argument("--set", action="append", metavar="NAME=VALUE", help="other start value; may be repeated")
+    building.add_argument("--name", metavar="IDENTIFIER", help="other model identifier and file name")
+    checking = command("check", check_files, "look for faults in FMUs, also other people's")
+    checking.add_argument("files", nargs="+", type=Path, metavar="FILE")
+    running = command("run", run_system, "run a system of FMUs")
+    running.add_argument("system", type=Path, metavar="SYSTEM.toml")
+    running.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="result: .csv or .parquet")
+    running.add_argument("--step", type=float, metavar="H", help="communication step [s]")
+    running.add_argument("--stop", type=float, metavar="T", help="end time [s]")
+    running.add_argument("--master", metavar="NAME", help="jacobi or gauss-seidel")
+    running.add_argument("--plot", type=Path, metavar="FILE", help="also draw the result: .png, .svg or .pdf")
+    studying = command("study", study, "identify a measured axis, co-simulate it, and see what compensation gains")
+    studying.add_argument("axis", choices=["emps"], help="which record")
+    studying.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the results")
+    return top
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one command.
+
+    Returns
+    -------
+    int
+        0, 1 if `check` has findings, 2 if the command could not be done.
+    """
+    options = parser().parse_args(arguments)
+    logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
+    try:
+        return options.action(options) or 0
+    except (FrictionError, HarnessError, OSError) as error:
+        if options.debug:
+            raise
+        print(f"friction-fmus: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("friction-fmus: interrupted", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,345 @@
+"""Compensator laws: one Python function of casadi expressions is all that is written about a law.
+
+Variables are argument defaults, equations are the body, the docstring is the documentation page::
+
+    @law("P", "Proportional position controller", source="textbook", Ts=1e-3,
+         outputs={"u": Output(FORCE, "control force")})
+    def p(
+        r: SX = Input(LENGTH, 0.0, "reference position"),
+        x: SX = Input(LENGTH, 0.0, "measured position"),
+        Kp: SX = Parameter(STIFFNESS, 100.0, "proportional gain", min=0.0),
+    ) -> dict[str, SX]:
+        \"\"\"Proportional position control: u = Kp (r - x).\"\"\"
+        return {"u": Kp * (r - x)}
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from casadi import SX, Function, vertcat
+
+from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.law_variables import (
+    ACCELERATION,
+    ANGLE,
+    BOOLEANS,
+    DAMPING,
+    FORCE,
+    FREQUENCY,
+    JERK,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    STIFFNESS,
+    TIME,
+    VELOCITY,
+    Command,
+    Input,
+    Kind,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    Switch,
+    Unit,
+    Variable,
+    check_identifier,
+    check_line,
+)
+
+__all__ = [
+    "ACCELERATION",
+    "ANGLE",
+    "BOOLEANS",
+    "DAMPING",
+    "FORCE",
+    "FREQUENCY",
+    "JERK",
+    "LENGTH",
+    "MASS",
+    "NO_UNIT",
+    "STIFFNESS",
+    "TIME",
+    "VELOCITY",
+    "Command",
+    "Input",
+    "Kind",
+    "Law",
+    "Output",
+    "Parameter",
+    "SampleTime",
+    "State",
+    "Switch",
+    "Unit",
+    "Variable",
+    "law",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """A sampled control law.
+
+    Attributes
+    ----------
+    name, summary, source : str
+        Model identifier; what it is and where it comes from, one line each.
+    documentation : str
+        The documentation page as plain text; paragraphs indented by four are equations.
+    variables : tuple of Variable
+        In declaration order, the outputs after the last input, the sample time at the end.
+    function : casadi.Function
+        One sample: scalar SX arguments, the scalars of `given`, to the outputs and then the next states
+        (named ``<state>_next``).
+    path : Path
+        The file that defines it.
+    """
+
+    name: str
+    summary: str
+    source: str
+    documentation: str
+    variables: tuple[Variable, ...]
+    function: Function
+    path: Path
+
+    def select(self, *kinds: Kind) -> tuple[Variable, ...]:
+        """The variables of these kinds."""
+        return tuple(variable for variable in self.variables if variable.kind in kinds)
+
+    @property
+    def given(self) -> tuple[Variable, ...]:
+        """What a sample reads, in the order of the function's arguments."""
+        return tuple(variable for variable in self.variables if variable.kind is not Kind.OUTPUT)
+
+    @property
+    def results(self) -> tuple[Variable, ...]:
+        """What a sample writes, in the order of the function's results."""
+        return self.select(Kind.OUTPUT) + self.select(Kind.STATE)
+
+    def dependencies(self, result: str) -> tuple[str, ...]:
+        """What an output or the next value of a state is computed from, exactly, decisions included.
+
+        Parameters
+        ----------
+        result : str
+            Name of an output or a state.
+
+        Returns
+        -------
+        tuple of str
+            Names of variables, in the order of `given`.
+        """
+        names = [variable.name for variable in self.results]
+        if result not in names:
+            raise FrictionError(f"{self.name} has no result {result!r}{nearest(result, names)}")
+        owners = [variable.name for variable in self.given for _ in variable.starts]
+        column = names.index(result)
+        used = {owner for i, owner in enumerate(owners) if self.function.sparsity_jac(i, column).nnz()}
+        return tuple(variable.name for variable in self.given if variable.name in used)
+
+    def evaluate(self, values: Mapping[str, float | tuple[float, ...]]) -> dict[str, float]:
+        """One sample, by casadi.
+
+        Parameters
+        ----------
+        values : mapping
+            By variable; what is missing has its start value.
+
+        Returns
+        -------
+        dict of str to float
+            Outputs, and states for the next sample.
+
+        Raises
+        ------
+        FrictionError
+            For a name that the law does not read, or a vector of the wrong length.
+        """
+        known = {variable.name for variable in self.given}
+        for name in values:
+            if name not in known:
+                raise FrictionError(f"{self.name} reads no variable {name!r}{nearest(name, known)}")
+        arguments: list[float] = []
+        for variable in self.given:
+            value = values.get(variable.name, variable.start)
+            elements = value if isinstance(value, tuple) else (value,)
+            if len(elements) != len(variable.starts):
+                raise FrictionError(
+                    f"{self.name}: {variable.name} takes {len(variable.starts)} numbers, not {len(elements)}"
+                )
+            arguments += map(float, elements)
+        found = self.function.call(arguments)
+        return {variable.name: float(value) for variable, value in zip(self.results, found, strict=True)}
+
+
+Equations = Callable[..., Mapping[str, Any]]
+
+
+def law(
+    name: str, summary: str, *, source: str, Ts: float, outputs: Mapping[str, Variable]
+) -> Callable[[Equations], Law]:
+    """Make a function of casadi expressions a `Law`.
+
+    Parameters
+    ----------
+    name : str
+        Model identifier of the FMU.
+    summary, source : str
+        What it is and where it comes from (author, journal, year), one line each.
+    Ts : float
+        Start value of the fixed parameter ``Ts``, the sample time, in seconds.
+    outputs : mapping of str to Variable
+        Made by `Output`.
+
+    Returns
+    -------
+    callable
+        Decorator. The function gets an SX for every argument (a Boolean is 0 or 1) and returns a dict with every
+        output and, under the name of the state, the next value of every state.
+
+    Raises
+    ------
+    FrictionError
+        In one sentence, whatever is wrong with the law.
+    """
+
+    def decorate(equations: Equations) -> Law:
+        code = getattr(equations, "__code__", None)
+        path = Path(code.co_filename) if code else Path()
+        where = f"{path.name}: law {name}"
+        for title, line in (("name", name), ("summary", summary), ("source", source)):
+            check_line(where, title, line)
+        check_identifier(where, "name", name)
+        if not (math.isfinite(Ts) and Ts > 0.0):
+            raise FrictionError(f"{where}: the sample time Ts = {Ts!r} must be positive and finite")
+        documentation = inspect.getdoc(equations)
+        if not documentation:
+            raise FrictionError(f"{where} needs a docstring, it becomes the documentation page")
+        declared = _declared(where, equations)
+        variables = _in_table_order(declared, outputs, Ts)
+        _check_variables(where, variables)
+        return Law(
+            name,
+            summary,
+            source,
+            documentation,
+            variables,
+            _function(where, name, equations, declared, variables),
+            path,
+        )
+
+    return decorate
+
+
+def _declared(where: str, equations: Equations) -> tuple[Variable, ...]:
+    """The arguments of the function as named variables."""
+    declared = []
+    for name, argument in inspect.signature(equations).parameters.items():
+        plain = argument.kind in (argument.POSITIONAL_OR_KEYWORD, argument.KEYWORD_ONLY)
+        if not plain or not isinstance(argument.default, Variable) or argument.default.kind is Kind.OUTPUT:
+            raise FrictionError(
+                f"{where}: the argument {name} needs one of Input(...), Command(...), State(...), Parameter(...), "
+                "Switch(...), SampleTime() as its default"
+            )
+        if (argument.default.kind is Kind.SAMPLE_TIME) != (name == "Ts"):
+            raise FrictionError(f"{where}: the argument Ts, and no other, is declared by SampleTime(), not {name}")
+        declared.append(replace(argument.default, name=name))
+    return tuple(declared)
+
+
+def _in_table_order(
+    declared: tuple[Variable, ...], outputs: Mapping[str, Variable], sample_time: float
+) -> tuple[Variable, ...]:
+    inputs = [variable for variable in declared if variable.kind in (Kind.INPUT, Kind.COMMAND)]
+    others = [variable for variable in declared if variable not in inputs and variable.kind is not Kind.SAMPLE_TIME]
+    results = [replace(output, name=name) for name, output in outputs.items()]
+    ts: Variable = SampleTime()
+    return (*inputs, *results, *others, replace(ts, name="Ts", start=float(sample_time)))
+
+
+def _check_variables(where: str, variables: tuple[Variable, ...]) -> None:
+    if not any(variable.kind is Kind.OUTPUT for variable in variables):
+        raise FrictionError(f"{where} has no output; declare one by outputs={{'u': Output(...)}}")
+    seen: set[str] = set()
+    for variable in variables:
+        name = variable.name
+        check_identifier(where, "variable", name)
+        check_line(where, f"description of {name}", variable.text)
+        for scalar in {name, *variable.scalars}:
+            if scalar in seen:
+                raise FrictionError(f"{where}: the name {scalar} is declared twice; rename one of the variables")
+            seen.add(scalar)
+        if not (variable.starts and all(map(math.isfinite, variable.starts))):
+            raise FrictionError(f"{where}: the start value of {name} must be finite, not {variable.start!r}")
+        if not all(variable.min <= start <= variable.max for start in variable.starts):
+            limits = f"[{variable.min:g}, {variable.max:g}]"
+            raise FrictionError(f"{where}: the start value {variable.start!r} of {name} lies outside {limits}")
+        if not (math.isfinite(variable.nominal) and variable.nominal > 0.0):
+            raise FrictionError(f"{where}: the nominal value of {name} must be positive, not {variable.nominal!r}")
+    for variable in variables:
+        if variable.kind is Kind.STATE and f"{variable.name}_next" in seen:
+            raise FrictionError(
+                f"{where}: {variable.name}_next is the next value of the state {variable.name}; rename that variable"
+            )
+
+
+def _function(
+    where: str, name: str, equations: Equations, declared: tuple[Variable, ...], variables: tuple[Variable, ...]
+) -> Function:
+    """Call the equations with symbols and check what they return."""
+    given = [variable for variable in variables if variable.kind is not Kind.OUTPUT]
+    elements = {variable.name: [SX.sym(scalar) for scalar in variable.scalars] for variable in given}
+    symbols = {variable.name: vertcat(*elements[variable.name]) for variable in declared}
+    try:
+        returned = equations(**symbols)
+    except FrictionError:
+        raise
+    except Exception as error:
+        hint = "; write a decision as if_else(...)" if "truth value" in str(error) else ""
+        reason = (str(error).strip().splitlines() or [""])[-1]
+        raise FrictionError(f"{where}: its equations raise {type(error).__name__}: {reason}{hint}") from error
+    if not isinstance(returned, Mapping):
+        raise FrictionError(f"{where} returns a {type(returned).__name__}; return a dict of outputs and next states")
+
+    results = {variable.name: variable for variable in variables if variable.kind in (Kind.OUTPUT, Kind.STATE)}
+    for key in returned:
+        if key not in results:
+            raise FrictionError(
+                f"{where} returns {key!r}, which is neither a declared output nor a state{nearest(str(key), results)}"
+            )
+    expressions, names = [], []
+    for variable in (v for kind in (Kind.OUTPUT, Kind.STATE) for v in variables if v.kind is kind):
+        state = variable.kind is Kind.STATE
+        if variable.name not in returned:
+            what = f"a next value of the state {variable.name}" if state else f"the output {variable.name}"
+            raise FrictionError(f"{where} does not return {what}")
+        expressions.append(_scalar(where, variable.name, returned[variable.name]))
+        names.append(f"{variable.name}_next" if state else variable.name)
+
+    arguments = [symbol for variable in given for symbol in elements[variable.name]]
+    labels = [scalar for variable in given for scalar in variable.scalars]
+    # unused arguments stay: a variable that changes nothing is found by the tests of the FMU
+    function = Function(name, arguments, expressions, labels, names, {"allow_free": True})
+    if function.has_free():
+        raise FrictionError(
+            f"{where} uses the symbols {', '.join(function.get_free())}, which are not its variables; "
+            "declare them as arguments"
+        )
+    return function
+
+
+def _scalar(where: str, name: str, value: Any) -> SX:
+    try:
+        expression = SX(value)
+    except Exception as error:
+        raise FrictionError(f"{where}: {name} is a {type(value).__name__}, not an SX expression") from error
+    if expression.shape != (1, 1):
+        raise FrictionError(f"{where}: {name} has the shape {expression.shape}, a result is one number")
+    return SX(0.0) + expression if expression.nnz() == 0 else expression

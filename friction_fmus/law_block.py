@@ -1,0 +1,106 @@
+"""The C block of a law: its variables as the table of block.h, its expressions as `sample`."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+
+from friction_fmus.emit import kernel
+from friction_fmus.law import BOOLEANS, Kind, Law, Variable
+from friction_fmus.law_variables import c_string
+
+
+def block_source(law: Law) -> str:
+    """The C file of a law's block, as block.h wants it.
+
+    Parameters
+    ----------
+    law : Law
+        The law.
+
+    Returns
+    -------
+    str
+        Text that depends on nothing but the law.
+    """
+    reads = [
+        f"{variable.name}[{i}]" if variable.kind is Kind.VECTOR else variable.name
+        for variable in law.given
+        for i in range(len(variable.starts))
+    ]
+    scalars = [variable for variable in law.given for _ in variable.starts]
+    body = kernel(
+        law.function,
+        reads,
+        [f"model->{variable.name}" for variable in law.results],
+        conditions=[i for i, variable in enumerate(scalars) if variable.kind in BOOLEANS],
+        taken=[variable.name for variable in law.variables],
+    )
+    origin = f"Written from the law file {law.path.name}: change that file, not this one."
+    return "\n".join(
+        [
+            _comment(f"{law.documentation}\n\n{origin}"),
+            "",
+            f"#define MODEL   {law.name}",
+            f"#define SUMMARY {c_string(law.summary)}",
+            f"#define SOURCE  {c_string(law.source)}",
+            "#define SAMPLED",
+            "",
+            "/* clang-format off */",
+            *_table(law.variables),
+            "/* clang-format on */",
+            "",
+            '#include "block.h"',
+            "",
+            "/* One constant per operation, in the order of casadi's evaluation; the results are stored at the end. */",
+            "static void sample(Model *model)",
+            "{",
+            "    GIVEN(model)",
+            *(f"    {line}" for line in body.lines),
+            "}",
+            "",
+        ]
+    )
+
+
+def _comment(text: str) -> str:
+    harmless = text.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
+    return f"/* {textwrap.indent(harmless, '   ').lstrip()} */"
+
+
+def _limit(value: float) -> str:
+    """A number of the table; the macro INF is infinity there."""
+    return repr(float(value)) if math.isfinite(value) else "INF" if value > 0.0 else "-INF"
+
+
+def _table(variables: Sequence[Variable]) -> list[str]:
+    """The rows of VARIABLES in columns."""
+    rows = [_row(variable) for variable in variables]
+    widths = [max(len(cells[column]) for _, cells, _ in rows) for column in range(len(rows[0][1]))]
+    longest = max(len(kind) for kind, _, _ in rows)
+    lines = ["#define VARIABLES"]
+    for kind, cells, text in rows:
+        columns = [cell.ljust(width) for cell, width in zip(cells, widths, strict=True) if width]
+        lines.append(f"    {kind.ljust(longest)}({' '.join(columns)} {text})")
+    width = max(map(len, lines))
+    return [*(f"{line.ljust(width)} \\" for line in lines[:-1]), lines[-1]]
+
+
+def _row(variable: Variable) -> tuple[str, list[str], str]:
+    """Macro, cells (name, number of elements, unit, start, min or nominal, max) and text of a variable."""
+    kind = variable.kind
+    unit = "" if kind in BOOLEANS else variable.unit.c
+    count = low = high = ""
+    if kind is Kind.VECTOR:
+        count, start = str(len(variable.starts)), f"({', '.join(map(_limit, variable.starts))})"
+    elif kind in BOOLEANS:
+        start = str(int(variable.starts[0]))
+    else:
+        start = "" if kind is Kind.OUTPUT else _limit(variable.starts[0])
+    if kind in (Kind.PARAMETER, Kind.VECTOR, Kind.SAMPLE_TIME):
+        low, high = _limit(variable.min), _limit(variable.max)
+    elif kind is Kind.STATE:
+        low = _limit(variable.nominal)
+    cells = [f"{cell}," if cell else "" for cell in (variable.name, count, unit, start, low, high)]
+    return kind.value, cells, c_string(variable.text)

@@ -1,0 +1,213 @@
+"""What the variables of a law are: units, kinds, and the names they may have."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+from friction_fmus.errors import FrictionError
+
+# ---- units ----------------------------------------------------------------------------------------------------------
+
+
+class Unit(str):
+    """A unit, written in C with the quantity macros of block.h so that the rotational twin has its own.
+
+    ``FORCE + "/(" + LENGTH + ".s)"`` is N/(m.s), and N.m/(rad.s) in the rotational build.
+
+    Attributes
+    ----------
+    c : str
+        The C expression of the unit's name.
+    """
+
+    c: str
+
+    def __new__(cls, text: str, c: str | None = None) -> Unit:
+        """Make a unit from its name and, for a quantity, the macro that stands for it."""
+        unit = super().__new__(cls, text)
+        unit.c = c_string(text) if c is None else c
+        return unit
+
+    def __add__(self, other: str) -> Unit:
+        """Join names; adjacent string literals join in C."""
+        right = other if isinstance(other, Unit) else Unit(other)
+        return Unit(str(self) + str(right), f"{self.c} {right.c}")
+
+    def __radd__(self, other: str) -> Unit:
+        """Join a plain name and a unit."""
+        return Unit(other) + self
+
+
+def c_string(text: str) -> str:
+    """The text as a C string literal (without trigraphs)."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("??", "?\\?")
+    return f'"{escaped}"'
+
+
+LENGTH = Unit("m", "LENGTH")
+VELOCITY = Unit("m/s", "VELOCITY")
+ACCELERATION = Unit("m/s2", "ACCELERATION")
+JERK = Unit("m/s3", "JERK")
+FORCE = Unit("N", "FORCE")
+MASS = Unit("kg", "MASS")
+STIFFNESS = Unit("N/m", "STIFFNESS")
+DAMPING = Unit("N.s/m", "DAMPING")
+TIME = Unit("s", "TIME")
+FREQUENCY = Unit("Hz", "FREQUENCY")
+ANGLE = Unit("rad", "ANGLE")
+NO_UNIT = Unit("", "NO_UNIT")
+
+
+# ---- variables ------------------------------------------------------------------------------------------------------
+
+
+class Kind(Enum):
+    """What a variable is; the value is the name of its row in block.h."""
+
+    INPUT = "INPUT"
+    COMMAND = "COMMAND"
+    OUTPUT = "OUTPUT"
+    STATE = "STATE"
+    PARAMETER = "PARAMETER"
+    VECTOR = "PARAMETERS"
+    SWITCH = "SWITCH"
+    SAMPLE_TIME = "FIXED"
+
+
+BOOLEANS = (Kind.COMMAND, Kind.SWITCH)
+"""Kinds whose value is true or false, 1 or 0 in expressions."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable of a law.
+
+    Attributes
+    ----------
+    kind : Kind
+        What it is.
+    unit : Unit
+        Name of the SI unit, empty for none.
+    start : float or tuple of float
+        Start value; a tuple for a vector parameter, 0 or 1 for a Boolean.
+    text : str
+        One line that says what it is.
+    min, max, nominal : float
+        Range of a parameter, size of a state.
+    name : str
+        Name in the law, the FMU and the equations.
+    """
+
+    kind: Kind
+    unit: Unit
+    start: float | tuple[float, ...]
+    text: str
+    min: float = -math.inf
+    max: float = math.inf
+    nominal: float = 1.0
+    name: str = ""
+
+    @property
+    def scalars(self) -> tuple[str, ...]:
+        """Names of its scalars in the casadi function: ``("Kp",)``, of a vector ``("k_1", "k_2", ...)``."""
+        if isinstance(self.start, tuple):
+            return tuple(f"{self.name}_{i + 1}" for i in range(len(self.start)))
+        return (self.name,)
+
+    @property
+    def starts(self) -> tuple[float, ...]:
+        """Start values of its scalars."""
+        return self.start if isinstance(self.start, tuple) else (self.start,)
+
+
+def _unit(unit: str) -> Unit:
+    return unit if isinstance(unit, Unit) else Unit(unit)
+
+
+# The functions below stand as argument defaults of a law, where the argument is an SX: so they return Any.
+
+
+def Input(unit: str, start: float, text: str) -> Any:  # noqa: N802
+    """A Real input."""
+    return Variable(Kind.INPUT, _unit(unit), float(start), text)
+
+
+def Command(start: bool, text: str) -> Any:  # noqa: N802
+    """A Boolean input, 0 or 1 in expressions."""
+    return Variable(Kind.COMMAND, NO_UNIT, float(start), text)
+
+
+def State(unit: str, start: float, text: str, *, nominal: float = 1.0) -> Any:  # noqa: N802
+    """A state: the law receives its value and returns the next one under the same name."""
+    return Variable(Kind.STATE, _unit(unit), float(start), text, nominal=nominal)
+
+
+def Parameter(  # noqa: N802
+    unit: str, start: float | tuple[float, ...], text: str, *, min: float = -math.inf, max: float = math.inf
+) -> Any:
+    """A tunable Real parameter; with a tuple of start values a vector ``k``, read as ``k[0]``, ``k[1]``, ..."""
+    if isinstance(start, tuple):
+        return Variable(Kind.VECTOR, _unit(unit), tuple(map(float, start)), text, min, max)
+    return Variable(Kind.PARAMETER, _unit(unit), float(start), text, min, max)
+
+
+def Switch(start: bool, text: str) -> Any:  # noqa: N802
+    """A tunable Boolean parameter, 0 or 1 in expressions."""
+    return Variable(Kind.SWITCH, NO_UNIT, float(start), text)
+
+
+def SampleTime() -> Any:  # noqa: N802
+    """The sample time, for a law whose equations need it; every law has the fixed parameter ``Ts`` anyway."""
+    return Variable(Kind.SAMPLE_TIME, TIME, math.nan, "sample time", min=1e-9)
+
+
+def Output(unit: str, text: str) -> Variable:  # noqa: N802
+    """A Real output."""
+    return Variable(Kind.OUTPUT, _unit(unit), 0.0, text)
+
+
+# ---- names ----------------------------------------------------------------------------------------------------------
+
+# Names that are taken in C, in <math.h>, in the C runtimes' headers, or by block.h.
+_RESERVED = {
+    "C": "auto break case char const continue default do double else enum extern float for goto if inline int long "
+    "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while "
+    "bool true false asm typeof and or not xor class new delete this template private public protected virtual "
+    "operator namespace using try catch throw alignas alignof constexpr nullptr",
+    "<math.h>": "acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs fdim "
+    "floor fma fmax fmin fmod fpclassify frexp gamma hypot ilogb isfinite isinf isnan isnormal j0 j1 jn ldexp lgamma "
+    "llrint llround log log10 log1p log2 logb lrint lround modf nan nearbyint nextafter nexttoward pow remainder "
+    "remquo rint round scalbln scalbn signbit signgam sin sinh sqrt tan tanh tgamma trunc y0 y1 yn drem significand "
+    "scalb finite exception matherr div abs index signal time clock remove rename",
+    "Windows or compiler headers": "near far small hyper interface huge pascal cdecl min max linux unix i386 vax",
+    "block.h": "time slope memory run given model rows states inputs nominals square sign clip value_of sample "
+    "equations advance evaluate relax Model Memory Run Row Instance INPUT COMMAND OUTPUT LOCAL FLAG "
+    "PARAMETER SWITCH FIXED COUNT PARAMETERS STATE STATE_OUTPUT SCALAR VECTOR DYNAMIC GIVEN VARIABLES "
+    "MODEL SUMMARY SOURCE SAMPLED MEMORY STEPS_BY INF COUNTS INPUTS STATES VALUES ROWS AT SLOPE UNWRAP "
+    "LENGTH VELOCITY ACCELERATION JERK FORCE MASS STIFFNESS DAMPING TIME FREQUENCY ANGLE NO_UNIT "
+    "ROTATIONAL PASTE QUOTE ENTER REQUIRE MODE SET GET NAN NULL INFINITY HUGE_VAL EOF BUFSIZ RAND_MAX",
+    "casadi": "null jac hess",
+}
+_TAKEN = {name: owner for owner, names in _RESERVED.items() for name in names.split()}
+
+
+def check_identifier(where: str, what: str, name: str) -> None:
+    """Raise a FrictionError unless the name can be one in C beside math.h and block.h."""
+    if not re.fullmatch(r"[A-Za-z](_?[A-Za-z0-9])*_?", name):
+        raise FrictionError(
+            f"{where}: the {what} {name!r} must be letters, digits and single underscores, and begin with a letter"
+        )
+    if name in _TAKEN:
+        raise FrictionError(f"{where}: the {what} {name} is a name of {_TAKEN[name]}; choose another")
+    if re.match(r"(fmi2|starts_of_|INPUT_|ROLE_|TYPE_|GIVEN_|LOG_|MAY_|FMI2_)", name):
+        raise FrictionError(f"{where}: the {what} {name} begins like a name of block.h; choose another")
+
+
+def check_line(where: str, what: str, text: str) -> None:
+    """Raise a FrictionError unless the text is one printable line."""
+    if not text.strip() or not text.isprintable():
+        raise FrictionError(f"{where}: the {what} must be one line of text, not {text!r}")

@@ -1,0 +1,88 @@
+"""Cascade of a proportional position loop and a proportional-integral velocity loop."""
+
+from __future__ import annotations
+
+from casadi import SX, if_else
+
+from friction_fmus.expressions import clip, limits, unless_winding_up
+from friction_fmus.law import (
+    ACCELERATION,
+    DAMPING,
+    FORCE,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    STIFFNESS,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    law,
+)
+
+
+@law(
+    "CascadePPI",
+    "Cascade of position P and velocity PI with feedforward, as in servo drives",
+    source="Jamaludin, Van Brussel, Swevers, IEEE TIE 56(10), 2009",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "control force, within u_min and u_max"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def cascade_ppi(
+    r: SX = Input(LENGTH, 0.0, "reference position"),
+    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
+    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    x: SX = Input(LENGTH, 0.0, "measured position"),
+    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
+    f: SX = Input(FORCE, 0.0, "feedforward force, added before the limits"),
+    enable: SX = Command(True, "false: u = 0 and the integral at its start"),
+    reset: SX = Command(False, "true: the integral at its start"),
+    integral: SX = State(LENGTH, 0.0, "integral of the velocity error w", nominal=1e-3),
+    kp: SX = Parameter("1/s", 30.0, "gain of the position loop", min=0.0),
+    kv: SX = Parameter(DAMPING, 190.0, "proportional gain of the velocity loop", min=0.0),
+    ki: SX = Parameter(STIFFNESS, 6e3, "integral gain of the velocity loop", min=0.0),
+    m: SX = Parameter(MASS, 0.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    Ts: SX = SampleTime(),
+) -> dict[str, SX]:
+    """Position loop P around a velocity loop PI, with feedforward of velocity and acceleration, sampled every Ts.
+
+        w      = kp (r - x) + (rd - v)
+        u      = clip(m rdd + kv w + ki I + f, u_min, u_max)
+        I_next = I + Ts w,   I_next = I while u is limited and w pushes further into that limit
+
+    Jamaludin, Van Brussel, Swevers, IEEE Transactions on Industrial Electronics 56(10), 2009 (the structure; the
+    paper itself was not read).
+
+    As the integral of rd - v is r - x, the cascade is the PID controller
+
+        Kp = kv kp + ki,   Kd = kv,   Ki = ki kp
+
+    exactly in sampled time if rd - v of a sample is the forward difference of r - x and I starts at r - x, otherwise
+    up to the error of the velocity signal, and as long as no limit is active.
+
+    The integral of a sample does not contain that sample's w. While reset is true the integral is at its start, 0, in
+    that very sample and in the next. While enable is false u and u_sat are 0 and the integral is at its start: nothing
+    winds up, nothing old comes back, and u returns without a jump if the reference is then led from where the axis
+    stands (r = x, rd = v, rdd = 0).
+
+    Limits: those of PID; also here the integral hunts where static friction exceeds Coulomb friction. If f already
+    holds the inertia force, as u of StaticFeedforward does, m must be 0. u_min must not exceed u_max.
+    """
+    start = 0.0
+    old = if_else(reset, start, integral)
+    w = kp * (r - x) + (rd - v)
+    wanted = m * rdd + kv * w + ki * old + f
+    u_sat = limits(wanted, u_min, u_max)
+    return {
+        "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
+        "u_sat": if_else(enable, u_sat, 0.0),
+        "integral": if_else(reset, start, if_else(enable, old + Ts * unless_winding_up(w, u_sat), start)),
+    }

@@ -1,0 +1,91 @@
+"""Feedforward of inertia and static friction from the reference."""
+
+from __future__ import annotations
+
+from casadi import SX, fabs, if_else, logic_and, sign
+
+from friction_fmus.expressions import clip, limits, stribeck_level
+from friction_fmus.law import (
+    ACCELERATION,
+    DAMPING,
+    FORCE,
+    MASS,
+    NO_UNIT,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    Switch,
+    law,
+)
+
+
+@law(
+    "StaticFeedforward",
+    "Feedforward of inertia and Stribeck friction computed from the reference",
+    source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "feedforward force, within u_min and u_max"),
+        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def static_feedforward(
+    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
+    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    enable: SX = Command(True, "false: u = 0 and F_hat = 0"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0),
+    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=0.0),
+    Fv: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
+    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
+    delta: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0),
+    offset: SX = Parameter(FORCE, 0.0, "constant force at all velocities, also at rest"),
+    asymmetric: SX = Switch(False, "rd < 0 has its own parameters, the ones named _neg"),
+    Fc_neg: SX = Parameter(FORCE, 1.0, "Coulomb friction for rd < 0", min=0.0),
+    Fs_neg: SX = Parameter(FORCE, 1.5, "static friction for rd < 0", min=0.0),
+    Fv_neg: SX = Parameter(DAMPING, 0.4, "viscous coefficient for rd < 0", min=0.0),
+    vs_neg: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity for rd < 0", min=1e-12),
+    delta_neg: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent for rd < 0", min=1e-3, max=100.0),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+) -> dict[str, SX]:
+    """The force that moves an exactly known mass with static friction along the reference.
+
+        g(rd) = Fc + (Fs - Fc) exp(-|rd/vs|^delta)
+        F_hat = gain (sgn(rd) g(rd) + Fv rd + offset),   sgn(0) = 0
+        u     = clip(m rdd + F_hat, u_min, u_max)
+
+    Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey of the curve and of its feedforward);
+    Coulomb friction alone is Fs = Fc. With asymmetric, rd < 0 has its own parameters. Parameters as in the friction
+    block Stribeck. The sign is that of the friction block: F_hat is positive for rd > 0.
+
+    u goes to the input f of a position controller, whose own m must then be 0, or to the plant if there is none. While
+    enable is false u, F_hat and u_sat are 0; there is no state.
+
+    Feedforward does not change the stability of the loop. In sliding it helps as far as the parameters are right; a
+    gain above 1 cannot be set, because too much friction compensation pushes.
+
+    Limits: u jumps by 2 Fs where the reference reverses, while presliding friction turns over gradually: for movements
+    within the presliding range (some micrometres) it can be worse than none. At rest (rd = 0) only the offset is
+    compensated. u_min must not exceed u_max.
+    """
+    own = logic_and(asymmetric, rd < 0.0)
+    # the parameters are chosen before the curve is computed: one power, one exponential, no branch that could overflow
+    level = stribeck_level(
+        fabs(rd),
+        if_else(own, Fc_neg, Fc),
+        if_else(own, Fs_neg, Fs),
+        if_else(own, vs_neg, vs),
+        if_else(own, delta_neg, delta),
+    )
+    F_hat = gain * (sign(rd) * level + if_else(own, Fv_neg, Fv) * rd + offset)
+    wanted = m * rdd + F_hat
+    return {
+        "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
+        "F_hat": if_else(enable, F_hat, 0.0),
+        "u_sat": if_else(enable, limits(wanted, u_min, u_max), 0.0),
+    }

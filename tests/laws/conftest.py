@@ -1,0 +1,119 @@
+"""Compiles what the emitter writes and runs it through ctypes."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+import pytest
+from casadi import Function
+
+from friction_fmus.catalogue import source_folder
+from friction_fmus.emit import DOUBLE, Real, kernel
+from friction_fmus.toolchain import header_folder
+
+FLAGS = (
+    *("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden", "-shared"),
+    *("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror", "-DFMI2_OVERRIDE_FUNCTION_PREFIX"),
+)
+COMPILERS = {"zig": [sys.executable, "-m", "ziglang", "cc"]} | ({"gcc": ["gcc"]} if shutil.which("gcc") else {})
+
+Evaluate = Callable[[np.ndarray], np.ndarray]
+
+
+class Workshop:
+    """One compiler and a folder to work in."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        self.name = name
+        self._folder = folder
+        self._numbers = count()
+
+    def library(self, text: str, *flags: str) -> Path:
+        source = self._folder / f"source{next(self._numbers)}.c"
+        source.write_text(text, encoding="utf-8")
+        target = source.with_suffix(".so")
+        folders = ["-I", str(source_folder()), "-I", str(header_folder())]
+        command = [*COMPILERS[self.name], *FLAGS, *flags, *folders, str(source), "-o", str(target), "-lm"]
+        run = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert run.returncode == 0, run.stderr
+        return target
+
+    def evaluator(self, function: Function, real: Real = DOUBLE, *flags: str) -> Evaluate:
+        """Rows of arguments -> rows of results, by compiled C."""
+        n, m = function.n_in(), function.n_out()
+        written = kernel(function, [f"given[{i}]" for i in range(n)], [f"result[{i}]" for i in range(m)], real=real)
+        text = "\n".join(
+            [
+                "#include <math.h>",
+                f"void sample(const {real.name} *given, {real.name} *result);",
+                f"void sample(const {real.name} *given, {real.name} *result)",
+                "{",
+                *written.lines,
+                "}",
+                '__attribute__((visibility("default")))',
+                f"void run(int n, const {real.name} *given, {real.name} *result);",
+                f"void run(int n, const {real.name} *given, {real.name} *result)",
+                "{",
+                f"for (int i = 0; i < n; i++) sample(given + {n} * i, result + {m} * i);",
+                "}",
+                "",
+            ]
+        )
+        run = ctypes.CDLL(str(self.library(text, *flags))).run
+        kind = np.float64 if real is DOUBLE else np.float32
+        pointer = np.ctypeslib.ndpointer(kind, 2, flags="C_CONTIGUOUS")
+        run.argtypes = (ctypes.c_int, pointer, pointer)
+        run.restype = None
+
+        def evaluate(rows: np.ndarray) -> np.ndarray:
+            results = np.full((len(rows), m), np.nan, kind)
+            run(len(rows), np.ascontiguousarray(rows, kind), results)
+            return results
+
+        return evaluate
+
+
+@pytest.fixture(scope="session", params=COMPILERS)
+def workshop(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Workshop:
+    return Workshop(request.param, tmp_path_factory.mktemp(request.param))
+
+
+def by_casadi(function: Function, rows: np.ndarray) -> np.ndarray:
+    """Rows of arguments -> rows of results, by casadi."""
+    buffer, evaluate = function.buffer()
+    given = np.zeros(function.n_in())
+    result = np.zeros(function.n_out())
+    for i in range(function.n_in()):
+        buffer.set_arg(i, memoryview(given[i : i + 1]))
+    for i in range(function.n_out()):
+        buffer.set_res(i, memoryview(result[i : i + 1]))
+    results = np.empty((len(rows), function.n_out()))
+    for row, target in zip(rows, results, strict=True):
+        given[:] = row
+        evaluate()
+        target[:] = result
+    return results
+
+
+@pytest.fixture(scope="session", name="by_casadi")
+def by_casadi_fixture() -> Callable[[Function, np.ndarray], np.ndarray]:
+    return by_casadi
+
+
+def different_bits(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Where two arrays differ, -0.0 from 0.0 included, every NaN being equal."""
+    return (np.ascontiguousarray(a).view(np.int64) != np.ascontiguousarray(b).view(np.int64)) & ~(
+        np.isnan(a) & np.isnan(b)
+    )
+
+
+@pytest.fixture(scope="session", name="different_bits")
+def different_bits_fixture() -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    return different_bits

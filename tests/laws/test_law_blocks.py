@@ -1,0 +1,117 @@
+"""Every law as a block of block.h: it compiles, and its sample is casadi's."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+import pytest
+
+from friction_fmus.catalogue import laws_folder
+from friction_fmus.describe import describe
+from friction_fmus.law import BOOLEANS, Kind, Law
+from friction_fmus.law_block import block_source
+from friction_fmus.law_files import discover_laws
+from friction_fmus.units import base_unit
+
+LAWS = discover_laws(laws_folder())
+VECTOR_LAW = '''
+from casadi import SX, dot, if_else
+from friction_fmus.law import *
+
+@law("Elements", 'Sum of "elements" \\\\ why??)', source="none", Ts=1e-3, outputs={"u": Output(FORCE, "sum")})
+def elements(
+    x: SX = Input(LENGTH, 0.5, "displacement"),
+    on: SX = Command(True, "on"),
+    k: SX = Parameter(STIFFNESS, (5e4, 3e4, 0.1), "stiffness of the elements", min=0.0),
+    z: SX = State(LENGTH, 0.0, "memory"),
+    w: SX = State(LENGTH, 1.0, "memory of the memory"),
+    m: SX = Parameter(MASS, 1.0, "a name that C code likes to use"),
+    t1: SX = Parameter(TIME, 1.0, "a name that the emitter likes to use"),
+    Ts: SX = SampleTime(),
+) -> dict[str, SX]:
+    """Elements /* in a comment */ of a ??/ C file.
+
+        u = k1 x + k2 x + k3 x
+
+    That is all.
+    """
+    return {"u": on * (k[0] * x + k[1] * z + k[2] * w) + m * t1 * Ts, "z": w, "w": z}
+'''
+
+
+def check(law: Law, workshop, different_bits) -> None:
+    """At random points: the block's values after a sample are what casadi makes of the same point."""
+    library = workshop.library(block_source(law))
+    reference = {variable.name: variable.reference for variable in describe(library).variables}
+    evaluate = ctypes.CDLL(str(library)).block_evaluate
+    evaluate.restype = None
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        values = np.zeros(max(reference.values()) + 1)
+        arguments = []
+        for variable in law.given:
+            for i, start in enumerate(variable.starts):
+                boolean = variable.kind in BOOLEANS
+                value = (
+                    float(rng.integers(0, 2)) if boolean else start + (abs(start) or variable.nominal) * rng.normal()
+                )
+                arguments.append(min(max(value, variable.min), variable.max))
+                name = f"{variable.name}[{i + 1}]" if variable.kind is Kind.VECTOR else variable.name
+                values[reference[name]] = arguments[-1]
+        evaluate(values.ctypes.data_as(ctypes.POINTER(ctypes.c_double)), 0)
+        found = values[[reference[variable.name] for variable in law.results]]
+        expected = np.array([float(value) for value in law.function.call(arguments)])
+        assert not different_bits(found, expected).any()
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_the_blocks_sample_is_casadis(law, workshop, different_bits):
+    check(law, workshop, different_bits)
+
+
+def test_vectors_swapped_states_and_awkward_texts(workshop, different_bits, tmp_path):
+    path = tmp_path / "elements.py"
+    path.write_text(VECTOR_LAW, encoding="utf-8")
+    (law,) = discover_laws(path)
+    check(law, workshop, different_bits)
+    rows = {variable.name: variable for variable in describe(workshop.library(block_source(law))).variables}
+    assert [rows[f"k[{i}]"].start for i in (1, 2, 3)] == [5e4, 3e4, 0.1]
+    assert law.evaluate({"k": (1.0, 2.0, 3.0), "x": 1.0, "z": 10.0, "w": 100.0}) == {
+        "u": 321.001,
+        "z": 100.0,
+        "w": 10.0,
+    }
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_the_table_says_what_the_law_says(law, workshop):
+    rows = describe(workshop.library(block_source(law))).variables[1:]
+    assert [row.name for row in rows] == [variable.name for variable in law.variables]
+    for row, variable in zip(rows, law.variables, strict=True):
+        assert (row.unit, row.text, row.start) == (str(variable.unit), variable.text, variable.start)
+        if variable.kind in (Kind.PARAMETER, Kind.SAMPLE_TIME):
+            assert (row.min, row.max) == (variable.min, variable.max)
+        if row.unit:
+            base_unit(row.unit)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_the_rotational_twin_has_its_own_units(law, workshop):
+    rows = describe(workshop.library(block_source(law), "-DROTATIONAL")).variables[1:]
+    units = {row.name: row.unit for row in rows}
+    twin = {"u": "N.m", "r": "rad", "rd": "rad/s", "Kp": "N.m/rad", "Ki": "N.m/(rad.s)", "m": "kg.m2", "kp": "1/s"}
+    shared = twin.keys() & units.keys()
+    assert {name: units[name] for name in shared} == {name: twin[name] for name in shared}
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_everything_the_law_reads_matters(law):
+    used = {name for variable in law.results for name in law.dependencies(variable.name)}
+    assert {variable.name for variable in law.given} - used <= {"Ts"}
+
+
+def test_dependencies_see_through_decisions():
+    law = next(law for law in LAWS if law.name == "PID")
+    assert law.dependencies("u_sat") == tuple(v.name for v in law.given if v.name != "Ts")
+    assert {"Kp", "reset", "Ts", "u_max"} <= set(law.dependencies("integral"))

@@ -1,0 +1,174 @@
+"""Reading law files: what is understood, and what is said about a bad one."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from friction_fmus.catalogue import find
+from friction_fmus.errors import FrictionError
+from friction_fmus.law import DAMPING, FORCE, LENGTH, Kind, Unit
+from friction_fmus.law_files import discover_laws
+
+GOOD = '''
+from casadi import SX
+from friction_fmus.law import *
+
+@law("P", "Proportional controller", source="textbook", Ts=1e-3, outputs={"u": Output(FORCE, "control force")})
+def p(
+    r: SX = Input(LENGTH, 0.0, "reference"),
+    x: SX = Input(LENGTH, 0.0, "position"),
+    last: SX = State(LENGTH, 0.0, "error of the last sample"),
+    Kp: SX = Parameter(STIFFNESS, 10.0, "gain", min=0.0),
+) -> dict[str, SX]:
+    """Proportional control."""
+    return {"u": Kp * (r - x) + last, "last": r - x}
+'''
+
+
+def load(folder: Path, text: str, name: str = "p.py"):
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return discover_laws(path)
+
+
+def test_a_file_outside_the_package(tmp_path):
+    (law,) = load(tmp_path, GOOD)
+    assert (law.name, law.summary, law.source) == ("P", "Proportional controller", "textbook")
+    assert law.documentation == "Proportional control."
+    assert [variable.name for variable in law.variables] == ["r", "x", "u", "last", "Kp", "Ts"]
+    assert law.function.name_in() == ["r", "x", "last", "Kp", "Ts"]
+    assert law.function.name_out() == ["u", "last_next"]
+    assert law.evaluate({"r": 2.0, "last": 0.5}) == {"u": 20.5, "last": 2.0}
+    assert [variable.kind for variable in law.select(Kind.STATE)] == [Kind.STATE]
+    assert list(tmp_path.iterdir()) == [tmp_path / "p.py"]
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        law.name = "Q"
+
+
+def test_a_users_file_is_a_model(tmp_path):
+    (tmp_path / "p.py").write_text(GOOD, encoding="utf-8")
+    block = find(tmp_path / "p.py")
+    assert (block.name, block.kind) == ("P", "law")
+    assert "#define SAMPLED" in block.code
+
+
+def test_a_folder_is_read_in_the_order_of_names(tmp_path):
+    (tmp_path / "_shared.py").write_text("raise RuntimeError", encoding="utf-8")
+    (tmp_path / "b.py").write_text(GOOD.replace('"P"', '"B"'), encoding="utf-8")
+    (tmp_path / "a.py").write_text(GOOD.replace('"P"', '"A"'), encoding="utf-8")
+    assert [law.name for law in discover_laws(tmp_path)] == ["A", "B"]
+
+
+def test_two_laws_of_one_name(tmp_path):
+    (tmp_path / "a.py").write_text(GOOD, encoding="utf-8")
+    (tmp_path / "b.py").write_text(GOOD, encoding="utf-8")
+    with pytest.raises(FrictionError, match=r"^Two laws are called P: in a\.py and in b\.py$"):
+        discover_laws(tmp_path)
+
+
+def test_units_join_like_c_literals():
+    unit = FORCE + "/(" + LENGTH + ".s)"
+    assert (unit, unit.c) == ("N/(m.s)", 'FORCE "/(" LENGTH ".s)"')
+    assert ("1/" + DAMPING).c == '"1/" DAMPING'
+    assert Unit("rad/s").c == '"rad/s"'
+
+
+def test_values_of_unknown_variables_are_refused(tmp_path):
+    (law,) = load(tmp_path, GOOD)
+    with pytest.raises(FrictionError, match="P reads no variable 'kp'; did you mean Kp"):
+        law.evaluate({"kp": 1.0})
+    with pytest.raises(FrictionError, match="Kp takes 1 numbers, not 2"):
+        law.evaluate({"Kp": (1.0, 2.0)})
+
+
+BAD = {
+    "a next value is missing": (', "last": r - x}', "}", "does not return a next value of the state last"),
+    "an output is missing": ('"u": Kp * (r - x) + last, ', "", "does not return the output u"),
+    "an unknown result": ('"u": Kp', '"U": Kp', "'U', which is neither a declared output nor a state; did you mean u"),
+    "not a dict": ('{"u": Kp * (r - x) + last, "last": r - x}', "Kp", "returns a SX; return a dict"),
+    "a vector as result": (
+        '"last": r - x',
+        '"last": SX.ones(2) * r',
+        "last has the shape (2, 1), a result is one number",
+    ),
+    "text as result": ('"last": r - x', '"last": "r"', "last is a str, not an SX expression"),
+    "a foreign symbol": ('"last": r - x', '"last": SX.sym("q")', "uses the symbols q, which are not its variables"),
+    "an if": ("    return", "    if r > 0: pass\n    return", "write a decision as if_else(...)"),
+    "a mistake": ("    return", "    1 / 0\n    return", "its equations raise ZeroDivisionError"),
+    "a C keyword": ("Kp", "double", "the variable double is a name of C; choose another"),
+    "a Bessel function": ("Kp", "y0", "the variable y0 is a name of <math.h>; choose another"),
+    "gamma": ("Kp", "gamma", "the variable gamma is a name of <math.h>"),
+    "a Windows name": ("Kp", "near", "the variable near is a name of Windows"),
+    "a macro": ("Kp", "INF", "the variable INF is a name of block.h"),
+    "an underscore first": ("Kp", "_K", "must be letters, digits and single underscores"),
+    "no default": ('r: SX = Input(LENGTH, 0.0, "reference")', "r: SX", "the argument r needs one of Input(...)"),
+    "a plain default": (
+        'Parameter(STIFFNESS, 10.0, "gain", min=0.0)',
+        "10.0",
+        "the argument Kp needs one of Input(...)",
+    ),
+    "Output as argument": (
+        'Parameter(STIFFNESS, 10.0, "gain", min=0.0)',
+        'Output("N", "gain")',
+        "the argument Kp needs one of",
+    ),
+    "start out of range": ("min=0.0", "min=20.0", "the start value 10.0 of Kp lies outside [20, inf]"),
+    "start not finite": ("STIFFNESS, 10.0", 'STIFFNESS, float("inf")', "the start value of Kp must be finite"),
+    "an empty vector": ("STIFFNESS, 10.0", "STIFFNESS, ()", "the start value of Kp must be finite, not ()"),
+    "nominal": (
+        '"error of the last sample"',
+        '"error of the last sample", nominal=0.0',
+        "the nominal value of last must be positive",
+    ),
+    "no description": ('"gain"', '""', "the description of Kp must be one line of text"),
+    "two lines": ('"gain"', '"gain\\n"', "the description of Kp must be one line of text"),
+    "no docstring": ('"""Proportional control."""', "", "needs a docstring"),
+    "no source": ('source="textbook"', 'source=""', "the source must be one line"),
+    "a bad name": ('"P"', '"P-I"', "the name 'P-I' must be letters"),
+    "a bad sample time": ("Ts=1e-3", "Ts=0.0", "the sample time Ts = 0.0 must be positive"),
+    "no output": ('{"u": Output(FORCE, "control force")}', "{}", "has no output"),
+    "output and input of one name": ('{"u"', '{"r": Output(FORCE, "r"), "u"', "the name r is declared twice"),
+    "a vector's element": (
+        "Kp: SX",
+        'k_1: SX = Switch(True, "a"), k: SX = Parameter("1", (1.0,), "b"), Kp: SX',
+        "the name k_1 is declared twice",
+    ),
+    "a next value's name": (
+        "Kp: SX",
+        'last_next: SX = Switch(True, "a"), Kp: SX',
+        "last_next is the next value of the state last",
+    ),
+    "Ts as parameter": (
+        "Kp: SX",
+        'Ts: SX = Switch(True, "a"), Kp: SX',
+        "the argument Ts, and no other, is declared by SampleTime()",
+    ),
+    "another sample time": (
+        "Kp: SX",
+        "T: SX = SampleTime(), Kp: SX",
+        "the argument Ts, and no other, is declared by SampleTime(), not T",
+    ),
+    "a syntax error": ("return", "retrun", "p.py cannot be loaded: SyntaxError"),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "message"), BAD.values(), ids=BAD)
+def test_bad_files_get_one_sentence(old, new, message, tmp_path):
+    assert old in GOOD
+    with pytest.raises(FrictionError) as caught:
+        load(tmp_path, GOOD.replace(old, new))
+    text = str(caught.value)
+    assert message in text
+    assert text.startswith("p.py")
+    assert "\n" not in text
+
+
+def test_missing_and_foreign_files(tmp_path):
+    with pytest.raises(FrictionError, match="There is no law file or folder"):
+        discover_laws(tmp_path / "nothing.py")
+    (tmp_path / "law.txt").write_text(GOOD, encoding="utf-8")
+    with pytest.raises(FrictionError, match="is not a Python file"):
+        discover_laws(tmp_path / "law.txt")

@@ -1,0 +1,158 @@
+"""The command line, run as a user runs it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from friction_fmus.__main__ import main, parser
+
+ROOT = Path(__file__).parent.parent
+STICK_SLIP = ROOT / "examples" / "stick_slip.toml"
+
+
+def fails(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """Status 2, nothing on stdout; the one sentence on stderr."""
+    assert main([str(argument) for argument in arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("friction-fmus: ")
+    assert captured.err.count("\n") == 1
+    return captured.err
+
+
+def test_module_and_script_are_the_same_program() -> None:
+    for command in ([sys.executable, "-m", "friction_fmus"], [str(Path(sys.executable).parent / "friction-fmus")]):
+        run = subprocess.run([*command, "--version"], capture_output=True, text=True, check=True)
+        assert run.stdout.startswith("friction-fmus ")
+
+
+def test_list_json_names_kind_summary_and_source_of_every_block(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "--json"]) == 0
+    entries = json.loads(capsys.readouterr().out)
+    assert {"LuGre", "Stribeck", "Mass", "PID", "CascadePPI", "StaticFeedforward"} <= {e["name"] for e in entries}
+    for entry in entries:
+        assert set(entry) == {"name", "kind", "summary", "source"}
+        assert entry["kind"] in {"friction", "plant", "law", "controller", "signal"}
+        assert entry["summary"]
+        assert entry["source"]
+
+
+def test_list_shows_every_block(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"]) == 0
+    assert "LuGre" in capsys.readouterr().out
+
+
+def test_show_has_equations_units_and_source(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show", "LuGre"]) == 0
+    out = capsys.readouterr().out
+    for text in ("g(v)", "sigma0", "N.s/m", "1995", "bristle stiffness", "Limits"):
+        assert text in out
+
+
+def test_build_burns_start_values_into_xml_and_source(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["build", "LuGre", "-o", str(tmp_path), "--set", "Fc=2.25", "--set", "asymmetric=true"]
+    assert main([*arguments, "--name", "MyContact"]) == 0
+    path = tmp_path / "MyContact.fmu"
+    assert capsys.readouterr().out.split() == [str(path)]
+    assert main(["check", str(path)]) == 0
+    with zipfile.ZipFile(path) as archive:
+        xml = archive.read("modelDescription.xml").decode()
+        assert 'modelIdentifier="MyContact"' in xml
+        assert 'start="2.25"' in xml
+        assert "2.25," in archive.read("sources/MyContact.c").decode()
+
+
+def test_run_writes_csv_parquet_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    csv, parquet, picture = tmp_path / "a.csv", tmp_path / "a.parquet", tmp_path / "a.png"
+    common = ["run", str(STICK_SLIP), "--stop", "0.1", "-o"]
+    assert main([*common, str(csv), "--plot", str(picture)]) == 0
+    assert main([*common, str(parquet), "--master", "gauss-seidel", "--step", "1e-3"]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    frame = pd.read_csv(csv)
+    assert list(frame.columns) == ["time [s]", "mass.x [m]", "mass.v [m/s]", "friction.F [N]"]
+    assert len(frame) == 101
+    assert (pd.read_parquet(parquet).to_numpy() == frame.to_numpy()).all()
+    assert capsys.readouterr().err == ""  # no bar where the output is no terminal
+
+
+def test_unknown_model_suggests_the_nearest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "did you mean LuGre?" in fails(capsys, "build", "lugree", "-o", tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_unknown_variable_suggests_the_nearest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "did you mean sigma" in fails(capsys, "build", "LuGre", "-o", tmp_path / "new", "--set", "sigma=1")
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("value", ["Fc=-1", "Fc=nan", "Fc=inf", "Fc", "Fc=two"])
+def test_bad_start_value_is_refused(value: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fails(capsys, "build", "LuGre", "-o", tmp_path / "new", "--set", value)
+    assert not (tmp_path / "new").exists()
+
+
+def test_name_that_is_no_identifier_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "3 bad" in fails(capsys, "build", "LuGre", "-o", tmp_path, "--name", "3 bad")
+
+
+def test_build_needs_names_or_all(capsys: pytest.CaptureFixture[str]) -> None:
+    fails(capsys, "build")
+    fails(capsys, "build", "LuGre", "--all")
+    fails(capsys, "build", "LuGre", "Mass", "--set", "Fc=1")
+
+
+@pytest.mark.parametrize(
+    "options", [("--step", "0"), ("--step", "-1"), ("--stop", "nan"), ("--master", "newtonn")], ids=" ".join
+)
+def test_bad_run_options_leave_no_file(
+    options: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fails(capsys, "run", STICK_SLIP, "-o", tmp_path / "a.csv", *options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_missing_system_file_and_unknown_formats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "nowhere.toml" in fails(capsys, "run", tmp_path / "nowhere.toml", "-o", tmp_path / "a.csv")
+    assert ".parquet" in fails(capsys, "run", STICK_SLIP, "-o", tmp_path / "a.xls")
+    assert ".png" in fails(capsys, "run", STICK_SLIP, "-o", tmp_path / "a.csv", "--plot", tmp_path / "a.doc")
+
+
+def test_check_names_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    no_zip, sneaky = tmp_path / "text.fmu", tmp_path / "sneaky.fmu"
+    no_zip.write_text("this is no archive")
+    with zipfile.ZipFile(sneaky, "w") as archive:
+        archive.writestr("../evil", "x")
+    for path, text in ((no_zip, "not a zip"), (sneaky, "../evil"), (tmp_path / "none.fmu", "no such file")):
+        assert main(["check", str(path)]) == 1
+        assert text in capsys.readouterr().out
+    assert not (tmp_path.parent / "evil").exists()
+
+
+def test_debug_shows_the_traceback(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "friction_fmus", "--debug", "build", "lugree", "-o", str(tmp_path)]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode != 0
+    assert "Traceback" in run.stderr
+
+
+def test_a_compiler_that_does_not_run_is_named(tmp_path: Path) -> None:
+    environment = os.environ | {"CC": "no-such-compiler", "FRICTION_FMUS_CACHE": str(tmp_path / "cache")}
+    command = [sys.executable, "-m", "friction_fmus", "build", "LuGre", "-o", str(tmp_path / "out")]
+    run = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert run.returncode == 2
+    assert "no-such-compiler" in run.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_help_of_every_command_says_what_it_does() -> None:
+    text = parser().format_help()
+    for name in ("list", "show", "build", "check", "run", "study"):
+        assert f"    {name} " in text

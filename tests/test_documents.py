@@ -1,0 +1,112 @@
+"""README and the pages tell the truth: their commands and programs are run, their links lead somewhere."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import fmpy
+import pytest
+
+from friction_fmus.catalogue import catalogue
+from friction_fmus.package import build
+from harness import System
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+ADDING = ROOT / "docs" / "adding-a-model.md"
+
+
+def blocks(page: Path, mark: str) -> list[str]:
+    """The code blocks of a page that stand below ``<!-- mark -->``."""
+    pattern = rf"<!-- {mark} -->\n```\w+\n(.*?)^```$"
+    return re.findall(pattern, page.read_text(encoding="utf-8"), re.S | re.M)
+
+
+def run(command: str, folder: Path) -> str:
+    """One command line of a page, with the programs of this environment."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    result = subprocess.run(
+        shlex.split(command), cwd=folder, env=os.environ | {"PATH": path}, capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, f"{command}: {result.stderr}"
+    return result.stdout
+
+
+def write_files(folder: Path) -> None:
+    """The files that docs/adding-a-model.md tells the reader to write."""
+    for name in ("SmoothCoulomb.c", "viscous_feedforward.py"):
+        (text,) = blocks(ADDING, f"file: {name}")
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+def test_commands_of_the_readme_work(tmp_path: Path) -> None:
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    (commands,) = blocks(ROOT / "README.md", "commands")
+    for command in commands.splitlines():
+        run(command, tmp_path)
+    assert (tmp_path / "fmus" / "MyAxis.fmu").is_file()
+    assert (tmp_path / "stick_slip.png").is_file()
+
+
+def test_python_of_the_readme_gives_the_published_stick_slip(tmp_path: Path) -> None:
+    (program,) = blocks(ROOT / "README.md", "python")
+    result = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    unit, position = result.stdout.split()
+    assert unit == "m"
+    # x(20 s) = 1.272596 m (benchmark B5), and one slip of 2 x (1.507988 - 0.741239) N / (2 N/m) more
+    assert float(position) == pytest.approx(1.272596 + 0.63627, abs=2e-3)
+
+
+def test_system_shown_in_the_readme_is_the_example(tmp_path: Path) -> None:
+    (shown,) = re.findall(r"```toml\n(.*?)^```$", (ROOT / "README.md").read_text(encoding="utf-8"), re.S | re.M)
+    (tmp_path / "shown.toml").write_text(shown, encoding="utf-8")
+
+    def find(name: str) -> Path:
+        return build(name, tmp_path)
+
+    with (
+        System.from_toml(tmp_path / "shown.toml", find) as a,
+        System.from_toml(ROOT / "examples" / "stick_slip.toml", find) as b,
+    ):
+        assert (a.wires, a.start) == (b.wires, b.start)
+        assert (a.experiment.stop, a.experiment.step) == (b.experiment.stop, b.experiment.step)
+
+
+def test_a_new_friction_model_is_one_file(tmp_path: Path) -> None:
+    write_files(tmp_path)
+    for command in re.findall(r"^friction-fmus .*$", ADDING.read_text(encoding="utf-8"), re.M):
+        run(command, tmp_path)
+    result = fmpy.simulate_fmu(
+        str(tmp_path / "fmus" / "SmoothCoulomb.fmu"), start_values={"v": 1.0}, stop_time=1.0, step_size=1e-2
+    )
+    # Fc = 2.5 N was set; tanh(1/1e-3) = 1 and the lag of 10 ms is over: F = Fc + Fv v
+    assert result["F"][-1] == pytest.approx(2.5 + 0.4, rel=1e-9)
+    law = fmpy.simulate_fmu(
+        str(tmp_path / "fmus" / "ViscousFeedforward.fmu"), start_values={"rd": 2.0, "rdd": 3.0}, stop_time=0.01
+    )
+    assert law["u"][-1] == 1.0 * 3.0 + 0.4 * 2.0
+
+
+def test_rows_named_in_the_guide_are_those_of_block_h() -> None:
+    header = (ROOT / "fmu_src" / "block.h").read_text(encoding="utf-8")
+    kinds = set(re.findall(r"^#define (\w+)\(name, [^)]*\)\s+(?:SCALAR|VECTOR|DYNAMIC)\(", header, re.M))
+    guide = ADDING.read_text(encoding="utf-8")
+    assert kinds
+    assert [kind for kind in sorted(kinds) if f"`{kind}`" not in guide] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", page.read_text(encoding="utf-8")):
+        assert (page.parent / target).exists(), target
+
+
+def test_changelog_names_every_block() -> None:
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert [name for name in catalogue() if f"`{name}`" not in text] == []
