@@ -12,6 +12,7 @@
    A block may also define
      MEMORY     a struct without pointers, reached as m->memory, part of the FMU state
      STEPS_BY   the name of its own exact step `static bool f(Model *m, double h)` in place of `integrate`
+     CONTENT    an array of data that belongs to the identity of the FMU
      SAMPLED    `sample(Model *m)` is called at start + k Ts; the table then has FIXED(Ts, ...)          */
 
 #ifndef BLOCK_H

@@ -36,14 +36,13 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2String guid, f
 {
     (void)resources;
     (void)visible;
-    char expected[GUID_LENGTH + 1];
-    write_guid(expected);
     const bool named = name && name[0];
-    Instance *const c = (Instance *)calloc(1, sizeof(Instance) + (named ? strlen(name) : 0));
+    Instance *const c = (Instance *)calloc(1, sizeof(Instance) + (named ? strlen(name) : 0) + 1);
     if (!c)
         return NULL;
     if (named)
         strcpy(c->name, name);
+    write_guid(c->guid);
     c->logger = functions ? functions->logger : NULL;
     c->environment = functions ? functions->componentEnvironment : NULL;
     c->logging = LOG_EVERYTHING;
@@ -53,7 +52,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2String guid, f
         fault = "the instance name is empty";
     else if (kind != fmi2CoSimulation)
         fault = "this FMU is for co-simulation only";
-    else if (!guid || strcmp(guid, expected) != 0)
+    else if (!guid || strcmp(guid, c->guid) != 0)
         fault = "the GUID is not that of this binary: modelDescription.xml and library do not belong together";
     if (fault) {
         report(c, fmi2Error, LOG_ERROR, "fmi2Instantiate of %s: %s", QUOTE(MODEL), fault);

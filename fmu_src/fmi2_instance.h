@@ -44,6 +44,8 @@ static const char *const categories[] = {"logStatusWarning", "logStatusDiscard",
                                          "logAll"};
 enum { LOG_WARNING = 1, LOG_DISCARD = 2, LOG_ERROR = 4, LOG_EVENTS = 8, LOG_EVERYTHING = 16, LOG_CATEGORIES = 5 };
 
+enum { GUID_LENGTH = 38 }; /* {8-4-4-4-12} */
+
 typedef struct {
     Model model;               /* all that a saved state holds */
     Model backup;              /* the start of the step        */
@@ -53,7 +55,8 @@ typedef struct {
     fmi2CallbackLogger logger;
     fmi2ComponentEnvironment environment;
     int logging;
-    char name[1]; /* of the instance, allocated to fit */
+    char guid[GUID_LENGTH + 2];
+    char name[]; /* of the instance */
 } Instance;
 
 /* Sends a message; every % is doubled because importers use the text as a format. */

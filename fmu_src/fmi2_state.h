@@ -5,8 +5,6 @@
 
 /* ---- identity ----------------------------------------------------------------------------------------------- */
 
-enum { GUID_LENGTH = 38 };
-
 /* FNV-1a, 64 bit. */
 static uint64_t mix(uint64_t hash, const void *data, size_t size)
 {
@@ -30,10 +28,13 @@ static uint64_t fingerprint(uint64_t hash)
             hash = isnan(numbers[k]) ? mix_text(hash, "none") : mix(hash, &numbers[k], sizeof numbers[k]);
         hash = mix(hash, row->starts, row->length * sizeof(double));
     }
+#ifdef CONTENT
+    hash = mix(hash, CONTENT, sizeof CONTENT);
+#endif
     return hash;
 }
 
-/* {8-4-4-4-12}: the hash of all rows, so that XML and code cannot disagree. */
+/* {8-4-4-4-12}: the hash of all rows and of the block's CONTENT, so that XML and code cannot disagree. */
 static void write_guid(char *text)
 {
     char digits[33];
@@ -57,22 +58,20 @@ static void save(const Instance *c, Saved *saved)
 {
     memset(saved, 0, offsetof(Saved, model));
     memcpy(saved->magic, "friction", 8);
-    write_guid(saved->guid);
+    memcpy(saved->guid, c->guid, sizeof c->guid);
     saved->byte_order = 0x01020304;
     saved->size = sizeof(Saved);
     memcpy(&saved->model, &c->model, sizeof c->model); /* with its padding, for equal bytes */
     saved->checksum = mix(UINT64_C(14695981039346656037), &saved->model, sizeof saved->model);
 }
 
-static const char *fault_of(const Saved *saved)
+static const char *fault_of(const Instance *c, const Saved *saved)
 {
-    char guid[GUID_LENGTH + 1];
-    write_guid(guid);
     if (memcmp(saved->magic, "friction", 8) != 0)
         return "it is not a state of such an FMU";
     if (saved->byte_order != 0x01020304)
         return "it was written on a machine of the other byte order";
-    if (strncmp(saved->guid, guid, sizeof guid) != 0 || saved->size != sizeof(Saved))
+    if (memcmp(saved->guid, c->guid, sizeof c->guid) != 0 || saved->size != sizeof(Saved))
         return "it belongs to another FMU or version";
     if (saved->checksum != mix(UINT64_C(14695981039346656037), &saved->model, sizeof saved->model))
         return "it is damaged";
@@ -94,7 +93,7 @@ fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state)
 {
     ENTER("SetFMUstate", MAY_FMUstate)
     REQUIRE(state, "fmi2SetFMUstate: the state is a null pointer")
-    const char *const fault = fault_of((const Saved *)state);
+    const char *const fault = fault_of(c, (const Saved *)state);
     REQUIRE(!fault, "fmi2SetFMUstate: the state cannot be used: %s", fault)
     c->model = ((const Saved *)state)->model;
     return fmi2OK;
@@ -137,7 +136,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
     Saved *const read = (Saved *)calloc(1, sizeof(Saved));
     REQUIRE(read, "fmi2DeSerializeFMUstate: out of memory")
     memcpy(read, bytes, sizeof(Saved));
-    const char *const fault = fault_of(read);
+    const char *const fault = fault_of(c, read);
     if (fault) {
         free(read);
         return report(c, fmi2Error, LOG_ERROR, "fmi2DeSerializeFMUstate: the bytes cannot be used: %s", fault);
@@ -303,13 +302,15 @@ PACKAGER_EXPORT const Row *block_rows(size_t *count, size_t *values, int *sample
     return rows;
 }
 
-/* Evaluates the block at `values`, by value reference, for the dependency probe. */
+/* Evaluates the block at `values`, by value reference, for the dependency probe; a sampled block at its first sample
+   (initializing) or at a later one. */
 PACKAGER_EXPORT void block_evaluate(double *values, int initializing)
 {
     Model m;
     memset(&m, 0, sizeof m);
     memcpy(&m, values, VALUES * sizeof(double));
     m.run.mode = initializing ? INITIALIZING : STEP_COMPLETE;
+    m.run.tick = initializing ? 0 : 1;
     evaluate(&m);
     memcpy(values, &m, VALUES * sizeof(double));
 }

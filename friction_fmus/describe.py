@@ -161,7 +161,10 @@ class _Probe:
             values = self._point(plain=point == 0)
             base = self._run(values, initial)
             for known in knowns:
-                for poison in (math.nan, self._moved(known, values[known.reference])):
+                poisons = [self._moved(known, values[known.reference])]
+                if known.type == REAL:
+                    poisons.append(math.nan)
+                for poison in poisons:
                     changed = list(values)
                     changed[known.reference] = poison
                     after = self._run(changed, initial)
