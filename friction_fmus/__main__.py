@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import os
 import sys
 import textwrap
 from collections.abc import Callable, Sequence
@@ -161,10 +162,10 @@ def run_system(options: argparse.Namespace) -> None:
 
 def study(options: argparse.Namespace) -> None:
     """The study of a measured axis."""
-    from friction_fmus.study import run_study, summary_table
+    from friction_fmus.study import StudySettings, run_study, summary_table
 
     with progress_bar() as bar:
-        summary = run_study(options.output, _Bar(bar, "study"))
+        summary = run_study(options.output, _Bar(bar, "study"), StudySettings(workers=min(2, os.cpu_count() or 1)))
     console.print(summary_table(summary))
     console.print(f"Report: {options.output / 'report.html'}", highlight=False, soft_wrap=True)
 

@@ -9,7 +9,7 @@
        v[k]      = v[k-1] + (1 - exp(-Ts/tau)) (d[k] - v[k-1]),   v[k] = d[k] if tau = 0
 
    The low-pass is the exact step of tau dv/dt = d - v for a d that is held from sample k-1 to k, the time that d[k]
-   is about. Before the first sample x is taken to have rested at its value, so v starts with 0.
+   is about. Before the first sample x is taken to have moved at v0, so v starts with v0.
 
    Limits: v lags by n Ts/2 + tau (a ramp is followed exactly after n samples, or once the low-pass has settled),
    x_mean by (n - 1) Ts/2; with a quantised x, v has steps of quantum / (n Ts). */
@@ -25,6 +25,7 @@
     OUTPUT   (x_mean, LENGTH,                   "moving average of the position")                       \
     FIXED    (Ts,     TIME,   1e-3, 1e-9, INF,  "sample time")                                          \
     COUNT    (window, 2,      1,    LONGEST,    "samples that are averaged")                            \
+    FIXED    (v0,     VELOCITY, 0.0, -INF, INF, "velocity before the first sample")                     \
     PARAMETER(tau,    TIME,   0.0,  0.0,  INF,  "time constant of the low-pass, 0: none")
 /* clang-format on */
 
@@ -46,11 +47,11 @@ static void sample(Model *m)
     double *const ring = m->memory.x;
     const size_t n = (size_t)clip(window, 1.0, LONGEST);
 
-    /* as if x had rested before the first sample */
+    /* as if x had moved at v0 before the first sample */
     if (m->run.tick == 0) {
-        for (size_t i = 0; i < n; i++)
-            ring[i] = x;
-        m->memory.v = 0.0;
+        for (size_t i = 1; i <= n; i++)
+            ring[n - i] = x - (double)i * v0 * Ts;
+        m->memory.v = v0;
     }
     /* x[k] takes the place of x[k-n] */
     double *const place = &ring[(size_t)m->run.tick % n];

@@ -1,0 +1,108 @@
+"""The EMPS benchmark: a linear axis in closed loop (Janot, Gautier, Brunot 2019)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import scipy.io
+
+from friction_fmus.identification.errors import RecordError
+from friction_fmus.identification.record import AxisRecord
+
+#: Published identification: parameter -> value, in kg, N.s/m, N, N (Janot, Gautier, Brunot 2019).
+EMPS_PUBLISHED: Mapping[str, float] = MappingProxyType({"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "OF": -3.1648})
+
+CITATION = (
+    "A. Janot, M. Gautier, M. Brunot: Data Set and Reference Models of EMPS. "
+    "2019 Workshop on Nonlinear System Identification Benchmarks, Eindhoven. nonlinearbenchmark.org"
+)
+
+
+@dataclass(frozen=True)
+class ServoSettings:
+    """The servo an axis was recorded with: u = sat(kv (kp (r - x) - v)).
+
+    Attributes
+    ----------
+    kp : float
+        Position gain [1/s].
+    kv : float
+        Velocity gain, drive gain included [N.s/m].
+    force_limit : float
+        Largest force of either sign [N].
+    Ts : float
+        Sampling period [s].
+    window : int
+        The velocity is (x[k] - x[k - window]) / (window Ts).
+    quantum : float
+        Grid of the position measurement [m].
+    drive_gain : float
+        Force per controller output [N/V].
+    """
+
+    kp: float
+    kv: float
+    force_limit: float
+    Ts: float
+    window: int
+    quantum: float
+    drive_gain: float
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredAxis:
+    """A record together with the servo it was taken with."""
+
+    record: AxisRecord
+    servo: ServoSettings
+
+
+def load_emps(path: Path | None = None) -> MeasuredAxis:
+    """Load the EMPS record.
+
+    Parameters
+    ----------
+    path : Path, optional
+        Another copy of ``DATA_EMPS.mat``; without it the one in the package is read.
+
+    Returns
+    -------
+    MeasuredAxis
+        24841 samples at 1 kHz: time [s], position [m], reference [m], force ``gtau * vir`` [N]; and the
+        servo.
+
+    Raises
+    ------
+    RecordError
+        The file is missing, is no MATLAB file or lacks a variable.
+
+    Notes
+    -----
+    Source: Janot, Gautier, Brunot 2019; the README beside the file has the variables and the authors' terms.
+    The averaged backward difference of the servo, qb[k] = (q[k] + q[k-1])/2, v[k] = (qb[k] - qb[k-1])/Ts, is
+    the same as (q[k] - q[k-2])/(2 Ts), hence ``window = 2``.
+    """
+    file = Path(__file__).with_name("DATA_EMPS.mat") if path is None else Path(path)
+    names = ("t", "qm", "qg", "vir", "gtau", "kp", "kv")
+    if not file.is_file():
+        raise RecordError(f"There is no file {file}; give the path of DATA_EMPS.mat or reinstall the package.")
+    try:
+        content = scipy.io.loadmat(file, variable_names=names)
+    except Exception as error:  # scipy raises whatever the broken bytes lead it to
+        raise RecordError(f"{file} cannot be read as a MATLAB file ({error}); download DATA_EMPS.mat again.") from error
+    missing = [name for name in names if name not in content]
+    if missing:
+        raise RecordError(
+            f"{file} has no variable {', '.join(missing)}; it is not DATA_EMPS.mat of the EMPS benchmark."
+        )
+    t, qm, qg, vir = (np.asarray(content[name], dtype=np.float64).ravel() for name in names[:4])
+    gtau, kp, kv = (float(np.asarray(content[name]).item()) for name in names[4:])
+    record = AxisRecord("EMPS", t=t, q=qm, reference=qg, force=gtau * vir, citation=CITATION)
+    servo = ServoSettings(
+        kp=kp, kv=gtau * kv, force_limit=10.0 * gtau, Ts=1e-3, window=2, quantum=5e-8, drive_gain=gtau
+    )
+    return MeasuredAxis(record, servo)

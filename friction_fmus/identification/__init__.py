@@ -1,0 +1,41 @@
+"""Identification of an axis: inverse model by linear least squares, closed loop by output error."""
+
+from .errors import ExcitationError, FitError, IdentificationError, RecordError
+from .estimate import Estimate
+from .idim import (
+    InverseModelFit,
+    InverseModelSettings,
+    Motion,
+    decimate,
+    filtered_motion,
+    identify_inverse_model,
+    identify_inverse_stribeck,
+)
+from .output_error import Mapper, OutputErrorFit, Simulator, Target, Unknown, fit_output_error
+from .record import LINEAR, ROTARY, Array, AxisRecord, AxisUnits
+
+__all__ = [
+    "LINEAR",
+    "ROTARY",
+    "Array",
+    "AxisRecord",
+    "AxisUnits",
+    "Estimate",
+    "ExcitationError",
+    "FitError",
+    "IdentificationError",
+    "InverseModelFit",
+    "InverseModelSettings",
+    "Mapper",
+    "Motion",
+    "OutputErrorFit",
+    "RecordError",
+    "Simulator",
+    "Target",
+    "Unknown",
+    "decimate",
+    "filtered_motion",
+    "fit_output_error",
+    "identify_inverse_model",
+    "identify_inverse_stribeck",
+]

@@ -1,0 +1,32 @@
+"""An estimated parameter: value, standard error, unit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One estimated parameter.
+
+    Attributes
+    ----------
+    name : str
+        Name of the parameter.
+    value : float
+        Estimate, in `unit`.
+    standard_error : float
+        Standard error, in `unit`; nan where none can be given.
+    unit : str
+        Unit of both.
+    """
+
+    name: str
+    value: float
+    standard_error: float
+    unit: str
+
+    @property
+    def relative_error(self) -> float:
+        """Standard error divided by the magnitude of the value."""
+        return self.standard_error / abs(self.value) if self.value else float("inf")

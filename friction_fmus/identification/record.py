@@ -1,0 +1,128 @@
+"""The record of one axis: what every identification here starts from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import RecordError
+
+Array: TypeAlias = NDArray[np.float64]
+
+#: Largest deviation of one sampling interval from the mean one, as a fraction of it.
+JITTER = 0.01
+
+
+@dataclass(frozen=True)
+class AxisUnits:
+    """Units of an axis; the defaults are those of a linear one, see `ROTARY` for the other.
+
+    Attributes
+    ----------
+    position, velocity, force, inertia, viscous : str
+        Unit of the position, its rate, the force or torque, the mass or inertia, and the viscous coefficient.
+    """
+
+    position: str = "m"
+    velocity: str = "m/s"
+    force: str = "N"
+    inertia: str = "kg"
+    viscous: str = "N.s/m"
+
+
+LINEAR = AxisUnits()
+ROTARY = AxisUnits("rad", "rad/s", "N.m", "kg.m2", "N.m.s/rad")
+
+
+@dataclass(frozen=True, eq=False)
+class AxisRecord:
+    """Motion and force of one axis, sampled at equal intervals.
+
+    Parameters
+    ----------
+    name : str
+        What the record is called in reports and error messages.
+    t : array, shape (n,)
+        Time [s], increasing, equally spaced within 1 %.
+    q : array, shape (n,)
+        Measured position, in `units.position`.
+    reference : array, shape (n,)
+        Reference position, in `units.position`.
+    force : array, shape (n,)
+        Drive force or torque, in `units.force`.
+    units : AxisUnits
+        Units of the axis.
+    citation : str
+        Whom to cite wherever the record or a result of it is shown.
+
+    Raises
+    ------
+    RecordError
+        Lengths differ, fewer than 3 samples, NaN or infinite samples, time not increasing or not equally
+        spaced.
+    """
+
+    name: str
+    t: Array
+    q: Array
+    reference: Array
+    force: Array
+    units: AxisUnits = LINEAR
+    citation: str = ""
+
+    def __post_init__(self) -> None:
+        """Make the columns read-only arrays of numbers, and check them."""
+        columns = {}
+        for column in ("t", "q", "reference", "force"):
+            try:
+                values = np.array(getattr(self, column), dtype=np.float64).ravel()
+            except (TypeError, ValueError) as error:
+                raise RecordError(
+                    f"Column {column!r} of the record {self.name!r} is not numeric; give an array of numbers."
+                ) from error
+            values.flags.writeable = False
+            columns[column] = values
+            object.__setattr__(self, column, values)
+
+        lengths = {column: len(values) for column, values in columns.items()}
+        if len(set(lengths.values())) > 1:
+            listed = ", ".join(f"{column} {length}" for column, length in lengths.items())
+            raise RecordError(
+                f"The columns of the record {self.name!r} have different lengths ({listed}); cut them to one length."
+            )
+        if lengths["t"] < 3:
+            raise RecordError(
+                f"The record {self.name!r} has {lengths['t']} samples; velocities need at least 3 of them."
+            )
+        for column, values in columns.items():
+            bad = np.flatnonzero(~np.isfinite(values))
+            if bad.size:
+                raise RecordError(
+                    f"Column {column!r} of the record {self.name!r} has {bad.size} NaN or infinite "
+                    f"samples, the first at index {bad[0]}; remove or interpolate them."
+                )
+        steps = np.diff(columns["t"])
+        if np.any(steps <= 0):
+            raise RecordError(
+                f"The time of the record {self.name!r} does not increase at index "
+                f"{int(np.argmax(steps <= 0)) + 1}; sort the samples and remove duplicates."
+            )
+        off = np.abs(steps / self.Ts - 1.0)
+        if np.any(off > JITTER):
+            raise RecordError(
+                f"The record {self.name!r} is not equally spaced (interval "
+                f"{steps[int(np.argmax(off))]:.6g} s after index {int(np.argmax(off))}, mean {self.Ts:.6g} "
+                "s); resample it."
+            )
+
+    @property
+    def Ts(self) -> float:  # noqa: N802 (the symbol of the sampling period)
+        """Mean sampling interval [s]."""
+        return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.t)

@@ -1,0 +1,144 @@
+"""IDIM-LS: the published figures, and the truth of made-up axes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from friction_fmus.data import EMPS_PUBLISHED, load_emps
+from friction_fmus.identification import (
+    ROTARY,
+    AxisRecord,
+    ExcitationError,
+    FitError,
+    InverseModelSettings,
+    RecordError,
+    decimate,
+    filtered_motion,
+    identify_inverse_model,
+    identify_inverse_stribeck,
+)
+
+TRUTH = {"M": 12.0, "Fv": 30.0, "Fc": 5.0, "OF": -1.5}
+
+
+def made_up(noise: float = 0.0, fs: float | None = None, seconds: float = 20.0) -> AxisRecord:
+    """An axis whose motion and force are known in closed form."""
+    t = np.arange(0.0, seconds, 1e-3)
+    frequencies, amplitudes = (0.31, 0.83, 1.7), (0.06, 0.02, 0.006)
+    omega = [2.0 * np.pi * f for f in frequencies]
+    q = sum(a * np.sin(w * t) for a, w in zip(amplitudes, omega, strict=True))
+    v = sum(a * w * np.cos(w * t) for a, w in zip(amplitudes, omega, strict=True))
+    acceleration = sum(-a * w * w * np.sin(w * t) for a, w in zip(amplitudes, omega, strict=True))
+    level = TRUTH["Fc"] + (0.0 if fs is None else (fs - TRUTH["Fc"]) * np.exp(-((v / 0.04) ** 2)))
+    force = TRUTH["M"] * acceleration + TRUTH["Fv"] * v + level * np.sign(v) + TRUTH["OF"]
+    force = force + noise * np.random.default_rng(1).standard_normal(len(t))
+    return AxisRecord("made up", t, q, q, force)
+
+
+@pytest.mark.parametrize("name", EMPS_PUBLISHED)
+def test_emps_gives_the_published_figures(name: str) -> None:
+    """All digits that were printed, not only the 0.5 % that are asked for."""
+    found = identify_inverse_model(load_emps().record).parameters[name]
+    assert found.value == pytest.approx(EMPS_PUBLISHED[name], abs=6e-5)
+    assert 0.0 < found.relative_error < 0.02
+
+
+@pytest.mark.parametrize("name", TRUTH)
+def test_a_made_up_axis_is_found_again(name: str) -> None:
+    found = identify_inverse_model(made_up()).parameters[name]
+    assert found.value == pytest.approx(TRUTH[name], rel=5e-3)
+
+
+def test_standard_errors_cover_the_truth() -> None:
+    fit = identify_inverse_model(made_up(noise=0.5))
+    for name, truth in TRUTH.items():
+        found = fit.parameters[name]
+        assert abs(found.value - truth) < 4.0 * found.standard_error
+
+
+def test_standard_errors_grow_with_the_noise() -> None:
+    quiet, loud = (identify_inverse_model(made_up(noise=n)).parameters["M"].standard_error for n in (1.0, 4.0))
+    assert loud == pytest.approx(4.0 * quiet, rel=0.1)
+
+
+def test_units_are_those_of_the_axis() -> None:
+    linear = made_up()
+    rotary = AxisRecord("rotary", linear.t, linear.q, linear.q, linear.force, units=ROTARY)
+    units = {name: found.unit for name, found in identify_inverse_model(rotary).parameters.items()}
+    assert units == {"M": "kg.m2", "Fv": "N.m.s/rad", "Fc": "N.m", "OF": "N.m"}
+
+
+@pytest.mark.parametrize("fs", [2.0, 9.0])
+def test_a_made_up_stribeck_curve_is_found_again(fs: float) -> None:
+    """Also where friction grows with speed, Fs < Fc."""
+    values = identify_inverse_stribeck(made_up(fs=fs), vs=[0.02, 0.03, 0.04, 0.05, 0.08]).values()
+    assert values["vs"] == pytest.approx(0.04)
+    assert values["delta"] == 2.0
+    assert values["Fs"] == pytest.approx(fs, rel=0.03)
+    assert values["Fc"] == pytest.approx(TRUTH["Fc"], rel=0.03)
+
+
+def test_emps_strengthens_with_speed() -> None:
+    values = identify_inverse_stribeck(load_emps().record).values()
+    assert values["Fs"] < values["Fc"]
+
+
+def test_the_data_behind_the_friction_curve_are_the_friction() -> None:
+    fit = identify_inverse_model(made_up())
+    fast = np.abs(fit.v) > 0.05  # away from the reversals, where the decimation filter rings
+    expected = TRUTH["Fc"] * np.sign(fit.v) + TRUTH["Fv"] * fit.v + TRUTH["OF"]
+    assert np.max(np.abs(fit.friction - expected)[fast]) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("motion", "complaint"),
+    [
+        (lambda t: 0.1 * t, "does not tell .*Fv and Fc and OF apart|does not tell .* apart"),
+        (lambda t: 0.0 * t, "does not excite M at all"),
+    ],
+)
+def test_too_little_motion_is_refused(motion: object, complaint: str) -> None:
+    t = np.arange(0.0, 5.0, 1e-3)
+    q = motion(t)  # type: ignore[operator]
+    axis = AxisRecord("lazy", t, q, q, np.ones_like(t))
+    with pytest.raises(ExcitationError, match=complaint):
+        identify_inverse_model(axis)
+    with pytest.raises(ExcitationError):
+        identify_inverse_stribeck(axis)
+
+
+def test_a_short_record_is_refused() -> None:
+    t = np.arange(0.0, 0.05, 1e-3)
+    with pytest.raises(RecordError, match="50 samples and the filters need more"):
+        identify_inverse_model(AxisRecord("short", t, t, t, t))
+
+
+def test_a_cut_off_beyond_nyquist_is_refused() -> None:
+    with pytest.raises(RecordError, match="500"):
+        filtered_motion(made_up(), InverseModelSettings(cutoff=600.0))
+
+
+def test_an_empty_grid_is_refused() -> None:
+    with pytest.raises(FitError, match="grid"):
+        identify_inverse_stribeck(made_up(), vs=[])
+
+
+def test_bad_settings_are_refused() -> None:
+    with pytest.raises(FitError, match="decimation 0"):
+        identify_inverse_model(made_up(), InverseModelSettings(decimation=0))
+
+
+@pytest.mark.parametrize("factor", [2, 7, 10])
+def test_decimation_keeps_the_last_sample_and_slow_signals(factor: int) -> None:
+    t = np.arange(0.0, 4.0, 1e-3)
+    slow = np.sin(2.0 * np.pi * 3.0 * t)
+    kept = decimate(slow, factor)
+    assert len(kept) == -(-len(t) // factor)
+    expected = slow[(len(t) - 1) % factor :: factor]
+    assert kept[10:-10] == pytest.approx(expected[10:-10], abs=0.015)  # the ripple of the filter, both ways
+
+
+def test_decimation_by_one_changes_nothing() -> None:
+    signal = np.random.default_rng(0).standard_normal(100)
+    assert decimate(signal, 1) is signal
