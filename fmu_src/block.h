@@ -11,7 +11,9 @@
 
    A block may also define
      MEMORY     a struct without pointers, reached as m->memory, part of the FMU state
-     STEPS_BY   the name of its own exact step `static bool f(Model *m, double h)` in place of `integrate`
+     STEPS_BY   the name of its own exact step `static bool f(Model *m, double h)` in place of `integrate`; if it
+                has also computed the outputs, it says so by m->run.outputs_done = true
+     WARNING    the text of a warning that is given once, when it sets m->run.warning = true
      CONTENT    an array of data that belongs to the identity of the FMU
      SAMPLED    `sample(Model *m)` is called at start + k Ts; the table then has FIXED(Ts, ...)          */
 
@@ -68,9 +70,10 @@ enum role {
 };
 enum type { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN };
 
-/* The kinds of row, each in terms of the three shapes that the expansions below give a meaning to:
-   SCALAR(name, role, type, unit, start, min, max, text), VECTOR(name, n, unit, starts, min, max, text) and
-   DYNAMIC(name, role, unit, start, from, nominal, text), a state and, in continuous blocks, its derivative. */
+/* The kinds of row, each in terms of the four shapes that the expansions below give a meaning to:
+   SCALAR(name, role, type, unit, start, min, max, text), VECTOR(name, n, role, type, unit, starts, min, max, text),
+   DYNAMIC(name, role, unit, start, from, nominal, text), a state and, in continuous blocks, its derivative, and
+   DYNAMICS(name, n, unit, starts, nominal, text), a vector of them. */
 #define INPUT(name, unit, start, text) SCALAR(name, ROLE_INPUT, TYPE_REAL, unit, start, -INF, INF, text)
 #define COMMAND(name, start, text)     SCALAR(name, ROLE_INPUT, TYPE_BOOLEAN, "", start, 0.0, 1.0, text)
 #define OUTPUT(name, unit, text)       SCALAR(name, ROLE_OUTPUT, TYPE_REAL, unit, 0.0, -INF, INF, text)
@@ -81,8 +84,13 @@ enum type { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN };
 #define SWITCH(name, start, text)                SCALAR(name, ROLE_PARAMETER, TYPE_BOOLEAN, "", start, 0.0, 1.0, text)
 #define FIXED(name, unit, start, min, max, text) SCALAR(name, ROLE_FIXED, TYPE_REAL, unit, start, min, max, text)
 #define COUNT(name, start, min, max, text)       SCALAR(name, ROLE_FIXED, TYPE_INTEGER, "", start, min, max, text)
-#define PARAMETERS(name, n, unit, starts, min, max, text) VECTOR(name, n, unit, starts, min, max, text)
-#define STATE(name, unit, start, nominal, text)           DYNAMIC(name, ROLE_STATE, unit, start, name, nominal, text)
+#define TALLY(name, text)                        SCALAR(name, ROLE_LOCAL, TYPE_INTEGER, "", 0.0, -COUNTS, COUNTS, text)
+#define PARAMETERS(name, n, unit, starts, min, max, text)                                                              \
+    VECTOR(name, n, ROLE_PARAMETER, TYPE_REAL, unit, starts, min, max, text)
+#define LOCALS(name, n, unit, text)             VECTOR(name, n, ROLE_LOCAL, TYPE_REAL, unit, (0.0), -INF, INF, text)
+#define FLAGS(name, n, text)                    VECTOR(name, n, ROLE_LOCAL, TYPE_BOOLEAN, "", (0.0), 0.0, 1.0, text)
+#define STATE(name, unit, start, nominal, text) DYNAMIC(name, ROLE_STATE, unit, start, name, nominal, text)
+#define STATES(name, n, unit, starts, nominal, text)  DYNAMICS(name, n, unit, starts, nominal, text)
 #define STATE_OUTPUT(name, unit, from, nominal, text) DYNAMIC(name, ROLE_STATE_OUTPUT, unit, NAN, from, nominal, text)
 
 /* Position in the simulation; part of the FMU state, so that a restored state carries the mode. */
@@ -94,6 +102,8 @@ typedef struct {
     int mode;                      /* of the call-sequence table                                   */
     bool stale;                    /* something was set since the outputs were computed            */
     bool slopes_used;              /* the input slopes belong to the step that is over             */
+    bool outputs_done;             /* the step has computed the outputs, too                       */
+    bool warning, warned;          /* the block's WARNING is due, has been given                   */
 } Run;
 
 #ifdef MEMORY
@@ -106,8 +116,9 @@ typedef struct {
 
 /* Inputs by number: enum { INPUT_v, ..., INPUTS } */
 #define SCALAR(name, role, type, unit, start, min, max, text) NUMBER_##role(name)
-#define VECTOR(name, n, unit, starts, min, max, text)
+#define VECTOR(name, n, role, type, unit, starts, min, max, text)
 #define DYNAMIC(name, role, unit, start, from, nominal, text)
+#define DYNAMICS(name, n, unit, starts, nominal, text)
 #define NUMBER_ROLE_INPUT(name) INPUT_##name,
 #define NUMBER_ROLE_OUTPUT(name)
 #define NUMBER_ROLE_LOCAL(name)
@@ -117,11 +128,12 @@ enum { VARIABLES INPUTS };
 #undef SCALAR
 #undef VECTOR
 #undef DYNAMIC
+#undef DYNAMICS
 
 /* The values: double time; double v; double F; double z; double der_z; double k[10]; ...
    A value reference is the index of a double, counted from the start of the struct. */
-#define SCALAR(name, role, type, unit, start, min, max, text) double name;
-#define VECTOR(name, n, unit, starts, min, max, text)         double name[n];
+#define SCALAR(name, role, type, unit, start, min, max, text)     double name;
+#define VECTOR(name, n, role, type, unit, starts, min, max, text) double name[n];
 #ifdef SAMPLED
 #define DYNAMIC(name, role, unit, start, from, nominal, text) double name;
 #else
@@ -139,6 +151,7 @@ typedef struct {
 #undef SCALAR
 #undef VECTOR
 #undef DYNAMIC
+#undef DYNAMICS
 
 #define VALUES      (offsetof(Model, slope) / sizeof(double))
 #define AT(name)    (offsetof(Model, name) / sizeof(double))
@@ -158,58 +171,78 @@ typedef struct {
 
 /* static const double starts_of_k[10] = { 5e4, 3e4 }; */
 #define SCALAR(name, role, type, unit, start, min, max, text)
-#define VECTOR(name, n, unit, starts, min, max, text) static const double starts_of_##name[n] = {UNWRAP starts};
+#define VECTOR(name, n, role, type, unit, starts, min, max, text)                                                      \
+    static const double starts_of_##name[n] = {UNWRAP starts};
 #define DYNAMIC(name, role, unit, start, from, nominal, text)
+#define DYNAMICS(name, n, unit, starts, nominal, text) static const double starts_of_##name[n] = {UNWRAP starts};
 VARIABLES
 #undef SCALAR
 #undef VECTOR
 #undef DYNAMIC
+#undef DYNAMICS
 
 #define SCALAR(name, role, type, unit, start, min, max, text)                                                          \
     {#name, unit, text, start, min, max, 1.0, NULL, AT(name), 0, AT(name), role, type},
-#define VECTOR(name, n, unit, starts, min, max, text)                                                                  \
-    {#name, unit, text, NAN, min, max, 1.0, starts_of_##name, AT(name), n, AT(name), ROLE_PARAMETER, TYPE_REAL},
-#define STATE_ROW(name, role, unit, start, from, nominal, text)                                                        \
-    {#name, unit, text, start, -INF, INF, nominal, NULL, AT(name), 0, AT(from), role, TYPE_REAL},
+#define VECTOR(name, n, role, type, unit, starts, min, max, text)                                                      \
+    {#name, unit, text, NAN, min, max, 1.0, starts_of_##name, AT(name), n, AT(name), role, type},
+#define STATE_ROW(name, n, role, unit, start, starts, from, nominal, text)                                             \
+    {#name, unit, text, start, -INF, INF, nominal, starts, AT(name), n, AT(from), role, TYPE_REAL},
 #ifdef SAMPLED
-#define DYNAMIC STATE_ROW
+#define RATE_ROW(name, n, unit, nominal, text)
 #else
-#define DYNAMIC(name, role, unit, start, from, nominal, text)                                                          \
-    STATE_ROW(name, role, unit, start, from, nominal,                                                                  \
-              text){"der(" #name ")", unit,     text, 0.0, -INF, INF, nominal, NULL, AT(der_##name), 0, AT(name),      \
-                    ROLE_DERIVATIVE,  TYPE_REAL},
+#define RATE_ROW(name, n, unit, nominal, text)                                                                         \
+    {"der(" #name ")", unit,     text, 0.0, -INF, INF, nominal, NULL, AT(der_##name), n, AT(name),                     \
+     ROLE_DERIVATIVE,  TYPE_REAL},
 #endif
+#define DYNAMIC(name, role, unit, start, from, nominal, text)                                                          \
+    STATE_ROW(name, 0, role, unit, start, NULL, from, nominal, text) RATE_ROW(name, 0, unit, nominal, text)
+#define DYNAMICS(name, n, unit, starts, nominal, text)                                                                 \
+    STATE_ROW(name, n, ROLE_STATE, unit, NAN, starts_of_##name, name, nominal, text)                                   \
+    RATE_ROW(name, n, unit, nominal, text)
 static const Row rows[] = {{"time", TIME, "simulation time", 0.0, -INF, INF, 1.0, NULL, 0, 0, 0, ROLE_TIME, TYPE_REAL},
                            VARIABLES};
 #undef SCALAR
 #undef VECTOR
 #undef DYNAMIC
+#undef DYNAMICS
 
 #define ROWS (sizeof rows / sizeof rows[0])
 
-/* Numbers of the continuous states and, in the same order, of their derivatives; one spare each because an
-   empty array is illegal. */
+/* The continuous states: where each row's values and derivatives stand; one spare, as an empty array is illegal. */
+typedef struct {
+    uint32_t index, derivative, count;
+    double nominal;
+} StateRow;
 #define SCALAR(name, role, type, unit, start, min, max, text)
-#define VECTOR(name, n, unit, starts, min, max, text)
+#define VECTOR(name, n, role, type, unit, starts, min, max, text)
 #ifdef SAMPLED
 #define DYNAMIC(name, role, unit, start, from, nominal, text)
+#define DYNAMICS(name, n, unit, starts, nominal, text)
 #else
-#define DYNAMIC(name, role, unit, start, from, nominal, text) AT(name),
+#define DYNAMIC(name, role, unit, start, from, nominal, text) {AT(name), AT(der_##name), 1, nominal},
+#define DYNAMICS(name, n, unit, starts, nominal, text)        {AT(name), AT(der_##name), n, nominal},
 #endif
-static const uint32_t states[] = {VARIABLES 0};
+static const StateRow state_rows[] = {VARIABLES{0, 0, 0, 1.0}};
 #undef DYNAMIC
-#define DYNAMIC(name, role, unit, start, from, nominal, text) nominal,
-static const double nominals[] = {VARIABLES 1.0};
+#undef DYNAMICS
+#ifdef SAMPLED
+#define DYNAMIC(name, role, unit, start, from, nominal, text)
+#define DYNAMICS(name, n, unit, starts, nominal, text)
+#else
+#define DYNAMIC(name, role, unit, start, from, nominal, text) +1
+#define DYNAMICS(name, n, unit, starts, nominal, text)        +n
+#endif
+enum { STATE_ROWS = (int)(sizeof state_rows / sizeof state_rows[0]) - 1, ALL_STATES = 0 VARIABLES };
 #undef SCALAR
 #undef VECTOR
 #undef DYNAMIC
-
-enum { STATES = (int)(sizeof states / sizeof states[0]) - 1 };
+#undef DYNAMICS
 
 /* Numbers of the inputs, in the order of `slope`. */
 #define SCALAR(name, role, type, unit, start, min, max, text) PLACE_##role(name)
-#define VECTOR(name, n, unit, starts, min, max, text)
+#define VECTOR(name, n, role, type, unit, starts, min, max, text)
 #define DYNAMIC(name, role, unit, start, from, nominal, text)
+#define DYNAMICS(name, n, unit, starts, nominal, text)
 #define PLACE_ROLE_INPUT(name) AT(name),
 #define PLACE_ROLE_OUTPUT(name)
 #define PLACE_ROLE_LOCAL(name)
@@ -219,6 +252,7 @@ static const uint32_t inputs[] = {VARIABLES 0};
 #undef SCALAR
 #undef VECTOR
 #undef DYNAMIC
+#undef DYNAMICS
 
 /* GIVEN(m): const double v = m->v; const double *k = m->k; ... for the reader of the equations. Outputs are
    not given: an output is written, once. */
@@ -227,7 +261,12 @@ static const uint32_t inputs[] = {VARIABLES 0};
     const double *const name = given->name;                                                                            \
     (void)name;
 #define DYNAMIC(name, role, unit, start, from, nominal, text) GIVEN_TYPE_REAL(name)
-#define GIVEN_ROLE_INPUT(name, type)                          GIVEN_##type(name)
+#define DYNAMICS(name, n, unit, starts, nominal, text)        GIVEN_VECTOR_ROLE_PARAMETER(name)
+#define GIVEN_VECTOR_ROLE_PARAMETER(name)                                                                              \
+    const double *const name = given->name;                                                                            \
+    (void)name;
+#define GIVEN_VECTOR_ROLE_LOCAL(name)
+#define GIVEN_ROLE_INPUT(name, type) GIVEN_##type(name)
 #define GIVEN_ROLE_OUTPUT(name, type)
 #define GIVEN_ROLE_LOCAL(name, type)
 #define GIVEN_ROLE_PARAMETER(name, type) GIVEN_##type(name)

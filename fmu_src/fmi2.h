@@ -65,7 +65,8 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2String guid, f
             c->row_of[rows[i].index + k] = &rows[i];
         if (rows[i].role == ROLE_OUTPUT || rows[i].role == ROLE_LOCAL || rows[i].role == ROLE_STATE ||
             rows[i].role == ROLE_STATE_OUTPUT || rows[i].role == ROLE_DERIVATIVE)
-            c->results[c->result_count++] = rows[i].index;
+            for (uint32_t k = 0; k < (rows[i].length ? rows[i].length : 1); k++)
+                c->results[c->result_count++] = rows[i].index + k;
     }
     set_start_values(c);
     return c;
@@ -240,6 +241,7 @@ static bool advance(Model *m, double t, double h)
 static bool advance(Model *m, double t, double h)
 {
     m->time = t;
+    m->run.outputs_done = false;
     if (inputs_held(m)) {
         if (!STEPS_BY(m, h))
             return false;
@@ -254,12 +256,14 @@ static bool advance(Model *m, double t, double h)
                 const bool arrives = !whole && *u * m->slope[i] < 0.0 && -*u / m->slope[i] <= piece;
                 *u = arrives ? 0.0 : *u + m->slope[i] * piece;
             }
+            m->run.outputs_done = false; /* the inputs have moved on */
             rest = whole ? 0.0 : rest - piece;
             m->time += piece;
         }
     }
     m->time = t + h;
-    equations(m);
+    if (!m->run.outputs_done)
+        equations(m);
     return true;
 }
 #endif
@@ -293,6 +297,12 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     m->run.stale = false;
     m->run.slopes_used = true;
     m->run.last_step = h;
+#ifdef WARNING
+    if (m->run.warning && !m->run.warned) {
+        m->run.warned = true;
+        return report(c, fmi2Warning, LOG_WARNING, "%s at t = %g s: %s", c->name, m->time, WARNING);
+    }
+#endif
     return fmi2OK;
 }
 

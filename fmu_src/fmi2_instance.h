@@ -160,10 +160,10 @@ static void set_start_values(Instance *c)
 {
     memset(&c->model, 0, sizeof c->model);
     for (size_t i = 0; i < ROWS; i++) {
-        if (rows[i].length > 0)
+        if (rows[i].starts)
             memcpy(value_of(&c->model, rows[i].index), rows[i].starts, rows[i].length * sizeof(double));
         else
-            *value_of(&c->model, rows[i].index) = rows[i].role == ROLE_STATE_OUTPUT ? 0.0 : rows[i].start;
+            *value_of(&c->model, rows[i].index) = isnan(rows[i].start) ? 0.0 : rows[i].start;
     }
     c->model.run.mode = INSTANTIATED;
     c->model.run.stop = INF;

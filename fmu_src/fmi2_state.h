@@ -26,7 +26,8 @@ static uint64_t fingerprint(uint64_t hash)
         hash = mix_text(mix_text(mix_text(hash, row->name), row->unit), row->text);
         for (size_t k = 0; k < sizeof numbers / sizeof numbers[0]; k++)
             hash = isnan(numbers[k]) ? mix_text(hash, "none") : mix(hash, &numbers[k], sizeof numbers[k]);
-        hash = mix(hash, row->starts, row->length * sizeof(double));
+        if (row->starts)
+            hash = mix(hash, row->starts, row->length * sizeof(double));
     }
 #ifdef CONTENT
     hash = mix(hash, CONTENT, sizeof CONTENT);
@@ -266,8 +267,9 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
     double direction[VALUES] = {0.0};
     REQUIRE(refresh(c), "fmi2GetRealOutputDerivatives: an output of \"%s\" is not finite", c->name)
     direction[0] = 1.0;
-    for (int i = 0; i < STATES; i++)
-        direction[states[i]] = *value_of(&c->model, states[i] + 1);
+    for (int r = 0; r < STATE_ROWS; r++)
+        for (uint32_t k = 0; k < state_rows[r].count; k++)
+            direction[state_rows[r].index + k] = *value_of(&c->model, state_rows[r].derivative + k);
     for (int i = 0; i < INPUTS; i++)
         direction[inputs[i]] = c->model.slope[i];
     for (size_t i = 0; i < n; i++)

@@ -78,17 +78,31 @@ static inline bool solve_linear(int n, double *a, double *b, int columns)
     return true;
 }
 
+static inline void get_states(const Model *m, double *y)
+{
+    for (int r = 0; r < STATE_ROWS; r++)
+        for (uint32_t k = 0; k < state_rows[r].count; k++)
+            *y++ = ((const double *)(const void *)m)[state_rows[r].index + k];
+}
+
+static inline void set_states(Model *m, const double *y)
+{
+    for (int r = 0; r < STATE_ROWS; r++)
+        for (uint32_t k = 0; k < state_rows[r].count; k++)
+            *value_of(m, state_rows[r].index + k) = *y++;
+}
+
 /* f(s, y): the derivatives at state y, s seconds after the model `at`. */
 static inline void derivatives(const Model *at, Model *work, double s, const double *y, double *f)
 {
     for (int i = 0; i < INPUTS; i++)
         *value_of(work, inputs[i]) = ((const double *)(const void *)at)[inputs[i]] + at->slope[i] * s;
     work->time = at->time + s;
-    for (int i = 0; i < STATES; i++)
-        *value_of(work, states[i]) = y[i];
+    set_states(work, y);
     equations(work);
-    for (int i = 0; i < STATES; i++)
-        f[i] = *value_of(work, states[i] + 1);
+    for (int r = 0; r < STATE_ROWS; r++)
+        for (uint32_t k = 0; k < state_rows[r].count; k++)
+            *f++ = *value_of(work, state_rows[r].derivative + k);
 }
 
 /* RODAS: six stages, order 4 with an embedded order 3, L-stable and stiffly accurate. A Rosenbrock method: one
@@ -121,47 +135,47 @@ static const double rodas_c[STAGES][STAGES] = {
 
 /* One step of size h from (s, y) to y_new; the largest error over its tolerance, or -1 if it failed. */
 static inline double rodas_step(const Model *at, Model *work, double s, double h, const double *y, double *y_new,
-                                double tolerance)
+                                const double *nominal, double tolerance)
 {
-    enum { N = STATES + 1 }; /* no empty arrays */
+    enum { N = ALL_STATES + 1 }; /* no empty arrays */
     double f[N], f_moved[N], y_moved[N], f_t[N], jacobian[N * N], matrix[N * N], u[STAGES][N];
 
     derivatives(at, work, s, y, f);
-    for (int j = 0; j < STATES; j++) {
-        const double delta = 1e-8 * fmax(fabs(y[j]), nominals[j]);
-        for (int i = 0; i < STATES; i++)
+    for (int j = 0; j < ALL_STATES; j++) {
+        const double delta = 1e-8 * fmax(fabs(y[j]), nominal[j]);
+        for (int i = 0; i < ALL_STATES; i++)
             y_moved[i] = y[i];
         y_moved[j] += delta;
         derivatives(at, work, s, y_moved, f_moved);
-        for (int i = 0; i < STATES; i++)
-            jacobian[i * STATES + j] = (f_moved[i] - f[i]) / (y_moved[j] - y[j]);
+        for (int i = 0; i < ALL_STATES; i++)
+            jacobian[i * ALL_STATES + j] = (f_moved[i] - f[i]) / (y_moved[j] - y[j]);
     }
     derivatives(at, work, s + 1e-6 * h, y, f_moved);
-    for (int i = 0; i < STATES; i++)
+    for (int i = 0; i < ALL_STATES; i++)
         f_t[i] = (f_moved[i] - f[i]) / (1e-6 * h);
 
     for (int stage = 0; stage < STAGES; stage++) {
-        for (int i = 0; i < STATES; i++) {
+        for (int i = 0; i < ALL_STATES; i++) {
             y_new[i] = y[i];
             for (int j = 0; j < stage; j++)
                 y_new[i] += rodas_a[stage][j] * u[j][i];
         }
         derivatives(at, work, s + rodas_alpha[stage] * h, y_new, u[stage]);
-        for (int i = 0; i < STATES; i++) {
+        for (int i = 0; i < ALL_STATES; i++) {
             for (int j = 0; j < stage; j++)
                 u[stage][i] += rodas_c[stage][j] / h * u[j][i];
             u[stage][i] += rodas_d[stage] * h * f_t[i];
         }
-        for (int i = 0; i < STATES; i++)
-            for (int j = 0; j < STATES; j++)
-                matrix[i * STATES + j] = (i == j ? 1.0 / (rodas_gamma * h) : 0.0) - jacobian[i * STATES + j];
-        if (!solve_linear(STATES, matrix, u[stage], 1))
+        for (int i = 0; i < ALL_STATES; i++)
+            for (int j = 0; j < ALL_STATES; j++)
+                matrix[i * ALL_STATES + j] = (i == j ? 1.0 / (rodas_gamma * h) : 0.0) - jacobian[i * ALL_STATES + j];
+        if (!solve_linear(ALL_STATES, matrix, u[stage], 1))
             return -1.0;
     }
     double worst = 0.0;
-    for (int i = 0; i < STATES; i++) {
+    for (int i = 0; i < ALL_STATES; i++) {
         y_new[i] += u[STAGES - 1][i];
-        const double error = fabs(u[STAGES - 1][i]) / (tolerance * fmax(fmax(fabs(y[i]), fabs(y_new[i])), nominals[i]));
+        const double error = fabs(u[STAGES - 1][i]) / (tolerance * fmax(fmax(fabs(y[i]), fabs(y_new[i])), nominal[i]));
         if (!isfinite(error))
             return -1.0;
         worst = fmax(worst, error);
@@ -172,13 +186,15 @@ static inline double rodas_step(const Model *at, Model *work, double s, double h
 /* Integrates `equations` over h with the block's relative tolerance; false if no step size meets it. */
 static inline bool integrate(Model *m, double h)
 {
-    if (STATES == 0)
+    if (ALL_STATES == 0)
         return true;
     const double tolerance = m->run.tolerance > 0.0 ? m->run.tolerance : DEFAULT_TOLERANCE;
-    double y[STATES + 1], y_new[STATES + 1];
+    double y[ALL_STATES + 1], y_new[ALL_STATES + 1], nominal[ALL_STATES + 1];
     Model work = *m;
-    for (int i = 0; i < STATES; i++)
-        y[i] = *value_of(m, states[i]);
+    get_states(m, y);
+    for (int r = 0, i = 0; r < STATE_ROWS; r++)
+        for (uint32_t k = 0; k < state_rows[r].count; k++)
+            nominal[i++] = state_rows[r].nominal;
 
     double s = 0.0, step = m->run.inner_step > 0.0 ? m->run.inner_step : 1e-3 * h;
     for (long tries = 0; s < h; tries++) {
@@ -188,11 +204,11 @@ static inline bool integrate(Model *m, double h)
         const bool last = s + 1.01 * step >= h;
         if (last)
             step = h - s;
-        const double error = rodas_step(m, &work, s, step, y, y_new, tolerance);
+        const double error = rodas_step(m, &work, s, step, y, y_new, nominal, tolerance);
         const double factor = error < 0.0 ? 0.2 : clip(0.9 * pow(fmax(error, 1e-12), -0.25), 0.2, 6.0);
         if (error >= 0.0 && error <= 1.0) {
             s = last ? h : s + step;
-            for (int i = 0; i < STATES; i++)
+            for (int i = 0; i < ALL_STATES; i++)
                 y[i] = y_new[i];
             step = last ? fmax(wanted, step * factor) : step * factor;
         } else {
@@ -202,8 +218,7 @@ static inline bool integrate(Model *m, double h)
         }
     }
     m->run.inner_step = step;
-    for (int i = 0; i < STATES; i++)
-        *value_of(m, states[i]) = y[i];
+    set_states(m, y);
     return true;
 }
 

@@ -16,6 +16,7 @@ START_ARGUMENT = {
     "COUNT": 1,
     "PARAMETERS": 3,
     "STATE": 2,
+    "STATES": 3,
 }
 """Row macro of block.h -> position of its start value."""
 
@@ -65,7 +66,7 @@ def _with_start_value(code: str, variable: str, value: float | int | bool) -> st
     rows = {match.group(2): match for match in ROW.finditer(code)}
     element = re.fullmatch(r"(\w+)\[(\d+)\]", variable)
     name = element.group(1) if element else variable
-    if name not in rows or (rows[name].group(1) == "PARAMETERS") != bool(element):
+    if name not in rows or (rows[name].group(1) in ("PARAMETERS", "STATES")) != bool(element):
         raise UnknownNameError(f"There is no variable {variable!r} with a start value{nearest(variable, rows)}")
     match = rows[name]
     spans = _arguments(code, match.start(2))

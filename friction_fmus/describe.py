@@ -102,10 +102,10 @@ def describe(library: Path) -> Description:
         if row.role == DERIVATIVE:
             unit, text = _per_second(unit), f"time derivative of the {text}"
         for k in range(max(row.length, 1)):
-            element = f"{name}[{k + 1}]" if row.length else name
-            start = row.starts[k] if row.length else row.start
+            element = _element(name, k) if row.length else name
+            start = row.starts[k] if row.starts else row.start
             limits = (row.min, row.max, row.nominal, row.role, row.type)
-            variables.append(Variable(element, unit, text, start, *limits, row.index + k, row.origin))
+            variables.append(Variable(element, unit, text, start, *limits, row.index + k, row.origin + k))
 
     block = _Probe(handle, size.value, tuple(variables), bool(sampled.value))
     return Description(
@@ -115,6 +115,12 @@ def describe(library: Path) -> Description:
         block.dependencies(False),
         block.dependencies(True),
     )
+
+
+def _element(name: str, k: int) -> str:
+    """k[1] of k, der(z[1]) of der(z)."""
+    inner = name.removeprefix("der(").removesuffix(")")
+    return name.replace(inner, f"{inner}[{k + 1}]")
 
 
 def _per_second(unit: str) -> str:
@@ -189,7 +195,7 @@ class _Probe:
         if v.type == BOOLEAN:
             return float(draw.random() < 0.5)
         if v.type == INTEGER:
-            return float(draw.randint(int(max(v.min, start - 3)), int(min(v.max, start + 3))))
+            return float(draw.randint(int(max(v.min, start - 10)), int(min(v.max, start + 10))))
         if v.role in (PARAMETER, FIXED):
             value = start * draw.uniform(0.5, 2.0) if start != 0.0 else draw.choice((0.0, 1.0)) * draw.uniform(0.1, 2.0)
             return min(max(value, v.min), v.max)

@@ -50,16 +50,17 @@ static double level(const Model *m)
     return asymmetric && v < 0.0 ? stribeck(v, Fc_neg, Fs_neg, vs_neg, delta_neg) : stribeck(v, Fc, Fs, vs, delta);
 }
 
-static void equations(Model *m)
+static void contact(Model *m, double g)
 {
     GIVEN(m)
-    const double g = level(m);
     const double damping = v_d > 0.0 ? sigma1 * exp(-square(v / v_d)) : sigma1;
     const double viscous = asymmetric && v < 0.0 ? sigma2_neg : sigma2;
 
     m->der_z = v - sigma0 * fabs(v) / g * z;              /* (2), (3) */
     m->F = sigma0 * z + damping * m->der_z + viscous * v; /* (5) */
 }
+
+static void equations(Model *m) { contact(m, level(m)); }
 
 /* At constant velocity z relaxes to sign(v) g/sigma0 at the rate sigma0 |v| / g. */
 static bool step(Model *m, double h)
@@ -69,5 +70,7 @@ static bool step(Model *m, double h)
         return integrate(m, h);
     const double g = level(m);
     m->z = relax(z, sign(v) * g / sigma0, sigma0 * fabs(v) * h / g);
+    contact(m, g);
+    m->run.outputs_done = true;
     return true;
 }

@@ -178,10 +178,12 @@ def summary_table(summary: Summary) -> Table:
         table.add_row(f"  {name}: position, rms", f"{figures.position_rms_um:.3f}", "", "", "µm")
         table.add_row(f"  {name}: force, rms", f"{figures.force_percent:.2f}", "", "", "%")
     table.add_section()
-    table.add_row("[bold]Tracking error, rms[/bold]")
-    for row in summary.compensation.rows:
-        what = f"  servo {row.servo}, friction feedforward {row.feedforward}"
-        table.add_row(what, f"{row.rms_um:.2f}", "", "", "µm")
+    for servo in dict.fromkeys(row.servo for row in summary.compensation.rows):
+        table.add_row(f"[bold]Tracking error, servo {servo}[/bold]")
+        for row in summary.compensation.rows:
+            if row.servo == servo:
+                what = "no friction" if row.feedforward == "none" else row.feedforward
+                table.add_row(f"  {what} feedforward", f"{row.rms_um:.2f}", "", "", "µm")
     return table
 
 

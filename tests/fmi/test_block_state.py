@@ -1,0 +1,249 @@
+"""Saved states, and instances beside each other: nothing is lost, nothing is shared."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from ctypes import byref, c_size_t, c_void_p, create_string_buffer
+from pathlib import Path
+
+import pytest
+from fmi.instance import ERROR, OK, Instance, Library, drive, load, signals
+
+from friction_fmus import catalogue
+
+H = 1e-3
+
+CONTINUE_ELSEWHERE = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+from fmi.instance import Instance, drive, load, signals
+library = load(Path(sys.argv[2]))
+with Instance(library) as run:
+    run.restore(bytes.fromhex(sys.stdin.read()))
+    print(b"".join(drive(run, signals(library, 2, 30), float(sys.argv[3]), float(sys.argv[4]))).hex())
+"""
+
+
+@pytest.fixture
+def running(library: Library, instance: Instance) -> Instance:
+    """In the middle of a run, at 30 H."""
+    instance.initialise()
+    drive(instance, signals(library, 1, 30), 0.0, H)
+    return instance
+
+
+def now(instance: Instance) -> float:
+    return instance.get1("time")
+
+
+def test_a_restored_state_continues_with_the_same_bits(library: Library, running: Instance) -> None:
+    t = now(running)
+    with running.saved() as state:
+        first = drive(running, signals(library, 2, 30), t, H)
+        running.must("SetFMUstate", state)
+        assert now(running) == t
+        assert drive(running, signals(library, 2, 30), t, H) == first
+
+
+def test_a_state_outlives_steps_that_promise_never_to_return(library: Library, running: Instance) -> None:
+    """Masters pass noSetFMUStatePriorToCurrentPoint = true always, also when they go back."""
+    t, before = now(running), running.everything()
+    with running.saved() as early, running.saved() as same:
+        running.must("DoStep", t, H, 1)
+        with running.saved():
+            running.must("SetFMUstate", early)
+            assert running.everything() == before
+        running.must("SetFMUstate", same)
+        assert running.everything() == before
+
+
+def test_a_serialised_state_continues_in_another_process(library: Library, running: Instance, tmp_path: Path) -> None:
+    """Straight after fmi2Instantiate, without fmi2SetupExperiment: the state carries the mode."""
+    t, data = now(running), running.serialised()
+    expected = b"".join(drive(running, signals(library, 2, 30), t, H))
+    tests, fmu = Path(__file__).parents[1], shutil.copy(library.fmu, tmp_path)
+    run = subprocess.run(
+        [sys.executable, "-c", CONTINUE_ELSEWHERE, tests, fmu, repr(t), repr(H)],
+        input=data.hex(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.stderr == ""
+    assert bytes.fromhex(run.stdout) == expected
+
+
+def test_a_state_fits_another_instance(library: Library, running: Instance) -> None:
+    t, data = now(running), running.serialised()
+    with Instance(library, b"other") as other:
+        other.restore(data)
+        assert other.everything() == running.everything()
+        assert drive(other, signals(library, 3, 20), t, H) == drive(running, signals(library, 3, 20), t, H)
+
+
+def test_the_same_state_has_the_same_bytes(library: Library) -> None:
+    histories = []
+    for _ in range(2):
+        with Instance(library) as run:
+            run.initialise()
+            drive(run, signals(library, 1, 10), 0.0, H)
+            histories.append(run.serialised())
+            run.restore(histories[-1])
+            assert run.serialised() == histories[-1]
+    assert histories[0] == histories[1]
+
+
+def test_a_state_pointer_is_used_again(running: Instance) -> None:
+    state = c_void_p()
+    running.must("GetFMUstate", byref(state))
+    first = state.value
+    t = now(running)
+    running.step(t, H)
+    running.must("GetFMUstate", byref(state))
+    assert state.value == first
+    running.step(t + H, H)
+    running.must("SetFMUstate", state)
+    assert now(running) == t + H
+    running.must("FreeFMUstate", byref(state))
+    running.must("FreeFMUstate", byref(state))  # null by now
+
+
+def test_damaged_bytes_are_refused(running: Instance) -> None:
+    data, before = running.serialised(), running.everything()
+    for place in {*range(0, len(data), max(len(data) // 60, 1)), len(data) - 1}:
+        damaged = bytearray(data)
+        damaged[place] ^= 0x10
+        running.messages.clear()
+        assert running.try_restore(bytes(damaged)) == ERROR, place
+        assert running.messages[-1][1:3] == (ERROR, "logStatusError")
+    assert running.everything() == before and running.serialised() == data
+
+
+@pytest.mark.parametrize("change", [lambda b: b[:-1], lambda b: b[: len(b) // 2], lambda b: b[:1], lambda b: b + b"\0"])
+def test_bytes_of_another_length_are_refused(running: Instance, change: Callable[[bytes], bytes]) -> None:
+    data = running.serialised()
+    assert running.try_restore(change(data)) == ERROR
+    assert running.serialised() == data
+
+
+def test_no_bytes_at_all_are_refused(running: Instance) -> None:
+    state = c_void_p()
+    assert running.call("DeSerializeFMUstate", b"", 0, byref(state)) == ERROR
+    assert running.call("DeSerializeFMUstate", None, 0, byref(state)) == ERROR
+    assert not state.value
+
+
+def test_the_state_of_another_block_is_refused(running: Instance, build_fmu: Callable[..., Path]) -> None:
+    foreign = next(name for name in catalogue() if name != running.library.identifier)
+    before = running.serialised()
+    with Instance(load(build_fmu(foreign))) as other:
+        other.initialise()
+        assert running.try_restore(other.serialised()) == ERROR
+        with other.saved() as state:
+            assert running.call("SetFMUstate", state) == ERROR
+    assert running.serialised() == before
+
+
+def test_the_state_of_a_block_with_other_start_values_is_refused(build_fmu: Callable[..., Path]) -> None:
+    """Start values are part of what the GUID stands for."""
+    with Instance(load(build_fmu("LuGre"))) as one, Instance(load(build_fmu("LuGre", Fc=1.25))) as other:
+        assert one.try_restore(other.serialised()) == ERROR
+
+
+def test_too_small_a_buffer_is_refused(running: Instance) -> None:
+    with running.saved() as state:
+        size = c_size_t()
+        running.must("SerializedFMUstateSize", state, byref(size))
+        buffer = create_string_buffer(b"\xaa" * size.value, size.value)
+        assert running.call("SerializeFMUstate", state, buffer, size.value - 1) == ERROR
+        assert buffer.raw == b"\xaa" * size.value
+
+
+def test_a_state_carries_parameters_and_slopes(lugre: Library) -> None:
+    with Instance(lugre) as run:
+        run.initialise(v=1e-3, Fc=1.25)
+        assert run.input_derivatives({"v": 0.5}) == OK
+        data = run.serialised()
+        run.step(0.0, H)
+        expected = run.everything()
+        run.must("Reset")
+        run.restore(data)
+        run.step(0.0, H)
+        assert run.everything() == expected
+
+
+def test_a_reset_instance_is_a_new_one(library: Library) -> None:
+    with Instance(library) as used, Instance(library) as new:
+        used.initialise(start=3.0, tolerance=1e-4, stop=4.0)
+        drive(used, signals(library, 1, 30), 3.0, H)
+        used.must("Terminate")
+        used.must("Reset")
+        assert used.serialised() == new.serialised()
+        for run in (used, new):
+            run.initialise()
+        assert used.everything() == new.everything()
+        assert drive(used, signals(library, 2, 50), 0.0, H) == drive(new, signals(library, 2, 50), 0.0, H)
+
+
+def test_instances_in_turn_are_each_as_if_alone(library: Library) -> None:
+    alone = []
+    for seed in (1, 2):
+        with Instance(library) as run:
+            run.initialise()
+            alone.append(drive(run, signals(library, seed, 50), 0.0, H))
+    together: list[list[bytes]] = [[], []]
+    with Instance(library, b"first") as first, Instance(library, b"second") as second:
+        for run in (first, second):
+            run.initialise()
+        t = 0.0
+        for inputs in zip(signals(library, 1, 50), signals(library, 2, 50), strict=True):
+            for k, run in enumerate((first, second)):
+                together[k] += drive(run, [inputs[k]], t, H)
+            t += H
+    assert together == alone
+
+
+def test_threads_with_an_instance_each_are_as_if_alone(library: Library) -> None:
+    def run(seed: int, into: dict[int, list[bytes]]) -> None:
+        with Instance(library) as instance:
+            instance.initialise()
+            into[seed] = drive(instance, signals(library, seed, 200), 0.0, H)
+
+    alone: dict[int, list[bytes]] = {}
+    for seed in range(4):
+        run(seed, alone)
+    together: dict[int, list[bytes]] = {}
+    threads = [threading.Thread(target=run, args=(seed, together)) for seed in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert together == alone
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads the memory use of Linux")
+def test_a_thousand_instances_leave_no_memory_behind(library: Library) -> None:
+    def resident() -> int:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+    def live_and_die() -> None:
+        with Instance(library) as run:
+            run.initialise()
+            run.step(0.0, H)
+            with run.saved():
+                run.step(H, H)
+            run.restore(run.serialised())
+
+    for _ in range(300):
+        live_and_die()
+    before = resident()
+    for _ in range(1000):
+        live_and_die()
+    with Instance(library) as run:
+        smallest_leak = 1000 * len(run.serialised())
+    assert resident() - before < max(smallest_leak // 2, 256 * 1024)

@@ -1,0 +1,207 @@
+"""How every block moves in time: it lands on t + h, takes steps of any size, and gives the same bits each time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from fmi.instance import DISCARD, ERROR, OK, Instance, Library, drive, signals
+
+AWKWARD = (1.0 / 60.0, 1e-3 / 3.0, 0.1, 7e-5)
+
+
+def real_values(library: Library, instance: Instance) -> dict[str, float]:
+    names = library.names(type="Real")
+    return dict(zip(names, instance.get(*names), strict=True))
+
+
+@pytest.mark.parametrize("h", AWKWARD)
+def test_time_is_exactly_t_plus_h(instance: Instance, h: float) -> None:
+    t = 0.3
+    instance.initialise(start=t)
+    assert instance.get1("time") == t
+    for _ in range(200):
+        instance.step(t, h)
+        t = t + h
+        assert instance.get1("time") == t
+
+
+@pytest.mark.parametrize("h", AWKWARD)
+def test_a_master_that_multiplies_instead_of_adding_is_followed(instance: Instance, h: float) -> None:
+    """k h and the sum of h differ by rounding: the time becomes that of the master each step."""
+    instance.initialise()
+    for k in range(300):
+        instance.step(k * h, h)
+        assert instance.get1("time") == k * h + h
+
+
+def test_steps_that_differ_by_rounding_are_accepted(instance: Instance) -> None:
+    instance.initialise(stop=0.3)
+    instance.step(0.0, 0.1 - 1e-16)
+    instance.step(0.1, 0.1 + 1e-16)
+    instance.step(0.2 - 1e-16, 0.09999999999999998)
+    instance.step(0.3 - 1e-16, 1e-17)
+    assert instance.get1("time") == pytest.approx(0.3, abs=1e-15)
+
+
+@pytest.mark.parametrize("h", [5e-324, 1e-310, 1e-17, 1e-15, 1e-12])
+def test_an_extra_tiny_step_hardly_changes_anything(library: Library, instance: Instance, h: float) -> None:
+    instance.initialise(**signals(library, 1, 1)[0])
+    instance.step(0.0, 0.01 * (1.0 - 1e-3))
+    before = real_values(library, instance)
+    instance.step(0.01 * (1.0 - 1e-3), h)
+    for name, value in real_values(library, instance).items():
+        nominal = float(library.variables[name].nominal or 1.0)
+        assert value == pytest.approx(before[name], rel=1e-6, abs=1e-5 * nominal), name
+
+
+def test_a_step_beyond_the_stop_time_is_an_error(instance: Instance) -> None:
+    instance.initialise(start=1.0, stop=2.0)
+    instance.step(1.0, 1.0)
+    before = instance.everything(), instance.serialised()
+    assert instance.call("DoStep", 2.0, 0.5, 1) == ERROR
+    assert b"stop time" in instance.messages[-1][3]
+    assert (instance.everything(), instance.serialised()) == before
+
+
+@pytest.mark.parametrize("rounding", [0.0, 1e-16, 4e-15])
+def test_the_last_step_may_pass_the_stop_time_by_rounding(instance: Instance, rounding: float) -> None:
+    instance.initialise(stop=1.0)
+    instance.step(0.0, 0.9)
+    instance.step(0.9, 0.1 + rounding)
+
+
+@pytest.mark.parametrize(
+    ("t", "h"),
+    [
+        (0.0, 0.0),
+        (0.0, -0.1),
+        (0.5, 0.1),
+        (-0.5, 0.1),
+        (0.0, math.nan),
+        (math.nan, 0.1),
+        (0.0, math.inf),
+        (0.0, -math.inf),
+    ],
+)
+def test_impossible_steps_are_errors_and_change_nothing(instance: Instance, t: float, h: float) -> None:
+    instance.initialise()
+    before = instance.everything(), instance.serialised()
+    assert instance.call("DoStep", t, h, 1) == ERROR
+    assert instance.messages[-1][1:3] == (ERROR, "logStatusError")
+    assert (instance.everything(), instance.serialised()) == before
+    instance.step(0.0, 0.1)
+
+
+@pytest.mark.parametrize("h", [1.0 / 1024.0, 1.0 / 64.0])  # so that both ways come to the same times
+def test_one_step_is_two_half_steps(library: Library, h: float) -> None:
+    """With held inputs; sampled blocks take the same samples either way."""
+    with Instance(library) as whole, Instance(library) as halves:
+        for run in (whole, halves):
+            run.initialise()
+        for k, inputs in enumerate(signals(library, 1, 40)):
+            t = k * h
+            for run in (whole, halves):
+                run.set(inputs)
+            whole.step(t, h)
+            halves.step(t, h / 2)
+            halves.step(t + h / 2, h / 2)
+            for name, one in real_values(library, whole).items():
+                nominal = float(library.variables[name].nominal or 1.0)
+                assert halves.get1(name) == pytest.approx(one, rel=1e-9, abs=1e-9 * nominal), (name, k)
+
+
+def test_a_span_may_be_cut_anyhow(library: Library) -> None:
+    """Held inputs, steps of random size against a single one."""
+    inputs = signals(library, 4, 5)[-1]
+    cuts = np.sort(np.random.default_rng(4).uniform(0.0, 0.2, 60))
+    with Instance(library) as single, Instance(library) as cut:
+        for run in (single, cut):
+            run.initialise(**inputs)
+        single.step(0.0, 0.2)
+        t = 0.0
+        for end in (*cuts, 0.2):
+            cut.step(t, end - t)
+            t = t + (end - t)
+        for name, one in real_values(library, single).items():
+            nominal = float(library.variables[name].nominal or 1.0)
+            assert cut.get1(name) == pytest.approx(one, rel=1e-8, abs=1e-8 * nominal), name
+
+
+def test_inputs_with_slopes_may_be_cut_anyhow(library: Library) -> None:
+    """Linear inputs through a change of sign, over pieces against a single step; continuous blocks."""
+    if library.sampled:
+        return
+    ends = signals(library, 5, 1)[0]
+    real = library.names("input", type="Real")
+    span = 0.01
+
+    def value(name: str, t: float) -> float:
+        return ends[name] * (2.0 * t / span - 0.7)
+
+    with Instance(library) as single, Instance(library) as cut:
+        for run, pieces in ((single, 1), (cut, 7)):
+            run.initialise()
+            for k in range(pieces):
+                t = span * k / pieces
+                run.set({name: value(name, t) for name in real})
+                assert run.input_derivatives({name: ends[name] * 2.0 / span for name in real}) == OK
+                run.step(t, span / pieces)
+        for name in real:
+            assert single.get1(name) == pytest.approx(value(name, span), rel=1e-12), "inputs move with the step"
+        for name, one in real_values(library, single).items():
+            nominal = float(library.variables[name].nominal or 1.0)
+            assert cut.get1(name) == pytest.approx(one, rel=1e-7, abs=1e-7 * nominal), name
+
+
+def test_the_same_run_gives_the_same_bits(library: Library) -> None:
+    histories = []
+    for _ in range(2):
+        with Instance(library) as run:
+            run.initialise()
+            histories.append(drive(run, signals(library, 6, 100), 0.0, 1e-3))
+    assert histories[0] == histories[1]
+
+
+def test_the_bits_do_not_depend_on_logging_or_on_who_reads(library: Library) -> None:
+    inputs = signals(library, 7, 50)
+    with Instance(library, logging=False, logger=False) as quiet, Instance(library) as read:
+        for run in (quiet, read):
+            run.initialise()
+        drive(read, inputs, 0.0, 2e-3)
+        t = 0.0
+        for values in inputs:
+            quiet.set(values)
+            quiet.step(t, 2e-3)
+            t += 2e-3
+        assert quiet.everything() == read.everything()
+
+
+def test_a_later_start_time_is_the_first_point(library: Library, instance: Instance) -> None:
+    instance.initialise(start=5.0)
+    assert instance.get1("time") == 5.0
+    instance.step(5.0, 0.1)
+    assert instance.get1("time") == 5.1
+
+
+def test_extreme_finite_values_are_computed_or_refused_but_never_give_nan(library: Library) -> None:
+    """Whatever is set: a step is done with finite results, or discarded and the instance at its start."""
+    names = [
+        name
+        for name in library.names("input", "parameter", type="Real")
+        if library.variables[name].variability != "fixed"
+    ]
+    for size in (1e308, -1e308, 1e200, 1e-308):
+        for chosen in (*([name] for name in names), names):
+            with Instance(library) as run:
+                run.initialise()
+                run.step(0.0, 0.01)
+                for name in chosen:
+                    run.try_set({name: size})
+                status = run.call("DoStep", 0.01, 0.01, 1)
+                assert status in (OK, DISCARD)
+                if status == OK:
+                    assert all(map(math.isfinite, real_values(library, run).values())), chosen
+                else:
+                    assert run.messages[-1][1:3] == (DISCARD, "logStatusDiscard")
