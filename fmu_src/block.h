@@ -29,7 +29,7 @@
 #define INF    HUGE_VAL
 #define COUNTS 2147483647.0 /* the largest fmi2Integer */
 
-/* clang-format off: the tables and their expansions are set by hand */
+/* clang-format off */
 
 /* Units by quantity, so that a sliding block is also its rotational twin. */
 #ifdef ROTATIONAL
@@ -57,41 +57,27 @@
 #define NO_UNIT   ""
 
 /* What a row of the table is; the packager reads these numbers. */
-enum role {
-    ROLE_TIME,
-    ROLE_INPUT,
-    ROLE_OUTPUT,
-    ROLE_LOCAL,
-    ROLE_PARAMETER,
-    ROLE_FIXED,
-    ROLE_STATE,
-    ROLE_STATE_OUTPUT,
-    ROLE_DERIVATIVE
-};
+enum role { ROLE_TIME, ROLE_INPUT, ROLE_OUTPUT, ROLE_LOCAL, ROLE_PARAMETER, ROLE_FIXED, ROLE_STATE, ROLE_STATE_OUTPUT, ROLE_DERIVATIVE };
 enum type { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN };
 
 /* The kinds of row, each in terms of the four shapes that the expansions below give a meaning to:
-   SCALAR(name, role, type, unit, start, min, max, text), VECTOR(name, n, role, type, unit, starts, min, max, text),
-   DYNAMIC(name, role, unit, start, from, nominal, text), a state and, in continuous blocks, its derivative, and
-   DYNAMICS(name, n, unit, starts, nominal, text), a vector of them. */
-#define INPUT(name, unit, start, text) SCALAR(name, ROLE_INPUT, TYPE_REAL, unit, start, -INF, INF, text)
-#define COMMAND(name, start, text)     SCALAR(name, ROLE_INPUT, TYPE_BOOLEAN, "", start, 0.0, 1.0, text)
-#define OUTPUT(name, unit, text)       SCALAR(name, ROLE_OUTPUT, TYPE_REAL, unit, 0.0, -INF, INF, text)
-#define LOCAL(name, unit, text)        SCALAR(name, ROLE_LOCAL, TYPE_REAL, unit, 0.0, -INF, INF, text)
-#define FLAG(name, text)               SCALAR(name, ROLE_LOCAL, TYPE_BOOLEAN, "", 0.0, 0.0, 1.0, text)
-#define PARAMETER(name, unit, start, min, max, text)                                                                   \
-    SCALAR(name, ROLE_PARAMETER, TYPE_REAL, unit, start, min, max, text)
-#define SWITCH(name, start, text)                SCALAR(name, ROLE_PARAMETER, TYPE_BOOLEAN, "", start, 0.0, 1.0, text)
-#define FIXED(name, unit, start, min, max, text) SCALAR(name, ROLE_FIXED, TYPE_REAL, unit, start, min, max, text)
-#define COUNT(name, start, min, max, text)       SCALAR(name, ROLE_FIXED, TYPE_INTEGER, "", start, min, max, text)
-#define TALLY(name, text)                        SCALAR(name, ROLE_LOCAL, TYPE_INTEGER, "", 0.0, -COUNTS, COUNTS, text)
-#define PARAMETERS(name, n, unit, starts, min, max, text)                                                              \
-    VECTOR(name, n, ROLE_PARAMETER, TYPE_REAL, unit, starts, min, max, text)
-#define LOCALS(name, n, unit, text)             VECTOR(name, n, ROLE_LOCAL, TYPE_REAL, unit, (0.0), -INF, INF, text)
-#define FLAGS(name, n, text)                    VECTOR(name, n, ROLE_LOCAL, TYPE_BOOLEAN, "", (0.0), 0.0, 1.0, text)
-#define STATE(name, unit, start, nominal, text) DYNAMIC(name, ROLE_STATE, unit, start, name, nominal, text)
-#define STATES(name, n, unit, starts, nominal, text)  DYNAMICS(name, n, unit, starts, nominal, text)
-#define STATE_OUTPUT(name, unit, from, nominal, text) DYNAMIC(name, ROLE_STATE_OUTPUT, unit, NAN, from, nominal, text)
+   SCALAR, VECTOR, DYNAMIC (a state and, in continuous blocks, its derivative) and DYNAMICS (a vector of them). */
+#define INPUT(name, unit, start, text)                    SCALAR(name, ROLE_INPUT, TYPE_REAL, unit, start, -INF, INF, text)
+#define COMMAND(name, start, text)                        SCALAR(name, ROLE_INPUT, TYPE_BOOLEAN, "", start, 0.0, 1.0, text)
+#define OUTPUT(name, unit, text)                          SCALAR(name, ROLE_OUTPUT, TYPE_REAL, unit, 0.0, -INF, INF, text)
+#define LOCAL(name, unit, text)                           SCALAR(name, ROLE_LOCAL, TYPE_REAL, unit, 0.0, -INF, INF, text)
+#define LOCALS(name, n, unit, text)                       VECTOR(name, n, ROLE_LOCAL, TYPE_REAL, unit, (0.0), -INF, INF, text)
+#define FLAG(name, text)                                  SCALAR(name, ROLE_LOCAL, TYPE_BOOLEAN, "", 0.0, 0.0, 1.0, text)
+#define FLAGS(name, n, text)                              VECTOR(name, n, ROLE_LOCAL, TYPE_BOOLEAN, "", (0.0), 0.0, 1.0, text)
+#define TALLY(name, text)                                 SCALAR(name, ROLE_LOCAL, TYPE_INTEGER, "", 0.0, -COUNTS, COUNTS, text)
+#define PARAMETER(name, unit, start, min, max, text)      SCALAR(name, ROLE_PARAMETER, TYPE_REAL, unit, start, min, max, text)
+#define PARAMETERS(name, n, unit, starts, min, max, text) VECTOR(name, n, ROLE_PARAMETER, TYPE_REAL, unit, starts, min, max, text)
+#define SWITCH(name, start, text)                         SCALAR(name, ROLE_PARAMETER, TYPE_BOOLEAN, "", start, 0.0, 1.0, text)
+#define FIXED(name, unit, start, min, max, text)          SCALAR(name, ROLE_FIXED, TYPE_REAL, unit, start, min, max, text)
+#define COUNT(name, start, min, max, text)                SCALAR(name, ROLE_FIXED, TYPE_INTEGER, "", start, min, max, text)
+#define STATE(name, unit, start, nominal, text)           DYNAMIC(name, ROLE_STATE, unit, start, name, nominal, text)
+#define STATES(name, n, unit, starts, nominal, text)      DYNAMICS(name, n, unit, starts, nominal, text)
+#define STATE_OUTPUT(name, unit, from, nominal, text)     DYNAMIC(name, ROLE_STATE_OUTPUT, unit, NAN, from, nominal, text)
 
 /* Position in the simulation; part of the FMU state, so that a restored state carries the mode. */
 typedef struct {
@@ -109,13 +95,18 @@ typedef struct {
 #ifdef MEMORY
 typedef MEMORY Memory;
 #else
-typedef struct {
-    char none;
-} Memory;
+typedef struct { char none; } Memory;
+#endif
+
+/* A sampled block has states without derivatives: RATE(...) is nothing there. */
+#ifdef SAMPLED
+#define RATE(...)
+#else
+#define RATE(...) __VA_ARGS__
 #endif
 
 /* Inputs by number: enum { INPUT_v, ..., INPUTS } */
-#define SCALAR(name, role, type, unit, start, min, max, text) NUMBER_##role(name)
+#define SCALAR(name, role, type, unit, start, min, max, text)     NUMBER_##role(name)
 #define VECTOR(name, n, role, type, unit, starts, min, max, text)
 #define DYNAMIC(name, role, unit, start, from, nominal, text)
 #define DYNAMICS(name, n, unit, starts, nominal, text)
@@ -134,13 +125,8 @@ enum { VARIABLES INPUTS };
    A value reference is the index of a double, counted from the start of the struct. */
 #define SCALAR(name, role, type, unit, start, min, max, text)     double name;
 #define VECTOR(name, n, role, type, unit, starts, min, max, text) double name[n];
-#ifdef SAMPLED
-#define DYNAMIC(name, role, unit, start, from, nominal, text) double name;
-#else
-#define DYNAMIC(name, role, unit, start, from, nominal, text)                                                          \
-    double name;                                                                                                       \
-    double der_##name;
-#endif
+#define DYNAMIC(name, role, unit, start, from, nominal, text)     double name; RATE(double der_##name;)
+#define DYNAMICS(name, n, unit, starts, nominal, text)            double name[n]; RATE(double der_##name[n];)
 typedef struct {
     double time;
     VARIABLES
@@ -171,36 +157,29 @@ typedef struct {
 
 /* static const double starts_of_k[10] = { 5e4, 3e4 }; */
 #define SCALAR(name, role, type, unit, start, min, max, text)
-#define VECTOR(name, n, role, type, unit, starts, min, max, text)                                                      \
-    static const double starts_of_##name[n] = {UNWRAP starts};
+#define VECTOR(name, n, role, type, unit, starts, min, max, text) static const double starts_of_##name[n] = {UNWRAP starts};
 #define DYNAMIC(name, role, unit, start, from, nominal, text)
-#define DYNAMICS(name, n, unit, starts, nominal, text) static const double starts_of_##name[n] = {UNWRAP starts};
+#define DYNAMICS(name, n, unit, starts, nominal, text)            static const double starts_of_##name[n] = {UNWRAP starts};
 VARIABLES
 #undef SCALAR
 #undef VECTOR
 #undef DYNAMIC
 #undef DYNAMICS
 
-#define SCALAR(name, role, type, unit, start, min, max, text)                                                          \
+#define SCALAR(name, role, type, unit, start, min, max, text) \
     {#name, unit, text, start, min, max, 1.0, NULL, AT(name), 0, AT(name), role, type},
-#define VECTOR(name, n, role, type, unit, starts, min, max, text)                                                      \
+#define VECTOR(name, n, role, type, unit, starts, min, max, text) \
     {#name, unit, text, NAN, min, max, 1.0, starts_of_##name, AT(name), n, AT(name), role, type},
-#define STATE_ROW(name, n, role, unit, start, starts, from, nominal, text)                                             \
-    {#name, unit, text, start, -INF, INF, nominal, starts, AT(name), n, AT(from), role, TYPE_REAL},
-#ifdef SAMPLED
-#define RATE_ROW(name, n, unit, nominal, text)
-#else
-#define RATE_ROW(name, n, unit, nominal, text)                                                                         \
-    {"der(" #name ")", unit,     text, 0.0, -INF, INF, nominal, NULL, AT(der_##name), n, AT(name),                     \
-     ROLE_DERIVATIVE,  TYPE_REAL},
-#endif
-#define DYNAMIC(name, role, unit, start, from, nominal, text)                                                          \
-    STATE_ROW(name, 0, role, unit, start, NULL, from, nominal, text) RATE_ROW(name, 0, unit, nominal, text)
-#define DYNAMICS(name, n, unit, starts, nominal, text)                                                                 \
-    STATE_ROW(name, n, ROLE_STATE, unit, NAN, starts_of_##name, name, nominal, text)                                   \
-    RATE_ROW(name, n, unit, nominal, text)
-static const Row rows[] = {{"time", TIME, "simulation time", 0.0, -INF, INF, 1.0, NULL, 0, 0, 0, ROLE_TIME, TYPE_REAL},
-                           VARIABLES};
+#define RATE_ROW(name, n, unit, nominal, text) \
+    {"der(" #name ")", unit, text, 0.0, -INF, INF, nominal, NULL, AT(der_##name), n, AT(name), ROLE_DERIVATIVE, TYPE_REAL},
+#define DYNAMIC(name, role, unit, start, from, nominal, text) \
+    {#name, unit, text, start, -INF, INF, nominal, NULL, AT(name), 0, AT(from), role, TYPE_REAL}, \
+    RATE(RATE_ROW(name, 0, unit, nominal, text))
+#define DYNAMICS(name, n, unit, starts, nominal, text) \
+    {#name, unit, text, NAN, -INF, INF, nominal, starts_of_##name, AT(name), n, AT(name), ROLE_STATE, TYPE_REAL}, \
+    RATE(RATE_ROW(name, n, unit, nominal, text))
+static const Row rows[] = {
+    {"time", TIME, "simulation time", 0.0, -INF, INF, 1.0, NULL, 0, 0, 0, ROLE_TIME, TYPE_REAL}, VARIABLES};
 #undef SCALAR
 #undef VECTOR
 #undef DYNAMIC
@@ -208,30 +187,21 @@ static const Row rows[] = {{"time", TIME, "simulation time", 0.0, -INF, INF, 1.0
 
 #define ROWS (sizeof rows / sizeof rows[0])
 
-/* The continuous states: where each row's values and derivatives stand; one spare, as an empty array is illegal. */
+/* The continuous states: where the values and derivatives of each row stand; one spare, as an empty array is
+   illegal. */
 typedef struct {
     uint32_t index, derivative, count;
     double nominal;
 } StateRow;
 #define SCALAR(name, role, type, unit, start, min, max, text)
 #define VECTOR(name, n, role, type, unit, starts, min, max, text)
-#ifdef SAMPLED
-#define DYNAMIC(name, role, unit, start, from, nominal, text)
-#define DYNAMICS(name, n, unit, starts, nominal, text)
-#else
-#define DYNAMIC(name, role, unit, start, from, nominal, text) {AT(name), AT(der_##name), 1, nominal},
-#define DYNAMICS(name, n, unit, starts, nominal, text)        {AT(name), AT(der_##name), n, nominal},
-#endif
+#define DYNAMIC(name, role, unit, start, from, nominal, text)     RATE({AT(name), AT(der_##name), 1, nominal},)
+#define DYNAMICS(name, n, unit, starts, nominal, text)            RATE({AT(name), AT(der_##name), n, nominal},)
 static const StateRow state_rows[] = {VARIABLES{0, 0, 0, 1.0}};
 #undef DYNAMIC
 #undef DYNAMICS
-#ifdef SAMPLED
-#define DYNAMIC(name, role, unit, start, from, nominal, text)
-#define DYNAMICS(name, n, unit, starts, nominal, text)
-#else
-#define DYNAMIC(name, role, unit, start, from, nominal, text) +1
-#define DYNAMICS(name, n, unit, starts, nominal, text)        +n
-#endif
+#define DYNAMIC(name, role, unit, start, from, nominal, text)     RATE(+1)
+#define DYNAMICS(name, n, unit, starts, nominal, text)            RATE(+n)
 enum { STATE_ROWS = (int)(sizeof state_rows / sizeof state_rows[0]) - 1, ALL_STATES = 0 VARIABLES };
 #undef SCALAR
 #undef VECTOR
@@ -239,7 +209,7 @@ enum { STATE_ROWS = (int)(sizeof state_rows / sizeof state_rows[0]) - 1, ALL_STA
 #undef DYNAMICS
 
 /* Numbers of the inputs, in the order of `slope`. */
-#define SCALAR(name, role, type, unit, start, min, max, text) PLACE_##role(name)
+#define SCALAR(name, role, type, unit, start, min, max, text)     PLACE_##role(name)
 #define VECTOR(name, n, role, type, unit, starts, min, max, text)
 #define DYNAMIC(name, role, unit, start, from, nominal, text)
 #define DYNAMICS(name, n, unit, starts, nominal, text)
@@ -254,36 +224,23 @@ static const uint32_t inputs[] = {VARIABLES 0};
 #undef DYNAMIC
 #undef DYNAMICS
 
-/* GIVEN(m): const double v = m->v; const double *k = m->k; ... for the reader of the equations. Outputs are
-   not given: an output is written, once. */
-#define SCALAR(name, role, type, unit, start, min, max, text) GIVEN_##role(name, type)
-#define VECTOR(name, n, unit, starts, min, max, text)                                                                  \
-    const double *const name = given->name;                                                                            \
-    (void)name;
-#define DYNAMIC(name, role, unit, start, from, nominal, text) GIVEN_TYPE_REAL(name)
-#define DYNAMICS(name, n, unit, starts, nominal, text)        GIVEN_VECTOR_ROLE_PARAMETER(name)
-#define GIVEN_VECTOR_ROLE_PARAMETER(name)                                                                              \
-    const double *const name = given->name;                                                                            \
-    (void)name;
-#define GIVEN_VECTOR_ROLE_LOCAL(name)
-#define GIVEN_ROLE_INPUT(name, type) GIVEN_##type(name)
+/* GIVEN(m): const double v = m->v; const double *k = m->k; ... for the reader of the equations. Results are not
+   given: an output is written, once. */
+#define SCALAR(name, role, type, unit, start, min, max, text)     GIVEN_##role(name, type)
+#define VECTOR(name, n, role, type, unit, starts, min, max, text) GIVEN_VECTOR_##role(name)
+#define DYNAMIC(name, role, unit, start, from, nominal, text)     GIVEN_TYPE_REAL(name)
+#define DYNAMICS(name, n, unit, starts, nominal, text)            GIVEN_VECTOR_ROLE_PARAMETER(name)
+#define GIVEN_ROLE_INPUT(name, type)      GIVEN_##type(name)
 #define GIVEN_ROLE_OUTPUT(name, type)
 #define GIVEN_ROLE_LOCAL(name, type)
-#define GIVEN_ROLE_PARAMETER(name, type) GIVEN_##type(name)
-#define GIVEN_ROLE_FIXED(name, type)     GIVEN_##type(name)
-#define GIVEN_TYPE_REAL(name)                                                                                          \
-    const double name = given->name;                                                                                   \
-    (void)name;
-#define GIVEN_TYPE_INTEGER(name)                                                                                       \
-    const int name = (int)given->name;                                                                                 \
-    (void)name;
-#define GIVEN_TYPE_BOOLEAN(name)                                                                                       \
-    const bool name = given->name != 0.0;                                                                              \
-    (void)name;
-#define GIVEN(m)                                                                                                       \
-    const Model *const given = (m);                                                                                    \
-    VARIABLES
-
+#define GIVEN_ROLE_PARAMETER(name, type)  GIVEN_##type(name)
+#define GIVEN_ROLE_FIXED(name, type)      GIVEN_##type(name)
+#define GIVEN_TYPE_REAL(name)             const double name = given->name; (void)name;
+#define GIVEN_TYPE_INTEGER(name)          const int name = (int)given->name; (void)name;
+#define GIVEN_TYPE_BOOLEAN(name)          const bool name = given->name != 0.0; (void)name;
+#define GIVEN_VECTOR_ROLE_PARAMETER(name) const double *const name = given->name; (void)name;
+#define GIVEN_VECTOR_ROLE_LOCAL(name)
+#define GIVEN(m) const Model *const given = (m); VARIABLES
 /* clang-format on */
 
 static inline double square(double a) { return a * a; }

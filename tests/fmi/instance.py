@@ -200,8 +200,10 @@ class Instance:
         return self
 
     def step(self, t: float, h: float) -> None:
-        """fmi2DoStep."""
-        self.must("DoStep", t, h, 1)
+        """fmi2DoStep; a warning that the block gives is no failure."""
+        status = self.call("DoStep", t, h, 1)
+        if status not in (OK, WARNING):
+            raise RefusedError(f"fmi2DoStep({t}, {h}) returned {status}; log: {self.messages}")
 
     # ---- values
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from fmi.instance import DISCARD, ERROR, OK, Instance, Library, drive, signals
+from fmi.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, drive, signals
 
 AWKWARD = (1.0 / 60.0, 1e-3 / 3.0, 0.1, 7e-5)
 
@@ -200,8 +200,8 @@ def test_extreme_finite_values_are_computed_or_refused_but_never_give_nan(librar
                 for name in chosen:
                     run.try_set({name: size})
                 status = run.call("DoStep", 0.01, 0.01, 1)
-                assert status in (OK, DISCARD)
-                if status == OK:
+                assert status in (OK, WARNING, DISCARD)
+                if status != DISCARD:
                     assert all(map(math.isfinite, real_values(library, run).values())), chosen
                 else:
                     assert run.messages[-1][1:3] == (DISCARD, "logStatusDiscard")

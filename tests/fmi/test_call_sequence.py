@@ -288,13 +288,20 @@ def test_an_impossible_experiment_is_an_error(lugre: Library, setup: tuple[float
         assert run.serialised() == before
 
 
-def test_the_experiment_may_be_left_open(lugre: Library) -> None:
-    """fmi2EnterInitializationMode without fmi2SetupExperiment starts at 0; values that are not defined do not count."""
+def test_values_of_the_experiment_that_are_not_defined_do_not_count(lugre: Library) -> None:
     with Instance(lugre) as run:
         run.must("SetupExperiment", 0, float("nan"), 0.0, 0, float("nan"))
         run.must("SetupExperiment", 0, -1.0, 0.0, 0, -1.0)
         run.must("EnterInitializationMode")
         run.must("ExitInitializationMode")
+        run.step(0.0, 0.1)
+
+
+def test_without_an_experiment_time_starts_at_zero_and_does_not_end(lugre: Library) -> None:
+    with Instance(lugre) as run:
+        run.must("EnterInitializationMode")
+        run.must("ExitInitializationMode")
+        assert run.get1("time") == 0.0
         run.step(0.0, 0.1)
 
 

@@ -43,6 +43,13 @@ BLOCKS = {
         STATE_OUTPUT(x, NO_UNIT, x0, 1.0, "x") \\
         FIXED (x0, NO_UNIT, 1.0, -INF, INF, "initial x")
         |m->der_x = x * x;""",
+    # a vector of states, named so that der(d[1]) is not easily spelt
+    "Decays": """
+        STATES(d, 3, NO_UNIT, (1.0, 2.0, 3.0), 1.0, "decaying number") \\
+        OUTPUT(y, NO_UNIT, "sum") \\
+        PARAMETERS(rate, 3, FREQUENCY, (1.0, 10.0, 100.0), 0.0, INF, "rate of decay")
+        |m->y = 0.0;
+        for (int i = 0; i < 3; i++) { m->der_d[i] = -rate[i] * d[i]; m->y += d[i]; }""",
     # counts its samples and adds up its input
     "Counter": """
         INPUT (u, NO_UNIT, 0.0, "summand") \\
@@ -143,6 +150,24 @@ def test_states_of_very_different_size_follow_scipy(block: Callable[[str], Libra
             t = end
             assert run.get("a", "b", "c") == pytest.approx([a, b, c], rel=1e-6)
             assert sum(run.get("a", "b", "c")) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_vector_of_states_decays_element_by_element(block: Callable[[str], Library]) -> None:
+    library = block("Decays")
+    assert [name for name in library.variables if "d" in name] == [
+        *("d[1]", "d[2]", "d[3]", "der(d[1])", "der(d[2])", "der(d[3])")
+    ]
+    for k in (1, 2, 3):
+        assert library.variables[f"der(d[{k}])"].derivative is library.variables[f"d[{k}]"]
+    with Instance(library) as run:
+        run.initialise(**{"d[2]": 4.0})
+        run.step(0.0, 0.05)
+        expected = [start * math.exp(-rate * 0.05) for start, rate in ((1.0, 1.0), (4.0, 10.0), (3.0, 100.0))]
+        assert run.get("d[1]", "d[2]", "d[3]") == pytest.approx(expected, rel=1e-8)
+        assert run.get1("y") == pytest.approx(sum(expected), rel=1e-8)
+        assert run.output_derivatives("y") == pytest.approx(
+            [sum(run.get("der(d[1])", "der(d[2])", "der(d[3])"))], rel=1e-8
+        )
 
 
 def test_a_solution_that_ends_within_the_step_is_discarded_soon(block: Callable[[str], Library]) -> None:
