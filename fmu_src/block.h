@@ -61,9 +61,11 @@ enum role { ROLE_TIME, ROLE_INPUT, ROLE_OUTPUT, ROLE_LOCAL, ROLE_PARAMETER, ROLE
 enum type { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN };
 
 /* The kinds of row, each in terms of the four shapes that the expansions below give a meaning to:
-   SCALAR, VECTOR, DYNAMIC (a state and, in continuous blocks, its derivative) and DYNAMICS (a vector of them). */
+   SCALAR, VECTOR, DYNAMIC (a state and, in continuous blocks, its derivative) and DYNAMICS (a vector of them).
+   An OPTIONAL input may stay unconnected: the harness, and the reader of its description, know it by that word. */
 #define INPUT(name, unit, start, text)                    SCALAR(name, ROLE_INPUT, TYPE_REAL, unit, start, -INF, INF, text)
-#define COMMAND(name, start, text)                        SCALAR(name, ROLE_INPUT, TYPE_BOOLEAN, "", start, 0.0, 1.0, text)
+#define OPTIONAL(name, unit, start, text)                 INPUT(name, unit, start, "optional: " text)
+#define COMMAND(name, start, text)                        SCALAR(name, ROLE_INPUT, TYPE_BOOLEAN, "", start, 0.0, 1.0, "optional: " text)
 #define OUTPUT(name, unit, text)                          SCALAR(name, ROLE_OUTPUT, TYPE_REAL, unit, 0.0, -INF, INF, text)
 #define LOCAL(name, unit, text)                           SCALAR(name, ROLE_LOCAL, TYPE_REAL, unit, 0.0, -INF, INF, text)
 #define LOCALS(name, n, unit, text)                       VECTOR(name, n, ROLE_LOCAL, TYPE_REAL, unit, (0.0), -INF, INF, text)

@@ -87,7 +87,7 @@ def build_blocks(options: argparse.Namespace) -> None:
         raise FrictionError(f"--set goes with one model, not with {len(names)}; build them one by one")
     with progress_bar() as bar:
         for name in bar.track(names, description="building"):
-            path = build(name, options.output, start, options.name)
+            path = build(name, options.output, start, options.name, domain=options.domain)
             bar.console.print(path) if bar.console.is_terminal else print(path)
 
 
@@ -195,6 +195,8 @@ def parser() -> argparse.ArgumentParser:
     building.add_argument("--all", action="store_true", help="build all")
     building.add_argument("-o", "--output", type=Path, default=Path(), metavar="DIR", help="folder for the FMUs")
     building.add_argument("--set", action="append", metavar="NAME=VALUE", help="other start value; may be repeated")
+    domains = ("translational", "rotational")
+    building.add_argument("--domain", choices=domains, default=domains[0], help="rotational: N.m, rad, kg.m2")
     building.add_argument("--name", metavar="IDENTIFIER", help="other model identifier and file name")
     checking = command("check", check_files, "look for faults in FMUs, also other people's")
     checking.add_argument("files", nargs="+", type=Path, metavar="FILE")

@@ -9,6 +9,7 @@ from friction_fmus.errors import BuildError, UnknownNameError, nearest
 
 START_ARGUMENT = {
     "INPUT": 2,
+    "OPTIONAL": 2,
     "COMMAND": 1,
     "PARAMETER": 2,
     "SWITCH": 1,
@@ -36,6 +37,11 @@ def renamed(code: str, name: str) -> str:
     if not re.fullmatch(r"[A-Za-z]\w*", name):
         raise BuildError(f"{name!r} cannot name an FMU; use letters, digits and underscores, a letter first")
     return re.sub(r"^(#define\s+MODEL\s+)\w+", rf"\g<1>{name}", code, count=1, flags=re.M)
+
+
+def rotational(code: str) -> str:
+    """The source of the rotational twin: forces become torques, lengths angles."""
+    return re.sub(r"^(#define\s+MODEL\s+\w+)$", r"#define ROTATIONAL\n\1Rotational", code, count=1, flags=re.M)
 
 
 def with_start_values(code: str, start: Start) -> str:

@@ -257,7 +257,7 @@ def _declared(where: str, equations: Equations) -> tuple[Variable, ...]:
 def _in_table_order(
     declared: tuple[Variable, ...], outputs: Mapping[str, Variable], sample_time: float
 ) -> tuple[Variable, ...]:
-    inputs = [variable for variable in declared if variable.kind in (Kind.INPUT, Kind.COMMAND)]
+    inputs = [variable for variable in declared if variable.kind in (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND)]
     others = [variable for variable in declared if variable not in inputs and variable.kind is not Kind.SAMPLE_TIME]
     results = [replace(output, name=name) for name, output in outputs.items()]
     ts: Variable = SampleTime()

@@ -69,6 +69,7 @@ class Kind(Enum):
     """What a variable is; the value is the name of its row in block.h."""
 
     INPUT = "INPUT"
+    OPTIONAL = "OPTIONAL"
     COMMAND = "COMMAND"
     OUTPUT = "OUTPUT"
     STATE = "STATE"
@@ -131,9 +132,9 @@ def _unit(unit: str) -> Unit:
 # The functions below stand as argument defaults of a law, where the argument is an SX: so they return Any.
 
 
-def Input(unit: str, start: float, text: str) -> Any:  # noqa: N802
-    """A Real input."""
-    return Variable(Kind.INPUT, _unit(unit), float(start), text)
+def Input(unit: str, start: float, text: str, *, optional: bool = False) -> Any:  # noqa: N802
+    """A Real input; an optional one may stay unconnected."""
+    return Variable(Kind.OPTIONAL if optional else Kind.INPUT, _unit(unit), float(start), text)
 
 
 def Command(start: bool, text: str) -> Any:  # noqa: N802
@@ -186,7 +187,7 @@ _RESERVED = {
     "Windows or compiler headers": "near far small hyper interface huge pascal cdecl min max linux unix i386 vax",
     "block.h": "time slope memory run given model rows states inputs nominals square sign clip value_of sample "
     "equations advance evaluate relax Model Memory Run Row Instance INPUT COMMAND OUTPUT LOCAL FLAG "
-    "PARAMETER SWITCH FIXED COUNT PARAMETERS STATE STATE_OUTPUT SCALAR VECTOR DYNAMIC GIVEN VARIABLES "
+    "OPTIONAL LOCALS FLAGS TALLY STATES DYNAMICS PARAMETER SWITCH FIXED COUNT PARAMETERS STATE STATE_OUTPUT SCALAR VECTOR DYNAMIC GIVEN VARIABLES "
     "MODEL SUMMARY SOURCE SAMPLED MEMORY STEPS_BY INF COUNTS INPUTS STATES VALUES ROWS AT SLOPE UNWRAP "
     "LENGTH VELOCITY ACCELERATION JERK FORCE MASS STIFFNESS DAMPING TIME FREQUENCY ANGLE NO_UNIT "
     "ROTATIONAL PASTE QUOTE ENTER REQUIRE MODE SET GET NAN NULL INFINITY HUGE_VAL EOF BUFSIZ RAND_MAX",

@@ -11,6 +11,7 @@ import zipfile
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
+from typing import Literal
 
 import fmpy
 import numpy as np
@@ -18,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from friction_fmus import toolchain
 from friction_fmus.catalogue import Block, find, source_folder
-from friction_fmus.customise import Start, renamed, with_start_values
+from friction_fmus.customise import Start, renamed, rotational, with_start_values
 from friction_fmus.describe import FIXED, INPUT, PARAMETER, STATE, Description, describe
 from friction_fmus.documentation import index_page, picture
 from friction_fmus.errors import BuildError
@@ -34,6 +35,8 @@ def build(
     start: Start | None = None,
     name: str | None = None,
     files: Mapping[str, str] | None = None,
+    *,
+    domain: Literal["translational", "rotational"] = "translational",
 ) -> Path:
     """Builds one FMU.
 
@@ -49,6 +52,8 @@ def build(
         Other model identifier and file name.
     files : mapping of str to str, optional
         Further or replaced headers of the block, such as ``series.h`` of `Record`.
+    domain : {"translational", "rotational"}
+        The rotational twin has N.m, rad and kg.m2 for N, m and kg, and the suffix ``Rotational``.
 
     Returns
     -------
@@ -62,7 +67,9 @@ def build(
     """
     block = find(model)
     code = with_start_values(block.code, start or {})
-    identifier = name or block.name
+    twin = domain == "rotational"
+    code = rotational(code) if twin else code
+    identifier = name or block.name + ("Rotational" if twin else "")
     code = renamed(code, identifier) if name else code
     block = Block(identifier, block.kind, block.summary, block.source, block.notes, block.path, code)
     sources = _sources(block, files or {})
@@ -126,16 +133,19 @@ def build_record(
 
 
 def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:
-    """File name -> text: the block, the shared headers, and headers beside the block that it includes."""
+    """File name -> text: the block, the shared headers, and other headers that the block includes."""
     sources = {f"{block.name}.c": block.code}
     for header in HEADERS:
         sources[header] = (source_folder() / header).read_text(encoding="utf-8")
+    places = (block.path.parent, source_folder(), source_folder() / "friction")
     for header in re.findall(r'^#include\s+"([^"]+)"', block.code, re.M):
-        if header not in sources:
-            beside = block.path.parent / header
-            if header not in files and not beside.is_file():
-                raise BuildError(f"{block.path} includes {header!r}, which is not beside it")
-            sources[header] = files[header] if header in files else beside.read_text(encoding="utf-8")
+        if header in files:
+            sources[header] = files[header]
+        elif header not in sources:
+            found = next((place / header for place in places if (place / header).is_file()), None)
+            if found is None:
+                raise BuildError(f"{block.path} includes {header!r}, which is neither beside it nor in fmu_src")
+            sources[header] = found.read_text(encoding="utf-8")
     return sources
 
 

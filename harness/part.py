@@ -46,6 +46,11 @@ class Port:
     description: str = ""
     base: BaseUnit | None = None
 
+    @property
+    def optional(self) -> bool:
+        """Whether an input may stay unconnected, then with its start value: its description says so first."""
+        return self.description.startswith("optional: ")
+
 
 @dataclass(frozen=True)
 class Calls:

@@ -209,7 +209,9 @@ class System:
 
     def _check_connected(self) -> None:
         driven = {wire.target for wire in self.wires} | set(self.start)
-        inputs = [f"{name}.{port.name}" for name, part in self.parts.items() for port in part.inputs]
+        inputs = [
+            f"{name}.{port.name}" for name, part in self.parts.items() for port in part.inputs if not port.optional
+        ]
         missing = [name for name in inputs if name not in driven]
         if missing:
             raise UnconnectedError(

@@ -95,7 +95,7 @@ def test_a_new_friction_model_is_one_file(tmp_path: Path) -> None:
 
 def test_rows_named_in_the_guide_are_those_of_block_h() -> None:
     header = (ROOT / "fmu_src" / "block.h").read_text(encoding="utf-8")
-    kinds = set(re.findall(r"^#define (\w+)\(name, [^)]*\)\s+(?:SCALAR|VECTOR|DYNAMIC)\(", header, re.M))
+    kinds = set(re.findall(r"^#define (\w+)\(name, [^)]*\)\s+(?:SCALAR|VECTOR|DYNAMICS?|INPUT)\(", header, re.M))
     guide = ADDING.read_text(encoding="utf-8")
     assert kinds
     assert [kind for kind in sorted(kinds) if f"`{kind}`" not in guide] == []

@@ -16,9 +16,9 @@
 /* clang-format off */
 #define VARIABLES                                                                                      \
     INPUT       (F_drive,    FORCE,    0.0,              "driving force")                              \
-    INPUT       (F_load,     FORCE,    0.0,              "further applied force")                      \
+    OPTIONAL    (F_load,     FORCE,    0.0,              "further applied force")                      \
     INPUT       (F_friction, FORCE,    0.0,              "friction force, opposes positive v")         \
-    INPUT       (v_support,  VELOCITY, 0.0,              "velocity of the support")                    \
+    OPTIONAL    (v_support,  VELOCITY, 0.0,              "velocity of the support")                    \
     STATE_OUTPUT(x,          LENGTH,   x0,  1.0,         "position")                                   \
     STATE_OUTPUT(v,          VELOCITY, v0,  1.0,         "velocity")                                   \
     STATE_OUTPUT(x_support,  LENGTH,   x_support0, 1.0,  "position of the support")                    \

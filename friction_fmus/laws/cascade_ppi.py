@@ -40,7 +40,7 @@ def cascade_ppi(
     rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
     x: SX = Input(LENGTH, 0.0, "measured position"),
     v: SX = Input(VELOCITY, 0.0, "measured velocity"),
-    f: SX = Input(FORCE, 0.0, "feedforward force, added before the limits"),
+    f: SX = Input(FORCE, 0.0, "feedforward force, added before the limits", optional=True),
     enable: SX = Command(True, "false: u = 0 and the integral at its start"),
     reset: SX = Command(False, "true: the integral at its start"),
     integral: SX = State(LENGTH, 0.0, "integral of the velocity error w", nominal=1e-3),

@@ -205,22 +205,14 @@ def write_servo(
         "axis.F_ext -> friction.F_ext",
         "friction.F -> axis.F_friction",
     ]
-    start: dict[str, float | int | bool | str] = {
-        "servo.enable": True,
-        "servo.reset": False,
-        "axis.F_load": 0.0,
-        "axis.v_support": 0.0,
-    }
+    start: dict[str, float | int | bool | str] = {}
     if motion_mass is None:
         start |= {"servo.rd": 0.0, "servo.rdd": 0.0}
     else:
         start["servo.m"] = motion_mass
         wires += ["reference.rd -> servo.rd", "reference.rdd -> servo.rdd"]
-    if fmus.feedforward is None:
-        start["servo.f"] = 0.0
-    else:
+    if fmus.feedforward is not None:
         parts.append(FmuPart("feedforward", fmus.feedforward, every=every))
-        start["feedforward.enable"] = True
         wires += ["reference.rd -> feedforward.rd", "reference.rdd -> feedforward.rdd"]
         wires.append("feedforward.u -> servo.f")
     experiment = Experiment(stop=samples * settings.Ts, step=settings.Ts / every, record=RECORDED, decimate=every)

@@ -110,7 +110,11 @@ def test_every_law_keeps_casadis_bits_over_a_long_run(law, workshop, different_b
     rows = random_arguments(law, n, seed=3)
     labels = [variable for variable in law.given for _ in variable.starts]
     states = [i for i, variable in enumerate(labels) if variable.kind is Kind.STATE]
-    fixed = [i for i, variable in enumerate(labels) if variable.kind not in (Kind.INPUT, Kind.COMMAND, Kind.STATE)]
+    fixed = [
+        i
+        for i, variable in enumerate(labels)
+        if variable.kind not in (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND, Kind.STATE)
+    ]
     starts = np.array([start for variable in law.given for start in variable.starts])
     rows[:, fixed] = starts[fixed]
     first_next = len(law.select(Kind.OUTPUT))

@@ -89,7 +89,9 @@ def test_the_table_says_what_the_law_says(law, workshop):
     rows = describe(workshop.library(block_source(law))).variables[1:]
     assert [row.name for row in rows] == [variable.name for variable in law.variables]
     for row, variable in zip(rows, law.variables, strict=True):
-        assert (row.unit, row.text, row.start) == (str(variable.unit), variable.text, variable.start)
+        optional = variable.kind in (Kind.OPTIONAL, Kind.COMMAND)
+        assert row.text == ("optional: " if optional else "") + variable.text
+        assert (row.unit, row.start) == (str(variable.unit), variable.start)
         if variable.kind in (Kind.PARAMETER, Kind.SAMPLE_TIME):
             assert (row.min, row.max) == (variable.min, variable.max)
         if row.unit:
