@@ -12,9 +12,8 @@
    A block may also define
      MEMORY     a struct without pointers, reached as m->memory, part of the FMU state
      STEPS_BY   the name of its own exact step `static bool f(Model *m, double h)` in place of `integrate`; if it
-                has also computed the outputs, it says so by m->run.outputs_done = true
+                has also computed the outputs, at the end of the step, it says so by m->run.outputs_done = true
      WARNING    the text of a warning that is given once, when it sets m->run.warning = true
-     CONTENT    an array of data that belongs to the identity of the FMU
      SAMPLED    `sample(Model *m)` is called at start + k Ts; the table then has FIXED(Ts, ...)          */
 
 #ifndef BLOCK_H

@@ -23,9 +23,9 @@ fmi2Status fmi2SetDebugLogging(fmi2Component component, fmi2Boolean on, size_t n
         while (which < LOG_CATEGORIES && strcmp(names[i], categories[which]) != 0)
             which++;
         REQUIRE(which < LOG_CATEGORIES, "fmi2SetDebugLogging: there is no log category \"%s\"", names[i])
-        chosen |= 1 << which;
+        chosen |= which == LOG_CATEGORIES - 1 ? LOG_EVERYTHING : 1 << which;
     }
-    c->logging = on ? c->logging | chosen : n == 0 ? 0 : c->logging & ~chosen;
+    c->logging = on ? chosen : c->logging & ~chosen;
     return fmi2OK;
 }
 
@@ -129,8 +129,9 @@ static bool known(const Instance *c, fmi2ValueReference reference, int type)
     return reference < VALUES && c->row_of[reference]->type == type;
 }
 
-static fmi2Status check_get(Instance *c, const fmi2ValueReference references[], size_t n, int type)
+static fmi2Status check_get(Instance *c, const fmi2ValueReference references[], size_t n, const void *values, int type)
 {
+    REQUIRE(n == 0 || (references && values), "fmi2Get%s: a pointer is null", type_names[type])
     for (size_t i = 0; i < n; i++)
         REQUIRE(known(c, references[i], type), "fmi2Get%s: there is no %s variable with value reference %u",
                 type_names[type], type_names[type], references[i])
@@ -163,6 +164,7 @@ static fmi2Status check_set(Instance *c, fmi2ValueReference reference, double va
                              const fmi2##TYPE values[])                                                                \
     {                                                                                                                  \
         ENTER("Set" #TYPE, MAY_Set)                                                                                    \
+        REQUIRE(n == 0 || (references && values), "fmi2Set" #TYPE ": a pointer is null")                               \
         for (size_t i = 0; i < n; i++) {                                                                               \
             const fmi2Status status = check_set(c, references[i], as_double, type);                                    \
             if (status != fmi2OK)                                                                                      \
@@ -182,7 +184,7 @@ SET(Boolean, TYPE_BOOLEAN, (double)(values[i] != fmi2False))
                              fmi2##TYPE values[])                                                                      \
     {                                                                                                                  \
         ENTER("Get" #TYPE, MAY_Get)                                                                                    \
-        const fmi2Status status = check_get(c, references, n, type);                                                   \
+        const fmi2Status status = check_get(c, references, n, values, type);                                           \
         if (status != fmi2OK)                                                                                          \
             return status;                                                                                             \
         for (size_t i = 0; i < n; i++)                                                                                 \
@@ -237,18 +239,21 @@ static bool advance(Model *m, double t, double h)
     return true;
 }
 #else
+/* The block's own step, except over a time so short that 1/h overflows and no state can move. */
+static bool own_step(Model *m, double h) { return h < 1e-290 || STEPS_BY(m, h); }
+
 /* Pieces between the zeros of the inputs, each by the block's own step. */
 static bool advance(Model *m, double t, double h)
 {
     m->time = t;
     m->run.outputs_done = false;
     if (inputs_held(m)) {
-        if (!STEPS_BY(m, h))
+        if (!own_step(m, h))
             return false;
     } else {
         for (double rest = h; rest > 0.0;) {
             const double piece = time_to_reversal(m, rest);
-            if (!STEPS_BY(m, piece))
+            if (!own_step(m, piece))
                 return false;
             const bool whole = piece >= rest;
             for (int i = 0; i < INPUTS; i++) {
@@ -329,6 +334,7 @@ fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind,
     ENTER("GetRealStatus", MAY_GetStatus)
     if (kind != fmi2LastSuccessfulTime)
         return report(c, fmi2Discard, LOG_DISCARD, "fmi2GetRealStatus: status kind %d is not available", (int)kind);
+    REQUIRE(value, "fmi2GetRealStatus: the place for the value is a null pointer")
     *value = c->model.time;
     return fmi2OK;
 }
@@ -338,6 +344,7 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component component, const fmi2StatusKind ki
     ENTER("GetBooleanStatus", MAY_GetStatus)
     if (kind != fmi2Terminated)
         return report(c, fmi2Discard, LOG_DISCARD, "fmi2GetBooleanStatus: status kind %d is not available", (int)kind);
+    REQUIRE(value, "fmi2GetBooleanStatus: the place for the value is a null pointer")
     *value = fmi2False;
     return fmi2OK;
 }

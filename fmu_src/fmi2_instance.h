@@ -42,7 +42,7 @@ enum {
 
 static const char *const categories[] = {"logStatusWarning", "logStatusDiscard", "logStatusError", "logEvents",
                                          "logAll"};
-enum { LOG_WARNING = 1, LOG_DISCARD = 2, LOG_ERROR = 4, LOG_EVENTS = 8, LOG_EVERYTHING = 16, LOG_CATEGORIES = 5 };
+enum { LOG_WARNING = 1, LOG_DISCARD = 2, LOG_ERROR = 4, LOG_EVENTS = 8, LOG_EVERYTHING = 31, LOG_CATEGORIES = 5 };
 
 enum { GUID_LENGTH = 38 }; /* {8-4-4-4-12} */
 
@@ -62,13 +62,15 @@ typedef struct {
 /* Sends a message; every % is doubled because importers use the text as a format. */
 static fmi2Status report(const Instance *c, fmi2Status status, int category, const char *format, ...)
 {
-    if (!c->logger || !(c->logging & (category | LOG_EVERYTHING)))
+    if (!c->logger || !(c->logging & category))
         return status;
     char text[512], doubled[1024];
     va_list arguments;
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
+    for (size_t end = strlen(text); end == sizeof text - 1 && (text[end - 1] & 0x80); end--)
+        text[end - 1] = '\0'; /* no part of a UTF-8 character at the cut */
     size_t length = 0;
     for (const char *from = text; *from; from++) {
         if (*from == '%')
@@ -111,13 +113,19 @@ static const char *mode_name(int mode)
 
 static bool before_stepping(const Model *m) { return (m->run.mode & BEFORE_STEPPING) != 0; }
 
-/* One evaluation of the block on a model that may be spoilt. */
-static void evaluate(Model *m)
+/* Before the first step, states that are outputs follow the parameters with their initial values. */
+static void initialise_states(Model *m)
 {
     if (before_stepping(m))
         for (size_t i = 0; i < ROWS; i++)
             if (rows[i].role == ROLE_STATE_OUTPUT)
                 *value_of(m, rows[i].index) = *value_of(m, rows[i].from);
+}
+
+/* One evaluation of the block on a model that may be spoilt. */
+static void evaluate(Model *m)
+{
+    initialise_states(m);
 #ifdef SAMPLED
     sample(m);
 #else
@@ -141,6 +149,7 @@ static bool refresh(Instance *c)
     if (!m->run.stale)
         return true;
 #ifdef SAMPLED
+    initialise_states(m);
     if (m->run.tick == 0) {
         Model *const preview = &c->backup;
         *preview = *m;

@@ -29,13 +29,14 @@ static uint64_t fingerprint(uint64_t hash)
         if (row->starts)
             hash = mix(hash, row->starts, row->length * sizeof(double));
     }
-#ifdef CONTENT
-    hash = mix(hash, CONTENT, sizeof CONTENT);
+#ifdef IDENTITY
+    hash = mix_text(hash, IDENTITY);
 #endif
     return hash;
 }
 
-/* {8-4-4-4-12}: the hash of all rows and of the block's CONTENT, so that XML and code cannot disagree. */
+/* {8-4-4-4-12}: the hash of all rows, and of all sources if the packager has written that as IDENTITY into the
+   block, so that XML, code and saved states cannot disagree. */
 static void write_guid(char *text)
 {
     char digits[33];
@@ -142,7 +143,6 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
         free(read);
         return report(c, fmi2Error, LOG_ERROR, "fmi2DeSerializeFMUstate: the bytes cannot be used: %s", fault);
     }
-    free(*state);
     *state = read;
     return fmi2OK;
 }
@@ -166,14 +166,21 @@ static double moved_value(Instance *c, uint32_t unknown, const double *direction
 static double derivative_along(Instance *c, uint32_t unknown, const double *direction, double distance)
 {
     enum { LEVELS = 28 };
-    double previous[LEVELS], current[LEVELS], best = 0.0, smallest = INF;
+    double grain = 0.0; /* of e: the rounding of the moved values */
+    for (uint32_t i = 0; i < VALUES; i++)
+        if (direction[i] != 0.0)
+            grain = fmax(grain, DBL_EPSILON * fabs(*value_of(&c->model, i) / direction[i]));
+    double previous[LEVELS], current[LEVELS], best = NAN, smallest = INF;
     for (int level = 0; level < LEVELS; level++, distance *= 0.5) {
-        current[0] = (moved_value(c, unknown, direction, distance) - moved_value(c, unknown, direction, -distance)) /
-                     (2.0 * distance);
+        const double above = moved_value(c, unknown, direction, distance);
+        const double below = moved_value(c, unknown, direction, -distance);
+        current[0] = (above - below) / (2.0 * distance);
+        const double rounding = (DBL_EPSILON * fmax(fabs(above), fabs(below)) + grain * fabs(current[0])) / distance;
         double weight = 4.0;
         for (int j = 1; j <= level; j++, weight *= 4.0) {
             current[j] = (weight * current[j - 1] - previous[j - 1]) / (weight - 1.0);
-            const double error = fmax(fabs(current[j] - current[j - 1]), fabs(current[j] - previous[j - 1]));
+            const double error =
+                fmax(rounding, fmax(fabs(current[j] - current[j - 1]), fabs(current[j] - previous[j - 1])));
             if (error < smallest) {
                 smallest = error;
                 best = current[j];
@@ -190,6 +197,8 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
 {
     ENTER("GetDirectionalDerivative", MAY_GetDirectionalDerivative)
     double direction[VALUES] = {0.0}, distance = INF;
+    REQUIRE((n_unknowns == 0 || (unknowns && result)) && (n_knowns == 0 || (knowns && seed)),
+            "fmi2GetDirectionalDerivative: a pointer is null")
     for (size_t i = 0; i < n_unknowns; i++) {
         const int role = unknowns[i] < VALUES ? c->row_of[unknowns[i]]->role : ROLE_TIME;
         REQUIRE((role == ROLE_OUTPUT || role == ROLE_LOCAL || role == ROLE_STATE_OUTPUT || role == ROLE_DERIVATIVE) &&
@@ -212,14 +221,19 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
             const double value = fabs(*value_of(&c->model, i)), nominal = c->row_of[i]->nominal;
             distance = fmin(distance, 0.05 * (value > 1e-5 * nominal ? value : nominal) / fabs(direction[i]));
         }
-    for (size_t i = 0; i < n_unknowns; i++)
-        result[i] = distance < INF ? derivative_along(c, unknowns[i], direction, distance) : 0.0;
+    for (size_t i = 0; i < n_unknowns; i++) {
+        const double value = distance < INF ? derivative_along(c, unknowns[i], direction, distance) : 0.0;
+        REQUIRE(isfinite(value), "fmi2GetDirectionalDerivative: that of %s is not finite", c->row_of[unknowns[i]]->name)
+        result[i] = value;
+    }
     return fmi2OK;
 }
 
 static fmi2Status check_derivatives(const Instance *c, const char *function, int role,
-                                    const fmi2ValueReference references[], size_t n, const fmi2Integer orders[])
+                                    const fmi2ValueReference references[], size_t n, const fmi2Integer orders[],
+                                    const fmi2Real values[])
 {
+    REQUIRE(n == 0 || (references && orders && values), "%s: a pointer is null", function)
     for (size_t i = 0; i < n; i++) {
         const Row *const row = references[i] < VALUES ? c->row_of[references[i]] : &rows[0];
         const bool fits = row->role == role || (role == ROLE_OUTPUT && row->role == ROLE_STATE_OUTPUT);
@@ -234,7 +248,8 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueR
                                        const fmi2Integer orders[], const fmi2Real values[])
 {
     ENTER("SetRealInputDerivatives", MAY_SetRealInputDerivatives)
-    const fmi2Status status = check_derivatives(c, "fmi2SetRealInputDerivatives", ROLE_INPUT, references, n, orders);
+    const fmi2Status status =
+        check_derivatives(c, "fmi2SetRealInputDerivatives", ROLE_INPUT, references, n, orders, values);
     if (status != fmi2OK)
         return status;
     for (size_t i = 0; i < n; i++)
@@ -257,7 +272,8 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
                                         const fmi2Integer orders[], fmi2Real values[])
 {
     ENTER("GetRealOutputDerivatives", MAY_GetRealOutputDerivatives)
-    const fmi2Status status = check_derivatives(c, "fmi2GetRealOutputDerivatives", ROLE_OUTPUT, references, n, orders);
+    const fmi2Status status =
+        check_derivatives(c, "fmi2GetRealOutputDerivatives", ROLE_OUTPUT, references, n, orders, values);
     if (status != fmi2OK)
         return status;
 #ifdef SAMPLED
@@ -272,9 +288,13 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
             direction[state_rows[r].index + k] = *value_of(&c->model, state_rows[r].derivative + k);
     for (int i = 0; i < INPUTS; i++)
         direction[inputs[i]] = c->model.slope[i];
-    for (size_t i = 0; i < n; i++)
-        values[i] = derivative_along(c, references[i], direction,
-                                     0.05 * (c->model.run.last_step > 0.0 ? c->model.run.last_step : 1e-3));
+    const double distance = 0.05 * (c->model.run.last_step > 0.0 ? c->model.run.last_step : 1e-3);
+    for (size_t i = 0; i < n; i++) {
+        const double value = derivative_along(c, references[i], direction, distance);
+        REQUIRE(isfinite(value), "fmi2GetRealOutputDerivatives: that of %s is not finite",
+                c->row_of[references[i]]->name)
+        values[i] = value;
+    }
 #endif
     return fmi2OK;
 }

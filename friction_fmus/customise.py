@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Mapping
 
@@ -37,6 +38,17 @@ def renamed(code: str, name: str) -> str:
     if not re.fullmatch(r"[A-Za-z]\w*", name):
         raise BuildError(f"{name!r} cannot name an FMU; use letters, digits and underscores, a letter first")
     return re.sub(r"^(#define\s+MODEL\s+)\w+", rf"\g<1>{name}", code, count=1, flags=re.M)
+
+
+def identified(sources: Mapping[str, str], name: str) -> dict[str, str]:
+    """The sources with a hash of all of them in the block ``NAME.c``, which its GUID takes up.
+
+    An importer that compiles them again gets the same GUID, and a state saved by other code is refused.
+    """
+    text = "\0".join(part for item in sorted(sources.items()) for part in item)
+    line = f'#define IDENTITY "{hashlib.sha256(text.encode()).hexdigest()[:32]}"\n'
+    block = f"{name}.c"
+    return {**sources, block: re.sub(r"^(?=#define\s+MODEL\b)", line, sources[block], count=1, flags=re.M)}
 
 
 def rotational(code: str) -> str:

@@ -119,8 +119,7 @@ def describe(library: Path) -> Description:
 
 def _element(name: str, k: int) -> str:
     """k[1] of k, der(z[1]) of der(z)."""
-    inner = name.removeprefix("der(").removesuffix(")")
-    return name.replace(inner, f"{inner}[{k + 1}]")
+    return f"{name[:-1]}[{k + 1}])" if name.startswith("der(") else f"{name}[{k + 1}]"
 
 
 def _per_second(unit: str) -> str:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from friction_fmus import toolchain
 from friction_fmus.catalogue import Block, find, source_folder
-from friction_fmus.customise import Start, renamed, rotational, with_start_values
+from friction_fmus.customise import Start, identified, renamed, rotational, with_start_values
 from friction_fmus.describe import FIXED, INPUT, PARAMETER, STATE, Description, describe
 from friction_fmus.documentation import index_page, picture
 from friction_fmus.errors import BuildError
@@ -72,7 +72,7 @@ def build(
     identifier = name or block.name + ("Rotational" if twin else "")
     code = renamed(code, identifier) if name else code
     block = Block(identifier, block.kind, block.summary, block.source, block.notes, block.path, code)
-    sources = _sources(block, files or {})
+    sources = identified(_sources(block, files or {}), identifier)
     kept = toolchain.cache_folder() / f"{identifier}-{_key(sources, block)}.fmu"
     if not kept.is_file():
         kept.parent.mkdir(parents=True, exist_ok=True)
@@ -95,7 +95,7 @@ def describe_block(block: Block, folder: Path) -> Description:
     BuildError
         If it does not compile.
     """
-    for name, text in _sources(block, {}).items():
+    for name, text in identified(_sources(block, {}), block.name).items():
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
     library = folder / f"{block.name}{fmpy.sharedLibraryExtension}"
     toolchain.compile_library(folder, f"{block.name}.c", library)

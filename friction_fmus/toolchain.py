@@ -17,7 +17,7 @@ from friction_fmus.errors import BuildError
 
 FLAGS = (
     *("-std=c99", "-O2", "-g0", "-fPIC", "-fvisibility=hidden"),
-    # equal bits on every machine: no fused multiply-add, no relaxed arithmetic
+    # no fused multiply-add, no relaxed arithmetic: what differs between machines is their libm
     *("-ffp-contract=off", "-fno-math-errno"),
     *("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror"),
     "-DFMI2_OVERRIDE_FUNCTION_PREFIX",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -51,6 +52,16 @@ def test_commands_of_the_readme_work(tmp_path: Path) -> None:
         run(command, tmp_path)
     assert (tmp_path / "fmus" / "MyAxis.fmu").is_file()
     assert (tmp_path / "stick_slip.png").is_file()
+
+
+def test_main_command_of_the_readme_does_its_own_set_up(tmp_path: Path) -> None:
+    (command,) = blocks(ROOT / "README.md", "main command")
+    copy = tmp_path / "checkout"
+    shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".*", "out", "__pycache__", "tests"))
+    result = subprocess.run(["bash", "-c", command], cwd=copy, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    assert "95.1089" in result.stdout
+    assert (copy / "out" / "report.html").is_file()
 
 
 def test_python_of_the_readme_gives_the_published_stick_slip(tmp_path: Path) -> None:

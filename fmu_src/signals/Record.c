@@ -23,11 +23,10 @@
     OUTPUT(rdd, ACCELERATION, "recorded acceleration")
 /* clang-format on */
 
+#include "block.h"
+
 /* static const double series[][4] = { { t, r, rd, rdd }, ... } */
 #include "series.h"
-#define CONTENT series
-
-#include "block.h"
 
 enum { SAMPLES = sizeof series / sizeof series[0], LAST = SAMPLES - 1 };
 typedef char series_has_two_rows[SAMPLES >= 2 ? 1 : -1];
