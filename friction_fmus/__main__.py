@@ -74,6 +74,16 @@ def show(options: argparse.Namespace) -> None:
     console.print(table)
 
 
+def cite(options: argparse.Namespace) -> None:
+    """BibTeX entries of a block's sources."""
+    from friction_fmus.catalogue import find
+
+    block = find(options.name)
+    if not block.bibtex:
+        raise FrictionError(f"{block.name} has no BibTeX entry; its source is: {block.source}")
+    print("\n\n".join(block.bibtex))
+
+
 def build_blocks(options: argparse.Namespace) -> None:
     """FMUs of the named blocks, or of all."""
     from friction_fmus.catalogue import catalogue
@@ -190,6 +200,8 @@ def parser() -> argparse.ArgumentParser:
     listing.add_argument("--json", action="store_true", help="as JSON: name, kind, summary, source")
     showing = command("show", show, "show a model's equations and variables")
     showing.add_argument("name", metavar="NAME", help="name of a model, or its .c or .py file")
+    citing = command("cite", cite, "print the BibTeX entries of a model's sources")
+    citing.add_argument("name", metavar="NAME", help="name of a model, or its .c or .py file")
     building = command("build", build_blocks, "build FMUs")
     building.add_argument("names", nargs="*", metavar="NAME", help="name of a model, or its .c or .py file")
     building.add_argument("--all", action="store_true", help="build all")

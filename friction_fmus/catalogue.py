@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -13,6 +14,13 @@ from friction_fmus.law_files import discover_laws
 
 KINDS = {"friction": "friction", "plants": "plant", "controllers": "controller", "signals": "signal"}
 """Folder of ``fmu_src`` -> kind of block; laws come from ``friction_fmus/laws``."""
+
+
+FEATURES = (
+    *("presliding", "nonlocal memory", "drift-free", "Stribeck", "lag", "dwell", "rate dependent"),
+    *("needs force", "mass inside", "random"),
+)
+"""What a friction model can show, in the order of the table in docs/models.md."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +41,10 @@ class Block:
         The one file that defines it.
     code : str
         Its C source.
+    features : tuple of str
+        What the friction model shows, of `FEATURES`.
+    bibtex : tuple of str
+        BibTeX entries of its sources.
     """
 
     name: str
@@ -42,6 +54,8 @@ class Block:
     notes: str
     path: Path
     code: str
+    features: tuple[str, ...] = ()
+    bibtex: tuple[str, ...] = ()
 
 
 def source_folder() -> Path:
@@ -75,7 +89,11 @@ def read_c_block(path: Path, kind: str) -> Block:
 
     lines = notes.group(1).splitlines() if notes else []
     page = "\n".join(line.removeprefix("   ").rstrip() for line in lines).strip()
-    return Block(name.group(1), kind, text("SUMMARY"), text("SOURCE"), page, path, code)
+    features = tuple(part.strip() for part in text("FEATURES").split(",") if part.strip())
+    if unknown := set(features) - set(FEATURES):
+        raise FrictionError(f"{path} names the feature {unknown.pop()!r}; known are {', '.join(FEATURES)}")
+    entries = tuple(textwrap.dedent(f"     {entry}") for entry in re.findall(r"/\*\s*(@\w+\{.*?\})\s*\*/", code, re.S))
+    return Block(name.group(1), kind, text("SUMMARY"), text("SOURCE"), page, path, code, features, entries)
 
 
 def _read_laws(path: Path) -> list[Block]:

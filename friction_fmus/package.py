@@ -9,6 +9,7 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Literal
@@ -71,7 +72,7 @@ def build(
     code = rotational(code) if twin else code
     identifier = name or block.name + ("Rotational" if twin else "")
     code = renamed(code, identifier) if name else code
-    block = Block(identifier, block.kind, block.summary, block.source, block.notes, block.path, code)
+    block = replace(block, name=identifier, code=code)
     sources = identified(_sources(block, files or {}), identifier)
     kept = toolchain.cache_folder() / f"{identifier}-{_key(sources, block)}.fmu"
     if not kept.is_file():

@@ -14,9 +14,16 @@
    (F < 0 for v > 0); v_d < 4 sqrt(2 e) Fc / sigma1 prevents it. z drifts under a bias with vibration, and the model
    keeps no memory of reversal points. With asymmetric, v < 0 has its own set of parameters. */
 
-#define MODEL   LuGre
-#define SUMMARY "LuGre bristle friction with Stribeck effect"
-#define SOURCE  "Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995"
+/* @article{CanudasDeWit1995,
+     author  = {Canudas de Wit, C. and Olsson, H. and {\AA}str{\"o}m, K. J. and Lischinsky, P.},
+     title   = {A new model for control of systems with friction},
+     journal = {IEEE Transactions on Automatic Control},
+     volume  = {40}, number = {3}, pages = {419--425}, year = {1995}} */
+
+#define MODEL    LuGre
+#define SUMMARY  "LuGre bristle friction with Stribeck effect"
+#define SOURCE   "Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995"
+#define FEATURES "presliding, Stribeck, lag, rate dependent"
 
 /* clang-format off */
 #define VARIABLES                                                                                       \

@@ -13,9 +13,16 @@
    Limits: F jumps at v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h / m. F_ext
    is the sum of all other forces on the mass, needed only to hold it at v = 0. */
 
-#define MODEL   Stribeck
-#define SUMMARY "Coulomb, viscous and Stribeck friction"
-#define SOURCE  "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
+/* @article{ArmstrongHelouvry1994,
+     author  = {Armstrong-H{\'e}louvry, B. and Dupont, P. and Canudas de Wit, C.},
+     title   = {A survey of models, analysis tools and compensation methods for the control of machines with friction},
+     journal = {Automatica},
+     volume  = {30}, number = {7}, pages = {1083--1138}, year = {1994}} */
+
+#define MODEL    Stribeck
+#define SUMMARY  "Coulomb, viscous and Stribeck friction"
+#define SOURCE   "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
+#define FEATURES "Stribeck, needs force"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

@@ -1,0 +1,48 @@
+"""docs/models.md, written from the friction models: ``python -m friction_fmus.models_page > docs/models.md``."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from friction_fmus.catalogue import FEATURES, Block, catalogue
+from friction_fmus.describe import STATE, STATE_OUTPUT
+from friction_fmus.package import describe_block
+
+INTRODUCTION = """# Friction models
+
+Each is an FMU with the input `v`, the relative sliding velocity, and the output `F`, the friction force that opposes
+it. `friction-fmus show NAME` prints its equations and parameters, `friction-fmus cite NAME` the BibTeX entry of its
+source.
+"""
+
+
+def models_page() -> str:
+    """The page: a feature table, then what each model is, its equations and limits."""
+    blocks = [block for block in catalogue().values() if block.kind == "friction"]
+    heads = ("model", *FEATURES, "states")
+    table = [f"| {' | '.join(heads)} |", f"|---|{':-:|' * (len(heads) - 1)}"]
+    table += [_table_row(block) for block in blocks]
+    return "\n".join([INTRODUCTION, *table, "", *(_section(block) for block in blocks)])
+
+
+def _table_row(block: Block) -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        variables = describe_block(block, Path(folder)).variables
+    states = sum(v.role in (STATE, STATE_OUTPUT) for v in variables)
+    marks = ["x" if feature in block.features else "" for feature in FEATURES]
+    return f"| [{block.name}](#{block.name.lower()}) | {' | '.join(marks)} | {states} |"
+
+
+def _section(block: Block) -> str:
+    parts = [f"## {block.name}", f"*{block.summary}.* Source: {block.source}."]
+    for paragraph in block.notes.split("\n\n"):
+        equation = paragraph.startswith("    ")
+        parts.append(f"```text\n{paragraph}\n```" if equation else paragraph.replace("*", "\\*").replace("|", "\\|"))
+    return "\n\n".join(parts) + "\n"
+
+
+if __name__ == "__main__":
+    import sys
+
+    sys.stdout.write(models_page())
