@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import textwrap
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -92,7 +91,8 @@ def read_c_block(path: Path, kind: str) -> Block:
     features = tuple(part.strip() for part in text("FEATURES").split(",") if part.strip())
     if unknown := set(features) - set(FEATURES):
         raise FrictionError(f"{path} names the feature {unknown.pop()!r}; known are {', '.join(FEATURES)}")
-    entries = tuple(textwrap.dedent(f"     {entry}") for entry in re.findall(r"/\*\s*(@\w+\{.*?\})\s*\*/", code, re.S))
+    found = re.findall(r"/\*\s*(@\w+\{.*?\})\s*\*/", code, re.S)
+    entries = tuple("\n  ".join(line.strip() for line in entry.splitlines()) for entry in found)
     return Block(name.group(1), kind, text("SUMMARY"), text("SOURCE"), page, path, code, features, entries)
 
 

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.assembly import Assembly
 from harness.errors import ExperimentError, UnknownNameError, nearest
 from harness.experiment import Experiment
 from harness.graph import stepping_order
 from harness.part import TYPE_ORDER, Part, Port
 from harness.plan import Plan
 from harness.wire import find_part, split_name
-
-if TYPE_CHECKING:
-    from harness.system import System
 
 
 def recorded_names(parts: Mapping[str, Part], patterns: Iterable[str]) -> list[str]:
@@ -73,12 +70,12 @@ def find_port(parts: Mapping[str, Part], dotted: str, context: str) -> Port:
     return ports[port_name]
 
 
-def make_plan(system: System, experiment: Experiment, read: Sequence[str]) -> Plan:
+def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> Plan:
     """Lay a system out for running.
 
     Parameters
     ----------
-    system : System
+    system : Assembly
         The checked system.
     experiment : Experiment
         Times and order.
@@ -129,7 +126,7 @@ def make_plan(system: System, experiment: Experiment, read: Sequence[str]) -> Pl
     )
 
 
-def _order(system: System, experiment: Experiment) -> list[str]:
+def _order(system: Assembly, experiment: Experiment) -> list[str]:
     """Stepping order: the one asked for, or the one found."""
     if not experiment.order:
         return stepping_order(system.parts, system.wires)

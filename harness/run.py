@@ -5,10 +5,10 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.assembly import Assembly
 from harness.errors import HarnessError, PartError
 from harness.experiment import Experiment
 from harness.graph import direct_edges, find_loop, propagation_order
@@ -20,18 +20,15 @@ from harness.result import Result
 from harness.tap import Progress, Reader, Recorder, Tap, tap_reader
 from harness.wire import split_name
 
-if TYPE_CHECKING:
-    from harness.system import System
-
 _LOG = logging.getLogger("harness")
 
 
-def run(system: System, experiment: Experiment, taps: Sequence[Tap] = (), progress: Progress | None = None) -> Result:
+def run(system: Assembly, experiment: Experiment, taps: Sequence[Tap] = (), progress: Progress | None = None) -> Result:
     """Run a system.
 
     Parameters
     ----------
-    system : System
+    system : Assembly
         What is run.
     experiment : Experiment
         How it is run.
@@ -99,7 +96,7 @@ def _loop(advance: Callable[[int], None], readers: Sequence[tuple[int, Reader]],
                 read(done)
 
 
-def _start(plan: Plan, system: System, experiment: Experiment) -> Plan:
+def _start(plan: Plan, system: Assembly, experiment: Experiment) -> Plan:
     """Initialise all parts with consistent values at the start time, as FMI 2.0 wants it done (4.2.4)."""
     part = None
     try:
@@ -132,12 +129,12 @@ def _start(plan: Plan, system: System, experiment: Experiment) -> Plan:
     return plan
 
 
-def _start_values(system: System, part: str) -> dict[str, float | int | bool | str]:
+def _start_values(system: Assembly, part: str) -> dict[str, float | int | bool | str]:
     ends = ((split_name(name), value) for name, value in system.start.items())
     return {port: value for (owner, port), value in ends if owner == part}
 
 
-def _propagate(plan: Plan, system: System) -> None:
+def _propagate(plan: Plan, system: Assembly) -> None:
     """Spread the start values through all wires until nothing changes any more.
 
     One sweep in graph order does it, but for rings of parts (a plant whose recorded acceleration depends on

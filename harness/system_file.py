@@ -10,8 +10,9 @@ import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from harness.assembly import Assembly
 from harness.atomic import atomic_path
 from harness.errors import SystemFileError, nearest
 from harness.experiment import Experiment
@@ -19,9 +20,6 @@ from harness.fmu import FmuPart
 from harness.part import Part, StartValue
 from harness.series import SeriesPart
 from harness.wire import Wire, parse_wire, split_name
-
-if TYPE_CHECKING:
-    from harness.system import System
 
 _TOP_KEYS = ("name", "parts", "wires", "experiment")
 _FMU_KEYS = ("every", "start")
@@ -85,7 +83,7 @@ def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDesc
         raise
 
 
-def write_system(system: System, path: Path) -> None:
+def write_system(system: Assembly, path: Path) -> None:
     """Write a system file; see `System.to_toml`."""
     lines = [f"name = {_literal(system.name)}", "wires = ["]
     lines += [f"    {_literal(str(wire))}," for wire in system.wires]
