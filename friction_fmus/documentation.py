@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from friction_fmus.catalogue import Block
-from friction_fmus.describe import BOOLEAN, INTEGER, OUTPUT, STATE_OUTPUT, Description, Variable
+from friction_fmus.describe import BOOLEAN, INPUT, INTEGER, OUTPUT, STATE_OUTPUT, Description, Variable
 from friction_fmus.model_description import ROLE
 from friction_fmus.version import VERSION
 
@@ -94,7 +94,7 @@ def picture(block: Block, description: Description, identifier: str, folder: Pat
         weight="bold",
     )
     names = {v.name: v for v in description.variables}
-    if block.kind == "friction" and {"v", "F"} <= names.keys():
+    if block.kind == "friction" and "v" in names and names["v"].role == INPUT and "F" in names:
         _draw_loop(axes, description, identifier, folder)
     elif block.kind == "signal" and not any(ROLE[v.role][0] == "input" for v in names.values()):
         first = next(v for v in description.variables if v.role in (OUTPUT, STATE_OUTPUT))
