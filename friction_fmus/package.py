@@ -139,14 +139,17 @@ def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:
     for header in HEADERS:
         sources[header] = (source_folder() / header).read_text(encoding="utf-8")
     places = (block.path.parent, source_folder(), source_folder() / "friction")
-    for header in re.findall(r'^#include\s+"([^"]+)"', block.code, re.M):
-        if header in files:
-            sources[header] = files[header]
-        elif header not in sources:
+    pending = [(block.path, block.code)]
+    while pending:
+        includer, text = pending.pop()
+        for header in re.findall(r'^#include\s+"([^"]+)"', text, re.M):
+            if header in sources:
+                continue
             found = next((place / header for place in places if (place / header).is_file()), None)
-            if found is None:
-                raise BuildError(f"{block.path} includes {header!r}, which is neither beside it nor in fmu_src")
-            sources[header] = found.read_text(encoding="utf-8")
+            if header not in files and found is None:
+                raise BuildError(f"{includer} includes {header!r}, which is neither beside it nor in fmu_src")
+            sources[header] = files[header] if header in files else Path(str(found)).read_text(encoding="utf-8")
+            pending.append((Path(header), sources[header]))
     return sources
 
 

@@ -4,11 +4,18 @@
    Dupont, Canudas de Wit: Automatica 30(7), 1994 (delta = 2). The force at rest is equation (4) of Olsson, Astrom,
    Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4, 1998.
 
-       v != 0:  F = sign(v) g(v) + Fv v + offset,   g(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta)
-       v  = 0:  F = F_ext, at most Fs away from the offset
+       v != 0:  F = load g(v) sign(v) + Fv v + offset
+       v  = 0:  F = F_ext, at most load Fs away from the offset
+       shape 0: g(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta)
+       shape 1: g(v) = Fc + (Fs - Fc) / (1 + |v/vs|^delta)
+       load = max(Fn, 0) / Fn0
 
    Fs = Fc is Coulomb and viscous friction; Fs < Fc, friction that grows with speed, is allowed. With asymmetric,
-   v < 0 has its own set of parameters.
+   v < 0 has its own set of parameters. Shape 1, the Lorentzian curve, is that of Hess, Soom: Journal of Tribology
+   112(1), 1990, who found delta = 2 for lubricated line contacts; its tail is longer.
+
+   Use it for motion without presliding: identification from steady velocities, feedforward, the curve that the
+   bristle models have at constant velocity.
 
    Limits: F jumps at v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h / m. F_ext
    is the sum of all other forces on the mass, needed only to hold it at v = 0. */
@@ -17,7 +24,13 @@
      author  = {Armstrong-H{\'e}louvry, B. and Dupont, P. and Canudas de Wit, C.},
      title   = {A survey of models, analysis tools and compensation methods for the control of machines with friction},
      journal = {Automatica},
-     volume  = {30}, number = {7}, pages = {1083--1138}, year = {1994}} */
+     volume  = {30}, number = {7}, pages = {1083--1138}, year = {1994}}
+
+   @article{HessSoom1990,
+     author  = {Hess, D. P. and Soom, A.},
+     title   = {Friction at a lubricated line contact operating at oscillating sliding velocities},
+     journal = {Journal of Tribology},
+     volume  = {112}, number = {1}, pages = {147--152}, year = {1990}} */
 
 #define MODEL    Stribeck
 #define SUMMARY  "Coulomb, viscous and Stribeck friction"
@@ -28,6 +41,7 @@
 #define VARIABLES                                                                                           \
     INPUT    (v,          VELOCITY, 0.0,                 "relative sliding velocity")                       \
     INPUT    (F_ext,      FORCE,    0.0,                 "all other forces on the mass, decides the force at rest") \
+    OPTIONAL (Fn,         "N",      1.0,                 "normal force")                                    \
     OUTPUT   (F,          FORCE,                         "friction force, opposes v")                       \
     FLAG     (stuck,                                     "at rest and held by friction")                    \
     PARAMETER(Fc,         FORCE,    1.0,  0.0,   INF,    "Coulomb friction")                                \
@@ -35,6 +49,8 @@
     PARAMETER(Fv,         DAMPING,  0.4,  0.0,   INF,    "viscous coefficient")                             \
     PARAMETER(vs,         VELOCITY, 1e-3, 1e-12, INF,    "Stribeck velocity")                               \
     PARAMETER(delta,      NO_UNIT,  2.0,  1e-3,  100.0,  "Stribeck exponent")                               \
+    COUNT    (shape,      0,        0,     1,            "of the Stribeck curve, 0: exponential, 1: Lorentzian") \
+    PARAMETER(Fn0,        "N",      1.0,  1e-12, INF,    "normal force at which the parameters hold")       \
     PARAMETER(offset,     FORCE,    0.0,  -INF,  INF,    "constant force, for example of an amplifier offset") \
     SWITCH   (asymmetric, 0,                             "v < 0 has its own parameters, the ones named _neg") \
     PARAMETER(Fc_neg,     FORCE,    1.0,  0.0,   INF,    "Coulomb friction for v < 0")                      \
@@ -47,16 +63,22 @@
 #include "block.h"
 #include "stribeck.h"
 
+/* Friction at steady sliding, of the set of parameters for the direction of v. */
+static double level(const Model *m)
+{
+    GIVEN(m)
+    const bool negative = asymmetric && v < 0.0;
+    double (*const curve)(double, double, double, double, double) = shape == 1 ? stribeck_lorentzian : stribeck;
+    return negative ? curve(v, Fc_neg, Fs_neg, vs_neg, delta_neg) : curve(v, Fc, Fs, vs, delta);
+}
+
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double holding = asymmetric ? Fs_neg : Fs; /* against a push to negative v */
+    const double load = fmax(Fn, 0.0) / Fn0;
+    const double low = offset - load * (asymmetric ? Fs_neg : Fs), high = offset + load * Fs;
+    const double viscous = asymmetric && v < 0.0 ? Fv_neg : Fv;
 
-    m->stuck = v == 0.0 && F_ext >= offset - holding && F_ext <= offset + Fs ? 1.0 : 0.0;
-    if (v == 0.0)
-        m->F = clip(F_ext, offset - holding, offset + Fs);
-    else if (asymmetric && v < 0.0)
-        m->F = -stribeck(v, Fc_neg, Fs_neg, vs_neg, delta_neg) + Fv_neg * v + offset;
-    else
-        m->F = sign(v) * stribeck(v, Fc, Fs, vs, delta) + Fv * v + offset;
+    m->stuck = v == 0.0 && F_ext >= low && F_ext <= high ? 1.0 : 0.0;
+    m->F = v == 0.0 ? clip(F_ext, low, high) : sign(v) * load * level(m) + viscous * v + offset;
 }

@@ -1,0 +1,126 @@
+/* Bristle friction: a population of elastic bonds that break when stretched too far and re-bond at a random place.
+
+   Haessig, Friedland: On the modeling and simulation of friction, ASME Journal of Dynamic Systems, Measurement, and
+   Control 113(3), 1991; as told by Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of
+   Control 4, 1998. The numbers are not published ones: N is, the rest gives 1 N at the stiffness of the LuGre paper.
+
+       d_i = x - b_i,   i = 1 ... N                      stretch of bristle i, bonded at b_i
+       |d_i| > delta_s:  b_i <- b_i + sign(d_i) U,  U uniform in (0, D),  D = min(Delta, 2 delta_s)
+       F = load sigma0 sum d_i,   load = max(Fn, 0)/Fn0
+       mean of F over long sliding = load N sigma0 (delta_s - D/3)
+
+   A step follows every bristle through all of its re-bonds, however many; between them F is elastic. The k-th U of
+   bristle i is a function of the seed, i and k alone, so the force depends on the path of v only, neither on the rate
+   nor on how the path is cut into steps. A bristle never jumps past the other end of its range: that is why D ends
+   at 2 delta_s. With Delta = 0 a bristle is dragged at its limit.
+
+   At the start all bristles stand at the deflection z, 0 as a rule; then they first break all at once, at the peak
+   N sigma0 delta_s. With spread > 0 they start at random places instead, at most spread delta_s away from z, two and
+   two on opposite sides so that z is their mean.
+
+   To be used for the randomness of friction and for the idea behind LuGre. Limits: no damping, so a mass on it
+   rings; no effect of speed on the mean force; the cost grows with N and with the re-bonds in a step (a step with
+   more than some 1e9 of them is refused). The force at rest needs no F_ext: the bristles are springs. */
+
+/* @article{Haessig1991,
+     author  = {Haessig, D. A. and Friedland, B.},
+     title   = {On the modeling and simulation of friction},
+     journal = {ASME Journal of Dynamic Systems, Measurement, and Control},
+     volume  = {113}, number = {3}, pages = {354--362}, year = {1991}} */
+
+#define MODEL    Bristle
+#define SUMMARY  "Population of bristles that break and re-bond at random"
+#define SOURCE   "Haessig, Friedland, ASME J. Dynamic Systems, Measurement, and Control 113(3), 1991"
+#define FEATURES "presliding, drift-free, random"
+
+/* clang-format off */
+#define VARIABLES                                                                                            \
+    INPUT    (v,       VELOCITY,  0.0,                  "relative sliding velocity")                         \
+    OPTIONAL (Fn,      FORCE,     1.0,                  "normal force")                                      \
+    OUTPUT   (F,       FORCE,                           "friction force, opposes v")                         \
+    OUTPUT   (F_mean,  FORCE,                           "mean friction force of long sliding")               \
+    OUTPUT   (E,       "J",                             "elastic energy in the bristles")                    \
+    STATE    (z,       LENGTH,    0.0,    1e-5,         "mean deflection of the bristles")                   \
+    TALLY    (rebonds,                                  "re-bonds of all bristles so far")                   \
+    COUNT    (N,       20,        1,      MOST,         "number of bristles")                                \
+    COUNT    (seed,    1,         0,      COUNTS,       "number that stands for a sequence of random ones")  \
+    FIXED    (spread,  NO_UNIT,   0.0,    0.0,   1.0,   "spread of the deflections at the start over delta_s") \
+    PARAMETER(sigma0,  STIFFNESS, 5e3,    1e-9,  INF,   "stiffness of one bristle")                          \
+    PARAMETER(delta_s, LENGTH,    1.2e-5, 1e-12, INF,   "deflection at which a bristle breaks")              \
+    PARAMETER(Delta,   LENGTH,    6e-6,   0.0,   INF,   "largest distance of a re-bond")                     \
+    PARAMETER(Fn0,     FORCE,     1.0,    1e-12, INF,   "normal force at which the parameters hold")
+/* clang-format on */
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum { MOST = 1000 };
+
+#define STEPS_BY step
+#define MEMORY   struct bristles
+
+struct bristles {
+    double d[MOST];         /* deflection of each bristle           */
+    uint32_t rebonds[MOST]; /* how many random numbers it has taken */
+    double squares, total;  /* sum of d^2, of the re-bonds          */
+    bool moved;             /* false: still at the start            */
+};
+
+#include "block.h"
+#include "counter_random.h"
+
+/* Deflection of bristle i at the start: its number 0, with the sign of its place in the pair. */
+static double start_of(const Model *m, int i)
+{
+    GIVEN(m)
+    const bool single = i == N - 1 && N % 2 == 1;
+    if (spread == 0.0 || single)
+        return z;
+    const double away = spread * delta_s * (2.0 * uniform_at(seed, i / 2, 0) - 1.0);
+    return i % 2 == 0 ? z + away : z - away;
+}
+
+static void equations(Model *m)
+{
+    GIVEN(m)
+    const double load = fmax(Fn, 0.0) / Fn0;
+    double squares = m->memory.squares;
+    if (!m->memory.moved) {
+        squares = 0.0;
+        for (int i = 0; i < N; i++)
+            squares += square(start_of(m, i));
+    }
+    m->der_z = v; /* between re-bonds */
+    m->F = load * sigma0 * (N * z);
+    m->F_mean = load * sigma0 * (N * (delta_s - fmin(Delta, 2.0 * delta_s) / 3.0));
+    m->E = 0.5 * load * sigma0 * squares;
+    m->rebonds = fmin(m->memory.total, COUNTS);
+}
+
+static bool step(Model *m, double h)
+{
+    GIVEN(m)
+    const double most = 1e9; /* re-bonds */
+    struct bristles *const all = &m->memory;
+    const double path = (v + 0.5 * SLOPE(v) * h) * h, D = fmin(Delta, 2.0 * delta_s);
+    if (!(N * fabs(path) <= 0.5 * D * most) && D > 0.0)
+        return false;
+
+    double sum = 0.0, squares = 0.0;
+    for (int i = 0; i < N; i++) {
+        double d = (all->moved ? all->d[i] : start_of(m, i)) + path;
+        if (D == 0.0)
+            d = clip(d, -delta_s, delta_s);
+        while (fabs(d) > delta_s) {
+            d -= sign(d) * D * uniform_at(seed, i, ++all->rebonds[i]);
+            all->total += 1.0;
+        }
+        all->d[i] = d;
+        sum += d;
+        squares += d * d;
+    }
+    all->squares = squares;
+    all->moved = true;
+    m->z = sum / N;
+    return true;
+}

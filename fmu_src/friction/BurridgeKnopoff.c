@@ -1,0 +1,342 @@
+/* Burridge-Knopoff model: a train of blocks that stick and slip on a rough surface, coupled by springs and pulled by a
+   driver. Friction on the scale of tectonic plates, where slips of a single block grow into avalanches.
+
+   Burridge, Knopoff: Model and theoretical seismicity, Bulletin of the Seismological Society of America 57, 1967, in
+   the scaling and with the friction law of Carlson, Langer: Physical Review A 40, 1989, and Carlson, Langer, Shaw,
+   Tang: Physical Review A 44, 1991; equations from memory of the papers. All quantities are pure numbers; a unit of
+   time is one second of simulation, a unit of force is static friction.
+
+       u_j'' = f_j - phi,   f_j = l^2 (u_j+1 - 2 u_j + u_j-1) + X - u_j,   dX/dt = nu + v
+       stuck:    phi = f_j <= 1, of any size against backward motion (no back-slip)
+       slipping: phi(w) = (1 - sigma) / (1 + 2 alpha w / (1 - sigma)),   w = u_j' > 0
+       F     = mean of X - u_j
+
+   F is the force per block that the driver feels; it opposes the driver. A block starts to slip when f_j reaches 1 and
+   sticks when w falls to 0, which it does not leave backwards. All of these events are located to rounding; while no
+   block moves, the time to the next one is found in closed form. Blocks at the ends have one neighbour, or in a ring
+   (periodic = 1) the one from the other end. The initial positions are drawn evenly from -spread to spread; the first
+   ten are visible as u.
+
+   An avalanche lasts from the first start until no block moves. `avalanches` are those that are over, `moment` is the
+   sum of all slip in the last of them, whose logarithm is its magnitude.
+
+   Between events the equations are smooth and solved by extrapolation to 1e-12 per inner step, whatever the
+   communication step; the cost is proportional to N per inner step and to the number of starts and stops.
+
+   Limits: the motion is chaotic for alpha > 0: after many avalanches only averages mean something. Friction acts
+   against positive slip only, so the model is not odd: a driver that moves back unloads and then pushes against blocks
+   that never give way. Start values as in the papers, but for the number of blocks. */
+
+/* @article{CarlsonLanger1989,
+     author  = {Carlson, J. M. and Langer, J. S.},
+     title   = {Mechanical model of an earthquake fault},
+     journal = {Physical Review A},
+     volume  = {40}, number = {11}, pages = {6470--6484}, year = {1989}}
+   @article{BurridgeKnopoff1967,
+     author  = {Burridge, R. and Knopoff, L.},
+     title   = {Model and theoretical seismicity},
+     journal = {Bulletin of the Seismological Society of America},
+     volume  = {57}, number = {3}, pages = {341--371}, year = {1967}} */
+
+#define MODEL    BurridgeKnopoff
+#define SUMMARY  "Burridge-Knopoff train of stick-slip blocks pulled by a driver"
+#define SOURCE   "Burridge, Knopoff, BSSA 57, 1967; Carlson, Langer, Physical Review A 40, 1989"
+#define FEATURES "presliding, drift-free, Stribeck, rate dependent, mass inside, random"
+
+/* clang-format off */
+#define VARIABLES                                                                                           \
+    OPTIONAL (v,          NO_UNIT, 0.0,                "velocity of the driver beyond nu")                  \
+    OUTPUT   (F,          NO_UNIT,                     "friction force per block, opposes the driver")      \
+    STATE    (X,          NO_UNIT, 0.0,  1.0,          "position of the driver")                            \
+    LOCAL    (x,          NO_UNIT,                     "mean position of the blocks")                       \
+    LOCAL    (w,          NO_UNIT,                     "mean velocity of the blocks")                       \
+    LOCAL    (acceleration, NO_UNIT,                   "mean acceleration of the blocks")                   \
+    OUTPUT   (peak,       NO_UNIT,                     "largest force on a stuck block, which slips at 1")  \
+    OUTPUT   (weakened,   NO_UNIT,                     "friction of a block that slips at the mean velocity") \
+    LOCAL    (moment,     NO_UNIT,                     "slip in the last avalanche, over all blocks")       \
+    TALLY    (avalanches,                              "number of avalanches that are over")                \
+    TALLY    (moving,                                  "number of blocks that slip")                        \
+    LOCALS   (u, 10,      NO_UNIT,                     "positions of the first ten blocks")                 \
+    FLAGS    (slipping, 10,                            "whether the first ten blocks slip")                 \
+    PARAMETER(l,          NO_UNIT, 10.0, 0.0,  INF,    "velocity of sound in blocks, l^2 couples neighbours") \
+    PARAMETER(nu,         NO_UNIT, 0.01, -INF, INF,    "loading rate, velocity of the driver")              \
+    PARAMETER(sigma,      NO_UNIT, 0.01, 0.0,  0.999,  "drop of friction when slip begins")                 \
+    PARAMETER(alpha,      NO_UNIT, 2.5,  0.0,  INF,    "rate at which friction falls with slip velocity")   \
+    COUNT    (N,          50,      1,    MASSES,       "number of blocks")                                  \
+    COUNT    (periodic,   0,       0,    1,            "1: a ring, 0: free ends")                           \
+    FIXED    (spread,     NO_UNIT, 1e-3, 0.0,  1e6,    "half the width of the random initial positions")    \
+    COUNT    (seed,       1,       0,    2147483647,   "of the initial positions")
+/* clang-format on */
+
+#include "extrapolation.h"
+
+#define MEMORY   struct fault
+#define STEPS_BY step
+
+#include <stdint.h>
+
+struct fault {
+    bool ready;           /* it has been laid out and has moved */
+    double time;          /* [s] of y                           */
+    double before;        /* mean position before the avalanche */
+    double moment;        /* of the last avalanche              */
+    int32_t avalanches;   /* that are over                      */
+    int32_t moving;       /* number of blocks that slip         */
+    bool slips[MASSES];   /* whether a block slips              */
+    double y[2 * MASSES]; /* n positions, then n velocities     */
+};
+
+#include "block.h"
+#include "random.h"
+
+#define SAME 1e-13 /* forces and velocities that are equal but for rounding */
+
+typedef struct {
+    const struct fault *fault;
+    int n;
+    bool ring;
+    double coupling, sigma, alpha;
+    double X, X_rate, X_curvature; /* driver: X + X_rate s + X_curvature s^2 / 2 */
+} Train;
+
+static Train train_of(const Model *m)
+{
+    GIVEN(m)
+    const Train train = {&m->memory, N, periodic != 0, l * l, sigma, alpha, X, nu + v, SLOPE(v)};
+    return train;
+}
+
+static double driver(const Train *t, double s) { return t->X + s * (t->X_rate + 0.5 * s * t->X_curvature); }
+
+static double force(const Train *t, double X, const double *u, int j)
+{
+    const double left = j > 0 ? u[j - 1] : t->ring ? u[t->n - 1] : u[j];
+    const double right = j < t->n - 1 ? u[j + 1] : t->ring ? u[0] : u[j];
+    return t->coupling * ((left - u[j]) + (right - u[j])) + (X - u[j]);
+}
+
+/* The law, and its smooth continuation where a step overshoots the stop by a little. */
+static double slip_friction(double w, double sigma, double alpha)
+{
+    const double level = 1.0 - sigma;
+    return level / fmax(1.0 + 2.0 * alpha * w / level, 0.5);
+}
+
+static void accelerations(const void *system, double s, const double *y, double *a)
+{
+    const Train *const t = (const Train *)system;
+    const double X = driver(t, s);
+    for (int j = 0; j < t->n; j++)
+        a[j] = t->fault->slips[j] ? force(t, X, y, j) - slip_friction(y[t->n + j], t->sigma, t->alpha) : 0.0;
+}
+
+/* Above 0 if a stuck block has passed the threshold or a slipping one has turned back. */
+static double excess(const Train *t, double s, const double *y)
+{
+    const double X = driver(t, s);
+    double worst = -INF;
+    for (int j = 0; j < t->n; j++)
+        worst = fmax(worst, t->fault->slips[j] ? -y[t->n + j] : force(t, X, y, j) - 1.0);
+    return worst;
+}
+
+static double largest_force(const Train *t, double X, const double *u)
+{
+    double largest = -INF;
+    for (int j = 0; j < t->n; j++)
+        if (!t->fault->slips[j])
+            largest = fmax(largest, force(t, X, u, j));
+    return largest;
+}
+
+static double mean(const double *values, int n)
+{
+    double sum = 0.0;
+    for (int j = 0; j < n; j++)
+        sum += values[j];
+    return sum / n;
+}
+
+/* Blocks at rest, at random places. */
+static void lay(const Model *m, struct fault *f)
+{
+    GIVEN(m)
+    Random random;
+    seed_random(&random, (uint64_t)seed);
+    f->ready = false;
+    f->before = f->moment = 0.0;
+    f->avalanches = f->moving = 0;
+    for (int j = 0; j < N; j++) {
+        f->y[j] = spread * (2.0 * uniform(&random) - 1.0);
+        f->y[N + j] = 0.0;
+        f->slips[j] = false;
+    }
+}
+
+static void equations(Model *m)
+{
+    GIVEN(m)
+    struct fault start;
+    if (!m->memory.ready)
+        lay(m, &start);
+    const struct fault *const f = m->memory.ready ? &m->memory : &start;
+    Train t = train_of(m);
+    t.fault = f;
+    const double s = f->ready ? m->time - f->time : 0.0;
+    double a[MASSES], moved[2 * MASSES], push = 0.0;
+    const double *y = f->y;
+
+    accelerations(&t, 0.0, y, a);
+    if (s != 0.0) { /* as it goes on from the end of the step, for derivatives with respect to time */
+        for (int j = 0; j < N; j++) {
+            moved[j] = y[j] + s * (y[N + j] + 0.5 * s * a[j]);
+            moved[N + j] = y[N + j] + s * a[j];
+        }
+        y = moved;
+    }
+    for (int j = 0; j < N; j++)
+        push += a[j] / N;
+    m->der_X = nu + v;
+    m->x = mean(y, N);
+    m->w = mean(y + N, N);
+    m->F = X - m->x;
+    m->acceleration = push;
+    m->peak = f->moving < N ? largest_force(&t, X, y) : 0.0;
+    m->weakened = square(1.0 - sigma) / (1.0 - sigma + 2.0 * alpha * fmax(m->w, 0.0));
+    m->moment = f->moment;
+    m->avalanches = f->avalanches;
+    m->moving = f->moving;
+    for (int j = 0; j < 10; j++) {
+        m->u[j] = j < N ? y[j] : 0.0;
+        m->slipping[j] = j < N && f->slips[j] ? 1.0 : 0.0;
+    }
+}
+
+/* While all blocks are stuck: the time until the force, which has to grow by `gap`, has done so; INF if never. */
+static double wait(double gap, double rate, double curvature)
+{
+    if (gap <= 0.0)
+        return 0.0;
+    const double discriminant = rate * rate + 2.0 * curvature * gap;
+    if (discriminant < 0.0)
+        return INF;
+    const double root = sqrt(discriminant);
+    if (rate >= 0.0)
+        return rate + root > 0.0 ? 2.0 * gap / (rate + root) : INF;
+    return curvature > 0.0 ? (root - rate) / curvature : INF;
+}
+
+/* Blocks that have come to the threshold start, those that have come to rest stop. */
+static void switch_blocks(struct fault *f, const Train *t)
+{
+    const int n = t->n;
+    for (int j = 0; j < n; j++) {
+        if (f->slips[j] && f->y[n + j] <= SAME && force(t, t->X, f->y, j) < 1.0 - t->sigma) {
+            f->slips[j] = false;
+            f->y[n + j] = 0.0;
+            f->moving--;
+        } else if (!f->slips[j] && force(t, t->X, f->y, j) >= 1.0 - SAME) {
+            if (f->moving == 0)
+                f->before = mean(f->y, n);
+            f->slips[j] = true;
+            f->moving++;
+        }
+    }
+    if (f->moving == 0) {
+        f->moment = n * (mean(f->y, n) - f->before);
+        f->avalanches++;
+    }
+}
+
+/* Shortens a step over H, at whose end y_end an event has passed, to the first zero of `excess`: bisection until it
+   is bracketed by values of either sign, then false position (Illinois). */
+static double locate(const Dynamics *d, const Train *t, double H, double *y_end)
+{
+    double low = 0.0, high = H, below = excess(t, 0.0, t->fault->y), above = excess(t, H, y_end), y[2 * MASSES];
+    int side = 0; /* which end has moved last */
+
+    for (int tries = 0; tries < 100 && above > 0.1 * SAME && high - low > 1e-15 / d->rate; tries++) {
+        const double false_position = high - above * (high - low) / (above - below);
+        const bool usable = below < -SAME && false_position > low && false_position < high;
+        const double middle = usable ? false_position : 0.5 * (low + high);
+        if (extrapolate(d, 0.0, t->fault->y, middle, y) == 0)
+            return 0.0;
+        const double value = excess(t, middle, y);
+        if (value > 0.0) {
+            below *= side > 0 ? 0.5 : 1.0;
+            side = 1;
+            high = middle;
+            above = value;
+            for (int i = 0; i < 2 * d->n; i++)
+                y_end[i] = y[i];
+        } else {
+            above *= side < 0 ? 0.5 : 1.0;
+            side = -1;
+            low = middle;
+            below = value;
+        }
+    }
+    return high;
+}
+
+static void pass(Train *t, double s)
+{
+    t->X = driver(t, s);
+    t->X_rate += t->X_curvature * s;
+}
+
+static bool step(Model *m, double h)
+{
+    struct fault *const f = &m->memory;
+    if (!f->ready)
+        lay(m, f);
+    f->ready = true;
+    Train t = train_of(m);
+    const double rate = 1.0 + sqrt(1.0 + 4.0 * t.coupling) + 2.0 * t.alpha;
+    const Dynamics d = {accelerations, &t, t.n, rate, m->run.tolerance > 0.0 ? m->run.tolerance : CHAIN_TOLERANCE};
+    double y[2 * MASSES], H = m->run.inner_step > 0.0 ? m->run.inner_step : 0.1 / rate;
+
+    double s = 0.0;
+    for (long events = 0; s < h;) {
+        if (f->moving == 0) {
+            const double largest = largest_force(&t, t.X, f->y), left = wait(1.0 - largest, t.X_rate, t.X_curvature);
+            if (!(left < h - s)) {
+                pass(&t, h - s);
+                break;
+            }
+            pass(&t, left);
+            s += left;
+            t.X += fmax(1.0 - largest_force(&t, t.X, f->y), 0.0); /* rounding */
+            switch_blocks(f, &t);
+            H = fmin(H, 0.1 / rate);
+            if (events++ > 1000000)
+                return false;
+        }
+        const double taken = fmin(fmin(H, 1.0 / rate), h - s);
+        const int columns = extrapolate(&d, 0.0, f->y, taken, y);
+        double done = columns > 0 ? taken : 0.0;
+        const bool event = columns > 0 && excess(&t, taken, y) > SAME;
+        if (event)
+            done = locate(&d, &t, taken, y);
+        if (done > 0.0) {
+            for (int i = 0; i < 2 * t.n; i++)
+                f->y[i] = y[i];
+            pass(&t, done);
+            s = done < h - s ? s + done : h;
+        }
+        if (event && done > 0.0) {
+            switch_blocks(f, &t);
+            if (events++ > 1000000)
+                return false;
+        } else {
+            const double next = next_step(taken, columns);
+            H = taken < H && columns > 0 ? fmax(H, next) : next;
+        }
+        if (!(H > 1e-9 * h))
+            return false;
+    }
+    m->run.inner_step = H;
+    m->X = t.X;
+    f->time = m->time + h;
+    return true;
+}

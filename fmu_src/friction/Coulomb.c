@@ -1,0 +1,50 @@
+/* Coulomb friction: a constant force against the motion; at rest the external force decides.
+
+   Coulomb: Theorie des machines simples, 1785. The force at rest as in Olsson, Astrom, Canudas de Wit, Gaefvert,
+   Lischinsky: European Journal of Control 4(3), 1998, section on static models.
+
+       v != 0:  F = load Fc sign(v)
+       v  = 0:  F = F_ext, at most load Fc in size
+       load = max(Fn, 0) / Fn0
+
+   F_ext is the sum of all other forces on the mass. Without it F is 0 at v = 0. The coefficient of friction is
+   Fc / Fn0.
+
+   Use it where friction at low speed and the approach to rest do not matter, for estimates by hand, and to compare
+   with any other model.
+
+   Limits: no stiction, no Stribeck effect, no presliding. F jumps at v = 0, so a mass that is stopped by it in
+   discrete steps swings about v = 0 by F h / m; KarnoppMass and SwitchMass contain the mass and stop it. */
+
+/* @article{Olsson1998,
+     author  = {Olsson, H. and {\AA}str{\"o}m, K. J. and Canudas de Wit, C. and G{\"a}fvert, M. and Lischinsky, P.},
+     title   = {Friction models and friction compensation},
+     journal = {European Journal of Control},
+     volume  = {4}, number = {3}, pages = {176--195}, year = {1998}} */
+
+#define MODEL    Coulomb
+#define SUMMARY  "Coulomb friction, at rest decided by the external force"
+#define SOURCE   "Coulomb 1785; Olsson and others, European Journal of Control 4(3), 1998"
+#define FEATURES "needs force"
+
+/* clang-format off */
+#define VARIABLES                                                                                           \
+    INPUT    (v,     VELOCITY, 0.0,               "relative sliding velocity")                              \
+    INPUT    (F_ext, FORCE,    0.0,               "all other forces on the mass, decides the force at rest") \
+    OPTIONAL (Fn,    "N",      1.0,               "normal force")                                           \
+    OUTPUT   (F,     FORCE,                       "friction force, opposes v")                              \
+    FLAG     (stuck,                              "at rest and held by friction")                           \
+    PARAMETER(Fc,    FORCE,    1.0, 0.0,   INF,   "Coulomb friction at Fn0")                                \
+    PARAMETER(Fn0,   "N",      1.0, 1e-12, INF,   "normal force at which the parameters hold")
+/* clang-format on */
+
+#include "block.h"
+
+static void equations(Model *m)
+{
+    GIVEN(m)
+    const double level = fmax(Fn, 0.0) / Fn0 * Fc;
+
+    m->stuck = v == 0.0 && fabs(F_ext) <= level ? 1.0 : 0.0;
+    m->F = v == 0.0 ? clip(F_ext, -level, level) : sign(v) * level;
+}

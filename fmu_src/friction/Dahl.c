@@ -1,0 +1,104 @@
+/* Dahl friction: the contact is a spring of stiffness sigma that softens as its force comes near the Coulomb level.
+   It depends on the path only, not on how fast the path is gone.
+
+   Dahl: A solid friction model, The Aerospace Corporation TOR-158(3107-18), 1968, and: Solid friction damping of
+   mechanical vibrations, AIAA Journal 14(12), 1976. From memory of the papers, checked against Olsson, Astrom,
+   Canudas de Wit, Gaefvert, Lischinsky: Friction models and friction compensation, European Journal of Control 4,
+   1998.
+
+       dz/dx = |w|^n sgn(w),   w = 1 - sgn(v) sigma z / Fc,   F = sigma z
+       F     = (sigma z) Fn/Fn0 with a normal force
+
+   The factor sgn(w), often left out in print, brings a force above Fc back to Fc; without it such a force runs away
+   for most n. The step is the exact solution over the path u = |x(h) - x(0)|, there is no solver and no step size to
+   choose:
+
+       n = 1:   w(u) = w exp(-sigma u / Fc)
+       n /= 1:  |w(u)|^(1-n) = |w|^(1-n) - (1 - n) sigma u / Fc
+
+   With n < 1 the Coulomb level is reached after a finite path and kept, with n = 0 the contact is elastic-perfectly
+   plastic (one Maxwell slip element), with n = 1 it is LuGre without Stribeck effect, damping and viscosity.
+
+   Use it for rate-independent hysteresis, for example of ball bearings. Limits: no Stribeck effect, so no stick-slip;
+   no static friction above Fc; under a bias with vibration z drifts; reversal points are forgotten. */
+
+/* @techreport{Dahl1968,
+     author      = {Dahl, P. R.},
+     title       = {A solid friction model},
+     institution = {The Aerospace Corporation},
+     number      = {TOR-158(3107-18)}, year = {1968}} */
+
+/* @article{Dahl1976,
+     author  = {Dahl, P. R.},
+     title   = {Solid friction damping of mechanical vibrations},
+     journal = {AIAA Journal},
+     volume  = {14}, number = {12}, pages = {1675--1682}, year = {1976}} */
+
+#define MODEL    Dahl
+#define SUMMARY  "Dahl friction, rate-independent presliding hysteresis"
+#define SOURCE   "Dahl, The Aerospace Corporation TOR-158(3107-18), 1968; AIAA Journal 14(12), 1976"
+#define FEATURES "presliding"
+
+/* clang-format off */
+#define VARIABLES                                                                            \
+    INPUT    (v,     VELOCITY,  0.0,              "relative sliding velocity")               \
+    OPTIONAL (Fn,    "N",       1.0,              "normal force")                            \
+    OUTPUT   (F,     FORCE,                       "friction force, opposes v")               \
+    STATE    (z,     LENGTH,    0.0,  1e-5,       "deflection of the contact")               \
+    PARAMETER(sigma, STIFFNESS, 1e5,  1e-9,  INF, "stiffness at zero force")                 \
+    PARAMETER(Fc,    FORCE,     1.0,  1e-9,  INF, "Coulomb friction")                        \
+    PARAMETER(n,     NO_UNIT,   1.0,  0.0,   100.0, "exponent of the softening, ductile above 1") \
+    PARAMETER(Fn0,   "N",       1.0,  1e-12, INF, "normal force at which the parameters hold")
+/* clang-format on */
+
+#define STEPS_BY step
+
+#include "block.h"
+#include "presliding.h"
+
+/* dz/dt and F, with softening = sigma/Fc, one over the path constant of the hysteresis */
+static void contact(Model *m, double softening)
+{
+    GIVEN(m)
+    if (n == 1.0 || v == 0.0)
+        m->der_z = v - fabs(v) * softening * z;
+    else {
+        const double gap = sign(v) * (Fc / sigma) - z; /* to the deflection of steady sliding */
+        m->der_z = fabs(v) * sign(gap) * (n == 0.0 ? 1.0 : pow(fabs(gap) * softening, n));
+    }
+    m->F = load_of(Fn, Fn0) * sigma * z;
+}
+
+static void equations(Model *m) { contact(m, m->sigma / m->Fc); }
+
+/* Part of the gap |w| > 0 that closes over the path p = sigma u / Fc > 0: 1 - |w(p)| / |w|. */
+static double closed(double w, double p, double n)
+{
+    if (n == 2.0)
+        return 1.0 / (1.0 + 1.0 / (p * w));
+    const double above = n - 1.0, q = p * pow(w, above);
+    if (above * q <= -1.0)
+        return 1.0; /* arrived, n < 1 */
+    return -expm1(-log1p(above * q) / above);
+}
+
+static bool step(Model *m, double h)
+{
+    GIVEN(m)
+    const double dx = slide(m, h), u = fabs(dx), softening = sigma / Fc;
+    const double level = sign(dx) * (Fc / sigma), gap = level - z;
+
+    if (dx == 0.0 || gap == 0.0)
+        m->z = z;
+    else if (n == 1.0)
+        m->z = relax(z, level, u * softening);
+    else if (n == 0.0)
+        m->z = u >= fabs(gap) ? level : z + copysign(u, gap);
+    else {
+        const double part = closed(fabs(gap) * softening, u * softening, n);
+        m->z = part < 1.0 ? z + part * gap : level;
+    }
+    contact(m, softening);
+    m->run.outputs_done = true;
+    return true;
+}

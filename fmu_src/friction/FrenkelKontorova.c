@@ -1,0 +1,109 @@
+/* Frenkel-Kontorova chain: atoms on springs over a periodic substrate, driven by a force. Whether it is pinned
+   depends on how its period fits that of the substrate.
+
+   Frenkel, Kontorova: Physikalische Zeitschrift der Sowjetunion 13, 1938; from memory of the reviews, as in Braun,
+   Kivshar: The Frenkel-Kontorova Model, Springer 2004. Scaled by the mass, the stiffness of the springs and the period
+   of the substrate, so all quantities are pure numbers and a unit of time is one second of simulation.
+
+       x_j'' = x_j+1 - 2 x_j + x_j-1 - (K / 2 pi) sin(2 pi x_j) + F_drive - damping x_j'
+       v     = mean of x_j'
+       F     = damping v + mean of (K / 2 pi) sin(2 pi x_j),   dv/dt = F_drive - F
+
+   F is the friction force per atom: equal to the drive at rest (static friction) and, on average, in steady sliding.
+   The springs have the rest length `winding`, in periods. In a ring (periodic = 1) the N atoms span a whole number of
+   periods, the nearest to N winding; `ratio` is the winding number that results. Approximants of the golden mean are
+   quotients of Fibonacci numbers, such as 34/55 (the start values) and 55/89. At the start the atoms stand at j times
+   the spacing, at rest, but for the deflection amplitude cos(2 pi mode j / N) of one mode.
+
+   Known results: a chain of the golden mean slides without static friction below the Aubry transition
+   K_c = 0.971635 (of the infinite chain: approximants keep a barrier that falls exponentially with N) and is pinned
+   above; at winding 0 or 1 static friction is K / 2 pi, and small waves of wave number q obey
+   omega^2 = K + 4 sin^2(q/2).
+
+   The equations are smooth and solved by extrapolation to 1e-12 of a period per inner step, whatever the
+   communication step; the cost is proportional to N, and to the damping where that is far above 10.
+
+   Limits: one dimension, no temperature, and a driven chain is often chaotic: then only averages can be compared. An
+   evenly laid chain is not at rest: with damping it falls to a position of rest, which for even N may be a saddle
+   unless `amplitude` breaks the symmetry. There is no normal force; let K follow it. */
+
+/* @article{FrenkelKontorova1938,
+     author  = {Frenkel, J. and Kontorova, T.},
+     title   = {On the theory of plastic deformation and twinning},
+     journal = {Physikalische Zeitschrift der Sowjetunion},
+     volume  = {13}, pages = {1--10}, year = {1938}} */
+
+#define MODEL    FrenkelKontorova
+#define SUMMARY  "Frenkel-Kontorova chain of atoms over a periodic substrate, driven by a force"
+#define SOURCE   "Frenkel, Kontorova, Physikalische Zeitschrift der Sowjetunion 13, 1938"
+#define FEATURES "presliding, drift-free, rate dependent, needs force, mass inside"
+
+/* clang-format off */
+#define VARIABLES                                                                                             \
+    INPUT    (F_drive,   NO_UNIT, 0.0,                 "driving force on each atom")                          \
+    OUTPUT   (F,         NO_UNIT,                      "friction force per atom, opposes v")                  \
+    OUTPUT   (v,         NO_UNIT,                      "mean velocity of the atoms")                          \
+    OUTPUT   (x,         NO_UNIT,                      "mean displacement of the atoms since the start")      \
+    OUTPUT   (acceleration, NO_UNIT,                   "mean acceleration of the atoms")                      \
+    OUTPUT   (energy,    NO_UNIT,                      "kinetic and potential energy per atom")               \
+    LOCAL    (ratio,     NO_UNIT,                      "winding number in use: periods per atom")             \
+    LOCALS   (atom, 10,  NO_UNIT,                      "positions of the first ten atoms")                    \
+    PARAMETER(K,         NO_UNIT, 1.5, 0.0,  INF,      "strength of the substrate")                           \
+    PARAMETER(damping,   NO_UNIT, 0.1, 0.0,  INF,      "gamma, damping rate")                                 \
+    COUNT    (N,         55,      1,   MASSES,         "number of atoms")                                     \
+    FIXED    (winding,   NO_UNIT, 0.6180339887498949, -1e6, 1e6, "rest length of the springs in periods of the substrate") \
+    COUNT    (periodic,  1,       0,   1,              "1: a ring, 0: free ends")                             \
+    FIXED    (amplitude, NO_UNIT, 0.0, -1e6, 1e6,      "initial deflection of one mode")                      \
+    COUNT    (mode,      1,       0,   MASSES,         "wave length of that mode is N / mode")
+/* clang-format on */
+
+#include "extrapolation.h"
+#include "chain.h"
+
+#define MEMORY   struct chain
+#define STEPS_BY step
+
+#include "block.h"
+
+static struct surroundings around(const Model *m)
+{
+    GIVEN(m)
+    const struct surroundings at = {&m->memory, N,   periodic != 0, 1.0, K,       0.0,
+                                    damping,    0.0, 0.0,           0.0, F_drive, SLOPE(F_drive)};
+    return at;
+}
+
+static void lay(const Model *m, struct chain *c)
+{
+    GIVEN(m)
+    lay_chain(c, N, periodic != 0, winding, amplitude, mode);
+    c->ready = false;
+}
+
+static void equations(Model *m)
+{
+    GIVEN(m)
+    const struct surroundings at = around(m);
+    struct chain start;
+    if (!m->memory.ready)
+        lay(m, &start);
+    const struct chain *const chain = m->memory.ready ? &m->memory : &start;
+    const struct view seen = view_chain(chain, &at, m->time);
+
+    m->v = seen.v;
+    m->x = seen.u;
+    m->F = seen.substrate + damping * seen.v;
+    m->acceleration = seen.a;
+    m->energy = seen.energy;
+    m->ratio = spacing(N, periodic != 0, winding);
+    for (int j = 0; j < 10; j++)
+        m->atom[j] = j < N ? chain->turns + chain->y[j] + j * m->ratio : 0.0;
+}
+
+static bool step(Model *m, double h)
+{
+    if (!m->memory.ready)
+        lay(m, &m->memory);
+    struct surroundings at = around(m);
+    return move_chain(&m->memory, &at, m->time, h, m->run.tolerance, &m->run.inner_step);
+}

@@ -1,0 +1,111 @@
+/* Frenkel-Kontorova-Tomlinson chain: atoms on springs over a periodic substrate, each also tied to a slider that is
+   moved. The friction of two surfaces, between the Frenkel-Kontorova and the Prandtl-Tomlinson model.
+
+   Weiss, Elmer: Dry friction in the Frenkel-Kontorova-Tomlinson model: static properties, Physical Review B 53, 1996;
+   equations from memory of the paper. Scaled by the mass, the stiffness of the springs and the period of the
+   substrate, so all quantities are pure numbers and a unit of time is one second of simulation.
+
+       x_j'' = k (x_j+1 - 2 x_j + x_j-1) - (K / 2 pi) sin(2 pi x_j) + kappa (X + j c - x_j) - damping x_j'
+       F     = mean of kappa (X + j c - x_j),   dX/dt = v
+
+   F is the force per atom against the motion of the slider. c is `winding`, in periods; in a ring (periodic = 1) the
+   N atoms span a whole number of periods, the nearest to N winding, and `ratio` is the c that results. In the paper
+   K = 2 pi b and k = 1. At the start the atoms stand at j c, at rest, but for the deflection
+   amplitude cos(2 pi mode j / N) of one mode.
+
+   Known limits: kappa = 0 is the Frenkel-Kontorova chain without drive; k = 0 are N independent Prandtl-Tomlinson
+   atoms with eta = K / kappa, spread over all phases, with no quasi-static friction for K <= kappa and the mean of
+   their forces above.
+
+   The equations are smooth and solved by extrapolation to 1e-12 of a period per inner step, whatever the
+   communication step; the cost is proportional to N, and to the damping where that is far above 10.
+
+   Limits: one dimension, no temperature; fast or strongly coupled sliding may be chaotic. The start values are a
+   pinned golden-mean chain, not a published set. There is no normal force; let K follow it. */
+
+/* @article{WeissElmer1996,
+     author  = {Weiss, M. and Elmer, F.-J.},
+     title   = {Dry friction in the {Frenkel-Kontorova-Tomlinson} model: Static properties},
+     journal = {Physical Review B},
+     volume  = {53}, number = {11}, pages = {7539--7549}, year = {1996}} */
+
+#define MODEL    FrenkelKontorovaTomlinson
+#define SUMMARY  "Frenkel-Kontorova-Tomlinson chain: atoms over a periodic substrate, tied to a slider"
+#define SOURCE   "Weiss, Elmer, Physical Review B 53, 1996"
+#define FEATURES "presliding, nonlocal memory, drift-free, rate dependent, mass inside"
+
+/* clang-format off */
+#define VARIABLES                                                                                             \
+    INPUT    (v,         NO_UNIT, 0.0,                 "velocity of the slider")                              \
+    OUTPUT   (F,         NO_UNIT,                      "friction force per atom, opposes v")                  \
+    STATE    (X,         NO_UNIT, 0.0, 1.0,            "position of the slider")                              \
+    LOCAL    (x,         NO_UNIT,                      "mean displacement of the atoms since the start")      \
+    LOCAL    (w,         NO_UNIT,                      "mean velocity of the atoms")                          \
+    OUTPUT   (acceleration, NO_UNIT,                   "mean acceleration of the atoms")                      \
+    OUTPUT   (energy,    NO_UNIT,                      "kinetic and potential energy per atom")               \
+    LOCAL    (ratio,     NO_UNIT,                      "winding number in use: periods per atom")             \
+    LOCALS   (atom, 10,  NO_UNIT,                      "positions of the first ten atoms")                    \
+    PARAMETER(K,         NO_UNIT, 2.0, 0.0,  INF,      "strength of the substrate")                           \
+    PARAMETER(k,         NO_UNIT, 1.0, 0.0,  INF,      "stiffness of the springs between neighbours")         \
+    PARAMETER(kappa,     NO_UNIT, 0.1, 0.0,  INF,      "stiffness of the springs to the slider")              \
+    PARAMETER(damping,   NO_UNIT, 0.5, 0.0,  INF,      "gamma, damping rate")                                 \
+    COUNT    (N,         55,      1,   MASSES,         "number of atoms")                                     \
+    FIXED    (winding,   NO_UNIT, 0.6180339887498949, -1e6, 1e6, "spacing of the slider's atoms in periods of the substrate") \
+    COUNT    (periodic,  1,       0,   1,              "1: a ring, 0: free ends")                             \
+    FIXED    (amplitude, NO_UNIT, 0.0, -1e6, 1e6,      "initial deflection of one mode")                      \
+    COUNT    (mode,      1,       0,   MASSES,         "wave length of that mode is N / mode")
+/* clang-format on */
+
+#include "extrapolation.h"
+#include "chain.h"
+
+#define MEMORY   struct chain
+#define STEPS_BY step
+
+#include "block.h"
+
+static struct surroundings around(const Model *m)
+{
+    GIVEN(m)
+    const struct surroundings at = {&m->memory, N, periodic != 0, k, K, kappa, damping, X, v, SLOPE(v), 0.0, 0.0};
+    return at;
+}
+
+static void lay(const Model *m, struct chain *c)
+{
+    GIVEN(m)
+    lay_chain(c, N, periodic != 0, winding, amplitude, mode);
+    c->ready = false;
+}
+
+static void equations(Model *m)
+{
+    GIVEN(m)
+    const struct surroundings at = around(m);
+    struct chain start;
+    if (!m->memory.ready)
+        lay(m, &start);
+    const struct chain *const chain = m->memory.ready ? &m->memory : &start;
+    const struct view seen = view_chain(chain, &at, m->time);
+
+    m->der_X = v;
+    m->F = seen.slider;
+    m->x = seen.u;
+    m->w = seen.v;
+    m->acceleration = seen.a;
+    m->energy = seen.energy;
+    m->ratio = spacing(N, periodic != 0, winding);
+    for (int j = 0; j < 10; j++)
+        m->atom[j] = j < N ? chain->turns + chain->y[j] + j * m->ratio : 0.0;
+}
+
+static bool step(Model *m, double h)
+{
+    if (!m->memory.ready)
+        lay(m, &m->memory);
+    struct surroundings at = around(m);
+    if (!move_chain(&m->memory, &at, m->time, h, m->run.tolerance, &m->run.inner_step))
+        return false;
+    m->X += h * (m->v + 0.5 * h * SLOPE(v));
+    return true;
+}

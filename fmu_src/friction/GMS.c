@@ -1,0 +1,239 @@
+/* Generalised Maxwell slip (GMS): elements side by side that stick as springs and, once they slip, are attracted by
+   the Stribeck curve. Presliding hysteresis with nonlocal memory, Stribeck effect, frictional lag, no drift.
+
+   Al-Bender, Lampaert, Swevers: The generalized Maxwell-slip model: a novel model for friction simulation and
+   compensation, IEEE TAC 50(11), 2005, in its force form (from memory of the paper, no equation numbers).
+
+       S(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta)
+       stick: dFi/dt = ki v                                      until  sgn(v) Fi >= alpha_i S(v)
+       slip:  dFi/dt = sgn(v) C (alpha_i - sgn(v) Fi / S(v))     until  v passes zero
+       F = (sum Fi + sigma dzi/dt) max(Fn, 0) / Fn0 + sigma2 v,   dzi/dt = v in stick, (dFi/dt) / ki in slip
+
+   Fi is the force at the normal force Fn0. The sign in the test and in the attraction matters: written with |Fi| or
+   with an unsigned S, as often printed, an element that is unloaded above the level slips, and one that slips
+   backwards is repelled. After a reversal Fi goes on from where it is, in stick; so it does after a time at v = 0. A
+   touch of v = 0 between two moments of the same direction is no passage.
+
+   alpha_i are shares, used as alpha_i / (alpha_1 + ... + alpha_N), so that steady sliding is S(v) whatever their sum.
+   C, in N/s, is the rate of approach: the lag has the time constant S/C. The form with deflections zi = Fi / ki has
+   dzi/dt = Ci (sgn v - zi/|si|) with ki si = alpha_i S and Ci = C alpha_i / ki in m/s: for one element with
+   k = 1e5 N/m, Ci = 1e-3 m/s is C = 100 N/s. The optional damping sigma makes F jump by sigma |v| where an element
+   starts to slip.
+
+   Start values: the levels of Table I of the LuGre paper, with elements that come near to its stiffness (ours).
+
+   Exact for constant v, the start of slip included; for linear v, stick and the start of slip are located to rounding
+   and slip is integrated to the tolerance. Use it where presliding and slow sliding both matter. Limits: F has kinks;
+   the lag is one time constant, whatever the direction of the change of speed. */
+
+/* @article{AlBender2005,
+     author  = {Al-Bender, F. and Lampaert, V. and Swevers, J.},
+     title   = {The generalized {Maxwell}-slip model: a novel model for friction simulation and compensation},
+     journal = {IEEE Transactions on Automatic Control},
+     volume  = {50}, number = {11}, pages = {1883--1887}, year = {2005}} */
+
+#define MODEL    GMS
+#define SUMMARY  "Generalised Maxwell slip: N elements that slip towards the Stribeck curve"
+#define SOURCE   "Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005"
+#define FEATURES "presliding, nonlocal memory, drift-free, Stribeck, lag, rate dependent"
+
+/* clang-format off */
+#define VARIABLES                                                                                           \
+    INPUT     (v,        VELOCITY, 0.0,              "relative sliding velocity")                           \
+    OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                        \
+    OUTPUT    (F,        FORCE,                      "friction force, opposes v")                           \
+    FLAGS     (slipping, 10,                         "the element slips")                                   \
+    STATES    (Fi,       10, FORCE, (0.0), 0.1,      "force of the element at the normal force Fn0")        \
+    COUNT     (N,        10,       1,     10,        "number of elements")                                  \
+    PARAMETERS(k,        10, STIFFNESS, (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3),  \
+                                   0.0, INF,         "stiffness of the element")                            \
+    PARAMETERS(alpha,    10, NO_UNIT, (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1),                   \
+                                   0.0, INF,         "share of the element in the Stribeck level")          \
+    PARAMETER (C,        FORCE "/s", 100.0, 0.0, INF, "attraction to the Stribeck level")                   \
+    PARAMETER (sigma,    DAMPING,  0.0,   0.0,   INF, "damping of each element")                            \
+    PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                                \
+    PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                   \
+    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                   \
+    PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                  \
+    PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                \
+    PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")
+/* clang-format on */
+
+#define STEPS_BY step
+#define MEMORY   struct slip_memory
+
+struct slip_memory {
+    double direction; /* of the last motion, 0: none yet      */
+    double slips[10]; /* 1: the element slipped in that motion */
+};
+
+#include "block.h"
+#include "presliding.h"
+#include "stribeck.h"
+#include "relaxation.h"
+
+/* Factor that makes shares of alpha. */
+static double share(const Model *m)
+{
+    GIVEN(m)
+    double sum = 0.0;
+    for (int i = 0; i < N; i++)
+        sum += alpha[i];
+    return sum > 0.0 ? 1.0 / sum : 0.0;
+}
+
+/* Outputs and rates at the Stribeck level S. */
+static void contact(Model *m, double S, double unit)
+{
+    GIVEN(m)
+    const double direction = sign(v);
+    const bool same = direction == m->memory.direction;
+    double sum = 0.0, rate = 0.0;
+    for (int i = 0; i < N; i++) {
+        const double level = alpha[i] * unit, force = direction * Fi[i];
+        const bool slips = direction != 0.0 && ((same && m->memory.slips[i] != 0.0) || !(force < level * S));
+        m->slipping[i] = slips ? 1.0 : 0.0;
+        m->der_Fi[i] = slips ? direction * C * (level - force / S) : k[i] * v;
+        rate += !slips ? v : k[i] > 0.0 ? m->der_Fi[i] / k[i] : 0.0;
+        sum += Fi[i];
+    }
+    for (int i = N; i < 10; i++)
+        m->slipping[i] = m->der_Fi[i] = 0.0;
+    m->F = load_of(Fn, Fn0) * (sum + sigma * rate) + sigma2 * v;
+}
+
+static void equations(Model *m)
+{
+    GIVEN(m)
+    contact(m, stribeck(v, Fc, Fs, vs, delta), share(m));
+}
+
+/* Constant v: the level does not move, so an element that reaches it stays there. */
+static void held_step(Model *m, double h, double S, double unit)
+{
+    GIVEN(m)
+    const double direction = sign(v), x = fabs(v) * h;
+    double decay = NAN; /* of the distance to the level, the same for all that slip from the start */
+    for (int i = 0; i < N; i++) {
+        const double level = alpha[i] * unit * S, force = direction * Fi[i];
+        if (m->memory.slips[i] != 0.0 || force >= level) {
+            m->memory.slips[i] = 1.0;
+            if (isnan(decay))
+                decay = exp(-C * h / S);
+            m->Fi[i] = direction * (level + (force - level) * decay);
+        } else if (force + k[i] * x < level) {
+            m->Fi[i] = Fi[i] + k[i] * v * h;
+        } else {
+            m->memory.slips[i] = 1.0;
+            m->Fi[i] = direction * level;
+        }
+    }
+}
+
+static double level_at(const Model *m, double s)
+{
+    GIVEN(m)
+    return stribeck(v + SLOPE(v) * s, Fc, Fs, vs, delta);
+}
+
+/* The first time in (0, h) at which a stuck element reaches its level, or h if it does not: its force only rises and
+   S is monotonic, so the values at the ends of an interval can exclude it. */
+static double arrival(const Model *m, double force, double stiffness, double level, double h)
+{
+    double a = 0.0, S_a = level_at(m, 0.0), width = h;
+    for (int tries = 0; a < h; tries++) {
+        const double b = a + 1.000001 * width >= h ? h : a + width;
+        const double S_b = level_at(m, b), force_b = force + stiffness * fabs(slide(m, b));
+        if (force_b < level * fmin(S_a, S_b)) {
+            a = b;
+            S_a = S_b;
+            width *= 2.0;
+        } else if (b - a <= 4.0 * DBL_EPSILON * b || tries > 1000) {
+            return b;
+        } else {
+            width = (b - a) / 2.0;
+        }
+    }
+    return h;
+}
+
+static double attraction(double s, double P, const void *law)
+{
+    const Model *const m = (const Model *)law;
+    return m->C * (1.0 - P / level_at(m, s));
+}
+
+static double decline(double s, double E, const void *law)
+{
+    const Model *const m = (const Model *)law;
+    return -m->C * E / level_at(m, s);
+}
+
+/* Slip from time s to h is linear in the force: afterwards it is E force + P level. */
+static bool slip(const Model *m, double s, double h, double *E, double *P)
+{
+    GIVEN(m)
+    *E = 1.0;
+    *P = 0.0;
+    while (s < h) {
+        double end = s + stribeck_piece(v + SLOPE(v) * s, SLOPE(v), vs, delta), again = s;
+        end = end < h && end > s ? end : h;
+        const double S = level_at(m, s);
+        if (S == level_at(m, end)) { /* and so in between */
+            const double decay = C * (end - s) / S;
+            *P = relax(*P, S, decay);
+            *E *= exp(-decay);
+            s = end;
+        } else if (follow(attraction, NULL, m, m, &again, P, end, fmax(Fc, Fs), 0.25 * fmax(Fc, Fs)) == FAILED ||
+                   follow(decline, NULL, m, m, &s, E, end, 1.0, 0.25) == FAILED) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static bool ramp_step(Model *m, double h, double direction, double unit)
+{
+    GIVEN(m)
+    double E = NAN, P = NAN;
+    for (int i = 0; i < N; i++) {
+        const double level = alpha[i] * unit, force = direction * Fi[i];
+        if (m->memory.slips[i] != 0.0 || force >= level * level_at(m, 0.0)) {
+            m->memory.slips[i] = 1.0;
+            if (isnan(E) && !slip(m, 0.0, h, &E, &P))
+                return false;
+            m->Fi[i] = direction * (E * force + P * level);
+            continue;
+        }
+        const double start = arrival(m, force, k[i], level, h);
+        if (start < h) {
+            double E_rest, P_rest;
+            m->memory.slips[i] = 1.0;
+            if (!slip(m, start, h, &E_rest, &P_rest))
+                return false;
+            m->Fi[i] = direction * level * (E_rest * level_at(m, start) + P_rest);
+        } else {
+            m->Fi[i] = Fi[i] + direction * k[i] * fabs(slide(m, h));
+        }
+    }
+    return true;
+}
+
+static bool step(Model *m, double h)
+{
+    GIVEN(m)
+    const double direction = sign(slide(m, h)), unit = share(m);
+    if (direction != m->memory.direction)
+        for (int i = 0; i < N; i++)
+            m->memory.slips[i] = 0.0;
+    if (direction != 0.0)
+        m->memory.direction = direction;
+    if (SLOPE(v) != 0.0)
+        return ramp_step(m, h, direction, unit);
+    const double S = stribeck(v, Fc, Fs, vs, delta);
+    if (direction != 0.0)
+        held_step(m, h, S, unit);
+    contact(m, S, unit);
+    m->run.outputs_done = true;
+    return true;
+}

@@ -1,0 +1,56 @@
+/* Karnopp's friction: below the velocity DV the body counts as at rest, and friction is what balances it.
+
+   Karnopp: Journal of Dynamic Systems, Measurement, and Control 107(1), 1985, from memory of the paper. Written as a
+   force for a mass that is integrated elsewhere; KarnoppMass has the mass inside.
+
+       |v| <  DV:  F = F_ext, at most load Fs in size;  v_reported = 0
+       |v| >= DV:  F = load Fc sign(v) + Fv v;          v_reported = v
+       load = max(Fn, 0) / Fn0
+
+   F_ext is the sum of all other forces on the mass, and has to be connected. With DV = 0 this is Stiction.
+
+   Use it with a mass whose velocity is known in steps only: the band takes the place of the instant v = 0, which a
+   step never meets. DV has to be larger than the change of v over one step, h |F_ext| / m, or the band is jumped over.
+
+   Limits: the mass that reads F has to report the velocity 0 inside the band, too (v_reported), or it creeps at up
+   to DV. Two such contacts in series share an undetermined force. Inside the band F does not oppose v, but F_ext.
+   No Stribeck effect, no presliding. */
+
+/* @article{Karnopp1985,
+     author  = {Karnopp, D.},
+     title   = {Computer simulation of stick-slip friction in mechanical dynamic systems},
+     journal = {Journal of Dynamic Systems, Measurement, and Control},
+     volume  = {107}, number = {1}, pages = {100--103}, year = {1985}} */
+
+#define MODEL    Karnopp
+#define SUMMARY  "Karnopp's dead band of velocity, as a force"
+#define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
+#define FEATURES "needs force"
+
+/* clang-format off */
+#define VARIABLES                                                                                           \
+    INPUT    (v,     VELOCITY, 0.0,               "relative sliding velocity")                              \
+    INPUT    (F_ext, FORCE,    0.0,               "all other forces on the mass, decides the force at rest") \
+    OPTIONAL (Fn,    "N",      1.0,               "normal force")                                           \
+    OUTPUT   (F,     FORCE,                       "friction force")                                         \
+    LOCAL    (v_reported, VELOCITY,               "velocity, 0 inside the band")                            \
+    FLAG     (stuck,                              "inside the band and held by friction")                   \
+    PARAMETER(Fc,    FORCE,    1.0,  0.0,   INF,  "Coulomb friction at Fn0")                                \
+    PARAMETER(Fs,    FORCE,    1.5,  0.0,   INF,  "static friction at Fn0, may be below Fc")                \
+    PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                    \
+    PARAMETER(DV,    VELOCITY, 1e-3, 0.0,   INF,  "half width of the band of velocity that counts as rest") \
+    PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force at which the parameters hold")
+/* clang-format on */
+
+#include "block.h"
+
+static void equations(Model *m)
+{
+    GIVEN(m)
+    const double load = fmax(Fn, 0.0) / Fn0;
+    const bool rest = fabs(v) < DV || v == 0.0;
+
+    m->stuck = rest && fabs(F_ext) <= load * Fs ? 1.0 : 0.0;
+    m->v_reported = rest ? 0.0 : v;
+    m->F = rest ? clip(F_ext, -load * Fs, load * Fs) : sign(v) * load * Fc + Fv * v;
+}

@@ -1,0 +1,76 @@
+/* Maxwell slip: elastic, perfectly plastic elements side by side. Hysteresis in the position with memory of all
+   reversal points that still matter, and no dependence on rate.
+
+   Iwan: A distributed-element model for hysteresis and its steady-state dynamic response, Journal of Applied
+   Mechanics 33(4), 1966 (from memory of the paper, no equation numbers); also known from Lazan: Damping of Materials
+   and Members, 1968.
+
+       dFi/dt = 0 if |Fi| = Wi and Fi v > 0, else ki v,   i = 1 ... N
+       F      = (F1 + ... + FN) max(Fn, 0) / Fn0
+
+   Between two changes of sign of v the step Fi -> clip(Fi + ki dx, -Wi, Wi) is exact, whatever its length. An initial
+   force beyond Wi counts as Wi. Fi is the force at the normal force Fn0.
+
+   From rest F follows the virgin curve f(x) = sum min(ki x, Wi); after a reversal at (x_A, F_A) it follows
+   F_A - 2 f((x_A - x)/2) (Masing), until it meets an earlier reversal point, where the loop in between is forgotten
+   (wiping-out). A loop of amplitude a dissipates sum 4 Wi max(a - Wi/ki, 0).
+
+   The start values are ours: the elements of equal Wi that come nearest to the curve 1 N (1 - exp(-x / 10 um)), which
+   is the Dahl model with Fc and sigma0 of Table I of the LuGre paper.
+
+   Use it for presliding hysteresis, as in guideways and piezo stages, and as a reference for other models. Limits: no
+   Stribeck effect, no lag, no viscous part (add a Viscous block); as many kinks as elements. */
+
+/* @article{Iwan1966,
+     author  = {Iwan, W. D.},
+     title   = {A distributed-element model for hysteresis and its steady-state dynamic response},
+     journal = {Journal of Applied Mechanics},
+     volume  = {33}, number = {4}, pages = {893--900}, year = {1966}} */
+
+#define MODEL    MaxwellSlip
+#define SUMMARY  "Maxwell slip: N elastic, perfectly plastic elements in parallel"
+#define SOURCE   "Iwan, Journal of Applied Mechanics 33(4), 1966"
+#define FEATURES "presliding, nonlocal memory, drift-free"
+
+/* clang-format off */
+#define VARIABLES                                                                                           \
+    INPUT     (v,        VELOCITY, 0.0,              "relative sliding velocity")                           \
+    OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                        \
+    OUTPUT    (F,        FORCE,                      "friction force, opposes v")                           \
+    FLAGS     (slipping, 10,                         "the element slips")                                   \
+    STATES    (Fi,       10, FORCE, (0.0), 0.1,      "force of the element at the normal force Fn0")        \
+    COUNT     (N,        10,       1,     10,        "number of elements")                                  \
+    PARAMETERS(k,        10, STIFFNESS, (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3),  \
+                                   0.0, INF,         "stiffness of the element")                            \
+    PARAMETERS(W,        10, FORCE, (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1),                     \
+                                   0.0, INF,         "force at which the element slips")                    \
+    PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")
+/* clang-format on */
+
+#define STEPS_BY step
+
+#include "block.h"
+#include "presliding.h"
+#include "maxwell.h"
+
+static void equations(Model *m)
+{
+    GIVEN(m)
+    double sum = 0.0;
+    for (int i = 0; i < 10; i++) {
+        const bool slips = i < N && v != 0.0 && !(sign(v) * Fi[i] < W[i]);
+        m->slipping[i] = slips ? 1.0 : 0.0;
+        m->der_Fi[i] = i < N && !slips ? k[i] * v : 0.0;
+        sum += i < N ? limited(Fi[i], W[i]) : 0.0;
+    }
+    m->F = load_of(Fn, Fn0) * sum;
+}
+
+static bool step(Model *m, double h)
+{
+    GIVEN(m)
+    const double dx = slide(m, h);
+    for (int i = 0; i < N; i++)
+        m->Fi[i] = limited(limited(Fi[i], W[i]) + k[i] * dx, W[i]);
+    return true;
+}

@@ -1,0 +1,266 @@
+/* Modified Leuven model: a deflection z that relaxes to the Stribeck level of its hysteresis force, which Maxwell
+   slip elements give. Presliding hysteresis with nonlocal memory, continuous where Leuven's force jumps.
+
+   Lampaert, Swevers, Al-Bender: Modification of the Leuven integrated friction model structure, IEEE TAC 47(4), 2002
+   (from memory of the paper, no equation numbers).
+
+       S(v)  = sgn(v) (Fc + (Fs - Fc) exp(-|v/vs|^delta))
+       Fh    = F1 + ... + FN
+       dz/dt = v (1 - sgn(r) |r|^n),   r = Fh / S(v)
+       dFi/dt = 0 if |Fi| = Wi and Fi dz/dt > 0, else ki dz/dt
+       F     = (Fh + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 v
+
+   Fi is the force at the normal force Fn0; an initial force beyond Wi counts as Wi. z turns without a change of sign
+   of v where S(v) falls below Fh, as when the contact speeds up through the Stribeck velocity: the elements then
+   unload with their full stiffness. With n to infinity and S constant this is the Maxwell slip model.
+
+   W1 + ... + WN must be at least Fs and Fc. Otherwise Fh ends at that sum, below S(v), and z grows without bound in
+   steady sliding; that gives a warning.
+
+   Start values: Table I of the LuGre paper for sigma1, sigma2 and the Stribeck curve, with elements that come near to
+   its stiffness, and n = 2 (ours).
+
+   Solved piece by piece between the points where an element starts to slip or z turns, which are located: in closed
+   form for constant v and n = 1 or 2, else to the tolerance. Use it as Leuven's model without its stacks and jumps.
+   Limits: F jumps with a jump of v, through sigma1; small n makes loops that do not close and lets it drift. */
+
+/* @article{Lampaert2002,
+     author  = {Lampaert, V. and Swevers, J. and Al-Bender, F.},
+     title   = {Modification of the {Leuven} integrated friction model structure},
+     journal = {IEEE Transactions on Automatic Control},
+     volume  = {47}, number = {4}, pages = {683--687}, year = {2002}} */
+
+#define MODEL    ModifiedLeuven
+#define SUMMARY  "Modified Leuven model: Maxwell slip hysteresis that relaxes to the Stribeck curve"
+#define SOURCE   "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
+#define FEATURES "presliding, nonlocal memory, Stribeck, lag, rate dependent"
+
+/* clang-format off */
+#define VARIABLES                                                                                           \
+    INPUT     (v,        VELOCITY, 0.0,              "relative sliding velocity")                           \
+    OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                        \
+    OUTPUT    (F,        FORCE,                      "friction force, opposes v")                           \
+    LOCAL     (Fh,       FORCE,                      "hysteresis force at the normal force Fn0")            \
+    FLAGS     (slipping, 10,                         "the element slips")                                   \
+    STATE     (z,        LENGTH,   0.0,   1e-5,      "mean deflection")                                     \
+    STATES    (Fi,       10, FORCE, (0.0), 0.1,      "force of the element at the normal force Fn0")        \
+    COUNT     (N,        10,       1,     10,        "number of elements")                                  \
+    PARAMETERS(k,        10, STIFFNESS, (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3),  \
+                                   0.0, INF,         "stiffness of the element")                            \
+    PARAMETERS(W,        10, FORCE, (0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15),           \
+                                   0.0, INF,         "force at which the element slips")                    \
+    PARAMETER (n,        NO_UNIT,  2.0,   0.1,   1e4, "sharpness of the transition to sliding")             \
+    PARAMETER (sigma1,   DAMPING,  316.22776601683796, 0.0, INF, "bristle damping")                         \
+    PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                                \
+    PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                   \
+    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                   \
+    PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                  \
+    PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                \
+    PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")
+/* clang-format on */
+
+#define STEPS_BY step
+#define WARNING  "the sum of W is below Fs or Fc, so that the force cannot reach the Stribeck curve"
+
+#include "block.h"
+#include "presliding.h"
+#include "maxwell.h"
+#include "stribeck.h"
+#include "relaxation.h"
+
+static double hysteresis_force(const Model *m)
+{
+    GIVEN(m)
+    double sum = 0.0;
+    for (int i = 0; i < N; i++)
+        sum += limited(Fi[i], W[i]);
+    return sum;
+}
+
+static void contact(Model *m, double S)
+{
+    GIVEN(m)
+    const double force = hysteresis_force(m);
+    const double rate = v * (1.0 - signed_power(sign(v) * force / S, n));
+    for (int i = 0; i < 10; i++) {
+        const bool slips = i < N && rate != 0.0 && !(sign(rate) * Fi[i] < W[i]);
+        m->slipping[i] = slips ? 1.0 : 0.0;
+        m->der_Fi[i] = i < N && !slips ? k[i] * rate : 0.0;
+    }
+    m->der_z = rate;
+    m->Fh = force;
+    m->F = load_of(Fn, Fn0) * (force + sigma1 * rate) + sigma2 * v;
+}
+
+static void equations(Model *m)
+{
+    GIVEN(m)
+    contact(m, stribeck(v, Fc, Fs, vs, delta));
+}
+
+static const double grain = 1e-14; /* relative; forces that are closer count as equal */
+
+/* A piece of the step in which z moves one way and no element starts or ends to slip: the force along v is
+   force + way stiffness zeta, where zeta is the way that z has gone. */
+struct piece {
+    const Model *m;
+    double S; /* the level, if v is held                      */
+    double force, stiffness, way, reach;
+    double size;    /* the elastic deflection at the level    */
+    bool backwards; /* r < 0                                  */
+    bool flat;      /* |r|^n is nothing                       */
+};
+
+static double piece_level(const struct piece *p, double s)
+{
+    GIVEN(p->m)
+    return given->slope[INPUT_v] == 0.0 ? p->S : stribeck(v + given->slope[INPUT_v] * s, Fc, Fs, vs, delta);
+}
+
+static double piece_ratio(const struct piece *p, double s, double zeta)
+{
+    return (p->force + p->way * p->stiffness * zeta) / piece_level(p, s);
+}
+
+static double piece_rate(double s, double zeta, const void *law)
+{
+    const struct piece *const p = (const struct piece *)law;
+    const double speed = fabs(p->m->v + p->m->slope[INPUT_v] * s);
+    if (p->flat)
+        return speed;
+    const double r = piece_ratio(p, s, zeta); /* of the other sign beyond the end of the piece */
+    return p->way * speed * (1.0 - signed_power(p->backwards ? fmin(r, 0.0) : fmax(r, 0.0), p->m->n));
+}
+
+/* Not negative where z turns, an element starts to slip or |r|^n to count; all as lengths. */
+static double piece_goal(double s, double zeta, const void *law)
+{
+    const struct piece *const p = (const struct piece *)law;
+    const double r = piece_ratio(p, s, zeta), n = p->m->n;
+    if (p->flat)
+        return fmax(zeta - p->reach, (r - flat_until(n)) * p->size);
+    if (p->m->slope[INPUT_v] == 0.0)
+        return zeta - p->reach;
+    return fmax(zeta - p->reach, (p->way * (r - 1.0) - 10.0 * grain) * p->size);
+}
+
+/* zeta after the path x at constant v: with r = force / S and q = stiffness x / S, dr/dq = 1 - sgn(r) |r|^n has a
+   closed form for n = 1 and 2. The piece ends before r < 0 changes its sign. */
+static double closed_form(const struct piece *p, double x)
+{
+    const double r = p->force / p->S, q = p->stiffness * x / p->S;
+    double gained; /* of r */
+    if (p->m->n == 1.0)
+        gained = (r - 1.0) * expm1(-q);
+    else if (p->backwards)
+        gained = q < 1.57 ? (1.0 + r * r) * tan(q) / (1.0 - r * tan(q)) : INF;
+    else
+        gained = (1.0 - r) * (1.0 + r) * tanh(q) / (1.0 + r * tanh(q));
+    return p->way * gained * p->S / p->stiffness;
+}
+
+/* The path x after which zeta = reach. */
+static double closed_path(const struct piece *p)
+{
+    const double r = p->force / p->S, gained = p->way * p->stiffness * p->reach / p->S, end = r + gained;
+    double q;
+    if (p->m->n == 1.0)
+        q = -log1p(gained / (r - 1.0));
+    else if (p->backwards)
+        q = atan2(gained, 1.0 + r * end);
+    else
+        q = 0.5 * log1p(2.0 * gained / ((1.0 - end) * (1.0 + r)));
+    return q * p->S / p->stiffness;
+}
+
+/* The piece from time s to `end` at the longest; false if z is at rest. */
+static bool begin(struct piece *p, double side, double s, double end)
+{
+    GIVEN(p->m)
+    p->force = side * hysteresis_force(given);
+    const double S = piece_level(p, s), change = piece_level(p, end) - S;
+    if (fabs(p->force - S) <= grain * S && fabs(change) <= grain * S)
+        return false;
+    p->way = p->force < S ? 1.0 : p->force > S ? -1.0 : sign(change);
+    p->stiffness = 0.0;
+    p->reach = INF;
+    for (int i = 0; i < N; i++) {
+        const double room = W[i] - p->way * side * Fi[i];
+        if (k[i] > 0.0 && room > grain * W[i]) {
+            p->stiffness += k[i];
+            p->reach = fmin(p->reach, room / k[i]);
+        }
+    }
+    p->backwards = p->force < -grain * S;
+    if (p->backwards && p->stiffness > 0.0) /* |r|^n has a kink at 0 */
+        p->reach = fmin(p->reach, -p->force / p->stiffness);
+    p->flat = !p->backwards && p->force < flat_until(n) * S;
+    return true;
+}
+
+static void move(Model *m, double way, double zeta, double reach)
+{
+    GIVEN(m)
+    m->z = z + way * zeta;
+    for (int i = 0; i < N; i++) {
+        const double room = W[i] - way * Fi[i];
+        const bool arrives =
+            k[i] > 0.0 && (room <= grain * W[i] || (zeta >= reach && room <= k[i] * reach * 1.000000000001));
+        m->Fi[i] = arrives ? way * W[i] : limited(Fi[i] + way * k[i] * zeta, W[i]);
+    }
+}
+
+static bool step(Model *m, double h)
+{
+    GIVEN(m)
+    const double slope = SLOPE(v), side = sign(slide(m, h)), S = stribeck(v, Fc, Fs, vs, delta);
+    double strongest = 0.0, stiffest = 0.0;
+    for (int i = 0; i < N; i++) {
+        m->Fi[i] = limited(Fi[i], W[i]);
+        strongest += W[i];
+        stiffest += k[i];
+    }
+    if (strongest < (1.0 - 1e-9) * fmax(Fs, Fc))
+        m->run.warning = true;
+    const double size = stiffest > 0.0 ? fmax(Fs, Fc) / stiffest : 1e-5;
+    struct piece p = {m, S, 0.0, 0.0, 0.0, 0.0, size, false, false};
+    double s = 0.0;
+    for (int pieces = 0; side != 0.0 && s < h; pieces++) {
+        if (pieces > 1000)
+            return false;
+        const double next = s + stribeck_piece(v + slope * s, slope, vs, delta), end = next < h && next > s ? next : h;
+        if (!begin(&p, side, s, end)) {
+            s = end;
+            continue;
+        }
+        const double x = fabs(v) * (h - s), highest = falls_to(n) * piece_level(&p, s);
+        double zeta = 0.0;
+        if (p.force > highest && p.stiffness > 0.0) {
+            zeta = fmin((p.force - highest) * (1.0 + grain) / p.stiffness, p.reach);
+        } else if (slope == 0.0 && p.stiffness == 0.0) {
+            zeta = x * fabs(1.0 - signed_power(p.force / S, n));
+            s = h;
+        } else if (slope == 0.0 && (n == 1.0 || n == 2.0)) {
+            zeta = closed_form(&p, x);
+            if (zeta >= p.reach) {
+                zeta = p.reach;
+                s += fmin(closed_path(&p) / fabs(v), h - s);
+            } else {
+                s = h;
+            }
+        } else {
+            const int how =
+                follow(piece_rate, piece_goal, m, &p, &s, &zeta, end, size, size * (p.flat ? 1.0 : sharpness(n)));
+            if (how == FAILED)
+                return false;
+            if (how == REACHED && zeta >= p.reach - 1e-14 * size)
+                zeta = p.reach;
+        }
+        move(m, side * p.way, zeta, p.reach);
+    }
+    if (slope == 0.0) {
+        contact(m, S);
+        m->run.outputs_done = true;
+    }
+    return true;
+}

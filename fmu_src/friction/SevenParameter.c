@@ -1,0 +1,300 @@
+/* The seven-parameter model: presliding spring, Stribeck friction with a delay, stiction that grows with dwell time.
+
+   Armstrong-Helouvry, Dupont, Canudas de Wit: Automatica 30(7), 1994; the equations as in (7) to (9) of Olsson,
+   Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4(3), 1998.
+
+       stuck:    F = load kt d,   dd/dt = v,   dt2/dt = 1
+       slipping: F = load (Fc + Fs(t2) / (1 + (v(t - tauL) / vs)^2)) sign(v) + Fv v
+       Fs(t2) = Fs_last + (Fs_inf - Fs_last) t2 / (t2 + gamma)
+       load = max(Fn, 0) / Fn0
+
+   d is the deflection of the contact, t2 the time since it became stuck; while it slips both stay at their values of
+   break-away. Fs is the excess over Fc: break-away is at Fc + Fs. Fs_last is the Stribeck part, Fs(t2) over the
+   bracket, at the end of the previous sliding; before any sliding has ended it is the parameter Fs_a. The seven are
+   kt, Fc, Fv, Fs_inf, vs, tauL and gamma.
+
+   When the contact sticks and slips is not defined by the authors. Here:
+   - It becomes stuck at v = 0, or where v changes its sign. The spring then starts from d = F / kt with the contact
+     part of F at v = 0, so F is continuous; the clock t2 starts at 0.
+   - It slips in the direction of v as soon as kt d in that direction reaches Fc + Fs(t2). F then jumps by the viscous
+     part and by what the delayed velocity takes off. At v = 0 it never slips.
+   - At the start it is stuck (d and t2 have start values) and has been at rest before: v(t) = 0 for t < start.
+
+   tauL is a pure delay. The history of v is kept as its pieces that are constant or linear in time, so v(t - tauL) and
+   F do not depend on how the time is cut into steps; at a jump of v the later value counts. Break-away is located
+   inside the step; it is the root of a polynomial.
+
+   Use it for frictional lag, rising static friction and break-away from presliding of lubricated machines.
+
+   Limits: 1024 pieces are kept. If v has more of them within tauL, short neighbours are joined, which keeps the
+   distance, and a warning is given once; v(t - tauL) is then exact to about tauL / 250 in time. If tauL is raised
+   during a run, the history that is already forgotten counts as constant. F is not continuous at break-away. No
+   hysteresis with memory in presliding: the spring is linear. Fs_a does not matter after the first sliding. */
+
+/* @article{ArmstrongHelouvry1994,
+     author  = {Armstrong-H{\'e}louvry, B. and Dupont, P. and Canudas de Wit, C.},
+     title   = {A survey of models, analysis tools and compensation methods for the control of machines with friction},
+     journal = {Automatica},
+     volume  = {30}, number = {7}, pages = {1083--1138}, year = {1994}} */
+
+#define MODEL    SevenParameter
+#define SUMMARY  "Presliding spring, delayed Stribeck effect and rising static friction"
+#define SOURCE   "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
+#define FEATURES "presliding, drift-free, Stribeck, lag, dwell, rate dependent"
+#define WARNING  "the velocity changed more than 1024 times within tauL, its history is thinned out"
+
+/* clang-format off */
+#define VARIABLES                                                                                           \
+    INPUT    (v,         VELOCITY,  0.0,               "relative sliding velocity")                         \
+    OPTIONAL (Fn,        "N",       1.0,               "normal force")                                      \
+    OUTPUT   (F,         FORCE,                        "friction force, opposes v")                         \
+    STATE    (d,         LENGTH,    0.0,  1e-5,        "deflection of the contact while it is stuck")       \
+    STATE    (t2,        TIME,      0.0,  1.0,         "dwell time: time since the contact became stuck")   \
+    FLAG     (stuck,                                   "the contact is stuck")                              \
+    LOCAL    (v_delayed, VELOCITY,                     "v(t - tauL)")                                       \
+    LOCAL    (Fs_last,   FORCE,                        "Stribeck part at the end of the previous sliding")  \
+    LOCAL    (level,     FORCE,                        "force of break-away at Fn0, Fc + Fs(t2)")           \
+    PARAMETER(kt,        STIFFNESS, 1e5,  1e-9,  INF,  "stiffness of the contact at Fn0")                   \
+    PARAMETER(Fc,        FORCE,     1.0,  0.0,   INF,  "Coulomb friction at Fn0")                           \
+    PARAMETER(Fv,        DAMPING,   0.4,  0.0,   INF,  "viscous coefficient")                               \
+    PARAMETER(Fs_a,      FORCE,     0.2,  0.0,   INF,  "static friction over Fc before the first sliding, at Fn0") \
+    PARAMETER(Fs_inf,    FORCE,     0.5,  0.0,   INF,  "static friction over Fc after a long rest, at Fn0") \
+    PARAMETER(vs,        VELOCITY,  1e-3, 1e-12, INF,  "Stribeck velocity")                                 \
+    PARAMETER(tauL,      TIME,      5e-3, 0.0,   INF,  "delay of the Stribeck effect, frictional lag")      \
+    PARAMETER(gamma,     TIME,      1.0,  0.0,   INF,  "dwell time after which static friction has risen by half") \
+    PARAMETER(Fn0,       "N",       1.0,  1e-12, INF,  "normal force at which the parameters hold")
+/* clang-format on */
+
+enum { PIECES = 1024 };
+
+/* v(t) = v + rate (t - begin), until the next piece begins. */
+struct piece {
+    double begin, v, rate;
+};
+
+struct memory {
+    double slip, Fs_last; /* direction of slip, 0: stuck */
+    int slid;             /* a sliding has ended */
+    int forgot;           /* pieces have been forgotten */
+    int first, count;     /* of the pieces, a ring */
+    struct piece ring[PIECES];
+};
+
+#define STEPS_BY step
+#define MEMORY   struct memory
+
+#include "block.h"
+
+/* ---- the history of v --------------------------------------------------------------------------------------- */
+
+static struct piece *piece(struct memory *past, int i) { return &past->ring[(past->first + i) % PIECES]; }
+
+static double along(const struct piece *p, double t) { return p->v + p->rate * (t - p->begin); }
+
+/* v(t - tauL); where v jumps, the later value, also for times that differ by rounding. */
+static double delayed(const Model *m)
+{
+    const struct memory *const past = &m->memory;
+    const double t = m->time - m->tauL, later = t + 1e-9 * m->tauL + 1e-15 * fabs(m->time);
+    if (m->tauL == 0.0)
+        return m->v;
+    int low = 0, high = past->count; /* the pieces before `low` have begun, `high` has not */
+    while (low < high) {
+        const int middle = (low + high) / 2;
+        if (past->ring[(past->first + middle) % PIECES].begin <= later)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    const struct piece at_rest = {0.0, 0.0, 0.0}, oldest = {0.0, past->ring[past->first].v, 0.0};
+    if (low == 0)
+        return along(past->forgot ? &oldest : &at_rest, t);
+    return along(&past->ring[(past->first + low - 1) % PIECES], t);
+}
+
+/* Joins neighbours whose common duration is at most four times the mean one, at least a quarter of the pieces: by the
+   line through their mean values, which keeps the distance. */
+static void thin_out(struct memory *past, double now)
+{
+    const double longest = 4.0 * (now - piece(past, 0)->begin) / (double)PIECES;
+    int kept = 0;
+    for (int i = 0; i < PIECES; i++) {
+        struct piece a = *piece(past, i);
+        const double end = i + 2 < PIECES ? piece(past, i + 2)->begin : now;
+        if (i + 1 < PIECES && end - a.begin <= longest) {
+            const struct piece b = *piece(past, ++i);
+            const double at_a = 0.5 * (a.begin + b.begin), at_b = 0.5 * (b.begin + end);
+            const double rate = (along(&b, at_b) - along(&a, at_a)) / (at_b - at_a);
+            a = (struct piece){a.begin, along(&a, at_a) - rate * (at_a - a.begin), rate};
+        }
+        *piece(past, kept++) = a;
+    }
+    past->count = kept;
+}
+
+/* Adds v of the step from now over h, unless it continues the last piece. */
+static void remember(Model *m, double h)
+{
+    struct memory *const past = &m->memory;
+    const double now = m->time, v = m->v, rate = m->slope[INPUT_v], end = v + rate * h;
+    if (past->count > 0) {
+        struct piece *const last = piece(past, past->count - 1);
+        const double same = 1e-14 * fmax(fabs(v), fabs(end));
+        if (fabs(along(last, now) - v) <= same && fabs(along(last, now + h) - end) <= same)
+            return;
+        if (!(now > last->begin))
+            past->count--; /* it had no duration */
+    }
+    if (past->count == PIECES) {
+        while (past->count > 1 && piece(past, 1)->begin < now - (1.0 + 1e-6) * m->tauL) {
+            past->first = (past->first + 1) % PIECES;
+            past->count--;
+            past->forgot = 1;
+        }
+        if (past->count == PIECES) {
+            thin_out(past, now);
+            m->run.warning = true;
+        }
+    }
+    *piece(past, past->count++) = (struct piece){now, v, rate};
+}
+
+/* ---- the contact -------------------------------------------------------------------------------------------- */
+
+typedef struct {
+    double slip, d, t2, Fs_last;
+    bool stopped; /* just now */
+} Contact;
+
+/* Fs(t2): static friction over Fc. */
+static double excess(const Model *m, double t2, double Fs_last)
+{
+    return m->gamma > 0.0 ? Fs_last + (m->Fs_inf - Fs_last) * (t2 / (t2 + m->gamma)) : m->Fs_inf;
+}
+
+/* The share of the Stribeck effect that the delayed velocity leaves. */
+static double share(const Model *m, double v_delayed) { return 1.0 / (1.0 + square(v_delayed / m->vs)); }
+
+/* Whether the spring has reached the level of break-away in the direction s, or is just there and rises faster. */
+static bool breaks_away(const Model *m, const Contact *c, double s)
+{
+    const double level = m->Fc + excess(m, c->t2, c->Fs_last), over = m->kt * s * c->d - level;
+    const double level_rate = m->gamma > 0.0 ? (m->Fs_inf - c->Fs_last) * m->gamma / square(c->t2 + m->gamma) : 0.0;
+    return over > 1e-13 * level || (over >= -1e-13 * level && m->kt * fabs(m->v) >= level_rate);
+}
+
+/* The contact at the velocity of now, whose direction is s: it stops if it slipped in another one, and slips if the
+   spring is stretched far enough. */
+static Contact contact(const Model *m, double v_delayed, double s)
+{
+    const struct memory *const past = &m->memory;
+    Contact c = {past->slip, m->d, m->t2, past->slid ? past->Fs_last : m->Fs_a, false};
+    if (c.slip != 0.0 && s != c.slip) {
+        c.Fs_last = excess(m, c.t2, c.Fs_last) * share(m, v_delayed);
+        c.d = c.slip * (m->Fc + c.Fs_last) / m->kt;
+        c.t2 = c.slip = 0.0;
+        c.stopped = true;
+    }
+    if (c.slip == 0.0 && s != 0.0 && breaks_away(m, &c, s))
+        c.slip = s;
+    return c;
+}
+
+/* A contact that has stopped at the end of a step is told by the outputs, and by d and t2 from the next step on. */
+static void equations(Model *m)
+{
+    GIVEN(m)
+    const double load = fmax(Fn, 0.0) / Fn0, before = delayed(m);
+    const Contact c = contact(m, before, sign(v));
+    const double Fs = excess(m, c.t2, c.Fs_last);
+
+    m->F = c.slip != 0.0 ? load * (Fc + Fs * share(m, before)) * c.slip + Fv * v : load * kt * c.d;
+    m->der_d = c.slip != 0.0 ? 0.0 : v;
+    m->der_t2 = c.slip != 0.0 ? 0.0 : 1.0;
+    m->stuck = c.slip != 0.0 ? 0.0 : 1.0;
+    m->v_delayed = before;
+    m->Fs_last = c.Fs_last;
+    m->level = Fc + Fs;
+}
+
+/* ---- break-away --------------------------------------------------------------------------------------------- */
+
+static double cubic(const double *c, double t) { return c[0] + t * (c[1] + t * (c[2] + t * c[3])); }
+
+/* The root of the cubic between low, where it is not positive, and high, where it is: Newton's method, kept inside. */
+static double root_between(const double *c, double low, double high)
+{
+    double t = 0.5 * (low + high);
+    for (int i = 0; i < 200; i++) {
+        const double f = cubic(c, t), newton = t - f / (c[1] + t * (2.0 * c[2] + t * 3.0 * c[3]));
+        if (f > 0.0)
+            high = t;
+        else
+            low = t;
+        const double next = newton > low && newton < high ? newton : 0.5 * (low + high);
+        if (next <= low || next >= high || next == t)
+            break;
+        t = next;
+    }
+    return high;
+}
+
+/* First time within h at which the cubic, not positive at 0, becomes positive; INF if never. */
+static double first_rise(const double *c, double h)
+{
+    double ends[4] = {0.0, h, h, h};
+    int n = 1;
+    /* it is monotone between the roots of 3 c3 t^2 + 2 c2 t + c1 */
+    const double discriminant = c[2] * c[2] - 3.0 * c[3] * c[1];
+    if (discriminant > 0.0) {
+        const double q = -(c[2] + copysign(sqrt(discriminant), c[2]));
+        const double one = q / (3.0 * c[3]), other = c[1] / q;
+        const double early = fmin(one, other), late = fmax(one, other);
+        if (early > 0.0 && early < h)
+            ends[n++] = early;
+        if (late > 0.0 && late < h)
+            ends[n++] = late;
+    }
+    ends[n] = h;
+    for (int i = 0; i < n; i++)
+        if (cubic(c, ends[i + 1]) > 0.0)
+            return root_between(c, ends[i], ends[i + 1]);
+    return INF;
+}
+
+/* Time until kt d in the direction s reaches Fc + Fs(t2), INF if not within h: (kt s d - Fc - Fs_last) (t2 + gamma) -
+   (Fs_inf - Fs_last) t2 = 0 with d of second and t2 of first degree in time. */
+static double time_to_break_away(const Model *m, const Contact *c, double s, double h)
+{
+    const double over = m->kt * s * c->d - m->Fc - c->Fs_last, rise = m->Fs_inf - c->Fs_last;
+    const double pull = m->kt * fabs(m->v), half = 0.5 * m->kt * s * m->slope[INPUT_v], t = c->t2 + m->gamma;
+    const double at_once[] = {fmin(over - rise, 0.0), pull, half, 0.0};
+    const double in_time[] = {fmin(over * t - rise * c->t2, 0.0), over + pull * t - rise, pull + half * t, half};
+    return first_rise(m->gamma > 0.0 ? in_time : at_once, h);
+}
+
+static bool step(Model *m, double h)
+{
+    GIVEN(m)
+    const double rate = m->slope[INPUT_v], s = v != 0.0 ? sign(v) : sign(rate);
+    remember(m, h);
+
+    Contact c = contact(m, delayed(m), sign(v));
+    if (c.stopped) {
+        m->memory.slid = 1;
+        m->memory.Fs_last = c.Fs_last;
+    }
+    if (c.slip == 0.0 && s != 0.0 && breaks_away(m, &c, s))
+        c.slip = s;
+    if (c.slip == 0.0) {
+        const double wait = s != 0.0 ? time_to_break_away(m, &c, s, h) : INF, t = fmin(wait, h);
+        c.d += t * (v + 0.5 * t * rate);
+        c.t2 += t;
+        if (wait <= h)
+            c.slip = s;
+    }
+    m->d = c.d;
+    m->t2 = c.t2;
+    m->memory.slip = c.slip;
+    return true;
+}

@@ -1,0 +1,52 @@
+/* Stiction: static friction above Coulomb friction; at rest the external force decides.
+
+   Morin: Memoires de mathematique et de physique, 1833, for the higher force at rest; the equations are (4) and the
+   ones before it of Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4(3), 1998.
+
+       v != 0:  F = load Fc sign(v) + Fv v
+       v  = 0:  F = F_ext, at most load Fs in size
+       load = max(Fn, 0) / Fn0
+
+   F_ext is the sum of all other forces on the mass; a block from velocity to force alone cannot know the force at
+   rest. Without F_ext, F is 0 at v = 0. Fs < Fc is allowed.
+
+   Use it for break-away: whether and when a load starts to move.
+
+   Limits: the force falls from Fs to Fc at once, as the Stribeck effect does not exist; no presliding. F jumps at
+   v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h / m; KarnoppMass and SwitchMass
+   contain the mass and stop it. */
+
+/* @article{Olsson1998,
+     author  = {Olsson, H. and {\AA}str{\"o}m, K. J. and Canudas de Wit, C. and G{\"a}fvert, M. and Lischinsky, P.},
+     title   = {Friction models and friction compensation},
+     journal = {European Journal of Control},
+     volume  = {4}, number = {3}, pages = {176--195}, year = {1998}} */
+
+#define MODEL    Stiction
+#define SUMMARY  "Stiction, Coulomb and viscous friction"
+#define SOURCE   "Morin 1833; Olsson and others, European Journal of Control 4(3), 1998, eq. (4)"
+#define FEATURES "needs force"
+
+/* clang-format off */
+#define VARIABLES                                                                                           \
+    INPUT    (v,     VELOCITY, 0.0,               "relative sliding velocity")                              \
+    INPUT    (F_ext, FORCE,    0.0,               "all other forces on the mass, decides the force at rest") \
+    OPTIONAL (Fn,    "N",      1.0,               "normal force")                                           \
+    OUTPUT   (F,     FORCE,                       "friction force, opposes v")                              \
+    FLAG     (stuck,                              "at rest and held by friction")                           \
+    PARAMETER(Fc,    FORCE,    1.0, 0.0,   INF,   "Coulomb friction at Fn0")                                \
+    PARAMETER(Fs,    FORCE,    1.5, 0.0,   INF,   "static friction at Fn0, may be below Fc")                \
+    PARAMETER(Fv,    DAMPING,  0.4, 0.0,   INF,   "viscous coefficient")                                    \
+    PARAMETER(Fn0,   "N",      1.0, 1e-12, INF,   "normal force at which the parameters hold")
+/* clang-format on */
+
+#include "block.h"
+
+static void equations(Model *m)
+{
+    GIVEN(m)
+    const double load = fmax(Fn, 0.0) / Fn0;
+
+    m->stuck = v == 0.0 && fabs(F_ext) <= load * Fs ? 1.0 : 0.0;
+    m->F = v == 0.0 ? clip(F_ext, -load * Fs, load * Fs) : sign(v) * load * Fc + Fv * v;
+}

@@ -1,0 +1,304 @@
+/* A mass on a belt with friction by Leine's switch model: slip, transition and stick, each a smooth equation.
+
+   Leine, Van Campen, De Kraker, Van den Steen: Nonlinear Dynamics 16, 1998, from memory of the paper. A mass m is
+   held by a spring k and dragged by a belt that moves at v_belt. Which equation holds is decided by a narrow band
+   |v_r| <= eta of the relative velocity v_r = v - v_belt and by the force P that friction needs for sticking:
+
+       P = F_load - k x - m dv_belt/dt
+       |v_r| >  eta               slip        F = load Fs sign(v_r) (ratio + (1 - ratio) / (1 + delta |v_r|))
+       |v_r| <= eta, |P| > load Fs    transition  F = load Fs sign(P)
+       |v_r| <= eta, |P| <= load Fs   stick       F = P + m v_r sqrt(k/m)
+       m dv/dt = F_load - k x - F;  dx/dt = v, in stick dx/dt = v_belt
+       load = max(Fn, 0) / Fn0
+
+   In stick the relative velocity is driven to zero at the rate sqrt(k/m), dv/dt = dv_belt/dt - v_r sqrt(k/m); setting
+   it to zero would let x drift. The paper has ratio = 0, a belt at constant velocity and no F_load; P with the
+   acceleration of the belt and ratio, the part of friction that speed does not reduce, are added here.
+
+   Stick is stepped in closed form, slip and transition are integrated with error control, and the switches are
+   located inside the step.
+
+   Use it to study stick-slip vibration and its bifurcations: nothing is smoothed, nothing is stiff.
+
+   Limits: errors are of first order in eta, of order sqrt(eta) if friction drops at once (delta very large); the period
+   of the oscillator of the paper is 12.0627 s, 12.0040 s and 12.00114 s for eta = 1e-2, 1e-3 and 1e-4 m/s, and 12.00103
+   s for an ideal switch. eta has to be small compared with v_belt. One contact, with the mass inside; no presliding. */
+
+/* @article{Leine1998,
+     author  = {Leine, R. I. and Van Campen, D. H. and De Kraker, A. and Van den Steen, L.},
+     title   = {Stick-slip vibrations induced by alternate friction models},
+     journal = {Nonlinear Dynamics},
+     volume  = {16}, number = {1}, pages = {41--54}, year = {1998}} */
+
+#define MODEL    SwitchMass
+#define SUMMARY  "Mass, spring and belt with Leine's switch model of friction"
+#define SOURCE   "Leine, Van Campen, De Kraker, Van den Steen, Nonlinear Dynamics 16, 1998"
+#define FEATURES "drift-free, Stribeck, mass inside"
+
+/* clang-format off */
+#define VARIABLES                                                                                           \
+    INPUT       (v_belt, VELOCITY, 0.2,              "velocity of the belt")                                \
+    OPTIONAL    (F_load, FORCE,    0.0,              "further applied force")                               \
+    OPTIONAL    (Fn,     "N",      1.0,              "normal force")                                        \
+    STATE_OUTPUT(x,      LENGTH,   x0,    1.0,       "position")                                            \
+    STATE_OUTPUT(v,      VELOCITY, v0,    1.0,       "velocity")                                            \
+    OUTPUT      (F,      FORCE,                      "friction force, opposes the relative velocity")       \
+    LOCAL       (v_r,    VELOCITY,                   "relative velocity, v - v_belt")                       \
+    FLAG        (stuck,                              "the equation of stick holds")                         \
+    FLAG        (slipping,                           "the equation of slip holds; neither: transition")     \
+    PARAMETER   (m,      MASS,      1.0,  1e-12, INF, "mass")                                               \
+    PARAMETER   (k,      STIFFNESS, 1.0,  1e-12, INF, "stiffness of the spring to the ground")              \
+    PARAMETER   (Fs,     FORCE,     1.0,  0.0,   INF, "static friction at Fn0")                             \
+    PARAMETER   (delta,  "s/" LENGTH, 3.0, 0.0,  INF, "decrease of friction with the relative velocity")    \
+    PARAMETER   (ratio,  NO_UNIT,   0.0,  0.0,   1.0, "of friction at high speed to static friction")       \
+    PARAMETER   (eta,    VELOCITY,  1e-6, 1e-12, INF, "half width of the band of relative velocity")        \
+    PARAMETER   (Fn0,    "N",       1.0,  1e-12, INF, "normal force at which the parameters hold")          \
+    FIXED       (x0,     LENGTH,    0.0,  -INF,  INF, "initial position")                                   \
+    FIXED       (v0,     VELOCITY,  0.2,  -INF,  INF, "initial velocity")
+/* clang-format on */
+
+enum phase { BY_STATE, STICK, TRANSITION, SLIP };
+
+/* The equation that holds is a function of the state, but fixed while a step looks for the end of its validity. */
+struct fixed {
+    int phase;
+    double s; /* direction of slip or of the needed force */
+};
+
+#define STEPS_BY step
+#define MEMORY   struct fixed
+
+#include "block.h"
+
+static double load_of(const Model *model) { return fmax(model->Fn, 0.0) / model->Fn0; }
+
+/* P: what friction has to be for the mass to follow the belt. */
+static double needed(const Model *model)
+{
+    GIVEN(model)
+    return F_load - k * x - m * model->slope[INPUT_v_belt];
+}
+
+static struct fixed by_state(const Model *model)
+{
+    const double v_r = model->v - model->v_belt, P = needed(model);
+    if (fabs(v_r) > model->eta)
+        return (struct fixed){SLIP, sign(v_r)};
+    return fabs(P) > load_of(model) * model->Fs ? (struct fixed){TRANSITION, sign(P)} : (struct fixed){STICK, 0.0};
+}
+
+static void equations(Model *model)
+{
+    GIVEN(model)
+    const struct fixed now = model->memory.phase == BY_STATE ? by_state(model) : model->memory;
+    const double slip = v - v_belt, level = load_of(model) * Fs;
+
+    model->v_r = slip;
+    model->stuck = now.phase == STICK ? 1.0 : 0.0;
+    model->slipping = now.phase == SLIP ? 1.0 : 0.0;
+    if (now.phase == SLIP)
+        model->F = now.s * level * (ratio + (1.0 - ratio) / (1.0 + delta * fabs(slip)));
+    else if (now.phase == TRANSITION)
+        model->F = now.s * level;
+    else
+        model->F = needed(model) + m * slip * sqrt(k / m);
+    model->der_x = now.phase == STICK ? v_belt : v;
+    model->der_v = (F_load - k * x - model->F) / m;
+}
+
+/* ---- stick -------------------------------------------------------------------------------------------------- */
+
+/* First time at which a t^2 + b t + c, not positive at 0, becomes positive; INF if never. */
+static double rises(double a, double b, double c)
+{
+    if (c >= 0.0) /* at most by rounding */
+        return b > 0.0 || (b == 0.0 && a > 0.0) ? 0.0 : a > 0.0 ? -b / a : INF;
+    const double root = b * b - 4.0 * a * c;
+    if (root < 0.0 || (a <= 0.0 && b <= 0.0))
+        return INF;
+    return b > 0.0 ? -2.0 * c / (b + sqrt(root)) : (sqrt(root) - b) / (2.0 * a);
+}
+
+/* Sticks for at most h; the time after which the needed force passes Fs in the direction s, or h. */
+static double stick(Model *model, double h, double *s)
+{
+    GIVEN(model)
+    const double b = model->slope[INPUT_v_belt], P = needed(model), level = load_of(model) * Fs;
+    const double P_rate = model->slope[INPUT_F_load] - k * v_belt;
+    const double Fn_rate = model->slope[INPUT_Fn];
+    const double level_rate = Fn > 0.0 || (Fn == 0.0 && Fn_rate > 0.0) ? Fn_rate / Fn0 * Fs : 0.0;
+
+    double t = h;
+    *s = 0.0;
+    for (int i = 0; i < 2; i++) {
+        const double way = i == 0 ? -1.0 : 1.0;
+        const double until = rises(-0.5 * way * k * b, way * P_rate - level_rate, way * P - level);
+        if (until < t) {
+            t = until;
+            *s = way;
+        }
+    }
+    model->x += t * (v_belt + 0.5 * t * b);
+    model->v = v_belt + t * b + (v - v_belt) * exp(-sqrt(k / m) * t);
+    return t;
+}
+
+/* ---- slip and transition ------------------------------------------------------------------------------------ */
+
+/* Positive once the equation is no longer valid: slip until the band is met, transition until it is left or the
+   needed force has fallen to Fs, `*inside`. */
+static double invalid(const Model *model, bool *inside)
+{
+    const double s = model->memory.s, beyond = s * (model->v - model->v_belt) - model->eta;
+    *inside = false;
+    if (model->memory.phase == SLIP)
+        return -beyond;
+    const double held = load_of(model) * model->Fs - s * needed(model);
+    *inside = held > 0.0 && beyond <= 0.0;
+    return held > 0.0 ? held : beyond;
+}
+
+/* The equation's validity at the state y, t after the inputs of `at`. */
+static double invalid_at(const Model *at, Model *work, double t, const double *y, bool *inside)
+{
+    for (int i = 0; i < INPUTS; i++)
+        *value_of(work, inputs[i]) = ((const double *)(const void *)at)[inputs[i]] + at->slope[i] * t;
+    set_states(work, y);
+    return invalid(work, inside);
+}
+
+/* The rate at which slip comes closer to the band. */
+static double approach(const Model *at, Model *work, double t, const double *y)
+{
+    double f[ALL_STATES];
+    derivatives(at, work, t, y, f);
+    return -at->memory.s * (f[1] - at->slope[INPUT_v_belt]);
+}
+
+/* Ends the inner step from (s, y), of size *t at first, where the equation stops to be valid: false position with
+   halved weights, on the size of the step. */
+static void locate(const Model *at, Model *work, double s, const double *y, double *t, double *y_end, bool *inside)
+{
+    const double nominal[ALL_STATES] = {1.0, 1.0}, resolution = 1e-14 * *t;
+    bool inside_trial;
+    double low = 0.0, high = *t, y_trial[ALL_STATES];
+    double f_low = invalid_at(at, work, s, y, &inside_trial), f_high = invalid_at(at, work, s + high, y_end, inside);
+    if (f_low >= 0.0) /* by rounding */
+        f_low = -f_high;
+    for (int i = 0, side = 0; i < 100 && high - low > resolution; i++) {
+        const double secant = low - f_low * (high - low) / (f_high - f_low);
+        const double trial = secant > low && secant < high ? secant : 0.5 * (low + high);
+        if (!(trial > low && trial < high) || rodas_step(at, work, s, trial, y, y_trial, nominal, 1.0) < 0.0)
+            break;
+        const double f = invalid_at(at, work, s + trial, y_trial, &inside_trial);
+        if (f >= 0.0) {
+            high = trial;
+            f_high = f;
+            f_low *= side == 1 ? 0.5 : 1.0;
+            side = 1;
+            *inside = inside_trial;
+            for (int j = 0; j < ALL_STATES; j++)
+                y_end[j] = y_trial[j];
+        } else {
+            low = trial;
+            f_low = f;
+            f_high *= side == -1 ? 0.5 : 1.0;
+            side = -1;
+        }
+        if (f == 0.0)
+            break;
+    }
+    *t = high;
+}
+
+/* Integrates the equation until it is no longer valid, for at most h; the time taken, -1 if that fails. */
+static double slide(Model *model, double h, bool *ended, bool *inside)
+{
+    const double nominal[ALL_STATES] = {1.0, 1.0};
+    const double tolerance = model->run.tolerance > 0.0 ? model->run.tolerance : 0.03 * DEFAULT_TOLERANCE;
+    Model work = *model;
+    double y[ALL_STATES], y_new[ALL_STATES], s = 0.0;
+    double size = model->run.inner_step > 0.0 ? model->run.inner_step : 1e-3 * h;
+    get_states(model, y);
+    *ended = *inside = false;
+    for (int tries = 0; s < h && !*ended; tries++) {
+        const bool last = s + 1.01 * size >= h;
+        double t = last ? h - s : size;
+        const double error = rodas_step(model, &work, s, t, y, y_new, nominal, tolerance);
+        const double factor = error < 0.0 ? 0.2 : clip(0.9 * pow(fmax(error, 1e-12), -0.25), 0.2, 6.0);
+        if (tries > 1000000 || !(error >= 0.0 && error <= 1.0)) {
+            size = t * fmin(factor, 0.9);
+            if (tries > 1000000 || size < 1e-15 * h)
+                return -1.0;
+            continue;
+        }
+        size = last ? fmax(size, t * factor) : t * factor;
+        *ended = invalid_at(model, &work, s + t, y_new, inside) > 0.0;
+        if (model->memory.phase == SLIP && !*ended) {
+            /* if the band may be met and left again in between, the step ends where slip is closest to it */
+            bool unused;
+            const double distance = -invalid_at(model, &work, s, y, &unused);
+            const double begin = approach(model, &work, s, y);
+            double end = approach(model, &work, s + t, y_new);
+            for (int i = 0; i < 4 && begin * t > distance && end < 0.0 && t > 1e-12 * h && !*ended; i++) {
+                t *= begin / (begin - end);
+                if (rodas_step(model, &work, s, t, y, y_new, nominal, 1.0) < 0.0)
+                    return -1.0;
+                *ended = invalid_at(model, &work, s + t, y_new, inside) > 0.0;
+                end = approach(model, &work, s + t, y_new);
+            }
+        }
+        if (*ended)
+            locate(model, &work, s, y, &t, y_new, inside);
+        s = last && t == h - s ? h : s + t;
+        for (int i = 0; i < ALL_STATES; i++)
+            y[i] = y_new[i];
+    }
+    model->run.inner_step = size;
+    set_states(model, y);
+    return fmin(s, h);
+}
+
+/* The velocity at the edge of the band: within it, or just outside. */
+static double at_edge(double v_belt, double s, double eta, bool outside)
+{
+    double v = v_belt + s * eta;
+    while (outside ? fabs(v - v_belt) <= eta : fabs(v - v_belt) > eta)
+        v = nextafter(v, outside ? s * INF : v_belt);
+    return v;
+}
+
+static bool step(Model *model, double h)
+{
+    enum { MOST_SWITCHES = 1000 };
+    const Model begin = *model;
+    double rest = h;
+    int switches = 0;
+    model->memory = by_state(model);
+    while (rest > 0.0 && switches++ < MOST_SWITCHES) {
+        struct fixed *const now = &model->memory;
+        bool ended = false, inside = false;
+        double s = now->s;
+        const double t = now->phase == STICK ? stick(model, rest, &s) : slide(model, rest, &ended, &inside);
+        if (!(t >= 0.0))
+            return false;
+        move_inputs(model, t);
+        rest -= t;
+
+        if (now->phase == STICK && s != 0.0) {
+            *now = (struct fixed){TRANSITION, s};
+        } else if (now->phase == SLIP && ended) {
+            model->v = at_edge(model->v_belt, s, model->eta, false);
+            *now = by_state(model);
+        } else if (ended && inside) {
+            *now = (struct fixed){STICK, 0.0};
+        } else if (ended) {
+            model->v = at_edge(model->v_belt, s, model->eta, true);
+            *now = (struct fixed){SLIP, s};
+        }
+    }
+    for (int i = 0; i < INPUTS; i++) /* which the caller moves */
+        *value_of(model, inputs[i]) = ((const double *)(const void *)&begin)[inputs[i]];
+    model->memory = begin.memory;
+    return rest <= 0.0;
+}

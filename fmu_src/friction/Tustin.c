@@ -1,0 +1,56 @@
+/* Tustin's friction: stiction that falls off exponentially with speed to Coulomb friction, and viscous friction.
+
+   Tustin: Journal of the Institution of Electrical Engineers 94(2A), 1947, from memory of the paper. The force at
+   rest is equation (4) of Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4(3),
+   1998.
+
+       v != 0:  F = load g(v) sign(v) + Fv v,   g(v) = Fc + (Fs - Fc) exp(-|v| / vs)
+       v  = 0:  F = F_ext, at most load Fs in size
+       load = max(Fn, 0) / Fn0
+
+   It is Stribeck with the exponent delta = 1. The term with Fs - Fc has the sign of v: printed without it, as in
+   some texts, it would push in one direction for either sign of v. F_ext is the sum of all other forces on the mass.
+
+   Use it for stick-slip of servo drives at low speed: at v = 0+ the force falls with the finite slope
+   -(Fs - Fc) / vs, which decides on stability there, where the Gaussian curve (delta = 2) has slope zero.
+
+   Limits: no presliding. F jumps at v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by
+   F h / m. */
+
+/* @article{Tustin1947,
+     author  = {Tustin, A.},
+     title   = {The effects of backlash and of speed-dependent friction on the stability of closed-cycle control
+                systems},
+     journal = {Journal of the Institution of Electrical Engineers -- Part IIA},
+     volume  = {94}, number = {1}, pages = {143--151}, year = {1947}} */
+
+#define MODEL    Tustin
+#define SUMMARY  "Exponential decay from static to Coulomb friction, and viscous friction"
+#define SOURCE   "Tustin, Journal of the IEE 94(2A), 1947"
+#define FEATURES "Stribeck, needs force"
+
+/* clang-format off */
+#define VARIABLES                                                                                           \
+    INPUT    (v,     VELOCITY, 0.0,               "relative sliding velocity")                              \
+    INPUT    (F_ext, FORCE,    0.0,               "all other forces on the mass, decides the force at rest") \
+    OPTIONAL (Fn,    "N",      1.0,               "normal force")                                           \
+    OUTPUT   (F,     FORCE,                       "friction force, opposes v")                              \
+    FLAG     (stuck,                              "at rest and held by friction")                           \
+    PARAMETER(Fc,    FORCE,    1.0,  0.0,   INF,  "Coulomb friction at Fn0")                                \
+    PARAMETER(Fs,    FORCE,    1.5,  0.0,   INF,  "static friction at Fn0, may be below Fc")                \
+    PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                    \
+    PARAMETER(vs,    VELOCITY, 1e-3, 1e-12, INF,  "velocity over which stiction falls off")                 \
+    PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force at which the parameters hold")
+/* clang-format on */
+
+#include "block.h"
+#include "stribeck.h"
+
+static void equations(Model *m)
+{
+    GIVEN(m)
+    const double load = fmax(Fn, 0.0) / Fn0;
+
+    m->stuck = v == 0.0 && fabs(F_ext) <= load * Fs ? 1.0 : 0.0;
+    m->F = v == 0.0 ? clip(F_ext, -load * Fs, load * Fs) : sign(v) * load * stribeck(v, Fc, Fs, vs, 1.0) + Fv * v;
+}

@@ -1,0 +1,187 @@
+/* The pieces of GenericAsperity.c that know nothing of the block: the first zero of a function, the motion of
+   the slider, slip on a sinusoidal profile, a damped oscillator. */
+
+#ifndef ASPERITY_H
+#define ASPERITY_H
+
+#include <math.h>
+#include <stdbool.h>
+
+/* A function at a place, and an upper bound of its second derivative from there on. */
+typedef struct {
+    double value, slope, bend;
+} Taylor;
+
+/* The first x in [0, end) with f(x) >= 0, INFINITY if there is none. Each step goes to where the parabola
+   f + f' s + bend s^2/2, which lies above f, reaches zero: it never passes a zero, and converges quadratically. */
+static inline double first_zero(Taylor (*f)(const void *data, double x), const void *data, double end)
+{
+    double x = 0.0;
+    for (int i = 0; i < 1000; i++) {
+        const Taylor at = f(data, x);
+        if (at.value >= 0.0)
+            return x;
+        const double root = sqrt(at.slope * at.slope - 2.0 * at.bend * at.value);
+        const double s = at.slope > 0.0 ? -2.0 * at.value / (at.slope + root) : (root - at.slope) / at.bend;
+        if (!(x + s < end))
+            return INFINITY;
+        if (s <= 1e-15 * x)
+            return x;
+        x += s;
+    }
+    return x;
+}
+
+/* How the slider moves on from now: b += v t + a t^2/2, to one side (1, -1) or not at all (0). */
+typedef struct {
+    double v, a, rest;
+    int side;
+} Course;
+
+static inline double way_in(const Course *c, double t) { return (c->v + 0.5 * c->a * t) * t; }
+
+/* The time in which the slider moves by `way` (to its side); INFINITY if it does not within the rest. */
+static inline double time_for(const Course *c, double way)
+{
+    if (way * c->side <= 0.0)
+        return 0.0;
+    const double square_of_speed = c->v * c->v + 2.0 * c->a * way;
+    const double t = square_of_speed < 0.0 ? INFINITY : 2.0 * way / (c->v + c->side * sqrt(square_of_speed));
+    return t < c->rest ? t : INFINITY;
+}
+
+static inline void pass(Course *c, double t)
+{
+    c->v += c->a * t;
+    c->rest -= t;
+}
+
+/* An asperity of height h on the profile w(p) = A cos(k p). */
+typedef struct {
+    double h, A, k, k_n, k_t, mu0;
+} Surface;
+
+static inline double reach(const Surface *f, double p) { return f->h + f->A * cos(f->k * p); }
+static inline double incline(const Surface *f, double p) { return -f->A * f->k * sin(f->k * p); }
+
+/* g(p) = p + N (w' + s mu0)/k_t, the place of the base in slip, its slope along p, a bound of |g''|. */
+static inline Taylor balance(const Surface *f, int s, double p)
+{
+    const double A = f->A, k = f->k, ratio = f->k_n / f->k_t, w = A * cos(k * p), up = -A * k * sin(k * p);
+    return (Taylor){p + ratio * (f->h + w) * (up + s * f->mu0),
+                    1.0 + ratio * (up * (up + s * f->mu0) - (f->h + w) * k * k * w),
+                    ratio * A * k * k * (1.5 * A * k + f->mu0 + (f->h + A) * k)};
+}
+
+/* Slip from `from` by x to the side s. */
+typedef struct {
+    const Surface *surface;
+    double from, base;
+    int s;
+} Slip;
+
+/* How far the tip is ahead of balance with its base. */
+static inline Taylor ahead(const void *data, double x)
+{
+    const Slip *const slip = (const Slip *)data;
+    Taylor g = balance(slip->surface, slip->s, slip->from + slip->s * x);
+    g.value = slip->s * (g.value - slip->base);
+    return g;
+}
+
+/* -g', which is zero where slip becomes unstable; a bound of |g'''| */
+static inline Taylor instability(const void *data, double x)
+{
+    const Slip *const slip = (const Slip *)data;
+    const Surface *const f = slip->surface;
+    const double A = f->A, k = f->k, ratio = f->k_n / f->k_t, p = slip->from + slip->s * x;
+    const double w = A * cos(k * p), up = -A * k * sin(k * p), w2 = -k * k * w, w3 = -k * k * up;
+    const double third = 3.0 * up * w2 + slip->s * f->mu0 * w2 + (f->h + w) * w3;
+    return (Taylor){-balance(f, slip->s, p).slope, -slip->s * ratio * third,
+                    ratio * A * k * k * k * (4.0 * A * k + f->mu0 + (f->h + A) * k)};
+}
+
+/* The angle in [0, 2 pi) from one to the other. */
+static inline double turn(double from, double to)
+{
+    const double full = 6.283185307179586, angle = fmod(to - from, full);
+    return angle < 0.0 ? angle + full : angle;
+}
+
+/* How far it is to the side s until a tip at p meets the profile, or loses it: at cos(k p) = -h/A. */
+static inline double to_next_contact(const Surface *f, int s, double p)
+{
+    return turn(s * f->k * p, -acos(-f->h / f->A)) / f->k;
+}
+
+static inline double to_last_contact(const Surface *f, int s, double p)
+{
+    if (f->h >= f->A)
+        return INFINITY;
+    if (reach(f, p) <= 1e-12 * (f->h + f->A) && s * incline(f, p) <= 0.0)
+        return 0.0;
+    return turn(s * f->k * p, acos(-f->h / f->A)) / f->k;
+}
+
+/* The deflection in balance. */
+static inline double balanced(const Surface *f, int s, double p)
+{
+    return f->k_n / f->k_t * reach(f, p) * (incline(f, p) + s * f->mu0);
+}
+
+typedef struct {
+    double p, base; /* of the tip and its base */
+    bool lost;      /* contact is lost there   */
+} SlipEnd;
+
+/* Slip to the side s: on to the first place of balance with a base at `base`, or until contact is lost. A tip that
+   the slider drives loses it where slip becomes unstable, too; one that snaps forward runs on to the next balance. */
+static inline SlipEnd slip_to(const Surface *f, int s, double p, double base, bool driven)
+{
+    if (f->A == 0.0)
+        return (SlipEnd){base - balanced(f, s, 0.0), base, false};
+    const double ratio = f->k_n / f->k_t, wavelength = 6.283185307179586 / f->k;
+    const double gone = to_last_contact(f, s, p), far = fmin(gone, wavelength);
+    driven = driven && ratio * f->A * f->k * (f->A * f->k + f->mu0 + (f->h + f->A) * f->k) >= 1.0;
+    Slip slip = {f, p, base, s};
+    for (;;) {
+        const double there = first_zero(ahead, &slip, far), within = fmin(there, far);
+        const double unstable = driven ? first_zero(instability, &slip, within) : INFINITY;
+        if (unstable < within) {
+            p = slip.from + s * unstable;
+            return (SlipEnd){p, balance(f, s, p).value, true};
+        }
+        if (there < far)
+            return (SlipEnd){slip.from + s * there, base, false};
+        if (gone < wavelength) {
+            p = slip.from + s * gone;
+            return (SlipEnd){p, p, true};
+        }
+        /* nothing happens over a whole wavelength, so neither over the next ones */
+        const double whole = floor(s * (base - balance(f, s, slip.from).value) / wavelength);
+        slip.from += s * wavelength * fmax(whole, 1.0);
+        if (!(fabs(slip.from) < INFINITY))
+            return (SlipEnd){slip.from, base, false};
+    }
+}
+
+/* d(t) and its rate, of d'' + 2 zeta omega d' + omega^2 d = a. */
+static inline void oscillate(double *d, double *rate, double omega2, double zeta, double a, double t)
+{
+    const double omega = sqrt(omega2), e = *d - a / omega2, e_rate = *rate;
+    double cosine, sine; /* both times exp(-zeta omega t); the sine over its frequency */
+    if (zeta < 1.0) {
+        const double damped = omega * sqrt((1.0 - zeta) * (1.0 + zeta)), decay = exp(-zeta * omega * t);
+        cosine = decay * cos(damped * t);
+        sine = decay * sin(damped * t) / damped;
+    } else {
+        const double split = omega * sqrt((zeta - 1.0) * (zeta + 1.0));
+        const double slow = exp(-omega2 / (zeta * omega + split) * t), fast = slow * exp(-2.0 * split * t);
+        cosine = 0.5 * (slow + fast);
+        sine = split > 0.0 ? 0.5 * (slow - fast) / split : t * slow;
+    }
+    *d = e * cosine + (e_rate + zeta * omega * e) * sine + a / omega2;
+    *rate = e_rate * cosine - (omega2 * e + zeta * omega * e_rate) * sine;
+}
+
+#endif

@@ -1,0 +1,119 @@
+/* Steps of many coupled masses, x'' = a(s, x, x'), by extrapolation: O(N) per evaluation of the forces, of high order,
+   without tables.
+
+   Gragg's modified midpoint rule over n = 2, 4, 6, ... substeps has an error in even powers of the substep, which the
+   scheme of Aitken and Neville removes column by column, until the last correction is below the tolerance. Gragg: SIAM
+   J. Numer. Anal. 2, 1965; Bulirsch, Stoer: Numer. Math. 8, 1966; Hairer, Norsett, Wanner: Solving Ordinary
+   Differential Equations I, section II.9. Needs no model, so it can stand before block.h.                          */
+
+#ifndef EXTRAPOLATION_H
+#define EXTRAPOLATION_H
+
+#include <math.h>
+#include <stdbool.h>
+
+enum { MASSES = 1000, COLUMNS = 8 };
+
+#define CHAIN_TOLERANCE 1e-12 /* of a step, in units of the position and of position times rate */
+
+/* Writes the n accelerations of what `system` is, s seconds after the start of the communication step; y holds n
+   positions and then n velocities. */
+typedef void Accelerations(const void *system, double s, const double *y, double *a);
+
+typedef struct {
+    Accelerations *accelerations;
+    const void *system;
+    int n;
+    double rate;      /* [1/s] the fastest of the system: makes velocities comparable with positions */
+    double tolerance; /* of a step                                                                  */
+} Dynamics;
+
+/* Modified midpoint rule from (s, y), where the accelerations are a, over H in n substeps. */
+static inline void midpoint(const Dynamics *d, double s, const double *y, const double *a, double H, int n, double *end)
+{
+    const int N = d->n;
+    const double h = H / n;
+    double first[2 * MASSES], second[2 * MASSES], now[MASSES], *before = first, *here = second;
+
+    for (int i = 0; i < N; i++) {
+        before[i] = y[i];
+        before[N + i] = y[N + i];
+        here[i] = y[i] + h * y[N + i];
+        here[N + i] = y[N + i] + h * a[i];
+    }
+    for (int step = 1; step < n; step++) {
+        d->accelerations(d->system, s + step * h, here, now);
+        for (int i = 0; i < N; i++) {
+            before[i] += 2.0 * h * here[N + i];
+            before[N + i] += 2.0 * h * now[i];
+        }
+        double *const swap = before;
+        before = here;
+        here = swap;
+    }
+    d->accelerations(d->system, s + H, here, now);
+    for (int i = 0; i < N; i++) {
+        end[i] = 0.5 * (before[i] + here[i] + h * here[N + i]);
+        end[N + i] = 0.5 * (before[N + i] + here[N + i] + h * now[i]);
+    }
+}
+
+/* One step from (s, y) over H to y_end; the number of columns it took, or 0 if it did not converge. */
+static inline int extrapolate(const Dynamics *d, double s, const double *y, double H, double *y_end)
+{
+    const int N = d->n;
+    double table[COLUMNS][2 * MASSES], a[MASSES];
+
+    d->accelerations(d->system, s, y, a);
+    for (int k = 0; k < COLUMNS; k++) {
+        midpoint(d, s, y, a, H, 2 * (k + 1), y_end);
+        double worst = 0.0;
+        for (int i = 0; i < 2 * N; i++) {
+            double correction = INFINITY;
+            for (int j = 1; j <= k; j++) {
+                const double ratio = (double)(k + 1) / (k + 1 - j), previous = table[j - 1][i];
+                table[j - 1][i] = y_end[i];
+                correction = (y_end[i] - previous) / (ratio * ratio - 1.0);
+                y_end[i] += correction;
+            }
+            table[k][i] = y_end[i];
+            const double scale = (i < N ? 1.0 : d->rate) + 1e-4 * fabs(y_end[i]);
+            worst = fabs(correction) < worst * scale ? worst : fabs(correction) / scale;
+        }
+        if (worst <= d->tolerance)
+            return k + 1;
+        if (!isfinite(worst) && k > 0)
+            return 0;
+    }
+    return 0;
+}
+
+/* The size of the next step after one of size H that took so many columns. */
+static inline double next_step(double H, int columns)
+{
+    return columns == 0 ? 0.4 * H : columns < 5 ? 2.0 * H : columns < 7 ? 1.3 * H : columns < 8 ? H : 0.8 * H;
+}
+
+/* Moves y by h; *inner remembers the step size. False if steps of a ten-millionth of h are still too long. */
+static inline bool move_masses(const Dynamics *d, double *y, double h, double *inner)
+{
+    double y_end[2 * MASSES], H = *inner > 0.0 ? *inner : 0.5 / d->rate;
+    for (double s = 0.0; s < h;) {
+        const bool last = s + 1.01 * H >= h;
+        const double taken = last ? h - s : H;
+        const int columns = extrapolate(d, s, y, taken, y_end);
+        if (columns > 0) {
+            for (int i = 0; i < 2 * d->n; i++)
+                y[i] = y_end[i];
+            s = last ? h : s + taken;
+        }
+        const double next = next_step(taken, columns);
+        H = last && columns > 0 ? fmax(H, next) : next;
+        if (!(H > 1e-7 * h))
+            return false;
+    }
+    *inner = H;
+    return true;
+}
+
+#endif

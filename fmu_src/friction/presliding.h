@@ -1,0 +1,27 @@
+/* What the presliding laws of one contact share. Included after block.h. */
+
+#ifndef PRESLIDING_H
+#define PRESLIDING_H
+
+/* Contact forces grow with the normal force; a contact that is pulled open has none. Most are loaded with Fn0, and a
+   division costs as much as the rest of a simple law. */
+static inline double load_of(double Fn, double Fn0) { return Fn == Fn0 ? 1.0 : fmax(Fn, 0.0) / Fn0; }
+
+/* Signed distance slid in the next s seconds, at constant or linear velocity. */
+static inline double slide(const Model *m, double s) { return s * (m->v + 0.5 * s * SLOPE(v)); }
+
+/* Time to slide a distance from a speed that changes by `growth` a second, and time back from the end of a slide. */
+static inline double time_to_slide(double path, double speed, double growth)
+{
+    return 2.0 * path / (speed + sqrt(fmax(square(speed) + 2.0 * growth * path, 0.0)));
+}
+static inline double time_back(double path, double speed, double growth) { return time_to_slide(path, speed, -growth); }
+
+/* Time over which the nodes of a quadrature see a Stribeck curve of width vs, at a speed that changes by `growth` a
+   second. Over more of it they may all lie in the flat part. */
+static inline double time_in_sight(double speed, double growth, double vs)
+{
+    return growth > 0.0 ? (2.0 * vs + speed) / growth : (vs + 0.5 * speed) / -growth;
+}
+
+#endif

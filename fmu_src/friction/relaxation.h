@@ -1,0 +1,136 @@
+/* Relaxation of a hysteresis force towards the Stribeck level, for the laws that have no closed form: a scalar
+   differential equation dy/ds = f(s, y), integrated until a goal is reached.
+
+   The method is the linearly implicit Euler method, extrapolated: Deuflhard, SIAM Review 27(4), 1985; Hairer, Wanner:
+   Solving Ordinary Differential Equations II, 2nd ed. 1996, section IV.9 (SEULEX). It has high order where y is smooth
+   and takes long steps where y follows its equilibrium, however stiff that is. With j = 1, 2, 3, ... pieces of
+   length h = H/j,
+
+       y_{i+1} - y_i = h f(s_{i+1}, y_i) / (1 - h J),   J = df/dy at the start, at most 0
+       T[j][k+1] = T[j][k] + (T[j][k] - T[j-1][k]) (j - k - 1) / (k + 1)                                            */
+
+#ifndef RELAXATION_H
+#define RELAXATION_H
+
+typedef double Curve(double s, double y, const void *law);
+
+/* Relative to the size of y; a tolerance of the experiment replaces it. */
+static inline double relaxation_tolerance(const Model *m) { return m->run.tolerance > 0.0 ? m->run.tolerance : 1e-13; }
+
+/* One accepted step from (s, y) towards `end`, of about the length `step`, which becomes a proposal for the next;
+   `tolerance` is absolute. False if no step is short enough. */
+static bool extrapolated_step(Curve *f, const void *law, double *s, double *y, double *step, double end,
+                              double tolerance)
+{
+    enum { ROWS_OF_TABLE = 7 };
+    const double start = *y, allowed = fmax(tolerance, 4.0 * DBL_EPSILON * fabs(start));
+    const double delta = 1e3 * allowed + 1e-8 * fabs(start);
+    const double J = fmin((f(*s, start + delta, law) - f(*s, start, law)) / delta, 0.0);
+    for (int tries = 0; tries < 400; tries++) {
+        const bool last = *s + 1.1 * *step >= end;
+        const double H = last ? end - *s : *step;
+        double table[ROWS_OF_TABLE], error = INF;
+        int row = 0;
+        for (; row < ROWS_OF_TABLE; row++) {
+            const double h = H / (row + 1);
+            double moved = 0.0;
+            for (int i = 1; i <= row + 1; i++)
+                moved += h * f(i == row + 1 ? *s + H : *s + i * h, start + moved, law) / (1.0 - h * J);
+            for (int k = 0; k < row; k++) {
+                const double better = moved + (moved - table[k]) * (row - k) / (k + 1);
+                table[k] = moved;
+                moved = better;
+            }
+            table[row] = moved;
+            const double previous = error;
+            error = row > 0 ? fabs(moved - table[row - 1]) : INF;
+            if (row >= 2 && (error <= allowed || !(error <= 2.0 * previous)))
+                break;
+        }
+        if (row < ROWS_OF_TABLE && error <= allowed) {
+            *s = last ? end : *s + H;
+            *y = start + table[row];
+            *step = H * (row <= 3 ? 4.0 : row == 4 ? 2.0 : row == 5 ? 1.3 : 0.8);
+            return true;
+        }
+        *step = H * (isfinite(error) ? 0.35 : 0.1);
+        if (!(*s + *step > *s))
+            return false;
+    }
+    return false;
+}
+
+enum { FAILED = -1, ENDED, REACHED };
+
+/* From (s, y) to `end`, or to the first point where the goal is no longer negative (NULL: there is no goal). `size` is
+   that of y, to which the tolerance is relative; in the first step y changes by no more than `detail`, so that the
+   error estimate sees all of f. */
+static int follow(Curve *f, Curve *goal, const Model *m, const void *law, double *s, double *y, double end, double size,
+                  double detail)
+{
+    const double tolerance = relaxation_tolerance(m) * size;
+    double step = fmin(end - *s, detail / fmax(fabs(f(*s, *y, law)), fabs(f(end, *y, law))));
+    for (int steps = 0; *s < end; steps++) {
+        double s_before = *s, y_before = *y;
+        if (steps > 100000 || !extrapolated_step(f, law, s, y, &step, end, tolerance))
+            return FAILED;
+        if (!goal || goal(*s, *y, law) < 0.0)
+            continue;
+        /* between the last point before and the first one behind it: secant, or bisection where that is slow */
+        double low = goal(s_before, y_before, law), high = goal(*s, *y, law);
+        for (int tries = 0; tries < 100 && *s - s_before > 2.0 * DBL_EPSILON * *s && high > 0.0; tries++) {
+            const double part = tries % 3 == 2 ? 0.5 : clip(-low / (high - low), 1e-3, 1.0 - 1e-3);
+            double s_middle = s_before, y_middle = y_before, inner = part * (*s - s_before);
+            const double middle = s_before + inner;
+            while (s_middle < middle)
+                if (!extrapolated_step(f, law, &s_middle, &y_middle, &inner, middle, tolerance))
+                    return FAILED;
+            const double found = goal(s_middle, y_middle, law);
+            if (found < 0.0) {
+                s_before = s_middle;
+                y_before = y_middle;
+                low = found;
+            } else {
+                *s = s_middle;
+                *y = y_middle;
+                high = found;
+            }
+            if (fabs(*y - y_before) <= tolerance && *s - s_before <= 1e-9 * *s)
+                break;
+        }
+        return REACHED;
+    }
+    return ENDED;
+}
+
+/* The time from which, for a velocity that changes, the Stribeck curve g may be of another size than up to there: the
+   powers of two of (v/vs)^delta. Between them g is smooth enough for an error estimate to be trusted. */
+static double stribeck_piece(double v, double slope, double vs, double delta)
+{
+    const double speed = fabs(v), rate = v == 0.0 ? fabs(slope) : sign(v) * slope;
+    const double power = delta * log2(speed / vs), last = 6.0, first = delta > 2.0 ? -16.0 : 0.0;
+    if (rate > 0.0) {
+        const double next = fmax(floor(power + 1e-6) + 1.0, first);
+        return next > last ? INF : (vs * exp2(next / delta) - speed) / rate;
+    }
+    const double next = fmin(ceil(power - 1e-6) - 1.0, last);
+    return rate == 0.0 || next < first ? INF : (vs * exp2(next / delta) - speed) / rate;
+}
+
+/* sign(r) |r|^n, limited so that it is finite. */
+static inline double signed_power(double r, double n)
+{
+    const double size = fabs(r), power = n == 1.0 ? size : n == 2.0 ? size * size : pow(size, n);
+    return copysign(fmin(power, 1e12), r);
+}
+
+/* The law 1 - sgn(r) |r|^n is flat at first and then sharp, for large n: up to this r it is 1 to rounding, and from
+   there on changes of r that count are of this size. */
+static inline double flat_until(double n) { return n < 8.0 ? 0.0 : exp(-36.0 / n); }
+static inline double sharpness(double n) { return 0.25 * fmin(1.0, 3.0 / n); }
+
+/* Above this r, which a contact has when its level has jumped down, it takes a path of less than 1e-10 / (n - 1) of
+   the elastic deflection to come down to it: no time. */
+static inline double falls_to(double n) { return n > 1.0 ? exp(log(1e10) / n) : INF; }
+
+#endif
