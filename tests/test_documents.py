@@ -14,6 +14,7 @@ import fmpy
 import pytest
 
 from friction_fmus.catalogue import catalogue
+from friction_fmus.models_page import models_page
 from friction_fmus.package import build
 from harness import System
 
@@ -121,3 +122,8 @@ def test_links_lead_somewhere(page: Path) -> None:
 def test_changelog_names_every_block() -> None:
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert [name for name in catalogue() if f"`{name}`" not in text] == []
+
+
+def test_page_of_models_is_what_the_blocks_say() -> None:
+    page = (ROOT / "docs" / "models.md").read_text(encoding="utf-8")
+    assert page == models_page(), "run `python -m friction_fmus.models_page > docs/models.md`"
