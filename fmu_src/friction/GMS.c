@@ -184,8 +184,9 @@ static bool slip(const Model *m, double s, double h, double *E, double *P)
             *P = relax(*P, S, decay);
             *E *= exp(-decay);
             s = end;
-        } else if (follow(attraction, NULL, m, m, &again, P, end, fmax(Fc, Fs), 0.25 * fmax(Fc, Fs)) == FAILED ||
-                   follow(decline, NULL, m, m, &s, E, end, 1.0, 0.25) == FAILED) {
+        } else if (follow(m, &(Law){.rate = attraction, .data = m}, &again, P, end, fmax(Fc, Fs),
+                          0.25 * fmax(Fc, Fs)) == FAILED ||
+                   follow(m, &(Law){.rate = decline, .data = m}, &s, E, end, 1.0, 0.25) == FAILED) {
             return false;
         }
     }

@@ -208,6 +208,14 @@ static double piece_rate(double s, double zeta, const void *law)
     return speed * (1.0 - signed_power(p->backwards ? fmin(r, 0.0) : fmax(r, 0.0), p->m->n));
 }
 
+/* Where the force is at the level, if nothing comes before that. */
+static double piece_place(double s, double zeta, const void *law)
+{
+    const struct piece *const p = (const struct piece *)law;
+    (void)zeta;
+    return inverse_curve(p->m, piece_level(p, s));
+}
+
 /* Not negative where a loop closes, sliding starts, r passes 0, where |r|^n has a kink, or that starts to count. All
    are lengths. */
 static double piece_goal(double s, double zeta, const void *law)
@@ -250,16 +258,19 @@ static bool step(Model *m, double h)
         settle(m, &b, level);
         if (slope == 0.0 && b.depth == 0 && fabs(curve(m, b.zeta) - S) <= 4.0 * DBL_EPSILON * S)
             break;
-        if (b.depth == 0 && curve(m, b.zeta) > falls_to(n) * level)
-            b.zeta = inverse_curve(m, falls_to(n) * level);
+        const double highest = falls_to(n) * level;
+        if (b.depth == 0 && fabs(curve(m, b.zeta)) > highest)
+            b.zeta = copysign(inverse_curve(m, highest), b.zeta);
         p.base = b.base;
         p.closing = b.depth >= 2 ? inverse_curve(m, closing_force(m, &b) - b.base) : INF;
         p.remembers = b.depth > 0;
         p.backwards = b.zeta < 0.0;
         p.flat = !p.backwards && piece_ratio(&p, s, b.zeta) < flat_until(n);
         const double next = s + stribeck_piece(v + slope * s, slope, vs, delta);
-        const int how = follow(piece_rate, piece_goal, m, &p, &s, &b.zeta, next < h && next > s ? next : h, size,
-                               size * (p.flat ? 1.0 : sharpness(n)));
+        const bool near = slope != 0.0 && !p.remembers && A > 1.01 * fmax(Fs, Fc) && curve(m, b.zeta) > 0.9 * level;
+        const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p};
+        const int how =
+            follow(m, &law, &s, &b.zeta, next < h && next > s ? next : h, size, size * (p.flat ? 1.0 : sharpness(n)));
         if (how == FAILED)
             return false;
         if (how == REACHED && b.zeta >= p.closing)

@@ -107,6 +107,7 @@ struct piece {
     double S; /* the level, if v is held                      */
     double force, stiffness, way, reach;
     double size;    /* the elastic deflection at the level    */
+    double slack;   /* of r around 1                          */
     bool backwards; /* r < 0                                  */
     bool flat;      /* |r|^n is nothing                       */
 };
@@ -132,6 +133,14 @@ static double piece_rate(double s, double zeta, const void *law)
     return p->way * speed * (1.0 - signed_power(p->backwards ? fmin(r, 0.0) : fmax(r, 0.0), p->m->n));
 }
 
+/* Where the force is at the level. */
+static double piece_place(double s, double zeta, const void *law)
+{
+    const struct piece *const p = (const struct piece *)law;
+    (void)zeta;
+    return p->way * (piece_level(p, s) - p->force) / p->stiffness;
+}
+
 /* Not negative where z turns, an element starts to slip or |r|^n to count; all as lengths. */
 static double piece_goal(double s, double zeta, const void *law)
 {
@@ -141,7 +150,7 @@ static double piece_goal(double s, double zeta, const void *law)
         return fmax(zeta - p->reach, (r - flat_until(n)) * p->size);
     if (p->m->slope[INPUT_v] == 0.0)
         return zeta - p->reach;
-    return fmax(zeta - p->reach, (p->way * (r - 1.0) - 10.0 * grain) * p->size);
+    return fmax(zeta - p->reach, (p->way * (r - 1.0) - p->slack) * p->size);
 }
 
 /* zeta after the path x at constant v: with r = force / S and q = stiffness x / S, dr/dq = 1 - sgn(r) |r|^n has a
@@ -181,7 +190,9 @@ static bool begin(struct piece *p, double side, double s, double end)
     const double S = piece_level(p, s), change = piece_level(p, end) - S;
     if (fabs(p->force - S) <= grain * S && fabs(change) <= grain * S)
         return false;
-    p->way = p->force < S ? 1.0 : p->force > S ? -1.0 : sign(change);
+    p->way = p->force < S ? 1.0 : -1.0;
+    if (fabs(p->force - S) <= p->slack * S && change != 0.0)
+        p->way = sign(change);
     p->stiffness = 0.0;
     p->reach = INF;
     for (int i = 0; i < N; i++) {
@@ -223,7 +234,8 @@ static bool step(Model *m, double h)
     if (strongest < (1.0 - 1e-9) * fmax(Fs, Fc))
         m->run.warning = true;
     const double size = stiffest > 0.0 ? fmax(Fs, Fc) / stiffest : 1e-5;
-    struct piece p = {m, S, 0.0, 0.0, 0.0, 0.0, size, false, false};
+    struct piece p = {m, S, 0.0, 0.0, 0.0, 0.0, size, 0.0, false, false};
+    p.slack = 10.0 * relaxation_tolerance(m);
     double s = 0.0;
     for (int pieces = 0; side != 0.0 && s < h; pieces++) {
         if (pieces > 1000)
@@ -235,8 +247,8 @@ static bool step(Model *m, double h)
         }
         const double x = fabs(v) * (h - s), highest = falls_to(n) * piece_level(&p, s);
         double zeta = 0.0;
-        if (p.force > highest && p.stiffness > 0.0) {
-            zeta = fmin((p.force - highest) * (1.0 + grain) / p.stiffness, p.reach);
+        if (fabs(p.force) > highest && p.stiffness > 0.0) {
+            zeta = fmin((fabs(p.force) - highest) * (1.0 + grain) / p.stiffness, p.reach);
         } else if (slope == 0.0 && p.stiffness == 0.0) {
             zeta = x * fabs(1.0 - signed_power(p.force / S, n));
             s = h;
@@ -249,8 +261,9 @@ static bool step(Model *m, double h)
                 s = h;
             }
         } else {
-            const int how =
-                follow(piece_rate, piece_goal, m, &p, &s, &zeta, end, size, size * (p.flat ? 1.0 : sharpness(n)));
+            const bool near = slope != 0.0 && p.stiffness > 0.0 && p.force > 0.9 * piece_level(&p, s);
+            const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p};
+            const int how = follow(m, &law, &s, &zeta, end, size, size * (p.flat ? 1.0 : sharpness(n)));
             if (how == FAILED)
                 return false;
             if (how == REACHED && zeta >= p.reach - 1e-14 * size)

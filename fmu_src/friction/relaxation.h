@@ -13,43 +13,60 @@
 #define RELAXATION_H
 
 typedef double Curve(double s, double y, const void *law);
+typedef struct {
+    Curve *rate, *goal, *place; /* f, where to stop, and p (of s only); the last two may be NULL */
+    const void *data;
+} Law;
 
-/* Relative to the size of y; a tolerance of the experiment replaces it. */
-static inline double relaxation_tolerance(const Model *m) { return m->run.tolerance > 0.0 ? m->run.tolerance : 1e-13; }
+/* Relative to the size of y, for held and for changing inputs; a tolerance of the experiment replaces it. */
+static inline double relaxation_tolerance(const Model *m)
+{
+    return m->run.tolerance > 0.0 ? m->run.tolerance : inputs_held(m) ? 1e-13 : 1e-11;
+}
 
 /* One accepted step from (s, y) towards `end`, of about the length `step`, which becomes a proposal for the next;
    `tolerance` is absolute. False if no step is short enough. */
-static bool extrapolated_step(Curve *f, const void *law, double *s, double *y, double *step, double end,
-                              double tolerance)
+static bool extrapolated_step(const Law *law, double *s, double *y, double *step, double end, double tolerance)
 {
     enum { ROWS_OF_TABLE = 7 };
-    const double start = *y, allowed = fmax(tolerance, 4.0 * DBL_EPSILON * fabs(start));
+    Curve *const f = law->rate;
+    const void *const data = law->data;
+    const double start = *y, p_start = law->place ? law->place(*s, start, data) : 0.0,
+                 allowed = fmax(tolerance, 4.0 * DBL_EPSILON * fabs(start));
     const double delta = 1e3 * allowed + 1e-8 * fabs(start);
-    const double J = fmin((f(*s, start + delta, law) - f(*s, start, law)) / delta, 0.0);
+    const double J = fmin((f(*s, start + delta, data) - f(*s, start, data)) / delta, 0.0);
     for (int tries = 0; tries < 400; tries++) {
         const bool last = *s + 1.1 * *step >= end;
         const double H = last ? end - *s : *step;
-        double table[ROWS_OF_TABLE], error = INF;
+        double table[ROWS_OF_TABLE], error = INF, previous = INF;
+        double p_end = 0.0;
+        bool converged = false;
         int row = 0;
         for (; row < ROWS_OF_TABLE; row++) {
             const double h = H / (row + 1);
             double moved = 0.0;
-            for (int i = 1; i <= row + 1; i++)
-                moved += h * f(i == row + 1 ? *s + H : *s + i * h, start + moved, law) / (1.0 - h * J);
+            double gone = 0.0; /* by p */
+            for (int i = 1; i <= row + 1; i++) {
+                const double s_i = i == row + 1 ? *s + H : *s + i * h, before = gone;
+                gone = law->place ? law->place(s_i, start, data) - p_start : 0.0;
+                moved += (h * f(s_i, start + moved + gone, data) - gone + before) / (1.0 - h * J);
+            }
+            p_end = gone;
             for (int k = 0; k < row; k++) {
                 const double better = moved + (moved - table[k]) * (row - k) / (k + 1);
                 table[k] = moved;
                 moved = better;
             }
             table[row] = moved;
-            const double previous = error;
+            previous = error;
             error = row > 0 ? fabs(moved - table[row - 1]) : INF;
-            if (row >= 2 && (error <= allowed || !(error <= 2.0 * previous)))
+            converged = error <= allowed && previous <= 1e3 * allowed; /* one small difference may be an accident */
+            if (converged || (row >= 2 && !(error <= 2.0 * previous)))
                 break;
         }
-        if (row < ROWS_OF_TABLE && error <= allowed) {
+        if (converged) {
             *s = last ? end : *s + H;
-            *y = start + table[row];
+            *y = start + (table[row] + p_end);
             *step = H * (row <= 3 ? 4.0 : row == 4 ? 2.0 : row == 5 ? 1.3 : 0.8);
             return true;
         }
@@ -65,27 +82,27 @@ enum { FAILED = -1, ENDED, REACHED };
 /* From (s, y) to `end`, or to the first point where the goal is no longer negative (NULL: there is no goal). `size` is
    that of y, to which the tolerance is relative; in the first step y changes by no more than `detail`, so that the
    error estimate sees all of f. */
-static int follow(Curve *f, Curve *goal, const Model *m, const void *law, double *s, double *y, double end, double size,
-                  double detail)
+static int follow(const Model *m, const Law *law, double *s, double *y, double end, double size, double detail)
 {
+    Curve *const f = law->rate, *const goal = law->goal;
     const double tolerance = relaxation_tolerance(m) * size;
-    double step = fmin(end - *s, detail / fmax(fabs(f(*s, *y, law)), fabs(f(end, *y, law))));
+    double step = fmin(end - *s, detail / fmax(fabs(f(*s, *y, law->data)), fabs(f(end, *y, law->data))));
     for (int steps = 0; *s < end; steps++) {
         double s_before = *s, y_before = *y;
-        if (steps > 100000 || !extrapolated_step(f, law, s, y, &step, end, tolerance))
+        if (steps > 100000 || !extrapolated_step(law, s, y, &step, end, tolerance))
             return FAILED;
-        if (!goal || goal(*s, *y, law) < 0.0)
+        if (!goal || goal(*s, *y, law->data) < 0.0)
             continue;
         /* between the last point before and the first one behind it: secant, or bisection where that is slow */
-        double low = goal(s_before, y_before, law), high = goal(*s, *y, law);
+        double low = goal(s_before, y_before, law->data), high = goal(*s, *y, law->data);
         for (int tries = 0; tries < 100 && *s - s_before > 2.0 * DBL_EPSILON * *s && high > 0.0; tries++) {
             const double part = tries % 3 == 2 ? 0.5 : clip(-low / (high - low), 1e-3, 1.0 - 1e-3);
             double s_middle = s_before, y_middle = y_before, inner = part * (*s - s_before);
             const double middle = s_before + inner;
             while (s_middle < middle)
-                if (!extrapolated_step(f, law, &s_middle, &y_middle, &inner, middle, tolerance))
+                if (!extrapolated_step(law, &s_middle, &y_middle, &inner, middle, tolerance))
                     return FAILED;
-            const double found = goal(s_middle, y_middle, law);
+            const double found = goal(s_middle, y_middle, law->data);
             if (found < 0.0) {
                 s_before = s_middle;
                 y_before = y_middle;

@@ -154,6 +154,8 @@ class Modified(Reference):
             events = [lambda s, d, up=up: up * (hysteresis(d) - level(speed + slope * s, p)) - 1e-13]
             if slope == 0.0:
                 events = []
+            if G.sum() < -1e-12:
+                events.append(lambda s, d: hysteresis(d))  # |r|^n has a kink at 0
             for i in np.flatnonzero(free):
                 events.append(lambda s, d, i=i, start=start, up=up: up * start[i] + self.k[i] * d - self.W[i])
             t, d = self.solve(rate, events, (t, h), 0.0, slope)
