@@ -4,9 +4,10 @@
    The method is the linearly implicit Euler method, extrapolated: Deuflhard, SIAM Review 27(4), 1985; Hairer, Wanner:
    Solving Ordinary Differential Equations II, 2nd ed. 1996, section IV.9 (SEULEX). It has high order where y is smooth
    and takes long steps where y follows its equilibrium, however stiff that is. With j = 1, 2, 3, ... pieces of
-   length h = H/j,
+   length h = H/j, and p(s) the place that attracts y, where it is near and moves (else 0),
 
-       y_{i+1} - y_i = h f(s_{i+1}, y_i) / (1 - h J),   J = df/dy at the start, at most 0
+       y_{i+1} - y_i = p_{i+1} - p_i + (h f(s_{i+1}, y_i + p_{i+1} - p_i) - p_{i+1} + p_i) / (1 - h J)
+       J = df/dy at the start, at most 0
        T[j][k+1] = T[j][k] + (T[j][k] - T[j-1][k]) (j - k - 1) / (k + 1)                                            */
 
 #ifndef RELAXATION_H
@@ -18,10 +19,12 @@ typedef struct {
     const void *data;
 } Law;
 
-/* Relative to the size of y, for held and for changing inputs; a tolerance of the experiment replaces it. */
+/* Relative to the size of y, for held and for changing inputs; a tolerance of the experiment replaces it, down to
+   where rounding decides. */
 static inline double relaxation_tolerance(const Model *m)
 {
-    return m->run.tolerance > 0.0 ? m->run.tolerance : inputs_held(m) ? 1e-13 : 1e-11;
+    const double finest = 1e-13;
+    return m->run.tolerance > 0.0 ? fmax(m->run.tolerance, finest) : inputs_held(m) ? finest : 1e-11;
 }
 
 /* One accepted step from (s, y) towards `end`, of about the length `step`, which becomes a proposal for the next;
@@ -39,19 +42,18 @@ static bool extrapolated_step(const Law *law, double *s, double *y, double *step
         const bool last = *s + 1.1 * *step >= end;
         const double H = last ? end - *s : *step;
         double table[ROWS_OF_TABLE], error = INF, previous = INF;
-        double p_end = 0.0;
+        double gone = 0.0; /* by p */
         bool converged = false;
         int row = 0;
         for (; row < ROWS_OF_TABLE; row++) {
             const double h = H / (row + 1);
-            double moved = 0.0;
-            double gone = 0.0; /* by p */
+            double moved = 0.0; /* relative to p */
+            gone = 0.0;
             for (int i = 1; i <= row + 1; i++) {
                 const double s_i = i == row + 1 ? *s + H : *s + i * h, before = gone;
                 gone = law->place ? law->place(s_i, start, data) - p_start : 0.0;
                 moved += (h * f(s_i, start + moved + gone, data) - gone + before) / (1.0 - h * J);
             }
-            p_end = gone;
             for (int k = 0; k < row; k++) {
                 const double better = moved + (moved - table[k]) * (row - k) / (k + 1);
                 table[k] = moved;
@@ -66,7 +68,7 @@ static bool extrapolated_step(const Law *law, double *s, double *y, double *step
         }
         if (converged) {
             *s = last ? end : *s + H;
-            *y = start + (table[row] + p_end);
+            *y = start + (table[row] + gone);
             *step = H * (row <= 3 ? 4.0 : row == 4 ? 2.0 : row == 5 ? 1.3 : 0.8);
             return true;
         }
