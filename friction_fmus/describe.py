@@ -152,15 +152,13 @@ class _Probe:
     def dependencies(self, initial: bool) -> dict[int, tuple[int, ...]]:
         """Unknown -> knowns, both as value references."""
         unknown_roles = (OUTPUT, LOCAL, DERIVATIVE, STATE_OUTPUT)
-        known_roles = (TIME, INPUT, PARAMETER, FIXED, STATE) if initial else (TIME, INPUT, STATE, STATE_OUTPUT)
+        known_roles: tuple[int, ...] = (TIME, INPUT, STATE, STATE_OUTPUT)
+        if initial:
+            known_roles = (TIME, INPUT, PARAMETER, FIXED, STATE)
+        elif self._sampled:
+            known_roles = (TIME, INPUT)  # what a discrete output may be said to depend on
         unknowns = [v.reference for v in self._variables if v.role in unknown_roles]
-        knowns = [
-            v
-            for v in self._variables
-            if v.role in known_roles and not (self._sampled and not initial and v.role == STATE)
-        ]
-        if self._sampled and not initial:
-            knowns = [v for v in knowns if v.role in (TIME, INPUT)]
+        knowns = [v for v in self._variables if v.role in known_roles]
         found: dict[int, set[int]] = {reference: set() for reference in unknowns}
         for point in range(self.POINTS):
             values = self._point(plain=point == 0)

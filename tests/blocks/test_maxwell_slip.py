@@ -15,8 +15,6 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from friction_fmus import catalogue
-
 reproducibly = settings(max_examples=100, deadline=None, derandomize=True, database=None)
 velocity = st.one_of(st.floats(-5e-3, 5e-3), st.floats(-0.5, 0.5), st.sampled_from([0.0, 1e-9, -1e-9])).map(
     lambda v: round(v, 15)
@@ -424,7 +422,6 @@ def test_b17_gms_with_a_constant_level_is_maxwell_slip(
             assert one.get1("F") == pytest.approx(other.get1("F"), abs=1e-9)
 
 
-@pytest.mark.skipif("Dahl" not in catalogue(), reason="needs the Dahl block")
 @reproducibly
 @given(steps=held)
 def test_b17_dahl_with_n_zero_is_one_element(
