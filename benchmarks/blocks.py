@@ -28,7 +28,7 @@ PLAIN_TARGET = {"Coulomb": None, "Stribeck": None, "MaxwellSlip": None, "GMS": N
 PARAMETERS = {
     "Coulomb": ("Fc",),
     "Stribeck": ("Fc", "Fs", "vs", "delta", "Fv"),
-    "Dahl": ("sigma", "Fc"),
+    "Dahl": ("sigma", "Fc", "n"),
     "LuGre": ("Fc", "Fs", "vs", "delta", "sigma0", "sigma1", "sigma2"),
     "BlimanSorine": ("f1", "f2", "eta", "eps"),
     "ResetIntegrator": ("sigma0", "z0", "a", "beta"),

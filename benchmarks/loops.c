@@ -1,13 +1,13 @@
 /* What `blocks.py` times: an FMU driven through its fmi2 functions, and the same laws as plain C loops.
 
-   A plain loop is what an engineer would write for one known input: parameters in local variables, no checks, no
-   states to save. It gets the velocities v[0..n-1], each held for h, and returns the sum of the forces, which keeps
-   the compiler from leaving it out. */
+   A plain law is what an engineer would write by hand: a function of the state x, the parameters p and a velocity that
+   is held for h, which moves x and returns the force. No checks, no outputs but the force, no states to save. */
 
 #include <dlfcn.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
 #include "fmi2Functions.h"
@@ -71,130 +71,104 @@ bool run_fmu(const char *path, const char *guid, unsigned v_reference, unsigned 
     return ok && isfinite(sum);
 }
 
-/* ---- plain loops --------------------------------------------------------------------------------------------- */
+/* ---- plain laws ---------------------------------------------------------------------------------------------- */
+
+typedef double Law(double *x, const double *p, double v, double h);
 
 static double sign(double a) { return (double)((a > 0.0) - (a < 0.0)); }
 static double clip(double a, double low, double high) { return a < low ? low : a > high ? high : a; }
 static double stribeck(const double *p, double v) { return p[0] + (p[1] - p[0]) * exp(-pow(fabs(v) / p[2], p[3])); }
 
 /* p: Fc */
-static double Coulomb(const double *p, const double *v, long n, double h)
+static double Coulomb(double *x, const double *p, double v, double h)
 {
-    double sum = 0.0;
+    (void)x;
     (void)h;
-    for (long i = 0; i < n; i++)
-        sum += p[0] * sign(v[i]);
-    return sum;
+    return p[0] * sign(v);
 }
 
 /* p: Fc, Fs, vs, delta, Fv */
-static double Stribeck(const double *p, const double *v, long n, double h)
+static double Stribeck(double *x, const double *p, double v, double h)
 {
-    double sum = 0.0;
+    (void)x;
     (void)h;
-    for (long i = 0; i < n; i++)
-        sum += stribeck(p, v[i]) * sign(v[i]) + p[4] * v[i];
-    return sum;
+    return stribeck(p, v) * sign(v) + p[4] * v;
 }
 
-/* p: sigma, Fc */
-static double Dahl(const double *p, const double *v, long n, double h)
+/* p: sigma, Fc, n; x: F */
+static double Dahl(double *x, const double *p, double v, double h)
 {
-    double F = 0.0, sum = 0.0;
-    for (long i = 0; i < n; i++) {
-        const double target = p[1] * sign(v[i]);
-        F = target + (F - target) * exp(-p[0] * fabs(v[i]) * h / p[1]);
-        sum += F;
+    const double target = p[1] * sign(v), path = p[0] * fabs(v) * h / p[1];
+    if (p[2] == 1.0)
+        return x[0] = target + (x[0] - target) * exp(-path);
+    const double gap = fabs(target - x[0]) / p[1], q = 1.0 + (p[2] - 1.0) * path * pow(gap, p[2] - 1.0);
+    return x[0] = q > 0.0 ? target + (x[0] - target) * pow(q, -1.0 / (p[2] - 1.0)) : target;
+}
+
+/* p: Fc, Fs, vs, delta, sigma0, sigma1, sigma2; x: z */
+static double LuGre(double *x, const double *p, double v, double h)
+{
+    const double g = stribeck(p, v), rate = p[4] * fabs(v) / g, target = sign(v) * g / p[4];
+    x[0] = target + (x[0] - target) * exp(-rate * h);
+    return p[4] * x[0] + p[5] * (v - rate * x[0]) + p[6] * v;
+}
+
+/* p: sigma0, z0, a, beta; x: z */
+static double ResetIntegrator(double *x, const double *p, double v, double h)
+{
+    x[0] = clip(x[0] + v * h, -p[1], p[1]);
+    const bool held = fabs(x[0]) < p[1];
+    return (held ? 1.0 + p[2] : 1.0) * p[0] * x[0] + p[3] * (held ? v : 0.0);
+}
+
+/* p: N, k[10], W[10]; x: the forces */
+static double MaxwellSlip(double *x, const double *p, double v, double h)
+{
+    double F = 0.0;
+    for (int j = 0; j < (int)p[0]; j++) {
+        x[j] = clip(x[j] + p[1 + j] * v * h, -p[11 + j], p[11 + j]);
+        F += x[j];
     }
-    return sum;
+    return F;
 }
 
-/* p: Fc, Fs, vs, delta, sigma0, sigma1, sigma2 */
-static double LuGre(const double *p, const double *v, long n, double h)
+/* p: f1, f2, eta, eps; x: the two forces of the second order */
+static double BlimanSorine(double *x, const double *p, double v, double h)
 {
-    double z = 0.0, sum = 0.0;
-    for (long i = 0; i < n; i++) {
-        const double g = stribeck(p, v[i]), rate = p[4] * fabs(v[i]) / g, target = sign(v[i]) * g / p[4];
-        z = target + (z - target) * exp(-rate * h);
-        sum += p[4] * z + p[5] * (v[i] - rate * z) + p[6] * v[i];
-    }
-    return sum;
+    const double path = fabs(v) * h, s = sign(v);
+    x[0] = s * p[0] + (x[0] - s * p[0]) * exp(-path / (p[2] * p[3]));
+    x[1] = -s * p[1] + (x[1] + s * p[1]) * exp(-path / p[3]);
+    return x[0] + x[1];
 }
 
-/* p: sigma0, z0, a, beta */
-static double ResetIntegrator(const double *p, const double *v, long n, double h)
+/* p: Fc, Fs, vs, delta, C, sigma2, N, k[10], alpha[10]; x: the forces, whether they slip, the last direction */
+static double GMS(double *x, const double *p, double v, double h)
 {
-    double z = 0.0, sum = 0.0;
-    for (long i = 0; i < n; i++) {
-        z = clip(z + v[i] * h, -p[1], p[1]);
-        const bool held = fabs(z) < p[1];
-        sum += (held ? 1.0 + p[2] : 1.0) * p[0] * z + p[3] * (held ? v[i] : 0.0);
-    }
-    return sum;
-}
-
-/* p: N, k[10], W[10] */
-static double MaxwellSlip(const double *p, const double *v, long n, double h)
-{
-    const int N = (int)p[0];
-    double F[10] = {0.0}, sum = 0.0;
-    for (long i = 0; i < n; i++)
-        for (int j = 0; j < N; j++) {
-            F[j] = clip(F[j] + p[1 + j] * v[i] * h, -p[11 + j], p[11 + j]);
-            sum += F[j];
-        }
-    return sum;
-}
-
-/* p: f1, f2, eta, eps; second order */
-static double BlimanSorine(const double *p, const double *v, long n, double h)
-{
-    double fast = 0.0, slow = 0.0, sum = 0.0;
-    for (long i = 0; i < n; i++) {
-        const double path = fabs(v[i]) * h, s = sign(v[i]);
-        fast = s * p[0] + (fast - s * p[0]) * exp(-path / (p[2] * p[3]));
-        slow = -s * p[1] + (slow + s * p[1]) * exp(-path / p[3]);
-        sum += fast + slow;
-    }
-    return sum;
-}
-
-/* p: Fc, Fs, vs, delta, C, sigma2, N, k[10], alpha[10] */
-static double GMS(const double *p, const double *v, long n, double h)
-{
-    const int N = (int)p[6];
-    double F[10] = {0.0}, before = 0.0, sum = 0.0;
-    bool slips[10] = {false};
-    for (long i = 0; i < n; i++) {
-        const double s = sign(v[i]), level = stribeck(p, v[i]), fade = exp(-p[4] * h / level);
-        for (int j = 0; j < N; j++) {
-            const double target = s * p[17 + j] * level;
-            if (s != before)
-                slips[j] = false;
-            if (slips[j])
-                F[j] = target + (F[j] - target) * fade;
-            else {
-                F[j] += p[7 + j] * v[i] * h;
-                if (s * F[j] >= s * target && s != 0.0) {
-                    F[j] = target;
-                    slips[j] = true;
-                }
+    const double s = sign(v), level = stribeck(p, v), fade = exp(-p[4] * h / level);
+    double F = p[5] * v, *const slips = x + 10, *const before = x + 20;
+    for (int j = 0; j < (int)p[6]; j++) {
+        const double target = s * p[17 + j] * level;
+        if (s != *before)
+            slips[j] = 0.0;
+        if (slips[j] != 0.0)
+            x[j] = target + (x[j] - target) * fade;
+        else {
+            x[j] += p[7 + j] * v * h;
+            if (s != 0.0 && s * x[j] >= s * target) {
+                x[j] = target;
+                slips[j] = 1.0;
             }
-            sum += F[j];
         }
-        sum += p[5] * v[i];
-        before = s;
+        F += x[j];
     }
-    return sum;
+    *before = s;
+    return F;
 }
 
-typedef double Loop(const double *p, const double *v, long n, double h);
-typedef struct {
+static const struct {
     const char *name;
-    Loop *loop;
-} Entry;
-
-static const Entry entries[] = {
+    Law *law;
+} entries[] = {
     {"Coulomb", Coulomb},
     {"Stribeck", Stribeck},
     {"Dahl", Dahl},
@@ -205,20 +179,17 @@ static const Entry entries[] = {
     {"GMS", GMS},
 };
 
-static bool same(const char *a, const char *b)
-{
-    while (*a && *a == *b)
-        a++, b++;
-    return *a == *b;
-}
-
-/* Time of the plain loop of that name [s], or a negative number if there is none. */
+/* Seconds that the plain law of that name takes for the velocities v[0..n-1], or a negative number if there is none;
+   the sum of the forces keeps the compiler from leaving it out. */
 double run_plain(const char *name, const double *p, const double *v, long n, double h, double *sum)
 {
     for (size_t i = 0; i < sizeof entries / sizeof entries[0]; i++)
-        if (same(entries[i].name, name)) {
+        if (strcmp(entries[i].name, name) == 0) {
+            double x[64] = {0.0};
+            *sum = 0.0;
             const double begin = seconds();
-            *sum = entries[i].loop(p, v, n, h);
+            for (long k = 0; k < n; k++)
+                *sum += entries[i].law(x, p, v[k], h);
             return seconds() - begin;
         }
     return -1.0;

@@ -11,6 +11,9 @@
 
    A block may also define
      MEMORY     a struct without pointers, reached as m->memory, part of the FMU state
+     KEEPS_BY   the name of `static void f(Memory *kept, const Model *m, bool follows)`, for a large MEMORY of which
+                little is in use: copies m->memory to `kept`, where a failed step finds it again; if it `follows`,
+                `kept` is the memory of an earlier step of the same run
      STEPS_BY   the name of its own exact step `static bool f(Model *m, double h)` in place of `integrate`; if it
                 has also computed the outputs, at the end of the step, it says so by m->run.outputs_done = true
      WARNING    the text of a warning that is given once, when it sets m->run.warning = true
@@ -82,7 +85,6 @@ enum type { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN };
 
 /* Position in the simulation; part of the FMU state, so that a restored state carries the mode. */
 typedef struct {
-    double start, stop, tolerance; /* [s], [s], relative; stop = INF and tolerance = 0 if not given */
     double inner_step;             /* [s] last accepted step of the inner solver, 0 at first       */
     double last_step;              /* [s] last communication step                                  */
     int64_t tick;                  /* samples taken by a sampled block                             */
@@ -91,6 +93,8 @@ typedef struct {
     bool slopes_used;              /* the input slopes belong to the step that is over             */
     bool outputs_done;             /* the step has computed the outputs, too                       */
     bool warning, warned;          /* the block's WARNING is due, has been given                   */
+    double start, stop, tolerance; /* [s], [s], relative; stop = INF and tolerance = 0 if not given. No step changes
+                                      them, so they stand last                                     */
 } Run;
 
 #ifdef MEMORY
@@ -122,18 +126,38 @@ enum { VARIABLES INPUTS };
 #undef DYNAMIC
 #undef DYNAMICS
 
-/* The values: double time; double v; double F; double z; double der_z; double k[10]; ...
-   A value reference is the index of a double, counted from the start of the struct. */
-#define SCALAR(name, role, type, unit, start, min, max, text)     double name;
-#define VECTOR(name, n, role, type, unit, starts, min, max, text) double name[n];
+/* The parameters: double sigma0; double k[10]; ... */
+#define SCALAR(name, role, type, unit, start, min, max, text)     PARAMETER_OF_##role(double name;)
+#define VECTOR(name, n, role, type, unit, starts, min, max, text) PARAMETER_OF_##role(double name[n];)
+#define DYNAMIC(name, role, unit, start, from, nominal, text)
+#define DYNAMICS(name, n, unit, starts, nominal, text)
+#define PARAMETER_OF_ROLE_INPUT(field)
+#define PARAMETER_OF_ROLE_OUTPUT(field)
+#define PARAMETER_OF_ROLE_LOCAL(field)
+#define PARAMETER_OF_ROLE_PARAMETER(field) field
+#define PARAMETER_OF_ROLE_FIXED(field)     field
+/* The values that a step may change: double v; double F; double z; double der_z; ... stand behind them, so that they
+   are one piece. A value reference is the index of a double, counted from the start of the struct. */
+typedef struct {
+    VARIABLES
+#undef SCALAR
+#undef VECTOR
+#undef DYNAMIC
+#undef DYNAMICS
+#define SCALAR(name, role, type, unit, start, min, max, text)     VARYING_OF_##role(double name;)
+#define VECTOR(name, n, role, type, unit, starts, min, max, text) VARYING_OF_##role(double name[n];)
 #define DYNAMIC(name, role, unit, start, from, nominal, text)     double name; RATE(double der_##name;)
 #define DYNAMICS(name, n, unit, starts, nominal, text)            double name[n]; RATE(double der_##name[n];)
-typedef struct {
+#define VARYING_OF_ROLE_INPUT(field)  field
+#define VARYING_OF_ROLE_OUTPUT(field) field
+#define VARYING_OF_ROLE_LOCAL(field)  field
+#define VARYING_OF_ROLE_PARAMETER(field)
+#define VARYING_OF_ROLE_FIXED(field)
     double time;
     VARIABLES
     double slope[INPUTS + 1]; /* time derivatives of the inputs, 0 for held inputs */
-    Memory memory;
     Run run;
+    Memory memory;
 } Model;
 #undef SCALAR
 #undef VECTOR
@@ -180,7 +204,7 @@ VARIABLES
     {#name, unit, text, NAN, -INF, INF, nominal, starts_of_##name, AT(name), n, AT(name), ROLE_STATE, TYPE_REAL}, \
     RATE(RATE_ROW(name, n, unit, nominal, text))
 static const Row rows[] = {
-    {"time", TIME, "simulation time", 0.0, -INF, INF, 1.0, NULL, 0, 0, 0, ROLE_TIME, TYPE_REAL}, VARIABLES};
+    {"time", TIME, "simulation time", 0.0, -INF, INF, 1.0, NULL, AT(time), 0, AT(time), ROLE_TIME, TYPE_REAL}, VARIABLES};
 #undef SCALAR
 #undef VECTOR
 #undef DYNAMIC
@@ -262,6 +286,10 @@ static void equations(Model *m);
 #define STEPS_BY integrate
 #else
 static bool STEPS_BY(Model *m, double h);
+#endif
+
+#ifdef KEEPS_BY
+static void KEEPS_BY(Memory *kept, const Model *m, bool follows);
 #endif
 
 #include "fmi2.h"

@@ -48,10 +48,9 @@ enum { GUID_LENGTH = 38 }; /* {8-4-4-4-12} */
 
 typedef struct {
     Model model;               /* all that a saved state holds */
-    Model backup;              /* the start of the step        */
-    const Row *row_of[VALUES]; /* by value reference           */
-    uint32_t results[VALUES];  /* states and outputs, which must stay finite */
-    size_t result_count;
+    Model backup;              /* the start of the step, else a place to try things */
+    bool follows;              /* the backup is that of the last step               */
+    const Row *row_of[VALUES]; /* by value reference                                */
     fmi2CallbackLogger logger;
     fmi2ComponentEnvironment environment;
     int logging;
@@ -133,12 +132,42 @@ static void evaluate(Model *m)
 #endif
 }
 
-static bool results_finite(Instance *c)
+/* Whether time, inputs, states and outputs are finite. The sum of NaN and anything, and of INF times 0, is NaN. */
+static bool results_finite(const Model *m)
 {
-    for (size_t i = 0; i < c->result_count; i++)
-        if (!isfinite(*value_of(&c->model, c->results[i])))
-            return false;
-    return true;
+    const double *value = (const double *)(const void *)m;
+    double sum = 0.0;
+    for (size_t i = AT(time); i < VALUES; i++)
+        sum += 0.0 * value[i];
+    return sum == 0.0;
+}
+
+/* What a step may change goes to the backup and, if the step fails, back again. */
+enum { VARYING = offsetof(Model, time), VARYING_SIZE = offsetof(Model, run) + offsetof(Run, start) - VARYING };
+
+static void keep(Instance *c)
+{
+    memcpy((char *)&c->backup + VARYING, (const char *)&c->model + VARYING, VARYING_SIZE);
+#if defined KEEPS_BY
+    KEEPS_BY(&c->backup.memory, &c->model, c->follows);
+    c->follows = true;
+#elif defined MEMORY
+    c->backup.memory = c->model.memory;
+#endif
+}
+
+static void roll_back(Instance *c)
+{
+    memcpy((char *)&c->model + VARYING, (const char *)&c->backup + VARYING, VARYING_SIZE);
+    c->model.memory = c->backup.memory;
+}
+
+/* A copy of the model to try things on. */
+static Model *spare(Instance *c)
+{
+    c->follows = false;
+    c->backup = c->model;
+    return &c->backup;
 }
 
 /* Brings the outputs up to date with what was set. A sampled block keeps its outputs from one sample to the next;
@@ -151,8 +180,7 @@ static bool refresh(Instance *c)
 #ifdef SAMPLED
     initialise_states(m);
     if (m->run.tick == 0) {
-        Model *const preview = &c->backup;
-        *preview = *m;
+        Model *const preview = spare(c);
         evaluate(preview);
         for (size_t i = 0; i < ROWS; i++)
             if (rows[i].role == ROLE_OUTPUT || rows[i].role == ROLE_LOCAL)
@@ -161,7 +189,7 @@ static bool refresh(Instance *c)
 #else
     evaluate(m);
 #endif
-    m->run.stale = !results_finite(c);
+    m->run.stale = !results_finite(m);
     return !m->run.stale;
 }
 
@@ -174,6 +202,7 @@ static void set_start_values(Instance *c)
         else
             *value_of(&c->model, rows[i].index) = isnan(rows[i].start) ? 0.0 : rows[i].start;
     }
+    c->follows = false;
     c->model.run.mode = INSTANTIATED;
     c->model.run.stop = INF;
     c->model.run.stale = true;

@@ -52,9 +52,14 @@ typedef struct {
     char magic[8];
     char guid[GUID_LENGTH + 2];
     uint32_t byte_order, size;
-    uint64_t checksum;
+    uint64_t checksum; /* of the model, in serialized states */
     Model model;
 } Saved;
+
+static uint64_t checksum_of(const Saved *saved)
+{
+    return mix(UINT64_C(14695981039346656037), &saved->model, sizeof saved->model);
+}
 
 static void save(const Instance *c, Saved *saved)
 {
@@ -64,7 +69,6 @@ static void save(const Instance *c, Saved *saved)
     saved->byte_order = 0x01020304;
     saved->size = sizeof(Saved);
     memcpy(&saved->model, &c->model, sizeof c->model); /* with its padding, for equal bytes */
-    saved->checksum = mix(UINT64_C(14695981039346656037), &saved->model, sizeof saved->model);
 }
 
 static const char *fault_of(const Instance *c, const Saved *saved)
@@ -75,8 +79,6 @@ static const char *fault_of(const Instance *c, const Saved *saved)
         return "it was written on a machine of the other byte order";
     if (memcmp(saved->guid, c->guid, sizeof c->guid) != 0 || saved->size != sizeof(Saved))
         return "it belongs to another FMU or version";
-    if (saved->checksum != mix(UINT64_C(14695981039346656037), &saved->model, sizeof saved->model))
-        return "it is damaged";
     return NULL;
 }
 
@@ -98,6 +100,7 @@ fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state)
     const char *const fault = fault_of(c, (const Saved *)state);
     REQUIRE(!fault, "fmi2SetFMUstate: the state cannot be used: %s", fault)
     c->model = ((const Saved *)state)->model;
+    c->follows = false;
     return fmi2OK;
 }
 
@@ -125,7 +128,9 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fm
     REQUIRE(state && bytes, "fmi2SerializeFMUstate: a pointer is null")
     REQUIRE(size >= sizeof(Saved), "fmi2SerializeFMUstate: %u bytes are too few for a state of %u", (unsigned)size,
             (unsigned)sizeof(Saved))
+    const uint64_t checksum = checksum_of((const Saved *)state);
     memcpy(bytes, state, sizeof(Saved));
+    memcpy(bytes + offsetof(Saved, checksum), &checksum, sizeof checksum);
     return fmi2OK;
 }
 
@@ -138,7 +143,9 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
     Saved *const read = (Saved *)calloc(1, sizeof(Saved));
     REQUIRE(read, "fmi2DeSerializeFMUstate: out of memory")
     memcpy(read, bytes, sizeof(Saved));
-    const char *const fault = fault_of(c, read);
+    const char *fault = fault_of(c, read);
+    if (!fault && read->checksum != checksum_of(read))
+        fault = "they are damaged";
     if (fault) {
         free(read);
         return report(c, fmi2Error, LOG_ERROR, "fmi2DeSerializeFMUstate: the bytes cannot be used: %s", fault);
@@ -152,8 +159,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
 /* `unknown` at the values of now plus e times `direction`. */
 static double moved_value(Instance *c, uint32_t unknown, const double *direction, double e)
 {
-    Model *const work = &c->backup;
-    *work = c->model;
+    Model *const work = spare(c);
     for (uint32_t i = 0; i < VALUES; i++)
         if (direction[i] != 0.0)
             *value_of(work, i) += e * direction[i];
@@ -282,7 +288,7 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
 #else
     double direction[VALUES] = {0.0};
     REQUIRE(refresh(c), "fmi2GetRealOutputDerivatives: an output of \"%s\" is not finite", c->name)
-    direction[0] = 1.0;
+    direction[AT(time)] = 1.0;
     for (int r = 0; r < STATE_ROWS; r++)
         for (uint32_t k = 0; k < state_rows[r].count; k++)
             direction[state_rows[r].index + k] = *value_of(&c->model, state_rows[r].derivative + k);

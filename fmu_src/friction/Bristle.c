@@ -58,16 +58,27 @@ enum { MOST = 1000 };
 
 #define STEPS_BY step
 #define MEMORY   struct bristles
+#define KEEPS_BY keep_bristles
+
+struct bristle {
+    double d;         /* deflection                           */
+    uint32_t rebonds; /* how many random numbers it has taken */
+};
 
 struct bristles {
-    double d[MOST];         /* deflection of each bristle           */
-    uint32_t rebonds[MOST]; /* how many random numbers it has taken */
-    double squares, total;  /* sum of d^2, of the re-bonds          */
-    bool moved;             /* false: still at the start            */
+    double squares, total;    /* sum of d^2, of the re-bonds */
+    bool moved;               /* false: still at the start   */
+    struct bristle one[MOST]; /* N in use                    */
 };
 
 #include "block.h"
 #include "counter_random.h"
+
+static void keep_bristles(Memory *kept, const Model *m, bool follows)
+{
+    (void)follows;
+    memcpy(kept, &m->memory, offsetof(struct bristles, one) + (size_t)m->N * sizeof(struct bristle));
+}
 
 /* Deflection of bristle i at the start: its number 0, with the sign of its place in the pair. */
 static double start_of(const Model *m, int i)
@@ -108,14 +119,15 @@ static bool step(Model *m, double h)
 
     double sum = 0.0, squares = 0.0;
     for (int i = 0; i < N; i++) {
-        double d = (all->moved ? all->d[i] : start_of(m, i)) + path;
+        struct bristle *const bristle = &all->one[i];
+        double d = (all->moved ? bristle->d : start_of(m, i)) + path;
         if (D == 0.0)
             d = clip(d, -delta_s, delta_s);
         while (fabs(d) > delta_s) {
-            d -= sign(d) * D * uniform_at(seed, i, ++all->rebonds[i]);
+            d -= sign(d) * D * uniform_at(seed, i, ++bristle->rebonds);
             all->total += 1.0;
         }
-        all->d[i] = d;
+        bristle->d = d;
         sum += d;
         squares += d * d;
     }

@@ -71,6 +71,7 @@
 #include "extrapolation.h"
 
 #define MEMORY   struct fault
+#define KEEPS_BY keep_fault
 #define STEPS_BY step
 
 #include <stdint.h>
@@ -83,11 +84,17 @@ struct fault {
     int32_t avalanches;   /* that are over                      */
     int32_t moving;       /* number of blocks that slip         */
     bool slips[MASSES];   /* whether a block slips              */
-    double y[2 * MASSES]; /* n positions, then n velocities     */
+    double y[2 * MASSES]; /* N positions, then N velocities     */
 };
 
 #include "block.h"
 #include "random.h"
+
+static void keep_fault(Memory *kept, const Model *m, bool follows)
+{
+    (void)follows;
+    memcpy(kept, &m->memory, offsetof(struct fault, y) + 2 * (size_t)m->N * sizeof(double));
+}
 
 #define SAME 1e-13 /* forces and velocities that are equal but for rounding */
 

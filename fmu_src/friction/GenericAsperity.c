@@ -97,6 +97,7 @@ enum { MOST = 1000 };
 
 #define STEPS_BY step
 #define MEMORY   struct population
+#define KEEPS_BY keep_population
 
 enum { BACK = -1, STUCK = 0, FORWARD = 1, FREE = 2 }; /* of which BACK and FORWARD slip */
 
@@ -112,14 +113,20 @@ typedef struct {
 } Sums;
 
 struct population {
-    Tip tip[MOST];
     Sums sums;
     bool started;
+    Tip tip[MOST]; /* N in use */
 };
 
 #include "asperity.h"
 #include "block.h"
 #include "counter_random.h"
+
+static void keep_population(Memory *kept, const Model *m, bool follows)
+{
+    (void)follows;
+    memcpy(kept, &m->memory, offsetof(struct population, tip) + (size_t)m->N * sizeof(Tip));
+}
 
 /* Under asperity i; pairs have the same. */
 static Surface surface_of(const Model *model, int i)

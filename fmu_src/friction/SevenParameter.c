@@ -76,18 +76,36 @@ struct memory {
     double slip, Fs_last; /* direction of slip, 0: stuck */
     int slid;             /* a sliding has ended */
     int forgot;           /* pieces have been forgotten */
+    int thinned;          /* how often pieces have been joined */
     int first, count;     /* of the pieces, a ring */
     struct piece ring[PIECES];
 };
 
 #define STEPS_BY step
 #define MEMORY   struct memory
+#define KEEPS_BY keep_history
 
 #include "block.h"
 
 /* ---- the history of v --------------------------------------------------------------------------------------- */
 
 static struct piece *piece(struct memory *past, int i) { return &past->ring[(past->first + i) % PIECES]; }
+
+/* A step adds a few pieces at the end, of which the first may take the place of the last one; unless it thins out. */
+static void keep_history(Memory *kept, const Model *m, bool follows)
+{
+    const struct memory *const now = &m->memory;
+    if (follows && kept->thinned == now->thinned && kept->count > 0) {
+        const int end = (now->first + now->count) % PIECES;
+        int i = (kept->first + kept->count - 1) % PIECES;
+        memcpy(kept, now, offsetof(struct memory, ring));
+        do {
+            kept->ring[i] = now->ring[i];
+            i = (i + 1) % PIECES;
+        } while (i != end);
+    } else
+        *kept = *now;
+}
 
 static double along(const struct piece *p, double t) { return p->v + p->rate * (t - p->begin); }
 
@@ -130,6 +148,7 @@ static void thin_out(struct memory *past, double now)
         *piece(past, kept++) = a;
     }
     past->count = kept;
+    past->thinned++;
 }
 
 /* Adds v of the step from now over h, unless it continues the last piece. */

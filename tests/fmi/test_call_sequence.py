@@ -109,7 +109,7 @@ def arguments_of(function: str, run: Instance, state: c_void_p) -> tuple[object,
     return {
         "SetDebugLogging": (1, 0, None),
         "SetupExperiment": (0, 0.0, 0.0, 0, 0.0),
-        "GetReal": ((c_uint * 1)(0), 1, real),
+        "GetReal": ((c_uint * 1)(run.reference("time")), 1, real),
         "SetReal": ((c_uint * 1)(*chosen), len(chosen), c_double(value)),
         **dict.fromkeys(("GetInteger", "GetBoolean", "SetInteger", "SetBoolean"), (None, 0, None)),
         **dict.fromkeys(("GetString", "SetString"), (None, 0, None)),
