@@ -67,6 +67,7 @@ struct bristles {
 };
 
 #include "block.h"
+#include "load.h"
 #include "counter_random.h"
 
 /* Deflection of bristle i at the start: its number 0, with the sign of its place in the pair. */
@@ -83,7 +84,7 @@ static double start_of(const Model *m, int i)
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = fmax(Fn, 0.0) / Fn0;
+    const double load = load_of(Fn, Fn0);
     double squares = m->memory.squares;
     if (!m->memory.moved) {
         squares = 0.0;

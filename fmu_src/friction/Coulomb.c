@@ -39,11 +39,12 @@
 /* clang-format on */
 
 #include "block.h"
+#include "load.h"
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double level = fmax(Fn, 0.0) / Fn0 * Fc;
+    const double level = load_of(Fn, Fn0) * Fc;
 
     m->stuck = v == 0.0 && fabs(F_ext) <= level ? 1.0 : 0.0;
     m->F = v == 0.0 ? clip(F_ext, -level, level) : sign(v) * level;

@@ -119,6 +119,7 @@ struct population {
 
 #include "asperity.h"
 #include "block.h"
+#include "load.h"
 #include "counter_random.h"
 
 /* Under asperity i; pairs have the same. */
@@ -182,7 +183,7 @@ static void equations(Model *model)
 {
     GIVEN(model)
     const Sums sums = sums_now(model);
-    const double load = fmax(Fn, 0.0) / Fn0, c = k_h * sqrt(m / k_t);
+    const double load = load_of(Fn, Fn0), c = k_h * sqrt(m / k_t);
     const int way = v > 0.0;
     model->F = load * (k_t * (N * z) + c * (sums.loose * v - sums.speed));
     model->F_N = sums.normal;

@@ -43,11 +43,12 @@
 /* clang-format on */
 
 #include "block.h"
+#include "load.h"
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = fmax(Fn, 0.0) / Fn0;
+    const double load = load_of(Fn, Fn0);
     const bool rest = fabs(v) < DV || v == 0.0;
 
     m->stuck = rest && fabs(F_ext) <= load * Fs ? 1.0 : 0.0;

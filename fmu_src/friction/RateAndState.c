@@ -62,6 +62,7 @@
 #define STEPS_BY step
 
 #include "block.h"
+#include "load.h"
 
 /* An age that is not positive is no state of the contact; it counts as newborn. */
 static double age_of(double theta) { return fmax(theta, DBL_MIN); }
@@ -69,7 +70,7 @@ static double age_of(double theta) { return fmax(theta, DBL_MIN); }
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = fmax(Fn, 0.0) / Fn0, speed = fabs(v), age = age_of(theta), worn_per_age = speed * age / Dc;
+    const double load = load_of(Fn, Fn0), speed = fabs(v), age = age_of(theta), worn_per_age = speed * age / Dc;
 
     /* a asinh(e^x / 2): above x = 20 it is a x, to the last bit, which does not overflow */
     double mu = 0.0;

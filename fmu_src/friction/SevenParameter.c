@@ -84,6 +84,7 @@ struct memory {
 #define MEMORY   struct memory
 
 #include "block.h"
+#include "load.h"
 
 /* ---- the history of v --------------------------------------------------------------------------------------- */
 
@@ -204,7 +205,7 @@ static Contact contact(const Model *m, double v_delayed, double s)
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = fmax(Fn, 0.0) / Fn0, before = delayed(m);
+    const double load = load_of(Fn, Fn0), before = delayed(m);
     const Contact c = contact(m, before, sign(v));
     const double Fs = excess(m, c.t2, c.Fs_last);
 

@@ -41,11 +41,12 @@
 /* clang-format on */
 
 #include "block.h"
+#include "load.h"
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = fmax(Fn, 0.0) / Fn0;
+    const double load = load_of(Fn, Fn0);
 
     m->stuck = v == 0.0 && fabs(F_ext) <= load * Fs ? 1.0 : 0.0;
     m->F = v == 0.0 ? clip(F_ext, -load * Fs, load * Fs) : sign(v) * load * Fc + Fv * v;

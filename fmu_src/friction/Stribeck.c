@@ -61,6 +61,7 @@
 /* clang-format on */
 
 #include "block.h"
+#include "load.h"
 #include "stribeck.h"
 
 /* Friction at steady sliding, of the set of parameters for the direction of v. */
@@ -75,7 +76,7 @@ static double level(const Model *m)
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = fmax(Fn, 0.0) / Fn0;
+    const double load = load_of(Fn, Fn0);
     const double low = offset - load * (asymmetric ? Fs_neg : Fs), high = offset + load * Fs;
     const double viscous = asymmetric && v < 0.0 ? Fv_neg : Fv;
 

@@ -44,12 +44,13 @@
 /* clang-format on */
 
 #include "block.h"
+#include "load.h"
 #include "stribeck.h"
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = fmax(Fn, 0.0) / Fn0;
+    const double load = load_of(Fn, Fn0);
 
     m->stuck = v == 0.0 && fabs(F_ext) <= load * Fs ? 1.0 : 0.0;
     m->F = v == 0.0 ? clip(F_ext, -load * Fs, load * Fs) : sign(v) * load * stribeck(v, Fc, Fs, vs, 1.0) + Fv * v;
