@@ -13,8 +13,8 @@
    together, and a force beyond the dead zone meets Coulomb friction at once. With DV = 0 and T_dz = Fc this is
    Coulomb and viscous friction.
 
-   Use it for drives whose torque is known, where T_dz is the torque that first moves the axis. F_ext is the sum of
-   all other forces on the mass and has to be connected; in the rotational twin it is a torque.
+   Use it for drives whose torque is known, where T_dz is the torque that first moves the axis. F_ext is the sum of all
+   other forces on the mass and has to be connected; in the rotational twin it is a torque.
 
    Limits: an interpretation. F jumps where the dead zone is left if T_dz is not Fc, and at v = 0. A mass that reads F
    keeps a velocity below DV for ever while it is held. No Stribeck effect, no presliding. */

@@ -5,7 +5,8 @@
    Kivshar: The Frenkel-Kontorova Model, Springer 2004. Scaled by the mass, the stiffness of the springs and the period
    of the substrate, so all quantities are pure numbers and a unit of time is one second of simulation.
 
-       x_j'' = x_j+1 - 2 x_j + x_j-1 - (K / 2 pi) sin(2 pi x_j) + F_drive - damping x_j'
+       x_j'' = x_j+1 - 2 x_j + x_j-1 - (K / 2 pi) sin(2 pi x_j)
+               + F_drive - damping x_j'
        v     = mean of x_j'
        F     = damping v + mean of (K / 2 pi) sin(2 pi x_j),   dv/dt = F_drive - F
 
@@ -22,6 +23,10 @@
 
    The equations are smooth and solved by extrapolation to 1e-12 of a period per inner step, whatever the
    communication step; the cost is proportional to N, and to the damping where that is far above 10.
+
+   Use it to study where static friction comes from: pinning and free sliding of surfaces whose periods fit or do not
+   fit, down to the Aubry transition, and motion at the scale of atoms under a given force. It needs that force, as the
+   atoms are inside and move by themselves.
 
    Limits: one dimension, no temperature, and a driven chain is often chaotic: then only averages can be compared. An
    evenly laid chain is not at rest: with damping it falls to a position of rest, which for even N may be a saddle

@@ -5,7 +5,8 @@
    equations from memory of the paper. Scaled by the mass, the stiffness of the springs and the period of the
    substrate, so all quantities are pure numbers and a unit of time is one second of simulation.
 
-       x_j'' = k (x_j+1 - 2 x_j + x_j-1) - (K / 2 pi) sin(2 pi x_j) + kappa (X + j c - x_j) - damping x_j'
+       x_j'' = k (x_j+1 - 2 x_j + x_j-1) - (K / 2 pi) sin(2 pi x_j)
+               + kappa (X + j c - x_j) - damping x_j'
        F     = mean of kappa (X + j c - x_j),   dX/dt = v
 
    F is the force per atom against the motion of the slider. c is `winding`, in periods; in a ring (periodic = 1) the
@@ -20,8 +21,11 @@
    The equations are smooth and solved by extrapolation to 1e-12 of a period per inner step, whatever the
    communication step; the cost is proportional to N, and to the damping where that is far above 10.
 
-   Limits: one dimension, no temperature; fast or strongly coupled sliding may be chaotic. The start values are a
-   pinned golden-mean chain, not a published set. There is no normal force; let K follow it. */
+   Use it to study the friction of two flat surfaces at the scale of atoms: how static friction and memory grow with the
+   corrugation, and what the springs between the atoms change. It needs the velocity of the slider only.
+
+   Limits: one dimension, no temperature; fast or strongly coupled sliding may be chaotic. The start values are a pinned
+   golden-mean chain, not a published set. There is no normal force; let K follow it. */
 
 /* @article{WeissElmer1996,
      author  = {Weiss, M. and Elmer, F.-J.},

@@ -17,8 +17,8 @@
 
    Use it to let a mass really stop and stick: positions at rest, limit cycles, stick-slip.
 
-   Limits: the first break-away is late, as w has to pass the whole band: by sqrt(2 m DV / (k V)) if F_ext grows at
-   the rate k V. DV has to be small compared with the velocities that matter, and need not be larger than a change of
+   Limits: the first break-away is late, as w has to pass the whole band: by sqrt(2 m DV / (k V)) if F_ext grows at the
+   rate k V. DV has to be small compared with the velocities that matter, and need not be larger than a change of
    velocity in one step, as the events are located. No Stribeck effect, no presliding. */
 
 /* @article{Karnopp1985,

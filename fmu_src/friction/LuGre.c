@@ -10,15 +10,16 @@
        F     = (sigma0 z + sigma1(v) dz/dt) Fn/Fn0 + sigma2 v
        sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d > 0, else sigma1
 
-   For constant v the step is the exact solution. For v that changes linearly it is the solution as an integral,
+   For constant v the step is the exact solution, for v that changes linearly an integral that is found by quadrature
+   with error control (bristles.h). With asymmetric, v < 0 has its own set of parameters.
 
-       z(h) = z(0) exp(-P(h)) + integral of v(t) exp(P(t) - P(h)) dt,   P(t) = integral of sigma0 |v| / g(v) dt
+   Use it as the first model of a servo axis with presliding: one state gives stiffness at rest, break-away that depends
+   on the rate of the force, the Stribeck effect with lag, and stick-slip, for simulation and for friction observers. It
+   needs v only; Fc, Fs, vs and sigma2 come from steady velocities, sigma0 and sigma1 from small motions about rest.
 
-   by Lobatto's quadrature with error control; where g is flat it is exact again.
-
-   Limits: F jumps with a jump of v by sigma1 times the jump, and with the published values that may even push
-   (F < 0 for v > 0); v_d < 4 sqrt(2 e) Fc / sigma1 prevents it. z drifts under a bias with vibration, and the model
-   keeps no memory of reversal points. With asymmetric, v < 0 has its own set of parameters. */
+   Limits: F jumps with a jump of v by sigma1 times the jump, and with the published values that may even push (F < 0
+   for v > 0); v_d < 4 sqrt(2 e) Fc / sigma1 prevents it. z drifts under a bias with vibration, and the model keeps no
+   memory of reversal points. */
 
 /* @article{CanudasDeWit1995,
      author  = {Canudas de Wit, C. and Olsson, H. and {\AA}str{\"o}m, K. J. and Lischinsky, P.},

@@ -12,8 +12,8 @@
 
    Use it for break-away: whether and when a load starts to move.
 
-   Limits: the force falls from Fs to Fc at once, as the Stribeck effect does not exist; no presliding. F jumps at
-   v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h / m; KarnoppMass and SwitchMass
+   Limits: the force falls from Fs to Fc at once, as the Stribeck effect does not exist; no presliding. F jumps at v =
+   0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h / m; KarnoppMass and SwitchMass
    contain the mass and stop it. */
 
 /* @article{Olsson1998,

@@ -14,11 +14,11 @@
    v < 0 has its own set of parameters. Shape 1, the Lorentzian curve, is that of Hess, Soom: Journal of Tribology
    112(1), 1990, who found delta = 2 for lubricated line contacts; its tail is longer.
 
-   Use it for motion without presliding: identification from steady velocities, feedforward, the curve that the
-   bristle models have at constant velocity.
+   Use it for motion without presliding: identification from steady velocities, feedforward, the curve that the bristle
+   models have at constant velocity.
 
-   Limits: F jumps at v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h / m. F_ext
-   is the sum of all other forces on the mass, needed only to hold it at v = 0. */
+   Limits: F jumps at v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h / m. F_ext is
+   the sum of all other forces on the mass, needed only to hold it at v = 0. */
 
 /* @article{ArmstrongHelouvry1994,
      author  = {Armstrong-H{\'e}louvry, B. and Dupont, P. and Canudas de Wit, C.},

@@ -5,9 +5,12 @@
    |v_r| <= eta of the relative velocity v_r = v - v_belt and by the force P that friction needs for sticking:
 
        P = F_load - k x - m dv_belt/dt
-       |v_r| >  eta               slip        F = load Fs sign(v_r) (ratio + (1 - ratio) / (1 + delta |v_r|))
-       |v_r| <= eta, |P| > load Fs    transition  F = load Fs sign(P)
-       |v_r| <= eta, |P| <= load Fs   stick       F = P + m v_r sqrt(k/m)
+       slip:        |v_r| >  eta
+                    F = load Fs sign(v_r) (ratio + (1 - ratio) / (1 + delta |v_r|))
+       transition:  |v_r| <= eta and |P| > load Fs
+                    F = load Fs sign(P)
+       stick:       |v_r| <= eta and |P| <= load Fs
+                    F = P + m v_r sqrt(k/m)
        m dv/dt = F_load - k x - F;  dx/dt = v, in stick dx/dt = v_belt
        load = max(Fn, 0) / Fn0
 

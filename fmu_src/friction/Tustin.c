@@ -4,18 +4,19 @@
    rest is equation (4) of Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4(3),
    1998.
 
-       v != 0:  F = load g(v) sign(v) + Fv v,   g(v) = Fc + (Fs - Fc) exp(-|v| / vs)
+       v != 0:  F = load g(v) sign(v) + Fv v
        v  = 0:  F = F_ext, at most load Fs in size
+       g(v) = Fc + (Fs - Fc) exp(-|v| / vs)
        load = max(Fn, 0) / Fn0
 
    It is Stribeck with the exponent delta = 1. The term with Fs - Fc has the sign of v: printed without it, as in
    some texts, it would push in one direction for either sign of v. F_ext is the sum of all other forces on the mass.
 
-   Use it for stick-slip of servo drives at low speed: at v = 0+ the force falls with the finite slope
-   -(Fs - Fc) / vs, which decides on stability there, where the Gaussian curve (delta = 2) has slope zero.
+   Use it for stick-slip of servo drives at low speed: at v = 0+ the force falls with the finite slope -(Fs - Fc) / vs,
+   which decides on stability there, where the Gaussian curve (delta = 2) has slope zero.
 
-   Limits: no presliding. F jumps at v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by
-   F h / m. */
+   Limits: no presliding. F jumps at v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h
+   / m. */
 
 /* @article{Tustin1947,
      author  = {Tustin, A.},
