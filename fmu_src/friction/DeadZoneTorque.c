@@ -26,7 +26,7 @@
 #define MODEL    DeadZoneTorque
 #define SUMMARY  "Coulomb and viscous friction with a dead zone of torque at rest (interpretation)"
 #define SOURCE   "Interpretation of a description without an identified source"
-#define FEATURES "needs force"
+#define FEATURES "rate dependent, needs force"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

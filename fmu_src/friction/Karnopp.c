@@ -25,7 +25,7 @@
 #define MODEL    Karnopp
 #define SUMMARY  "Karnopp's dead band of velocity, as a force"
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
-#define FEATURES "needs force"
+#define FEATURES "rate dependent, needs force"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

@@ -27,7 +27,7 @@
 #define MODEL    ResetIntegrator
 #define SUMMARY  "Reset-integrator friction: a spring with a stop, stiffer while stuck"
 #define SOURCE   "Haessig, Friedland, ASME J. Dynamic Systems, Measurement, and Control 113(3), 1991"
-#define FEATURES "presliding, drift-free"
+#define FEATURES "presliding, drift-free, rate dependent"
 
 /* clang-format off */
 #define VARIABLES                                                                              \

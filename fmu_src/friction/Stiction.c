@@ -25,7 +25,7 @@
 #define MODEL    Stiction
 #define SUMMARY  "Stiction, Coulomb and viscous friction"
 #define SOURCE   "Morin 1833; Olsson and others, European Journal of Control 4(3), 1998, eq. (4)"
-#define FEATURES "needs force"
+#define FEATURES "rate dependent, needs force"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

@@ -35,7 +35,7 @@
 #define MODEL    Stribeck
 #define SUMMARY  "Coulomb, viscous and Stribeck friction"
 #define SOURCE   "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
-#define FEATURES "Stribeck, needs force"
+#define FEATURES "Stribeck, rate dependent, needs force"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

@@ -36,7 +36,7 @@
 #define MODEL    SwitchMass
 #define SUMMARY  "Mass, spring and belt with Leine's switch model of friction"
 #define SOURCE   "Leine, Van Campen, De Kraker, Van den Steen, Nonlinear Dynamics 16, 1998"
-#define FEATURES "drift-free, Stribeck, mass inside"
+#define FEATURES "drift-free, Stribeck, rate dependent, mass inside"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

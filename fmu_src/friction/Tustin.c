@@ -28,7 +28,7 @@
 #define MODEL    Tustin
 #define SUMMARY  "Exponential decay from static to Coulomb friction, and viscous friction"
 #define SOURCE   "Tustin, Journal of the IEE 94(2A), 1947"
-#define FEATURES "Stribeck, needs force"
+#define FEATURES "Stribeck, rate dependent, needs force"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
