@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-LEADS = ("Use it", "Limits")
+LEADS = ("Use it", "Limits:")
 """Words that begin the paragraphs by which a model is chosen: when to use it, and what it cannot do."""
 
 INDENT = "    "
@@ -46,7 +46,7 @@ def paragraphs(notes: str) -> tuple[Paragraph, ...]:
             continue
         for piece in re.split(r"\n(?=- )", part.strip()):
             item = piece.startswith("- ")
-            lead = re.match(rf"({'|'.join(LEADS)})\b:?\s+", piece)
+            lead = re.match(rf"({'|'.join(LEADS)})\s+", piece)
             body = piece.removeprefix("- ") if item else piece[lead.end() :] if lead else piece
             written = tuple(line.strip() for line in body.splitlines())
             found.append(Paragraph(written, lead.group(1) if lead else "", item=item))

@@ -50,7 +50,7 @@ def _choice(block: Block, leads: list[Paragraph]) -> Table:
     grid.add_column(style="bold", no_wrap=True)
     grid.add_column()
     for paragraph in leads:
-        grid.add_row(paragraph.lead, Text(paragraph.text))
+        grid.add_row(paragraph.lead.rstrip(":"), Text(paragraph.text))
     if block.features:
         grid.add_row("Features", Text("\n".join(f"{name}: {FEATURES[name]}" for name in block.features)))
     cite = f"\nBibTeX: friction-fmus cite {block.name}" if block.bibtex else ""

@@ -136,7 +136,7 @@ def test_page_of_models_is_what_the_blocks_say() -> None:
 def test_a_friction_model_says_what_one_chooses_by(block: Block) -> None:
     parts = paragraphs(block.notes)
     leads = [part.lead for part in parts if part.lead]
-    assert leads == ["Use it", "Limits"]
+    assert leads == ["Use it", "Limits:"]
     assert all(len(part.text.split()) >= 10 for part in parts if part.lead)
     assert block.source
     assert block.bibtex
@@ -151,8 +151,8 @@ def test_notes_are_prose_equations_lists_and_leads() -> None:
     assert (spring.text, spring.equations, spring.lead) == ("A spring, soft.", False, "")
     assert (equations.text, equations.equations) == ("F = k x\n  + d v", True)
     assert (here.text, here.item, one.text, one.item, two.text) == ("Here:", False, "one more", True, "two")
-    assert (limits.lead, limits.text) == ("Limits", "k > 0.")
+    assert (limits.lead, limits.text) == ("Limits:", "k > 0.")
     assert notes_as_html(notes) == (
         "<p>A spring, soft.</p>\n<pre>F = k x\n  + d v</pre>\n<p>Here:</p>\n"
-        "<ul>\n<li>one more</li>\n<li>two</li>\n</ul>\n<p><b>Limits</b> k &gt; 0.</p>"
+        "<ul>\n<li>one more</li>\n<li>two</li>\n</ul>\n<p><b>Limits:</b> k &gt; 0.</p>"
     )

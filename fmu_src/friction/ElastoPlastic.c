@@ -81,7 +81,7 @@ static void contact(Model *m, double S)
 {
     GIVEN(m)
     const double part = plastic(sign(v) * z, S / sigma0, z_ba);
-    const double damping = v_d > 0.0 ? sigma1 * exp(-square(v / v_d)) : sigma1;
+    const double damping = fading(sigma1, v, v_d);
 
     m->der_z = v * (1.0 - part);
     m->F = load_of(Fn, Fn0) * (sigma0 * z + damping * m->der_z) + sigma2 * v;

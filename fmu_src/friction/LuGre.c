@@ -74,7 +74,7 @@ static double level(const Model *m, double speed, bool backward)
 static void contact(Model *m, double rate)
 {
     GIVEN(m)
-    const double damping = v_d > 0.0 ? sigma1 * exp(-square(v / v_d)) : sigma1;
+    const double damping = fading(sigma1, v, v_d);
     const double viscous = asymmetric && v < 0.0 ? sigma2_neg : sigma2;
 
     m->der_z = v - rate * z;                                                   /* (2), (3) */

@@ -5,6 +5,13 @@
 
 #include "load.h"
 
+/* Bristle damping that falls with the speed if v_d > 0. Equation (30) of Olsson and others, European Journal of Control
+   4, 1998. */
+static inline double fading(double sigma1, double v, double v_d)
+{
+    return v_d > 0.0 ? sigma1 * exp(-square(v / v_d)) : sigma1;
+}
+
 /* Signed distance slid in the next s seconds, at constant or linear velocity. */
 static inline double slide(const Model *m, double s) { return s * (m->v + 0.5 * s * SLOPE(v)); }
 
