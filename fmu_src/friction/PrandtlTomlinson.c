@@ -24,7 +24,7 @@
    The solver is the Rosenbrock method of solver.h with exact derivatives, also for strong damping, to 1e-12 of a per
    inner step.
 
-   Use it for friction at a single tip: the saw tooth of a friction force microscope, how friction vanishes at eta = 1,
+   Use it for friction at a single tip: the saw tooth of a friction force microscope, how stick-slip ends at eta = 1,
    how it depends on speed and temperature. It needs the velocity of the driver only, as the tip is inside.
 
    Limits: one dimension, one atom; the noise is white only above dt, and no force below dt is. There is no normal
