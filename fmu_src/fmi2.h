@@ -253,7 +253,7 @@ static bool advance(Model *m, double t, double h)
             const bool whole = piece >= rest;
             for (int i = 0; i < INPUTS; i++) {
                 double *const u = value_of(m, inputs[i]);
-                const bool arrives = !whole && *u * m->slope[i] < 0.0 && -*u / m->slope[i] <= piece;
+                const bool arrives = !whole && sign(*u) * sign(m->slope[i]) < 0.0 && -*u / m->slope[i] <= piece;
                 *u = arrives ? 0.0 : *u + m->slope[i] * piece;
             }
             m->run.outputs_done = false; /* the inputs have moved on */

@@ -36,7 +36,7 @@ static inline double time_to_reversal(const Model *m, double h)
     const double *value = (const double *)(const void *)m;
     for (int i = 0; i < INPUTS; i++) {
         const double u = value[inputs[i]], slope = m->slope[i];
-        if (u * slope < 0.0 && -u / slope < h)
+        if (sign(u) * sign(slope) < 0.0 && -u / slope < h) /* u * slope may underflow */
             h = -u / slope;
     }
     return h;

@@ -47,31 +47,17 @@ def list_blocks(options: argparse.Namespace) -> None:
 
 
 def show(options: argparse.Namespace) -> None:
-    """A block's equations, source and variables."""
-    import math
+    """What a block is, when to use it, what it cannot do, its equations and variables."""
     import tempfile
 
     from friction_fmus.catalogue import find
-    from friction_fmus.describe import BOOLEAN, STATE
-    from friction_fmus.model_description import ROLE
     from friction_fmus.package import describe_block
+    from friction_fmus.show import show_block
 
     block = find(options.name)
     with tempfile.TemporaryDirectory() as folder:
         description = describe_block(block, Path(folder))
-    console.print(f"[bold]{block.name}[/] ({block.kind}): {block.summary}\n")
-    for paragraph in block.notes.split("\n\n"):
-        layout = "\n" if paragraph.startswith("    ") else " "
-        console.print(layout.join(paragraph.splitlines()) + "\n", markup=False, highlight=False)
-    table = Table(title="Variables", title_justify="left", box=None, pad_edge=False)
-    for heading in ("name", "", "start", "unit", "meaning"):
-        table.add_column(heading, justify="right" if heading == "start" else "left")
-    for v in description.variables[1:]:
-        causality = "state" if v.role == STATE else ROLE[v.role][0]
-        stated = "" if math.isnan(v.start) or causality in ("output", "local") else f"{v.start:g}"
-        start = ("true" if v.start else "false") if v.type == BOOLEAN and stated else stated
-        table.add_row(v.name.replace("[", "\\["), causality, start, v.unit, v.text)
-    console.print(table)
+    show_block(console, block, description)
 
 
 def cite(options: argparse.Namespace) -> None:
@@ -198,7 +184,7 @@ def parser() -> argparse.ArgumentParser:
 
     listing = command("list", list_blocks, "show all models, laws, plants and signals")
     listing.add_argument("--json", action="store_true", help="as JSON: name, kind, summary, source")
-    showing = command("show", show, "show a model's equations and variables")
+    showing = command("show", show, "show when to use a model, its limits, equations and variables")
     showing.add_argument("name", metavar="NAME", help="name of a model, or its .c or .py file")
     citing = command("cite", cite, "print the BibTeX entries of a model's sources")
     citing.add_argument("name", metavar="NAME", help="name of a model, or its .c or .py file")

@@ -15,11 +15,19 @@ KINDS = {"friction": "friction", "plants": "plant", "controllers": "controller",
 """Folder of ``fmu_src`` -> kind of block; laws come from ``friction_fmus/laws``."""
 
 
-FEATURES = (
-    *("presliding", "nonlocal memory", "drift-free", "Stribeck", "lag", "dwell", "rate dependent"),
-    *("needs force", "mass inside", "random"),
-)
-"""What a friction model can show, in the order of the table in docs/models.md."""
+FEATURES = {
+    "presliding": "the contact is elastic before it slides",
+    "nonlocal memory": "inner hysteresis loops close and leave the outer ones as they were",
+    "drift-free": "no creep under a bias with small vibrations",
+    "Stribeck": "friction falls with speed where sliding begins",
+    "lag": "friction follows changes of the speed late",
+    "dwell": "static friction grows with the time at rest",
+    "rate dependent": "the force depends on how fast a path is gone",
+    "needs force": "an input takes the other forces on the mass, which decide at rest",
+    "mass inside": "it contains the mass that it moves",
+    "random": "random numbers, the same for the same seed",
+}
+"""What a friction model can show, in the order of the table in docs/models.md -> what that means."""
 
 
 @dataclass(frozen=True)

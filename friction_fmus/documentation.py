@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 from html import escape
-from itertools import pairwise
+from itertools import groupby, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +14,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from friction_fmus.catalogue import Block
-from friction_fmus.describe import BOOLEAN, INPUT, INTEGER, OUTPUT, STATE_OUTPUT, Description, Variable
+from friction_fmus.describe import INPUT, OUTPUT, STATE_OUTPUT, Description
 from friction_fmus.model_description import ROLE
+from friction_fmus.notes import Paragraph, paragraphs
+from friction_fmus.variable_table import variable_groups
 from friction_fmus.version import VERSION
 
 STYLE = """
@@ -30,15 +32,14 @@ img { float: right; width: 14rem; margin: 0 0 1rem 1rem; }
 
 def index_page(block: Block, description: Description, identifier: str) -> str:
     """documentation/index.html: what the block is, its equations, variables and source."""
-    rows = "".join(_table_row(v, description.sampled) for v in description.variables[1:])
-    heads = "".join(f"<th>{name}</th>" for name in ("name", "causality", "unit", "start", "range", "meaning"))
+    heads = "".join(f"<th>{name}</th>" for name in ("name", "unit", "start", "range", "meaning"))
     return (
         f'<!DOCTYPE html>\n<html lang="en">\n<head><meta charset="utf-8"><title>{escape(identifier)}</title>\n'
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>\n<body>\n'
         f"<h1>{escape(identifier)} <small>{escape(block.kind)}</small></h1>\n"
         f'<img src="../model.png" alt="{escape(block.summary)}">\n'
         f"{notes_as_html(block.notes)}\n"
-        f"<h2>Variables</h2>\n<table>\n<tr>{heads}</tr>\n{rows}</table>\n"
+        f"<h2>Variables</h2>\n<table>\n<tr>{heads}</tr>\n{_variable_rows(description)}</table>\n"
         f"<h2>Source</h2>\n<p>{escape(block.source)}</p>\n"
         f"<pre>{escape(block.code)}</pre>\n"
         f"<p>Made by friction-fmus {VERSION}; MIT licence, see licenses/license.txt.</p>\n</body>\n</html>\n"
@@ -46,31 +47,29 @@ def index_page(block: Block, description: Description, identifier: str) -> str:
 
 
 def notes_as_html(notes: str) -> str:
-    """Paragraphs of plain text; indented ones are equations and keep their layout."""
-    parts = []
-    for paragraph in notes.split("\n\n"):
-        if not paragraph.strip():
-            continue
-        if all(line.startswith("    ") for line in paragraph.splitlines() if line):
-            lines = [line[4:] for line in paragraph.splitlines()]
-            parts.append(f"<pre>{escape(chr(10).join(lines))}</pre>")
-        else:
-            parts.append(f"<p>{escape(paragraph)}</p>")
+    """Paragraphs, lists, and equations in their own layout."""
+    parts: list[str] = []
+    for item, together in groupby(paragraphs(notes), lambda paragraph: paragraph.item):
+        shown = [_html(paragraph) for paragraph in together]
+        parts += ["<ul>", *shown, "</ul>"] if item else shown
     return "\n".join(parts)
 
 
-def _table_row(v: Variable, sampled: bool) -> str:
-    causality, variability, _ = ROLE[v.role]
-    kind = f"{variability} {causality}" if causality == "parameter" else causality
-    start = "" if math.isnan(v.start) or causality in ("output", "local") else f"{v.start:g}"
-    if v.type == BOOLEAN:
-        start, limits = ("true" if v.start else "false") if start else "", ""
-    else:
-        low, high = (f"{limit:g}" if math.isfinite(limit) else "" for limit in (v.min, v.max))
-        limits = f"{low} … {high}" if low or high else ""
-    unit = "Integer" if v.type == INTEGER else "Boolean" if v.type == BOOLEAN else v.unit
-    cells = (v.name, kind, unit, start, limits, v.text)
-    return "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>\n"
+def _html(paragraph: Paragraph) -> str:
+    tag = "pre" if paragraph.equations else "li" if paragraph.item else "p"
+    lead = f"<b>{paragraph.lead}</b> " if paragraph.lead else ""
+    return f"<{tag}>{lead}{escape(paragraph.text)}</{tag}>"
+
+
+def _variable_rows(description: Description) -> str:
+    """Rows of the table of variables, each group below its title."""
+    rows = []
+    for title, entries in variable_groups(description).items():
+        rows.append(f'<tr><th colspan="5">{escape(title)}</th></tr>\n')
+        for entry in entries:
+            cells = (entry.name, entry.unit, ", ".join(entry.starts), entry.limits, entry.text)
+            rows.append("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>\n")
+    return "".join(rows)
 
 
 def picture(block: Block, description: Description, identifier: str, folder: Path) -> bytes:

@@ -13,8 +13,9 @@ from friction_fmus.errors import FrictionError
 # ---- units ----------------------------------------------------------------------------------------------------------
 
 
-class Unit(str):
-    """A unit, written in C with the quantity macros of block.h so that the rotational twin has its own.
+@dataclass(frozen=True)
+class Unit:
+    """A unit as block.h knows it: the quantities are its macros, so that the rotational twin has its own.
 
     ``FORCE + "/(" + LENGTH + ".s)"`` is N/(m.s), and N.m/(rad.s) in the rotational build.
 
@@ -26,20 +27,17 @@ class Unit(str):
 
     c: str
 
-    def __new__(cls, text: str, c: str | None = None) -> Unit:
-        """Make a unit from its name and, for a quantity, the macro that stands for it."""
-        unit = super().__new__(cls, text)
-        unit.c = c_string(text) if c is None else c
-        return unit
-
-    def __add__(self, other: str) -> Unit:
+    def __add__(self, other: Unit | str) -> Unit:
         """Join names; adjacent string literals join in C."""
-        right = other if isinstance(other, Unit) else Unit(other)
-        return Unit(str(self) + str(right), f"{self.c} {right.c}")
+        return Unit(f"{self.c} {_unit(other).c}")
 
     def __radd__(self, other: str) -> Unit:
         """Join a plain name and a unit."""
-        return Unit(other) + self
+        return _unit(other) + self
+
+
+def _unit(unit: Unit | str) -> Unit:
+    return unit if isinstance(unit, Unit) else Unit(c_string(unit))
 
 
 def c_string(text: str) -> str:
@@ -48,18 +46,18 @@ def c_string(text: str) -> str:
     return f'"{escaped}"'
 
 
-LENGTH = Unit("m", "LENGTH")
-VELOCITY = Unit("m/s", "VELOCITY")
-ACCELERATION = Unit("m/s2", "ACCELERATION")
-JERK = Unit("m/s3", "JERK")
-FORCE = Unit("N", "FORCE")
-MASS = Unit("kg", "MASS")
-STIFFNESS = Unit("N/m", "STIFFNESS")
-DAMPING = Unit("N.s/m", "DAMPING")
-TIME = Unit("s", "TIME")
-FREQUENCY = Unit("Hz", "FREQUENCY")
-ANGLE = Unit("rad", "ANGLE")
-NO_UNIT = Unit("", "NO_UNIT")
+LENGTH = Unit("LENGTH")
+VELOCITY = Unit("VELOCITY")
+ACCELERATION = Unit("ACCELERATION")
+JERK = Unit("JERK")
+FORCE = Unit("FORCE")
+MASS = Unit("MASS")
+STIFFNESS = Unit("STIFFNESS")
+DAMPING = Unit("DAMPING")
+TIME = Unit("TIME")
+FREQUENCY = Unit("FREQUENCY")
+ANGLE = Unit("ANGLE")
+NO_UNIT = Unit("NO_UNIT")
 
 
 # ---- variables ------------------------------------------------------------------------------------------------------
@@ -92,7 +90,7 @@ class Variable:
     kind : Kind
         What it is.
     unit : Unit
-        Name of the SI unit, empty for none.
+        Unit in SI.
     start : float or tuple of float
         Start value; a tuple for a vector parameter, 0 or 1 for a Boolean.
     text : str
@@ -125,14 +123,10 @@ class Variable:
         return self.start if isinstance(self.start, tuple) else (self.start,)
 
 
-def _unit(unit: str) -> Unit:
-    return unit if isinstance(unit, Unit) else Unit(unit)
-
-
 # The functions below stand as argument defaults of a law, where the argument is an SX: so they return Any.
 
 
-def Input(unit: str, start: float, text: str, *, optional: bool = False) -> Any:  # noqa: N802
+def Input(unit: Unit | str, start: float, text: str, *, optional: bool = False) -> Any:  # noqa: N802
     """A Real input; an optional one may stay unconnected."""
     return Variable(Kind.OPTIONAL if optional else Kind.INPUT, _unit(unit), float(start), text)
 
@@ -142,13 +136,13 @@ def Command(start: bool, text: str) -> Any:  # noqa: N802
     return Variable(Kind.COMMAND, NO_UNIT, float(start), text)
 
 
-def State(unit: str, start: float, text: str, *, nominal: float = 1.0) -> Any:  # noqa: N802
+def State(unit: Unit | str, start: float, text: str, *, nominal: float = 1.0) -> Any:  # noqa: N802
     """A state: the law receives its value and returns the next one under the same name."""
     return Variable(Kind.STATE, _unit(unit), float(start), text, nominal=nominal)
 
 
 def Parameter(  # noqa: N802
-    unit: str, start: float | tuple[float, ...], text: str, *, min: float = -math.inf, max: float = math.inf
+    unit: Unit | str, start: float | tuple[float, ...], text: str, *, min: float = -math.inf, max: float = math.inf
 ) -> Any:
     """A tunable Real parameter; with a tuple of start values a vector ``k``, read as ``k[0]``, ``k[1]``, ..."""
     if isinstance(start, tuple):
@@ -166,7 +160,7 @@ def SampleTime() -> Any:  # noqa: N802
     return Variable(Kind.SAMPLE_TIME, TIME, math.nan, "sample time", min=1e-9)
 
 
-def Output(unit: str, text: str) -> Variable:  # noqa: N802
+def Output(unit: Unit | str, text: str) -> Variable:  # noqa: N802
     """A Real output."""
     return Variable(Kind.OUTPUT, _unit(unit), 0.0, text)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from friction_fmus.catalogue import FEATURES, Block, catalogue
 from friction_fmus.describe import STATE, STATE_OUTPUT
+from friction_fmus.notes import INDENT, Paragraph, paragraphs
 from friction_fmus.package import describe_block
 
 INTRODUCTION = """# Friction models
@@ -23,7 +24,8 @@ def models_page() -> str:
     heads = ("model", *FEATURES, "states")
     table = [f"| {' | '.join(heads)} |", f"|---|{':-:|' * (len(heads) - 1)}"]
     table += [_table_row(block) for block in blocks]
-    return "\n".join([INTRODUCTION, *table, "", *(_section(block) for block in blocks)])
+    legend = [f"* **{name}**: {meaning}" for name, meaning in FEATURES.items()]
+    return "\n".join([INTRODUCTION, *table, "", *legend, "", *(_section(block) for block in blocks)])
 
 
 def _table_row(block: Block) -> str:
@@ -36,10 +38,16 @@ def _table_row(block: Block) -> str:
 
 def _section(block: Block) -> str:
     parts = [f"## {block.name}", f"*{block.summary}.* Source: {block.source}."]
-    for paragraph in block.notes.split("\n\n"):
-        equation = paragraph.startswith("    ")
-        parts.append(f"```text\n{paragraph}\n```" if equation else paragraph.replace("*", "\\*").replace("|", "\\|"))
+    parts += [_markdown(paragraph) for paragraph in paragraphs(block.notes)]
     return "\n\n".join(parts) + "\n"
+
+
+def _markdown(paragraph: Paragraph) -> str:
+    if paragraph.equations:
+        return "\n".join(["```text", *(INDENT + line for line in paragraph.lines), "```"])
+    lead = f"**{paragraph.lead}** " if paragraph.lead else ""
+    written = "\n  ".join(paragraph.lines) if paragraph.item else "\n".join(paragraph.lines)
+    return ("- " if paragraph.item else lead) + written.replace("*", "\\*").replace("|", "\\|")
 
 
 if __name__ == "__main__":

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -11,8 +13,10 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from rich.console import Console
 
 from friction_fmus.__main__ import main, parser
+from friction_fmus.catalogue import catalogue
 
 ROOT = Path(__file__).parent.parent
 STICK_SLIP = ROOT / "examples" / "stick_slip.toml"
@@ -50,11 +54,50 @@ def test_list_shows_every_block(capsys: pytest.CaptureFixture[str]) -> None:
     assert "LuGre" in capsys.readouterr().out
 
 
-def test_show_has_equations_units_and_source(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["show", "LuGre"]) == 0
-    out = capsys.readouterr().out
-    for text in ("g(v)", "sigma0", "N.s/m", "1995", "bristle stiffness", "Limits"):
-        assert text in out
+def shown(name: str, width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """The lines that `show` prints on a terminal of that width."""
+    monkeypatch.setattr("friction_fmus.__main__.console", Console(width=width))
+    assert main(["show", name]) == 0
+    return [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_show_says_when_to_use_a_model_and_what_it_cannot_do(
+    width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = shown("LuGre", width, monkeypatch, capsys)
+    assert max(map(len, lines)) <= width
+    for lead in (
+        "Use it     as the first model",
+        "Limits     F jumps with",
+        "Features   presliding: ",
+        "Source     Canudas",
+    ):
+        assert any(line.startswith(lead) for line in lines), lead
+    # prose fills the width: no line ends where the next one's first word would still fit
+    start = next(i for i, line in enumerate(lines) if line.startswith("Use it"))
+    for line, following in itertools.pairwise(lines[start : lines.index("", start)]):
+        assert len(line) + 1 + len(following.split()[0]) > width
+    # equations keep their layout
+    first = lines.index("    g(v)  = Fc + (Fs - Fc) exp(-|v/vs|^delta)")
+    assert lines[first + 1] == "    dz/dt = v - sigma0 |v| z / g(v)"
+
+
+def test_show_groups_the_variables(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = shown("GMS", 120, monkeypatch, capsys)
+    table = lines[next(i for i, line in enumerate(lines) if line.startswith("Variables")) :]
+    titles = ("Inputs", "Outputs", "Inner values", "Parameters", "Fixed parameters")
+    assert [line for line in table if line in titles] == list(titles)
+    rows = [re.split(r"\s{2,}", line) for line in table]
+    assert ["v", "0", "m/s", "relative sliding velocity"] in rows
+    assert ["k[1...10]", "28000 ... 2100", "N/m", "at least 0", "stiffness of the element"] in rows
+    assert ["N", "10", "Integer", "1 to 10", "number of elements"] in rows
+
+
+@pytest.mark.parametrize("name", [*(b.name for b in catalogue().values() if b.kind != "friction"), "SevenParameter"])
+def test_show_fits_the_terminal(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = shown(name, 80, monkeypatch, capsys)
+    assert [line for line in lines if len(line) > 80] == []
 
 
 def test_build_burns_start_values_into_xml_and_source(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,13 +13,16 @@ from pathlib import Path
 import fmpy
 import pytest
 
-from friction_fmus.catalogue import catalogue
+from friction_fmus.catalogue import Block, catalogue
+from friction_fmus.documentation import notes_as_html
 from friction_fmus.models_page import models_page
+from friction_fmus.notes import paragraphs
 from friction_fmus.package import build
 from harness import System
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+FRICTION = [block for block in catalogue().values() if block.kind == "friction"]
 ADDING = ROOT / "docs" / "adding-a-model.md"
 
 
@@ -127,3 +130,29 @@ def test_changelog_names_every_block() -> None:
 def test_page_of_models_is_what_the_blocks_say() -> None:
     page = (ROOT / "docs" / "models.md").read_text(encoding="utf-8")
     assert page == models_page(), "run `python -m friction_fmus.models_page > docs/models.md`"
+
+
+@pytest.mark.parametrize("block", FRICTION, ids=lambda block: block.name)
+def test_a_friction_model_says_what_one_chooses_by(block: Block) -> None:
+    parts = paragraphs(block.notes)
+    leads = [part.lead for part in parts if part.lead]
+    assert leads == ["Use it", "Limits:"]
+    assert all(len(part.text.split()) >= 10 for part in parts if part.lead)
+    assert block.source
+    assert block.bibtex
+    assert block.features
+    assert any(part.equations for part in parts)
+    assert [line for part in parts if part.equations for line in part.lines if len(line) > 76] == []
+
+
+def test_notes_are_prose_equations_lists_and_leads() -> None:
+    notes = "A spring,\nsoft.\n\n    F = k x\n      + d v\n\nHere:\n- one\n  more\n- two\n\nLimits: k >\n0."
+    spring, equations, here, one, two, limits = paragraphs(notes)
+    assert (spring.text, spring.equations, spring.lead) == ("A spring, soft.", False, "")
+    assert (equations.text, equations.equations) == ("F = k x\n  + d v", True)
+    assert (here.text, here.item, one.text, one.item, two.text) == ("Here:", False, "one more", True, "two")
+    assert (limits.lead, limits.text) == ("Limits:", "k > 0.")
+    assert notes_as_html(notes) == (
+        "<p>A spring, soft.</p>\n<pre>F = k x\n  + d v</pre>\n<p>Here:</p>\n"
+        "<ul>\n<li>one more</li>\n<li>two</li>\n</ul>\n<p><b>Limits:</b> k &gt; 0.</p>"
+    )

@@ -9,16 +9,20 @@
 
        ds = |v| dt
        order 2:  dF_fast/ds = ( f1 sgn(v) - F_fast) / (eta eps)
-                 dF_slow/ds = (-f2 sgn(v) - F_slow) / eps,          F = (F_fast + F_slow) Fn/Fn0
-       order 1:  dF_fast/ds = ( f1 sgn(v) - F_fast) / eps,          F = F_fast Fn/Fn0
+                 dF_slow/ds = (-f2 sgn(v) - F_slow) / eps
+                 F = (F_fast + F_slow) Fn/Fn0
+       order 1:  dF_fast/ds = ( f1 sgn(v) - F_fast) / eps
+                 F = F_fast Fn/Fn0
 
    Order 1 is Dahl's model with n = 1, Fc = f1 and sigma = f1/eps. From rest, order 2 peaks after the path
    eta eps/(1 - eta) ln(f1/(eta f2)); after sliding the other way the transient is twice as large. The step is the
    exact solution over the path: two exponentials.
 
-   Use it where a linear, rate-independent model with a break-away peak is wanted; 0 < eta < 1 and f1 > f2 > 0 are
-   meant. Limits: no Stribeck effect in v, the force depends on the path only; the peak depends on the history; with a
-   mass on a spring the peak may swing. */
+   Use it where a rate-independent law that is linear in the path, with a break-away peak, is wanted, as in the design
+   of controllers. It needs 0 < eta < 1 and f1 > f2 > 0.
+
+   Limits: no Stribeck effect in v, the force depends on the path only; the peak depends on the history; with a mass on
+   a spring the peak may swing. Like Dahl's model it forgets reversal points and drifts under a bias with vibration. */
 
 /* @inproceedings{BlimanSorine1995,
      author    = {Bliman, P.-A. and Sorine, M.},

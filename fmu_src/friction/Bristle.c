@@ -4,8 +4,9 @@
    Control 113(3), 1991; as told by Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of
    Control 4, 1998. The numbers are not published ones: N is, the rest gives 1 N at the stiffness of the LuGre paper.
 
-       d_i = x - b_i,   i = 1 ... N                      stretch of bristle i, bonded at b_i
-       |d_i| > delta_s:  b_i <- b_i + sign(d_i) U,  U uniform in (0, D),  D = min(Delta, 2 delta_s)
+       d_i = x - b_i,   i = 1 ... N          stretch of bristle i, bonded at b_i
+       |d_i| > delta_s:  b_i <- b_i + sign(d_i) U
+       U uniform in (0, D),   D = min(Delta, 2 delta_s)
        F = load sigma0 sum d_i,   load = max(Fn, 0)/Fn0
        mean of F over long sliding = load N sigma0 (delta_s - D/3)
 
@@ -18,9 +19,11 @@
    N sigma0 delta_s. With spread > 0 they start at random places instead, at most spread delta_s away from z, two and
    two on opposite sides so that z is their mean.
 
-   To be used for the randomness of friction and for the idea behind LuGre. Limits: no damping, so a mass on it
-   rings; no effect of speed on the mean force; the cost grows with N and with the re-bonds in a step (a step with
-   more than some 1e9 of them is refused). The force at rest needs no F_ext: the bristles are springs. */
+   Use it to study friction that varies at random along the path, and to see the idea behind LuGre; 20 to 25 bristles
+   are usual. It needs no F_ext for the force at rest: the bristles are springs.
+
+   Limits: no damping, so a mass on it rings; no effect of speed on the mean force; the cost grows with N and with the
+   re-bonds in a step (a step with more than some 1e9 of them is refused). */
 
 /* @article{Haessig1991,
      author  = {Haessig, D. A. and Friedland, B.},
@@ -72,6 +75,7 @@ struct bristles {
 };
 
 #include "block.h"
+#include "load.h"
 #include "counter_random.h"
 
 static void keep_bristles(Memory *kept, const Model *m, bool follows)
@@ -94,7 +98,7 @@ static double start_of(const Model *m, int i)
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = fmax(Fn, 0.0) / Fn0;
+    const double load = load_of(Fn, Fn0);
     double squares = m->memory.squares;
     if (!m->memory.moved) {
         squares = 0.0;

@@ -6,9 +6,10 @@
    Tang: Physical Review A 44, 1991; equations from memory of the papers. All quantities are pure numbers; a unit of
    time is one second of simulation, a unit of force is static friction.
 
-       u_j'' = f_j - phi,   f_j = l^2 (u_j+1 - 2 u_j + u_j-1) + X - u_j,   dX/dt = nu + v
+       u_j'' = f_j - phi,   dX/dt = nu + v
+       f_j   = l^2 (u_j+1 - 2 u_j + u_j-1) + X - u_j
        stuck:    phi = f_j <= 1, of any size against backward motion (no back-slip)
-       slipping: phi(w) = (1 - sigma) / (1 + 2 alpha w / (1 - sigma)),   w = u_j' > 0
+       slipping: phi = (1 - sigma) / (1 + 2 alpha w / (1 - sigma)),  w = u_j' > 0
        F     = mean of X - u_j
 
    F is the force per block that the driver feels; it opposes the driver. A block starts to slip when f_j reaches 1 and
@@ -22,6 +23,10 @@
 
    Between events the equations are smooth and solved by extrapolation to 1e-12 per inner step, whatever the
    communication step; the cost is proportional to N per inner step and to the number of starts and stops.
+
+   Use it to study how avalanches of all sizes grow from blocks that only stick and slip, as in earthquake faults: how
+   often slips of a size occur, and what comes before a large one. It needs long runs, as only statistics are stable.
+   For the friction of a machine take a contact model.
 
    Limits: the motion is chaotic for alpha > 0: after many avalanches only averages mean something. Friction acts
    against positive slip only, so the model is not odd: a driver that moves back unloads and then pushes against blocks

@@ -10,11 +10,11 @@
    F_ext is the sum of all other forces on the mass. Without it F is 0 at v = 0. The coefficient of friction is
    Fc / Fn0.
 
-   Use it where friction at low speed and the approach to rest do not matter, for estimates by hand, and to compare
-   with any other model.
+   Use it where friction at low speed and the approach to rest do not matter, for estimates by hand, and to compare with
+   any other model.
 
-   Limits: no stiction, no Stribeck effect, no presliding. F jumps at v = 0, so a mass that is stopped by it in
-   discrete steps swings about v = 0 by F h / m; KarnoppMass and SwitchMass contain the mass and stop it. */
+   Limits: no stiction, no Stribeck effect, no presliding. F jumps at v = 0, so a mass that is stopped by it in discrete
+   steps swings about v = 0 by F h / m; KarnoppMass and SwitchMass contain the mass and stop it. */
 
 /* @article{Olsson1998,
      author  = {Olsson, H. and {\AA}str{\"o}m, K. J. and Canudas de Wit, C. and G{\"a}fvert, M. and Lischinsky, P.},
@@ -39,11 +39,12 @@
 /* clang-format on */
 
 #include "block.h"
+#include "load.h"
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double level = fmax(Fn, 0.0) / Fn0 * Fc;
+    const double level = load_of(Fn, Fn0) * Fc;
 
     m->stuck = v == 0.0 && fabs(F_ext) <= level ? 1.0 : 0.0;
     m->F = v == 0.0 ? clip(F_ext, -level, level) : sign(v) * level;

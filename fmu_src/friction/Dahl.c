@@ -19,8 +19,11 @@
    With n < 1 the Coulomb level is reached after a finite path and kept, with n = 0 the contact is elastic-perfectly
    plastic (one Maxwell slip element), with n = 1 it is LuGre without Stribeck effect, damping and viscosity.
 
-   Use it for rate-independent hysteresis, for example of ball bearings. Limits: no Stribeck effect, so no stick-slip;
-   no static friction above Fc; under a bias with vibration z drifts; reversal points are forgotten. */
+   Use it for rate-independent hysteresis in small motions, for example of ball bearings. It needs two numbers, the
+   level Fc and the stiffness sigma after a reversal, and n for the shape of the loop.
+
+   Limits: no Stribeck effect, so no stick-slip; no static friction above Fc; no viscous part (add a Viscous block);
+   under a bias with vibration z drifts; reversal points are forgotten. */
 
 /* @techreport{Dahl1968,
      author      = {Dahl, P. R.},

@@ -13,8 +13,8 @@
    together, and a force beyond the dead zone meets Coulomb friction at once. With DV = 0 and T_dz = Fc this is
    Coulomb and viscous friction.
 
-   Use it for drives whose torque is known, where T_dz is the torque that first moves the axis. F_ext is the sum of
-   all other forces on the mass and has to be connected; in the rotational twin it is a torque.
+   Use it for drives whose torque is known, where T_dz is the torque that first moves the axis. F_ext is the sum of all
+   other forces on the mass and has to be connected; in the rotational twin it is a torque.
 
    Limits: an interpretation. F jumps where the dead zone is left if T_dz is not Fc, and at v = 0. A mass that reads F
    keeps a velocity below DV for ever while it is held. No Stribeck effect, no presliding. */
@@ -26,7 +26,7 @@
 #define MODEL    DeadZoneTorque
 #define SUMMARY  "Coulomb and viscous friction with a dead zone of torque at rest (interpretation)"
 #define SOURCE   "Interpretation of a description without an identified source"
-#define FEATURES "needs force"
+#define FEATURES "rate dependent, needs force"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -43,11 +43,12 @@
 /* clang-format on */
 
 #include "block.h"
+#include "load.h"
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = fmax(Fn, 0.0) / Fn0;
+    const double load = load_of(Fn, Fn0);
     const bool held = (fabs(v) < DV || v == 0.0) && fabs(F_ext) <= load * T_dz;
 
     m->stuck = held ? 1.0 : 0.0;

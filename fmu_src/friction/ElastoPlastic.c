@@ -5,24 +5,29 @@
    Conference, 2000; Dupont, Hayward, Armstrong, Altpeter: Single state elastoplastic friction models, IEEE TAC 47(5),
    2002; equations from memory of the papers, with the exponent i = 1.
 
-       dz/dt = v (1 - alpha z / z_ss(v)),   z_ss = sgn(v) z_max,   z_max(v) = S(v) / sigma0
+       dz/dt = v (1 - alpha z / z_ss(v))
+       z_ss  = sgn(v) z_max,   z_max(v) = S(v) / sigma0
        S(v)  = Fc + (Fs - Fc) exp(-|v/vs|^delta)
-       alpha = 0                                                              if sgn(z) /= sgn(v) or |z| <= z_ba
-             = 1/2 + 1/2 sin(pi (|z| - (z_max + z_ba)/2) / (z_max - z_ba))    if z_ba < |z| < z_max
-             = 1                                                              if |z| >= z_max
+       sgn(z) /= sgn(v) or |z| <= z_ba:  alpha = 0
+       z_ba < |z| < z_max:
+            alpha = 1/2 + 1/2 sin(pi (|z| - (z_max + z_ba)/2) / (z_max - z_ba))
+       |z| >= z_max:  alpha = 1
        F     = (sigma0 z + sigma1(v) dz/dt) Fn/Fn0 + sigma2 v
-       sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d > 0, else sigma1 (as in LuGre; not in the papers)
+       sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d > 0, else sigma1
 
-   Published copies drop |.| in the sine or exchange the two cases of sgn(z); both break the model. 0 < z_ba < z_max(v)
-   is meant for all v; where z_ba is larger, z_max takes its place, and the contact is elastic-perfectly plastic.
+   sigma1(v) is that of LuGre and not in the papers. Published copies drop |.| in the sine or exchange the two cases of
+   sgn(z); both break the model. 0 < z_ba < z_max(v) is meant for all v; where z_ba is larger, z_max takes its place,
+   and the contact is elastic-perfectly plastic.
 
    The elastic part of a step is z + x, the rest, at constant velocity, a differential equation in the path alone: a
    Taylor series between z_ba and z_max, an exponential beyond. At linear velocity the same holds where S is flat;
    where it is not the equation is integrated numerically with error control, from the arrival at z_ba, by the method
    of order 5 of Dormand and Prince, Journal of Computational and Applied Mathematics 6(1), 1980.
 
-   Use it where a joint is held by friction under vibration or small loads. Limits: F jumps with a jump of v as in
-   LuGre; no memory of reversal points beyond z_ba. */
+   Use it where a joint is held by friction under vibration or small loads and must not creep away, else as LuGre. It
+   needs one number more than LuGre, z_ba.
+
+   Limits: F jumps with a jump of v as in LuGre; no memory of reversal points beyond z_ba. */
 
 /* @article{Dupont2002,
      author  = {Dupont, P. and Hayward, V. and Armstrong, B. and Altpeter, F.},
@@ -76,7 +81,7 @@ static void contact(Model *m, double S)
 {
     GIVEN(m)
     const double part = plastic(sign(v) * z, S / sigma0, z_ba);
-    const double damping = v_d > 0.0 ? sigma1 * exp(-square(v / v_d)) : sigma1;
+    const double damping = fading(sigma1, v, v_d);
 
     m->der_z = v * (1.0 - part);
     m->F = load_of(Fn, Fn0) * (sigma0 * z + damping * m->der_z) + sigma2 * v;

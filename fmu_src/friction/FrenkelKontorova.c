@@ -5,7 +5,8 @@
    Kivshar: The Frenkel-Kontorova Model, Springer 2004. Scaled by the mass, the stiffness of the springs and the period
    of the substrate, so all quantities are pure numbers and a unit of time is one second of simulation.
 
-       x_j'' = x_j+1 - 2 x_j + x_j-1 - (K / 2 pi) sin(2 pi x_j) + F_drive - damping x_j'
+       x_j'' = x_j+1 - 2 x_j + x_j-1 - (K / 2 pi) sin(2 pi x_j)
+               + F_drive - damping x_j'
        v     = mean of x_j'
        F     = damping v + mean of (K / 2 pi) sin(2 pi x_j),   dv/dt = F_drive - F
 
@@ -22,6 +23,10 @@
 
    The equations are smooth and solved by extrapolation to 1e-12 of a period per inner step, whatever the
    communication step; the cost is proportional to N, and to the damping where that is far above 10.
+
+   Use it to study where static friction comes from: pinning and free sliding of surfaces whose periods fit or do not
+   fit, down to the Aubry transition, and motion at the scale of atoms under a given force. It needs that force, as the
+   atoms are inside and move by themselves.
 
    Limits: one dimension, no temperature, and a driven chain is often chaotic: then only averages can be compared. An
    evenly laid chain is not at rest: with damping it falls to a position of rest, which for even N may be a saddle
@@ -57,53 +62,31 @@
     COUNT    (mode,      1,       0,   MASSES,         "wave length of that mode is N / mode")
 /* clang-format on */
 
-#include "extrapolation.h"
 #include "chain.h"
 
 #define MEMORY   struct chain
-#define STEPS_BY step
+#define STEPS_BY move
 
 #include "block.h"
+#include "chain_block.h"
 
 static struct surroundings around(const Model *m)
 {
     GIVEN(m)
-    const struct surroundings at = {&m->memory, N,   periodic != 0, 1.0, K,       0.0,
-                                    damping,    0.0, 0.0,           0.0, F_drive, SLOPE(F_drive)};
-    return at;
-}
-
-static void lay(const Model *m, struct chain *c)
-{
-    GIVEN(m)
-    lay_chain(c, N, periodic != 0, winding, amplitude, mode);
-    c->ready = false;
+    return (struct surroundings){.chain = &m->memory,
+                                 .n = N,
+                                 .ring = periodic != 0,
+                                 .k = 1.0,
+                                 .K = K,
+                                 .damping = damping,
+                                 .F = F_drive,
+                                 .F_rate = SLOPE(F_drive)};
 }
 
 static void equations(Model *m)
 {
-    GIVEN(m)
-    const struct surroundings at = around(m);
-    struct chain start;
-    if (!m->memory.ready)
-        lay(m, &start);
-    const struct chain *const chain = m->memory.ready ? &m->memory : &start;
-    const struct view seen = view_chain(chain, &at, m->time);
-
+    const struct view seen = see(m);
     m->v = seen.v;
     m->x = seen.u;
-    m->F = seen.substrate + damping * seen.v;
-    m->acceleration = seen.a;
-    m->energy = seen.energy;
-    m->ratio = spacing(N, periodic != 0, winding);
-    for (int j = 0; j < 10; j++)
-        m->atom[j] = j < N ? chain->turns + chain->y[j] + j * m->ratio : 0.0;
-}
-
-static bool step(Model *m, double h)
-{
-    if (!m->memory.ready)
-        lay(m, &m->memory);
-    struct surroundings at = around(m);
-    return move_chain(&m->memory, &at, m->time, h, m->run.tolerance, &m->run.inner_step);
+    m->F = seen.substrate + m->damping * seen.v;
 }

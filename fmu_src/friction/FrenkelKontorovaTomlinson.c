@@ -5,7 +5,8 @@
    equations from memory of the paper. Scaled by the mass, the stiffness of the springs and the period of the
    substrate, so all quantities are pure numbers and a unit of time is one second of simulation.
 
-       x_j'' = k (x_j+1 - 2 x_j + x_j-1) - (K / 2 pi) sin(2 pi x_j) + kappa (X + j c - x_j) - damping x_j'
+       x_j'' = k (x_j+1 - 2 x_j + x_j-1) - (K / 2 pi) sin(2 pi x_j)
+               + kappa (X + j c - x_j) - damping x_j'
        F     = mean of kappa (X + j c - x_j),   dX/dt = v
 
    F is the force per atom against the motion of the slider. c is `winding`, in periods; in a ring (periodic = 1) the
@@ -20,8 +21,11 @@
    The equations are smooth and solved by extrapolation to 1e-12 of a period per inner step, whatever the
    communication step; the cost is proportional to N, and to the damping where that is far above 10.
 
-   Limits: one dimension, no temperature; fast or strongly coupled sliding may be chaotic. The start values are a
-   pinned golden-mean chain, not a published set. There is no normal force; let K follow it. */
+   Use it to study the friction of two flat surfaces at the scale of atoms: how static friction and memory grow with the
+   corrugation, and what the springs between the atoms change. It needs the velocity of the slider only.
+
+   Limits: one dimension, no temperature; fast or strongly coupled sliding may be chaotic. The start values are a pinned
+   golden-mean chain, not a published set. There is no normal force; let K follow it. */
 
 /* @article{WeissElmer1996,
      author  = {Weiss, M. and Elmer, F.-J.},
@@ -56,55 +60,41 @@
     COUNT    (mode,      1,       0,   MASSES,         "wave length of that mode is N / mode")
 /* clang-format on */
 
-#include "extrapolation.h"
 #include "chain.h"
 
 #define MEMORY   struct chain
 #define STEPS_BY step
 
 #include "block.h"
+#include "chain_block.h"
 
 static struct surroundings around(const Model *m)
 {
     GIVEN(m)
-    const struct surroundings at = {&m->memory, N, periodic != 0, k, K, kappa, damping, X, v, SLOPE(v), 0.0, 0.0};
-    return at;
-}
-
-static void lay(const Model *m, struct chain *c)
-{
-    GIVEN(m)
-    lay_chain(c, N, periodic != 0, winding, amplitude, mode);
-    c->ready = false;
+    return (struct surroundings){.chain = &m->memory,
+                                 .n = N,
+                                 .ring = periodic != 0,
+                                 .k = k,
+                                 .K = K,
+                                 .kappa = kappa,
+                                 .damping = damping,
+                                 .X = X,
+                                 .X_rate = v,
+                                 .X_curvature = SLOPE(v)};
 }
 
 static void equations(Model *m)
 {
-    GIVEN(m)
-    const struct surroundings at = around(m);
-    struct chain start;
-    if (!m->memory.ready)
-        lay(m, &start);
-    const struct chain *const chain = m->memory.ready ? &m->memory : &start;
-    const struct view seen = view_chain(chain, &at, m->time);
-
-    m->der_X = v;
+    const struct view seen = see(m);
+    m->der_X = m->v;
     m->F = seen.slider;
     m->x = seen.u;
     m->w = seen.v;
-    m->acceleration = seen.a;
-    m->energy = seen.energy;
-    m->ratio = spacing(N, periodic != 0, winding);
-    for (int j = 0; j < 10; j++)
-        m->atom[j] = j < N ? chain->turns + chain->y[j] + j * m->ratio : 0.0;
 }
 
 static bool step(Model *m, double h)
 {
-    if (!m->memory.ready)
-        lay(m, &m->memory);
-    struct surroundings at = around(m);
-    if (!move_chain(&m->memory, &at, m->time, h, m->run.tolerance, &m->run.inner_step))
+    if (!move(m, h))
         return false;
     m->X += h * (m->v + 0.5 * h * SLOPE(v));
     return true;

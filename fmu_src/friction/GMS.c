@@ -5,9 +5,11 @@
    compensation, IEEE TAC 50(11), 2005, in its force form (from memory of the paper, no equation numbers).
 
        S(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta)
-       stick: dFi/dt = ki v                                      until  sgn(v) Fi >= alpha_i S(v)
-       slip:  dFi/dt = sgn(v) C (alpha_i - sgn(v) Fi / S(v))     until  v passes zero
-       F = (sum Fi + sigma dzi/dt) max(Fn, 0) / Fn0 + sigma2 v,   dzi/dt = v in stick, (dFi/dt) / ki in slip
+       stick: dFi/dt = ki v                       until  sgn(v) Fi >= alpha_i S(v)
+              dzi/dt = v
+       slip:  dFi/dt = sgn(v) C (alpha_i - sgn(v) Fi / S(v))   until v passes zero
+              dzi/dt = (dFi/dt) / ki
+       F = (sum Fi + sigma dzi/dt) max(Fn, 0) / Fn0 + sigma2 v
 
    Fi is the force at the normal force Fn0. The sign in the test and in the attraction matters: written with |Fi| or
    with an unsigned S, as often printed, an element that is unloaded above the level slips, and one that slips
@@ -23,8 +25,12 @@
    Start values: the levels of Table I of the LuGre paper, with elements that come near to its stiffness (ours).
 
    Exact for constant v, the start of slip included; for linear v, stick and the start of slip are located to rounding
-   and slip is integrated to the tolerance. Use it where presliding and slow sliding both matter. Limits: F has kinks;
-   the lag is one time constant, whatever the direction of the change of speed. */
+   and slip is integrated to the tolerance.
+
+   Use it where presliding and slow sliding both matter, as in precise positioning with reversals: simulation of an axis
+   and compensation. It needs the Stribeck curve from steady velocities, and the elements from a presliding loop.
+
+   Limits: F has kinks; the lag is one time constant, whatever the direction of the change of speed. */
 
 /* @article{AlBender2005,
      author  = {Al-Bender, F. and Lampaert, V. and Swevers, J.},

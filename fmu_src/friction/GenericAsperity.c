@@ -7,10 +7,10 @@
 
    Asperity i stands at b_i on the slider (db_i/dt = v), its tip at p_i, d_i = b_i - p_i. The other side is rigid:
 
-       w(p) = A cos(2 pi p/wavelength)                      height of the profile
-       N_i  = k_n max(h_i + w(p_i), 0)                      normal force, h_i: how deep the tip reaches
-       mu(t_c) = mu0 + dmu (1 - exp(-t_c/tau))              adhesion at the contact age t_c
-       C(t_c)  = 1 + creep ln(1 + t_c/t0)                   creep: growth of the real area of contact
+       w(p) = A cos(2 pi p/wavelength)            height of the profile
+       N_i  = k_n max(h_i + w(p_i), 0)            normal force, at the depth h_i
+       mu(t_c) = mu0 + dmu (1 - exp(-t_c/tau))    adhesion at the contact age t_c
+       C(t_c)  = 1 + creep ln(1 + t_c/t0)         creep: growth of the real area
        F = load sum k_t d_i + c (v - dp_i/dt if free),   load = max(Fn, 0)/Fn0
 
    Life cycle, which a step follows from event to event, none of them missed, for v constant or linear in time:
@@ -44,9 +44,12 @@
    about k_n A (2 pi/wavelength)^2 (height + A) > k_t, friction falls with speed, as contacts are younger and more tips
    swing free; (iv) N equal asperities are N times one.
 
-   To be used to compare simpler laws with. Limits: dissipative only if the profile is nowhere steeper than mu0; N times
-   and more as slow as a simple law; a slipping bond does not age, so on flat ground speed matters at break-away only;
-   no normal motion of slider and tip; single tips may be chaotic if height < A; at most 1e7/N wavelengths a step. */
+   Use it to compare simpler laws with, and to see where memory, lag, dwell and velocity weakening come from. It needs
+   numbers of the surfaces, which a drive does not tell.
+
+   Limits: dissipative only if the profile is nowhere steeper than mu0; N times and more as slow as a simple law; a
+   slipping bond does not age, so on flat ground speed matters at break-away only; no normal motion of slider and tip;
+   single tips may be chaotic if height < A; at most 1e7/N wavelengths a step. */
 
 /* @article{AlBender2004,
      author  = {Al-Bender, F. and Lampaert, V. and Swevers, J.},
@@ -120,6 +123,7 @@ struct population {
 
 #include "asperity.h"
 #include "block.h"
+#include "load.h"
 #include "counter_random.h"
 
 static void keep_population(Memory *kept, const Model *m, bool follows)
@@ -189,7 +193,7 @@ static void equations(Model *model)
 {
     GIVEN(model)
     const Sums sums = sums_now(model);
-    const double load = fmax(Fn, 0.0) / Fn0, c = k_h * sqrt(m / k_t);
+    const double load = load_of(Fn, Fn0), c = k_h * sqrt(m / k_t);
     const int way = v > 0.0;
     model->F = load * (k_t * (N * z) + c * (sums.loose * v - sums.speed));
     model->F_N = sums.normal;

@@ -9,12 +9,12 @@
 
    F_ext is the sum of all other forces on the mass, and has to be connected. With DV = 0 this is Stiction.
 
-   Use it with a mass whose velocity is known in steps only: the band takes the place of the instant v = 0, which a
-   step never meets. DV has to be larger than the change of v over one step, h |F_ext| / m, or the band is jumped over.
+   Use it with a mass whose velocity is known in steps only: the band takes the place of the instant v = 0, which a step
+   never meets. DV has to be larger than the change of v over one step, h |F_ext| / m, or the band is jumped over.
 
-   Limits: the mass that reads F has to report the velocity 0 inside the band, too (v_reported), or it creeps at up
-   to DV. Two such contacts in series share an undetermined force. Inside the band F does not oppose v, but F_ext.
-   No Stribeck effect, no presliding. */
+   Limits: the mass that reads F has to report the velocity 0 inside the band, too (v_reported), or it creeps at up to
+   DV. Two such contacts in series share an undetermined force. Inside the band F does not oppose v, but F_ext. No
+   Stribeck effect, no presliding. */
 
 /* @article{Karnopp1985,
      author  = {Karnopp, D.},
@@ -25,7 +25,7 @@
 #define MODEL    Karnopp
 #define SUMMARY  "Karnopp's dead band of velocity, as a force"
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
-#define FEATURES "needs force"
+#define FEATURES "rate dependent, needs force"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -43,11 +43,12 @@
 /* clang-format on */
 
 #include "block.h"
+#include "load.h"
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = fmax(Fn, 0.0) / Fn0;
+    const double load = load_of(Fn, Fn0);
     const bool rest = fabs(v) < DV || v == 0.0;
 
     m->stuck = rest && fabs(F_ext) <= load * Fs ? 1.0 : 0.0;

@@ -17,8 +17,8 @@
 
    Use it to let a mass really stop and stick: positions at rest, limit cycles, stick-slip.
 
-   Limits: the first break-away is late, as w has to pass the whole band: by sqrt(2 m DV / (k V)) if F_ext grows at
-   the rate k V. DV has to be small compared with the velocities that matter, and need not be larger than a change of
+   Limits: the first break-away is late, as w has to pass the whole band: by sqrt(2 m DV / (k V)) if F_ext grows at the
+   rate k V. DV has to be small compared with the velocities that matter, and need not be larger than a change of
    velocity in one step, as the events are located. No Stribeck effect, no presliding. */
 
 /* @article{Karnopp1985,
@@ -30,7 +30,7 @@
 #define MODEL    KarnoppMass
 #define SUMMARY  "A mass with Karnopp's friction, at rest inside a dead band of velocity"
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
-#define FEATURES "drift-free, needs force, mass inside"
+#define FEATURES "drift-free, rate dependent, needs force, mass inside"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -54,6 +54,7 @@
 #define STEPS_BY step
 
 #include "block.h"
+#include "load.h"
 
 /* Just inside the band: a body that comes to rest from sliding stays there. */
 static double edge(double DV) { return nextafter(DV, 0.0); }
@@ -61,7 +62,7 @@ static double edge(double DV) { return nextafter(DV, 0.0); }
 static void equations(Model *model)
 {
     GIVEN(model)
-    const double load = fmax(Fn, 0.0) / Fn0;
+    const double load = load_of(Fn, Fn0);
     const double sliding = load * Fc + Fv * DV; /* friction just outside the band */
     const double high = w == edge(DV) ? fmax(load * Fs, sliding) : load * Fs;
     const double low = w == -edge(DV) ? fmax(load * Fs, sliding) : load * Fs;
@@ -167,7 +168,7 @@ static bool step(Model *model, double h)
     enum { MOST_EVENTS = 100 };
     const double Fn_rate = model->slope[INPUT_Fn];
     Line force = {F_ext, model->slope[INPUT_F_ext]};
-    Line load = {fmax(Fn, 0.0) / Fn0, Fn > 0.0 || (Fn == 0.0 && Fn_rate > 0.0) ? Fn_rate / Fn0 : 0.0};
+    Line load = {load_of(Fn, Fn0), Fn > 0.0 || (Fn == 0.0 && Fn_rate > 0.0) ? Fn_rate / Fn0 : 0.0};
 
     bool spent[] = {false, false}; /* the force has fallen back into the static range, for s = -1 and 1 */
     bool leaving = false;          /* w has just come to the edge from inside, and goes on */

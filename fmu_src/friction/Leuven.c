@@ -10,9 +10,12 @@
        F     = (Fh + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 v
 
        reversal of v:  Fh goes on the stack of maxima or minima;  Fb = Fh, z = 0
-       loop closed:    Fh, rising, meets the last maximum (falling: minimum): that point and the one at which the inner
-                       loop began are forgotten;  Fb = the reversal before, 0 if none;  z = Fd^-1(Fh - Fb)
-       sliding:        |r| >= 1 - 1e-3: all points are forgotten;  Fb = 0,  z = Fd^-1(Fh)
+       loop closed:    Fh, rising, meets the last maximum (falling: minimum):
+                       that point and the one at which the inner loop began
+                       are forgotten;  Fb = the reversal before, 0 if none;
+                       z = Fd^-1(Fh - Fb)
+       sliding:        |r| >= 1 - 1e-3: all points are forgotten;
+                       Fb = 0,  z = Fd^-1(Fh)
 
    Where the paper leaves it open, this block decides. Several loops may close at once. An initial z lies on the curve
    from Fb = 0 and was reached by a motion in its direction. A contact whose Fb lies above the level that it moves
@@ -24,10 +27,12 @@
 
    Start values: Table I of the LuGre paper, with A/zc its stiffness; A and n are ours.
 
-   Solved to the tolerance, with closing and sliding located inside the step. Use it to reproduce results of the paper;
-   ModifiedLeuven has its merits without the stacks. Limits: r, and with it F through sigma1, jumps where an inner loop
-   closes; loops close in the force and z, but in the position only for large n; at the start of sliding dz/dt jumps by
-   the order of 1e-3 n v. */
+   Solved to the tolerance, with closing and sliding located inside the step.
+
+   Use it to reproduce results of the paper; ModifiedLeuven has its merits without the stacks.
+
+   Limits: r, and with it F through sigma1, jumps where an inner loop closes; loops close in the force and z, but in the
+   position only for large n; at the start of sliding dz/dt jumps by the order of 1e-3 n v. */
 
 /* @article{Swevers2000,
      author  = {Swevers, J. and Al-Bender, F. and Ganseman, C. G. and Prajogo, T.},

@@ -18,8 +18,10 @@
    The start values are ours: the elements of equal Wi that come nearest to the curve 1 N (1 - exp(-x / 10 um)), which
    is the Dahl model with Fc and sigma0 of Table I of the LuGre paper.
 
-   Use it for presliding hysteresis, as in guideways and piezo stages, and as a reference for other models. Limits: no
-   Stribeck effect, no lag, no viscous part (add a Viscous block); as many kinks as elements. */
+   Use it for presliding hysteresis, as in guideways and piezo stages, and as a reference for other models. It needs the
+   virgin curve, or half a loop, which the elements follow as a polygon.
+
+   Limits: no Stribeck effect, no lag, no viscous part (add a Viscous block); as many kinks as elements. */
 
 /* @article{Iwan1966,
      author  = {Iwan, W. D.},

@@ -21,7 +21,11 @@
    its stiffness, and n = 2 (ours).
 
    Solved piece by piece between the points where an element starts to slip or z turns, which are located: in closed
-   form for constant v and n = 1 or 2, else to the tolerance. Use it as Leuven's model without its stacks and jumps.
+   form for constant v and n = 1 or 2, else to the tolerance.
+
+   Use it as Leuven's model without its stacks and jumps: presliding with memory of all reversal points, and sliding, in
+   one law. It needs the Stribeck curve, elements as for MaxwellSlip whose sum reaches it, and n.
+
    Limits: F jumps with a jump of v, through sigma1; small n makes loops that do not close and lets it drift. */
 
 /* @article{Lampaert2002,

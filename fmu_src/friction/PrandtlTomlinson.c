@@ -5,8 +5,8 @@
    of friction, Philosophical Magazine 7, 1929; with temperature as in Sang, Dube, Grant, Physical Review Letters 87,
    2001; all from memory of reviews.
 
-       m x'' + m damping x' = k (X - x) - (pi E0 / a) sin(2 pi x / a) + R,   dX/dt = v
-       F   = k (X - x)
+       m x'' + m damping x' = k (X - x) - (pi E0 / a) sin(2 pi x / a) + R
+       F   = k (X - x),   dX/dt = v
        eta = 2 pi^2 E0 / (k a^2)
 
    v is the velocity of the driver and F the force that opposes it. Stick-slip occurs only for eta > 1, where the tip
@@ -23,6 +23,9 @@
 
    The solver is the Rosenbrock method of solver.h with exact derivatives, also for strong damping, to 1e-12 of a per
    inner step.
+
+   Use it for friction at a single tip: the saw tooth of a friction force microscope, how stick-slip ends at eta = 1,
+   how it depends on speed and temperature. It needs the velocity of the driver only, as the tip is inside.
 
    Limits: one dimension, one atom; the noise is white only above dt, and no force below dt is. There is no normal
    force; let E0 follow it. */

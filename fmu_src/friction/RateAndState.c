@@ -13,7 +13,8 @@
 
    For |v| well above V0 exp(-mu/a), that is at all speeds that matter, it is the logarithmic law
 
-       mu = sign(v) (mu0 + a ln(|v|/V0) + b ln(V0 theta/Dc)),   in steady sliding mu0 + (a - b) ln(|v|/V0)
+       mu = sign(v) (mu0 + a ln(|v|/V0) + b ln(V0 theta/Dc))
+          = sign(v) (mu0 + (a - b) ln(|v|/V0))                in steady sliding
 
    A quasi-static slider on a spring is unstable below the stiffness k_c = load sigma_n (b - a)/Dc. At rest theta grows
    with time by the aging law and stays by the slip law, which heals only while it slips. Both laws are stepped in
@@ -21,9 +22,12 @@
    the aging law, with law = true the slip law. theta starts at 10 s = Dc/V0, in steady sliding at V0; it must be
    positive. With a = 0 the force is sign(v) times the term in brackets, where that is positive.
 
-   Limits: F = 0 at v = 0, where the contact creeps rather than holds: a mass that is held by it moves on, by
-   v ~ V0 exp(-mu/a). No presliding elasticity. a > 0 should not be tiny: the force is steep in v at v = 0. With the
-   slip law a jump of the speed makes a spring slider unstable well above k_c. */
+   Use it for rock, and for dry contacts that slide slowly, where friction changes with the logarithm of the speed and
+   with the time at rest: earthquake cycles, creep, stick-slip. It needs a, b and Dc, usually from steps of the speed.
+
+   Limits: F = 0 at v = 0, where the contact creeps rather than holds: a mass that is held by it moves on, by v ~ V0
+   exp(-mu/a). No presliding elasticity. a > 0 should not be tiny: the force is steep in v at v = 0. With the slip law a
+   jump of the speed makes a spring slider unstable well above k_c. */
 
 /* @article{Ruina1983,
      author  = {Ruina, A.},
@@ -62,6 +66,7 @@
 #define STEPS_BY step
 
 #include "block.h"
+#include "load.h"
 
 /* An age that is not positive is no state of the contact; it counts as newborn. */
 static double age_of(double theta) { return fmax(theta, DBL_MIN); }
@@ -69,7 +74,7 @@ static double age_of(double theta) { return fmax(theta, DBL_MIN); }
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = fmax(Fn, 0.0) / Fn0, speed = fabs(v), age = age_of(theta), worn_per_age = speed * age / Dc;
+    const double load = load_of(Fn, Fn0), speed = fabs(v), age = age_of(theta), worn_per_age = speed * age / Dc;
 
     /* a asinh(e^x / 2): above x = 20 it is a x, to the last bit, which does not overflow */
     double mu = 0.0;

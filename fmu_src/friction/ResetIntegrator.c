@@ -6,14 +6,17 @@
    de Wit, Gaefvert, Lischinsky: Friction models and friction compensation, European Journal of Control 4, 1998.
 
        dz/dt = 0  if v > 0 and z >= z0, or v < 0 and z <= -z0,  else v
-       F     = ((1 + a(z)) sigma0 z + beta dz/dt) Fn/Fn0,       a(z) = a if |z| < z0, else 0
+       F     = ((1 + a(z)) sigma0 z + beta dz/dt) Fn/Fn0
+       a(z)  = a if |z| < z0, else 0
 
    Coulomb friction is sigma0 z0, static friction (1 + a) sigma0 z0; beta = 2 zeta sqrt(sigma0 (1 + a) m) damps a
    stuck mass m. The step is exact: z moves with the path and is clipped.
 
-   Use it as the cheapest model with stiction and presliding. Limits: F drops by a sigma0 z0 + beta |v| where |z|
-   reaches z0, and a mass feels that as an impulse; no Stribeck effect and no viscous friction; within |z| < z0 the
-   contact is elastic, so it does not drift. */
+   Use it as the cheapest model with stiction and presliding, where F_ext is not known. It needs the deflection z0 of
+   break-away and, for beta, the mass.
+
+   Limits: F drops by a sigma0 z0 + beta |v| where |z| reaches z0, and a mass feels that as an impulse; no Stribeck
+   effect and no viscous friction; within |z| < z0 the contact is elastic, so it does not drift. */
 
 /* @article{HaessigFriedland1991,
      author  = {Haessig, D. A. and Friedland, B.},
@@ -24,7 +27,7 @@
 #define MODEL    ResetIntegrator
 #define SUMMARY  "Reset-integrator friction: a spring with a stop, stiffer while stuck"
 #define SOURCE   "Haessig, Friedland, ASME J. Dynamic Systems, Measurement, and Control 113(3), 1991"
-#define FEATURES "presliding, drift-free"
+#define FEATURES "presliding, drift-free, rate dependent"
 
 /* clang-format off */
 #define VARIABLES                                                                              \

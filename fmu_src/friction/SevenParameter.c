@@ -24,12 +24,13 @@
    F do not depend on how the time is cut into steps; at a jump of v the later value counts. Break-away is located
    inside the step; it is the root of a polynomial.
 
-   Use it for frictional lag, rising static friction and break-away from presliding of lubricated machines.
+   Use it for frictional lag, rising static friction and break-away from presliding of lubricated machines. It needs v
+   only; Fs_inf and gamma come from break-away after different times at rest.
 
-   Limits: 1024 pieces are kept. If v has more of them within tauL, short neighbours are joined, which keeps the
-   distance, and a warning is given once; v(t - tauL) is then exact to about tauL / 250 in time. If tauL is raised
-   during a run, the history that is already forgotten counts as constant. F is not continuous at break-away. No
-   hysteresis with memory in presliding: the spring is linear. Fs_a does not matter after the first sliding. */
+   Limits: F is not continuous at break-away. No hysteresis with memory in presliding: the spring is linear. Fs_a does
+   not matter after the first sliding. 1024 pieces of v are kept: if there are more within tauL, short neighbours are
+   joined, which keeps the distance, and a warning is given once; v(t - tauL) is then exact to about tauL / 250 in time.
+   If tauL is raised during a run, the history that is already forgotten counts as constant. */
 
 /* @article{ArmstrongHelouvry1994,
      author  = {Armstrong-H{\'e}louvry, B. and Dupont, P. and Canudas de Wit, C.},
@@ -86,6 +87,7 @@ struct memory {
 #define KEEPS_BY keep_history
 
 #include "block.h"
+#include "load.h"
 
 /* ---- the history of v --------------------------------------------------------------------------------------- */
 
@@ -223,7 +225,7 @@ static Contact contact(const Model *m, double v_delayed, double s)
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = fmax(Fn, 0.0) / Fn0, before = delayed(m);
+    const double load = load_of(Fn, Fn0), before = delayed(m);
     const Contact c = contact(m, before, sign(v));
     const double Fs = excess(m, c.t2, c.Fs_last);
 

@@ -12,8 +12,8 @@
 
    Use it for break-away: whether and when a load starts to move.
 
-   Limits: the force falls from Fs to Fc at once, as the Stribeck effect does not exist; no presliding. F jumps at
-   v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h / m; KarnoppMass and SwitchMass
+   Limits: the force falls from Fs to Fc at once, as the Stribeck effect does not exist; no presliding. F jumps at v =
+   0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h / m; KarnoppMass and SwitchMass
    contain the mass and stop it. */
 
 /* @article{Olsson1998,
@@ -25,7 +25,7 @@
 #define MODEL    Stiction
 #define SUMMARY  "Stiction, Coulomb and viscous friction"
 #define SOURCE   "Morin 1833; Olsson and others, European Journal of Control 4(3), 1998, eq. (4)"
-#define FEATURES "needs force"
+#define FEATURES "rate dependent, needs force"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -41,11 +41,12 @@
 /* clang-format on */
 
 #include "block.h"
+#include "load.h"
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = fmax(Fn, 0.0) / Fn0;
+    const double load = load_of(Fn, Fn0);
 
     m->stuck = v == 0.0 && fabs(F_ext) <= load * Fs ? 1.0 : 0.0;
     m->F = v == 0.0 ? clip(F_ext, -load * Fs, load * Fs) : sign(v) * load * Fc + Fv * v;

@@ -14,11 +14,11 @@
    v < 0 has its own set of parameters. Shape 1, the Lorentzian curve, is that of Hess, Soom: Journal of Tribology
    112(1), 1990, who found delta = 2 for lubricated line contacts; its tail is longer.
 
-   Use it for motion without presliding: identification from steady velocities, feedforward, the curve that the
-   bristle models have at constant velocity.
+   Use it for motion without presliding: identification from steady velocities, feedforward, the curve that the bristle
+   models have at constant velocity.
 
-   Limits: F jumps at v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h / m. F_ext
-   is the sum of all other forces on the mass, needed only to hold it at v = 0. */
+   Limits: F jumps at v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h / m. F_ext is
+   the sum of all other forces on the mass, needed only to hold it at v = 0. */
 
 /* @article{ArmstrongHelouvry1994,
      author  = {Armstrong-H{\'e}louvry, B. and Dupont, P. and Canudas de Wit, C.},
@@ -35,7 +35,7 @@
 #define MODEL    Stribeck
 #define SUMMARY  "Coulomb, viscous and Stribeck friction"
 #define SOURCE   "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
-#define FEATURES "Stribeck, needs force"
+#define FEATURES "Stribeck, rate dependent, needs force"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -61,6 +61,7 @@
 /* clang-format on */
 
 #include "block.h"
+#include "load.h"
 #include "stribeck.h"
 
 /* Friction at steady sliding, of the set of parameters for the direction of v. */
@@ -75,7 +76,7 @@ static double level(const Model *m)
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = fmax(Fn, 0.0) / Fn0;
+    const double load = load_of(Fn, Fn0);
     const double low = offset - load * (asymmetric ? Fs_neg : Fs), high = offset + load * Fs;
     const double viscous = asymmetric && v < 0.0 ? Fv_neg : Fv;
 

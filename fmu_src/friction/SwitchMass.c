@@ -5,9 +5,12 @@
    |v_r| <= eta of the relative velocity v_r = v - v_belt and by the force P that friction needs for sticking:
 
        P = F_load - k x - m dv_belt/dt
-       |v_r| >  eta               slip        F = load Fs sign(v_r) (ratio + (1 - ratio) / (1 + delta |v_r|))
-       |v_r| <= eta, |P| > load Fs    transition  F = load Fs sign(P)
-       |v_r| <= eta, |P| <= load Fs   stick       F = P + m v_r sqrt(k/m)
+       slip:        |v_r| >  eta
+                    F = load Fs sign(v_r) (ratio + (1 - ratio) / (1 + delta |v_r|))
+       transition:  |v_r| <= eta and |P| > load Fs
+                    F = load Fs sign(P)
+       stick:       |v_r| <= eta and |P| <= load Fs
+                    F = P + m v_r sqrt(k/m)
        m dv/dt = F_load - k x - F;  dx/dt = v, in stick dx/dt = v_belt
        load = max(Fn, 0) / Fn0
 
@@ -33,7 +36,7 @@
 #define MODEL    SwitchMass
 #define SUMMARY  "Mass, spring and belt with Leine's switch model of friction"
 #define SOURCE   "Leine, Van Campen, De Kraker, Van den Steen, Nonlinear Dynamics 16, 1998"
-#define FEATURES "drift-free, Stribeck, mass inside"
+#define FEATURES "drift-free, Stribeck, rate dependent, mass inside"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -69,8 +72,9 @@ struct fixed {
 #define MEMORY   struct fixed
 
 #include "block.h"
+#include "load.h"
 
-static double load_of(const Model *model) { return fmax(model->Fn, 0.0) / model->Fn0; }
+static double static_friction(const Model *model) { return load_of(model->Fn, model->Fn0) * model->Fs; }
 
 /* P: what friction has to be for the mass to follow the belt. */
 static double needed(const Model *model)
@@ -84,14 +88,14 @@ static struct fixed by_state(const Model *model)
     const double v_r = model->v - model->v_belt, P = needed(model);
     if (fabs(v_r) > model->eta)
         return (struct fixed){SLIP, sign(v_r)};
-    return fabs(P) > load_of(model) * model->Fs ? (struct fixed){TRANSITION, sign(P)} : (struct fixed){STICK, 0.0};
+    return fabs(P) > static_friction(model) ? (struct fixed){TRANSITION, sign(P)} : (struct fixed){STICK, 0.0};
 }
 
 static void equations(Model *model)
 {
     GIVEN(model)
     const struct fixed now = model->memory.phase == BY_STATE ? by_state(model) : model->memory;
-    const double slip = v - v_belt, level = load_of(model) * Fs;
+    const double slip = v - v_belt, level = static_friction(model);
 
     model->v_r = slip;
     model->stuck = now.phase == STICK ? 1.0 : 0.0;
@@ -123,7 +127,7 @@ static double rises(double a, double b, double c)
 static double stick(Model *model, double h, double *s)
 {
     GIVEN(model)
-    const double b = model->slope[INPUT_v_belt], P = needed(model), level = load_of(model) * Fs;
+    const double b = model->slope[INPUT_v_belt], P = needed(model), level = static_friction(model);
     const double P_rate = model->slope[INPUT_F_load] - k * v_belt;
     const double Fn_rate = model->slope[INPUT_Fn];
     const double level_rate = Fn > 0.0 || (Fn == 0.0 && Fn_rate > 0.0) ? Fn_rate / Fn0 * Fs : 0.0;
@@ -153,7 +157,7 @@ static double invalid(const Model *model, bool *inside)
     *inside = false;
     if (model->memory.phase == SLIP)
         return -beyond;
-    const double held = load_of(model) * model->Fs - s * needed(model);
+    const double held = static_friction(model) - s * needed(model);
     *inside = held > 0.0 && beyond <= 0.0;
     return held > 0.0 ? held : beyond;
 }

@@ -4,18 +4,19 @@
    rest is equation (4) of Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4(3),
    1998.
 
-       v != 0:  F = load g(v) sign(v) + Fv v,   g(v) = Fc + (Fs - Fc) exp(-|v| / vs)
+       v != 0:  F = load g(v) sign(v) + Fv v
        v  = 0:  F = F_ext, at most load Fs in size
+       g(v) = Fc + (Fs - Fc) exp(-|v| / vs)
        load = max(Fn, 0) / Fn0
 
    It is Stribeck with the exponent delta = 1. The term with Fs - Fc has the sign of v: printed without it, as in
    some texts, it would push in one direction for either sign of v. F_ext is the sum of all other forces on the mass.
 
-   Use it for stick-slip of servo drives at low speed: at v = 0+ the force falls with the finite slope
-   -(Fs - Fc) / vs, which decides on stability there, where the Gaussian curve (delta = 2) has slope zero.
+   Use it for stick-slip of servo drives at low speed: at v = 0+ the force falls with the finite slope -(Fs - Fc) / vs,
+   which decides on stability there, where the Gaussian curve (delta = 2) has slope zero.
 
-   Limits: no presliding. F jumps at v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by
-   F h / m. */
+   Limits: no presliding. F jumps at v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h
+   / m. */
 
 /* @article{Tustin1947,
      author  = {Tustin, A.},
@@ -27,7 +28,7 @@
 #define MODEL    Tustin
 #define SUMMARY  "Exponential decay from static to Coulomb friction, and viscous friction"
 #define SOURCE   "Tustin, Journal of the IEE 94(2A), 1947"
-#define FEATURES "Stribeck, needs force"
+#define FEATURES "Stribeck, rate dependent, needs force"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -44,12 +45,13 @@
 /* clang-format on */
 
 #include "block.h"
+#include "load.h"
 #include "stribeck.h"
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = fmax(Fn, 0.0) / Fn0;
+    const double load = load_of(Fn, Fn0);
 
     m->stuck = v == 0.0 && fabs(F_ext) <= load * Fs ? 1.0 : 0.0;
     m->F = v == 0.0 ? clip(F_ext, -load * Fs, load * Fs) : sign(v) * load * stribeck(v, Fc, Fs, vs, 1.0) + Fv * v;

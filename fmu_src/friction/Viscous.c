@@ -12,8 +12,8 @@
    Use it alone for fully lubricated bearings and air, and beside a contact model; the other models of this catalogue
    have a linear viscous part of their own.
 
-   Limits: no force at rest, so nothing sticks. For delta_v < 1 the slope at v = 0 is infinite; delta_v = 0 is
-   Coulomb friction with F = 0 at rest. */
+   Limits: no force at rest, so nothing sticks. For delta_v < 1 the slope at v = 0 is infinite; delta_v = 0 is Coulomb
+   friction with F = 0 at rest. */
 
 /* @article{Olsson1998,
      author  = {Olsson, H. and {\AA}str{\"o}m, K. J. and Canudas de Wit, C. and G{\"a}fvert, M. and Lischinsky, P.},

@@ -93,7 +93,6 @@ struct view {
     double substrate; /* mean force of the substrate against positive motion                   */
     double slider;    /* mean force of the slider                                              */
     double energy;    /* kinetic, of the springs, of the substrate, and of the slider's springs */
-    double x[10];     /* the first positions, 0 beyond the end                                 */
 };
 
 /* The chain at `time`: where it is, or as it goes on from there, for derivatives with respect to time. */

@@ -3,9 +3,14 @@
 #ifndef PRESLIDING_H
 #define PRESLIDING_H
 
-/* Contact forces grow with the normal force; a contact that is pulled open has none. Most are loaded with Fn0, and a
-   division costs as much as the rest of a simple law. */
-static inline double load_of(double Fn, double Fn0) { return Fn == Fn0 ? 1.0 : fmax(Fn, 0.0) / Fn0; }
+#include "load.h"
+
+/* Bristle damping that falls with the speed if v_d > 0. Equation (30) of Olsson and others, European Journal of Control
+   4, 1998. */
+static inline double fading(double sigma1, double v, double v_d)
+{
+    return v_d > 0.0 ? sigma1 * exp(-square(v / v_d)) : sigma1;
+}
 
 /* Signed distance slid in the next s seconds, at constant or linear velocity. */
 static inline double slide(const Model *m, double s) { return s * (m->v + 0.5 * s * SLOPE(v)); }

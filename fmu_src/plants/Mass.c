@@ -3,7 +3,8 @@
    Newton's second law; the step is its exact solution for forces and a support velocity that are constant or linear
    in time over the communication step.
 
-       m dv/dt = F_drive + F_load - F_friction - k (x - x_support) - d (v - v_support)
+       m dv/dt = F_drive + F_load - F_friction
+                 - k (x - x_support) - d (v - v_support)
        dx/dt = v,  dx_support/dt = v_support
        F_ext = all of these forces but F_friction
 

@@ -6,7 +6,8 @@
 
        x_mean[k] = (x[k] + ... + x[k-n+1]) / n,   n = window
        d[k]      = (x_mean[k] - x_mean[k-1]) / Ts = (x[k] - x[k-n]) / (n Ts)
-       v[k]      = v[k-1] + (1 - exp(-Ts/tau)) (d[k] - v[k-1]),   v[k] = d[k] if tau = 0
+       v[k]      = v[k-1] + (1 - exp(-Ts/tau)) (d[k] - v[k-1])
+       v[k]      = d[k] if tau = 0
 
    The low-pass is the exact step of tau dv/dt = d - v for a d that is held from sample k-1 to k, the time that d[k]
    is about. Before the first sample x is taken to have moved at v0, so v starts with v0.

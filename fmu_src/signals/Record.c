@@ -4,7 +4,8 @@
    rows; uniform sampling makes the look-up fastest but is not needed. The file that comes with this block holds a
    short triangle motion; a measured motion takes its place when the FMU is packaged.
 
-       y(t) = (1 - w) y_i + w y_(i+1),   w = (t - t_i) / (t_(i+1) - t_i),   t_i <= t <= t_(i+1),   y in {r, rd, rdd}
+       y(t) = (1 - w) y_i + w y_(i+1),   t_i <= t <= t_(i+1),   y in {r, rd, rdd}
+       w    = (t - t_i) / (t_(i+1) - t_i)
 
    At a sample, also where t misses it by rounding, the outputs are the numbers of the table. Before the first row
    and after the last one r keeps their position, at rest: rd = rdd = 0.

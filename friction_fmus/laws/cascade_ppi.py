@@ -56,7 +56,8 @@ def cascade_ppi(
 
         w      = kp (r - x) + (rd - v)
         u      = clip(m rdd + kv w + ki I + f, u_min, u_max)
-        I_next = I + Ts w,   I_next = I while u is limited and w pushes further into that limit
+        I_next = I + Ts w
+        I_next = I while u is limited and w pushes further into that limit
 
     Jamaludin, Van Brussel, Swevers, IEEE Transactions on Industrial Electronics 56(10), 2009 (the structure; the
     paper itself was not read).

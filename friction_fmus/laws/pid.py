@@ -56,7 +56,8 @@ def pid(
 
         e      = r - x
         u      = clip(Kp e + Kd (rd - v) + Ki I + m rdd + f, u_min, u_max)
-        I_next = I + Ts e,   I_next = I while u is limited and e pushes further into that limit
+        I_next = I + Ts e
+        I_next = I while u is limited and e pushes further into that limit
 
     Astrom, Hagglund: Advanced PID Control, ISA 2006 (conditional integration against windup). Ki = 0 is PD
     control. The start values place three poles near 10 Hz for a mass of 1 kg without friction.

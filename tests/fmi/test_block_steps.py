@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, drive, signals
+from fmi.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, drive, load, signals
 
 AWKWARD = (1.0 / 60.0, 1e-3 / 3.0, 0.1, 7e-5)
 
@@ -153,6 +155,18 @@ def test_inputs_with_slopes_may_be_cut_anyhow(library: Library) -> None:
         for name, one in real_values(library, single).items():
             nominal = float(library.variables[name].nominal or 1.0)
             assert cut.get1(name) == pytest.approx(one, rel=1e-7, abs=1e-7 * nominal), name
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-200])
+def test_a_reversal_inside_a_step_is_located_whatever_the_size_of_the_input(
+    build_fmu: Callable[..., Path], size: float
+) -> None:
+    """An elastic, perfectly plastic element goes 0.5 N forth, of which it keeps its limit 0.3 N, and 0.5 N back."""
+    with Instance(load(build_fmu("MaxwellSlip", **{"N": 1, "k[1]": 1.0 / size, "W[1]": 0.3}))) as run:
+        run.initialise(v=size)
+        assert run.input_derivatives({"v": -size}) == OK
+        run.step(0.0, 2.0)
+        assert run.get1("F") == pytest.approx(-0.2, rel=1e-14)
 
 
 def test_the_same_run_gives_the_same_bits(library: Library) -> None:

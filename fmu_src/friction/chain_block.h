@@ -1,0 +1,44 @@
+/* The end of a block of a chain, which Frenkel-Kontorova and Frenkel-Kontorova-Tomlinson share: how the chain is laid
+   out, moved and seen. Included after block.h by a block with the rows N, periodic, winding, amplitude, mode,
+   acceleration, energy, ratio and atom, which says by `around` what pulls at the chain. */
+
+#ifndef CHAIN_BLOCK_H
+#define CHAIN_BLOCK_H
+
+static struct surroundings around(const Model *m);
+
+static void lay(const Model *m, struct chain *c)
+{
+    GIVEN(m)
+    lay_chain(c, N, periodic != 0, winding, amplitude, mode);
+    c->ready = false;
+}
+
+/* What is seen of the chain now; the outputs that all chains have are written. */
+static struct view see(Model *m)
+{
+    GIVEN(m)
+    const struct surroundings at = around(m);
+    struct chain start;
+    if (!m->memory.ready)
+        lay(m, &start);
+    const struct chain *const chain = m->memory.ready ? &m->memory : &start;
+    const struct view seen = view_chain(chain, &at, m->time);
+
+    m->acceleration = seen.a;
+    m->energy = seen.energy;
+    m->ratio = spacing(N, periodic != 0, winding);
+    for (int j = 0; j < 10; j++)
+        m->atom[j] = j < N ? chain->turns + chain->y[j] + j * m->ratio : 0.0;
+    return seen;
+}
+
+static bool move(Model *m, double h)
+{
+    if (!m->memory.ready)
+        lay(m, &m->memory);
+    struct surroundings at = around(m);
+    return move_chain(&m->memory, &at, m->time, h, m->run.tolerance, &m->run.inner_step);
+}
+
+#endif

@@ -1,0 +1,53 @@
+"""The notes of a block, the first comment of its C file or the docstring of its law, as paragraphs."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+LEADS = ("Use it", "Limits:")
+"""Words that begin the paragraphs by which a model is chosen: when to use it, and what it cannot do."""
+
+INDENT = "    "
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """A paragraph of prose, a block of equations, or an item of a list.
+
+    Attributes
+    ----------
+    lines : tuple of str
+        As written, without the indentation of equations, the mark of an item and the lead.
+    lead : str
+        One of `LEADS`, or empty.
+    equations, item : bool
+        Whether it is such a block, whose layout counts; whether it is such an item.
+    """
+
+    lines: tuple[str, ...]
+    lead: str = ""
+    equations: bool = False
+    item: bool = False
+
+    @property
+    def text(self) -> str:
+        """Prose as one line, equations as they stand."""
+        return "\n".join(self.lines) if self.equations else " ".join(self.lines)
+
+
+def paragraphs(notes: str) -> tuple[Paragraph, ...]:
+    """The paragraphs of notes: blank lines part them, indentation marks equations, hyphens mark items."""
+    found: list[Paragraph] = []
+    for part in re.split(r"\n\s*\n", notes.strip("\n")):
+        lines = part.splitlines()
+        if all(line.startswith(INDENT) for line in lines):
+            found.append(Paragraph(tuple(line.removeprefix(INDENT) for line in lines), equations=True))
+            continue
+        for piece in re.split(r"\n(?=- )", part.strip()):
+            item = piece.startswith("- ")
+            lead = re.match(rf"({'|'.join(LEADS)})\s+", piece)
+            body = piece.removeprefix("- ") if item else piece[lead.end() :] if lead else piece
+            written = tuple(line.strip() for line in body.splitlines())
+            found.append(Paragraph(written, lead.group(1) if lead else "", item=item))
+    return tuple(found)
