@@ -19,7 +19,7 @@ import numpy as np
 from rows import Row, arguments, report
 
 from friction_fmus import build, catalogue
-from friction_fmus.toolchain import FLAGS, compiler, header_folder
+from harness.toolchain import FLAGS, compiler, header_folder
 
 STEP = 1e-4
 PLAIN_TARGET = {"Coulomb": None, "Stribeck": None, "MaxwellSlip": None, "GMS": None}

@@ -5,6 +5,10 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+from harness.errors import BuildError
+
+__all__ = ["BuildError", "FrictionError", "UnknownNameError", "nearest"]
+
 
 class FrictionError(Exception):
     """Anything the user can mend; the message says how."""
@@ -12,10 +16,6 @@ class FrictionError(Exception):
 
 class UnknownNameError(FrictionError):
     """A model, variable or command that does not exist."""
-
-
-class BuildError(FrictionError):
-    """A block that does not compile or cannot be packaged."""
 
 
 def nearest(name: str, names: Iterable[str]) -> str:

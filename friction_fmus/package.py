@@ -18,7 +18,6 @@ import fmpy
 import numpy as np
 from numpy.typing import ArrayLike
 
-from friction_fmus import toolchain
 from friction_fmus.catalogue import Block, find, source_folder
 from friction_fmus.customise import Start, identified, renamed, rotational, with_start_values
 from friction_fmus.describe import FIXED, INPUT, PARAMETER, STATE, Description, describe
@@ -26,13 +25,14 @@ from friction_fmus.documentation import index_page, picture
 from friction_fmus.errors import BuildError
 from friction_fmus.model_description import build_time, model_description
 from friction_fmus.version import VERSION
+from harness import toolchain
 
 HEADERS = ("block.h", "solver.h", "fmi2.h", "fmi2_instance.h", "fmi2_state.h")
 
 
 def build(
     model: str | Path,
-    out_dir: Path,
+    out_dir: str | Path,
     start: Start | None = None,
     name: str | None = None,
     files: Mapping[str, str] | None = None,
@@ -45,7 +45,7 @@ def build(
     ----------
     model : str or Path
         Name of a block (`friction-fmus list`), or path of a block's ``.c`` or a law's ``.py`` file.
-    out_dir : Path
+    out_dir : path-like
         Folder for ``NAME.fmu``; made if needed.
     start : mapping of str to number, optional
         Start values to burn in, in the units of the block.
@@ -79,8 +79,9 @@ def build(
         kept.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix="friction-fmus-") as folder:
             _make(block, sources, Path(folder), kept)
-    out_dir.mkdir(parents=True, exist_ok=True)
-    return _copy(kept, out_dir / f"{identifier}.fmu")
+    target = Path(out_dir)
+    target.mkdir(parents=True, exist_ok=True)
+    return _copy(kept, target / f"{identifier}.fmu")
 
 
 def resolve(name: str) -> Path:
@@ -104,7 +105,7 @@ def describe_block(block: Block, folder: Path) -> Description:
 
 
 def build_record(
-    times: ArrayLike, r: ArrayLike, rd: ArrayLike, rdd: ArrayLike, out_dir: Path, name: str = "Record"
+    times: ArrayLike, r: ArrayLike, rd: ArrayLike, rdd: ArrayLike, out_dir: str | Path, name: str = "Record"
 ) -> Path:
     """Builds a `Record` FMU that plays a measured or computed reference.
 
@@ -112,7 +113,7 @@ def build_record(
     ----------
     times, r, rd, rdd : array_like, shape (n,)
         Strictly increasing times [s], position [m], velocity [m/s], acceleration [m/s2].
-    out_dir : Path
+    out_dir : path-like
         Folder for the FMU.
     name : str
         Model identifier.

@@ -66,6 +66,10 @@ class OutputError(HarnessError):
     """A result cannot be written."""
 
 
+class BuildError(HarnessError):
+    """C sources that do not compile, or whose result cannot be packaged."""
+
+
 class PartError(HarnessError):
     """A part failed while it was initialised or run.
 

@@ -23,6 +23,11 @@ _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 _LEVEL = (logging.DEBUG, logging.WARNING, logging.WARNING, logging.ERROR, logging.CRITICAL, logging.DEBUG)
 _CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
 
+_NATIVE = (
+    *("SetReal", "SetInteger", "SetBoolean", "GetReal", "GetInteger", "GetBoolean", "DoStep"),
+    *("GetFMUstate", "SetFMUstate", "FreeFMUstate", "SetRealInputDerivatives"),
+)
+
 _POINTER = ctypes.c_void_p
 _REAL = ctypes.c_double
 _INT = ctypes.c_int
@@ -73,13 +78,17 @@ class Library:
             kind: _pointer(self.slave.dll, f"fmi2Get{kind}", _EXCHANGE) for kind in ("Real", "Integer", "Boolean")
         }
         self.do_step = _pointer(self.slave.dll, "fmi2DoStep", _DO_STEP)
+        self.addresses = {name: _address(self.slave.dll, f"fmi2{name}") for name in _NATIVE}
         self.close = weakref.finalize(self, _unload, self.slave.dll._handle, folder)
+
+
+def _address(library: Any, function: str) -> int:
+    return ctypes.cast(getattr(library, function), _POINTER).value or 0
 
 
 def _pointer(library: Any, function: str, prototype: Any) -> Callable[..., int]:
     """A function of the library that takes addresses as integers: twice as fast as converting arrays."""
-    address = ctypes.cast(getattr(library, function), _POINTER).value
-    call: Callable[..., int] = prototype(address)
+    call: Callable[..., int] = prototype(_address(library, function))
     return call
 
 

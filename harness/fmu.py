@@ -10,7 +10,7 @@ from typing import Any
 from harness.archive import Archive, open_archive
 from harness.errors import HarnessError, PartError, StartValueError
 from harness.fmi2 import Instance, Library
-from harness.part import Calls, Part, Port, StartValue, Values
+from harness.part import Calls, Native, Part, Port, StartValue, Values
 
 
 class FmuPart(Part):
@@ -85,6 +85,23 @@ class FmuPart(Part):
                 raise instance.failure("fmi2DoStep", status, t)
 
         return Calls(_sequence(setters), step, _sequence(getters))
+
+    def native(self, inputs: Sequence[str], outputs: Sequence[str]) -> Native | None:
+        """The addresses of the instance and of the functions of its library."""
+        assert self._library is not None, "native comes after enter_initialisation"
+        instance, ports, variables = self._started(), self._archive.ports, self._archive.variables
+        flags = self._archive.description.coSimulation
+        return Native(
+            instance.component,
+            self._library.addresses,
+            [variables[name].valueReference for name in inputs],
+            [variables[name].valueReference for name in outputs],
+            [ports[name].type for name in inputs],
+            [ports[name].type for name in outputs],
+            bool(flags.canInterpolateInputs),
+            bool(flags.canGetAndSetFMUstate),
+            instance.failure,
+        )
 
     def exit_initialisation(self) -> None:
         """Leave initialisation mode."""

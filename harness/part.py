@@ -71,6 +71,39 @@ class Calls:
     get: Callable[[], None]
 
 
+@dataclass(frozen=True)
+class Native:
+    """What the native engine needs to call a running FMU without Python.
+
+    Parameters
+    ----------
+    component : int
+        Address of the instance.
+    functions : mapping of str to int
+        Address of each function, by its name without ``fmi2``.
+    inputs, outputs : sequence of int
+        Value references in the order in which the ports were bound.
+    input_types, output_types : sequence of PortType
+        Their types.
+    interpolates : bool
+        Whether inputs may have derivatives.
+    saves : bool
+        Whether the state can be saved and restored.
+    failure : callable
+        ``failure(function, status, time)`` makes the error for a call that failed.
+    """
+
+    component: int
+    functions: Mapping[str, int]
+    inputs: Sequence[int]
+    outputs: Sequence[int]
+    input_types: Sequence[PortType]
+    output_types: Sequence[PortType]
+    interpolates: bool
+    saves: bool
+    failure: Callable[[str, int, float], Exception]
+
+
 class Part(ABC):
     """Anything that can be set, stepped and read: an FMU, a Python callable, a recorded series.
 
@@ -139,6 +172,10 @@ class Part(ABC):
         u, y : float64 array, shapes (len(inputs),) and (len(outputs),)
             Contiguous views that are read at every set and written at every get.
         """
+
+    def native(self, inputs: Sequence[str], outputs: Sequence[str]) -> Native | None:
+        """What the native engine needs to call the part, bound to the same ports; None if only Python can."""
+        return None
 
     @abstractmethod
     def exit_initialisation(self) -> None:

@@ -66,11 +66,30 @@ class Plan:
         return self.start + tick * self.step
 
 
-class Program:
-    """A fixed list of operations that is run through at every tick.
+@dataclass(frozen=True)
+class Schedule:
+    """What a master does at every tick.
 
-    Masters that need no decision at run time are such a list; another engine can run the same list from the
-    arrays.
+    Parameters
+    ----------
+    operations : tuple of (int, int)
+        (SET | STEP | GET, index of the part) one after the other; of an implicit master none.
+    tolerance : float
+        Of an implicit master: residual over the size of the values, 0 for an explicit one.
+    error : float
+        Tolerated coupling error over the size of the values, from which an adaptive master finds its inner steps; 0:
+        one step for every tick.
+    """
+
+    operations: tuple[tuple[int, int], ...]
+    tolerance: float = 0.0
+    error: float = 0.0
+
+
+class Program:
+    """A fixed list of operations that is run through at every tick, in Python.
+
+    The compiled engine runs the same list from the arrays of the plan, with the same results to the last bit.
 
     Parameters
     ----------

@@ -5,17 +5,21 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from time import monotonic
 
 import numpy as np
 
 from harness.assembly import Assembly
+from harness.coupling import Coupling
 from harness.errors import HarnessError, PartError
 from harness.experiment import Experiment
 from harness.graph import direct_edges, find_loop, propagation_order
 from harness.layout import find_port, make_plan, recorded_names
+from harness.loops import Loops
 from harness.masters import find_master
+from harness.native import NOT_CONVERGED, Engine
 from harness.part import Calls
-from harness.plan import Plan, fetcher
+from harness.plan import Plan, Program, Schedule, fetcher
 from harness.result import Result
 from harness.tap import Progress, Reader, Recorder, Tap, tap_reader
 from harness.wire import split_name
@@ -23,7 +27,14 @@ from harness.wire import split_name
 _LOG = logging.getLogger("harness")
 
 
-def run(system: Assembly, experiment: Experiment, taps: Sequence[Tap] = (), progress: Progress | None = None) -> Result:
+def run(
+    system: Assembly,
+    experiment: Experiment,
+    taps: Sequence[Tap] = (),
+    progress: Progress | None = None,
+    *,
+    native: bool = True,
+) -> Result:
     """Run a system.
 
     Parameters
@@ -36,6 +47,9 @@ def run(system: Assembly, experiment: Experiment, taps: Sequence[Tap] = (), prog
         Functions that are shown values during the run.
     progress : Progress or None
         Told how far the run is.
+    native : bool
+        Whether the compiled engine runs the ticks, or Python does: slower, with the same results, explicit masters
+        only, and for comparison.
 
     Returns
     -------
@@ -65,13 +79,18 @@ def run(system: Assembly, experiment: Experiment, taps: Sequence[Tap] = (), prog
     }
     try:
         plan = _start(plan, system, experiment)
-        readers = [(experiment.decimate, recorder.read)] if names else []
-        readers += [(tap.every, tap_reader(plan, tap)) for tap in taps]
+        readers = [(tap.every, tap_reader(plan, tap)) for tap in taps]
         if progress is not None:
             readers.append(_progress_reader(progress, plan.ticks))
         for _, read in readers:
             read(0)
-        _loop(master(plan), readers, plan.ticks)
+        if names:
+            recorder.read(0)
+        if native:
+            attributes |= _run_native(plan, master(plan), recorder, readers)
+        else:
+            readers += [(experiment.decimate, recorder.read)] if names else []
+            _loop(Program(plan, master(plan).operations), readers, plan.ticks)
         if progress is not None:
             progress.update(plan.ticks, plan.ticks)
     except HarnessError as error:
@@ -94,6 +113,42 @@ def _loop(advance: Callable[[int], None], readers: Sequence[tuple[int, Reader]],
         for every, read in readers:
             if done % every == 0:
                 read(done)
+
+
+def _run_native(
+    plan: Plan, schedule: Schedule, recorder: Recorder, readers: Sequence[tuple[int, Reader]]
+) -> dict[str, str | float]:
+    """The ticks in C, in pieces between the ticks that a reader wants to see, short enough for Ctrl-C.
+
+    Returns
+    -------
+    dict
+        What is to be known of the run, for the attributes of the result.
+    """
+    engine = Engine(plan, schedule.operations, recorder.rows, recorder.columns, recorder.decimate)
+    implicit = Loops(engine, schedule) if schedule.tolerance > 0.0 else None
+    coupling = None if implicit else Coupling(engine)
+    engine.data.filled = recorder.filled
+    tick, longest = 0, 100
+    try:
+        while tick < plan.ticks:
+            ends = [tick + every - tick % every for every, _ in readers]
+            end = min(plan.ticks, tick + longest, *ends)
+            begin = monotonic()
+            engine.run(tick, end)
+            if monotonic() - begin < 0.05:
+                longest = min(2 * longest, 10_000_000)
+            tick = end
+            for every, read in readers:
+                if tick % every == 0:
+                    read(tick)
+    except HarnessError:
+        if implicit and engine.data.status == NOT_CONVERGED:
+            raise implicit.failure(int(engine.data.failed_part), float(engine.data.failed_time)) from None
+        raise
+    finally:
+        recorder.filled = int(engine.data.filled)
+    return implicit.attributes() if implicit else coupling.report() if coupling else {}
 
 
 def _start(plan: Plan, system: Assembly, experiment: Experiment) -> Plan:

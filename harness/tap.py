@@ -71,6 +71,10 @@ class Recorder:
     ----------
     filled : int
         Number of rows recorded so far.
+    rows : float64 array, shape (R, C)
+        The table.
+    columns : list of int, length C
+        Signals that are recorded.
 
     Raises
     ------
@@ -86,21 +90,22 @@ class Recorder:
         self.filled = 0
         rows = plan.ticks // decimate + 1
         try:
-            self._rows = np.empty((rows, len(self.names)))
+            self.rows = np.empty((rows, len(self.names)))
         except (MemoryError, ValueError) as error:
             gigabytes = 8e-9 * rows * len(self.names)
             raise ExperimentError(
                 f"recording {len(self.names)} variables at {rows} times takes {gigabytes:.3g} GB, more than there is: "
                 "record less or raise decimate"
             ) from error
-        self.read = self._reader([plan.columns[name] for name in self.names])
+        self.columns = [plan.columns[name] for name in self.names]
+        self.read = self._reader(self.columns)
 
     def _reader(self, columns: list[int]) -> Reader:
         width = len(columns)
         if width and columns == list(range(columns[0], columns[0] + width)):
             # Side by side, as in a run that records everything: a plain copy is five times as fast.
             source = memoryview(self._plan.signals.data)[columns[0] : columns[0] + width]
-            table = memoryview(self._rows.reshape(-1).data)
+            table = memoryview(self.rows.reshape(-1).data)
 
             def copy(tick: int) -> None:
                 row = self.filled
@@ -110,7 +115,7 @@ class Recorder:
             return copy
 
         indices = np.array(columns, dtype=np.int64)
-        signals, rows = self._plan.signals, self._rows
+        signals, rows = self._plan.signals, self.rows
 
         def take(tick: int) -> None:
             signals.take(indices, out=rows[self.filled], mode="clip")
@@ -120,7 +125,7 @@ class Recorder:
 
     def result(self, attributes: Mapping[str, str | float]) -> Result:
         """What has been recorded so far."""
-        rows = self._rows[: self.filled]
+        rows = self.rows[: self.filled]
         ticks = np.arange(self.filled) * self.decimate
         times: Values = self._plan.start + ticks * np.float64(self._plan.step)
         return make_result(times, rows, {name: self._plan.ports[name] for name in self.names}, attributes)

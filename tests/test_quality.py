@@ -9,7 +9,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-C_FILES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "fmu_src").rglob("*.[ch]"))
+C_FILES = sorted(
+    str(path.relative_to(ROOT))
+    for folder in ("fmu_src", "harness/engine", "benchmarks")
+    for path in (ROOT / folder).rglob("*.[ch]")
+)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """Master algorithms, one file each: ``some_name.py`` holds ``master`` and is known as ``some-name``.
 
-A master is a function from a started Plan to a function that advances the system by one tick.
+A master is a function from a Plan to a Schedule, which the engine runs through.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from functools import cache
 from typing import TypeAlias, cast
 
 from harness.errors import UnknownNameError, nearest
-from harness.plan import Plan
+from harness.plan import Plan, Schedule
 
-Master: TypeAlias = Callable[[Plan], Callable[[int], None]]
+Master: TypeAlias = Callable[[Plan], Schedule]
 
 
 @cache

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from harness.plan import GET, SET, STEP, Plan, Program
+from harness.plan import GET, SET, STEP, Plan, Schedule
 
 
-def master(plan: Plan) -> Program:
+def master(plan: Plan) -> Schedule:
     """Set, step and read part by part in the order of the plan: sampled parts, then plants, then sensors."""
     parts = range(len(plan.parts))
-    return Program(plan, [(operation, part) for part in parts for operation in (SET, STEP, GET)])
+    return Schedule(tuple((operation, part) for part in parts for operation in (SET, STEP, GET)))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from harness.plan import GET, SET, STEP, Plan, Program
+from harness.plan import GET, SET, STEP, Plan, Schedule
 
 
-def master(plan: Plan) -> Program:
+def master(plan: Plan) -> Schedule:
     """All parts set, then all stepped, then all read; the order of the parts does not matter."""
     parts = range(len(plan.parts))
-    return Program(plan, [(operation, part) for operation in (SET, STEP, GET) for part in parts])
+    return Schedule(tuple((operation, part) for operation in (SET, STEP, GET) for part in parts))

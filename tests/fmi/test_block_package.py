@@ -17,7 +17,8 @@ from fmi.instance import SIGNATURES, Instance, Library, signals
 from fmpy.validation import validate_fmu
 from lxml import etree
 
-from friction_fmus import build, catalogue, toolchain
+from friction_fmus import build, catalogue
+from harness import toolchain
 
 PACKAGER = {"block_rows", "block_evaluate"}
 SI = {  # unit -> exponents of kg, m, s, rad

@@ -40,7 +40,8 @@ def test_result_has_units_and_attributes() -> None:
     assert list(result.data_vars) == ["mass.x", "mass.v"]
     assert result["mass.v"].attrs == {"units": "m/s"}
     assert result["time"].attrs == {"units": "s"}
-    assert result.attrs == {"system": "fall", "master": "gauss-seidel", "start": 0.0, "stop": 1.0, "step": 0.125}
+    expected = {"system": "fall", "master": "gauss-seidel", "start": 0.0, "stop": 1.0, "step": 0.125}
+    assert result.attrs.items() >= expected.items()
 
 
 def test_decimation_keeps_the_start_values() -> None:

@@ -16,7 +16,7 @@ from casadi import Function
 
 from friction_fmus.catalogue import source_folder
 from friction_fmus.emit import DOUBLE, Real, kernel
-from friction_fmus.toolchain import header_folder
+from harness.toolchain import header_folder
 
 FLAGS = (
     *("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden", "-shared"),

@@ -13,7 +13,7 @@ from pathlib import Path
 import fmpy
 import platformdirs
 
-from friction_fmus.errors import BuildError
+from harness.errors import BuildError
 
 FLAGS = (
     *("-std=c99", "-O2", "-g0", "-fPIC", "-fvisibility=hidden"),

@@ -1,0 +1,103 @@
+/* The operations on one part. Each returns a status of FMI 2.0, 0 and 1 (a warning) being fine. */
+
+#ifndef PART_H
+#define PART_H
+
+#include "engine.h"
+
+static inline int64_t count_of(const int64_t *ranges, int type) { return ranges[type + 1] - ranges[type]; }
+
+/* An Integer wire that carries 0.5, say, is an error of the system, not of the FMU. */
+enum { NOT_WHOLE = 100 };
+
+static int set_whole(EnginePart *p, const double *signals, int type, const uint32_t *references)
+{
+    const double *const values = signals + p->inputs[type];
+    const int64_t n = count_of(p->inputs, type);
+    for (int64_t i = 0; i < n; i++) {
+        if (type == INTEGER && !(values[i] == floor(values[i]) && fabs(values[i]) <= 2147483647.0))
+            return NOT_WHOLE;
+        p->whole[i] = type == INTEGER ? (int)values[i] : values[i] != 0.0;
+    }
+    return p->set[type](p->component, references, (size_t)n, p->whole);
+}
+
+/* Hands the inputs over. */
+static int hand_over(EnginePart *p, const double *signals)
+{
+    if (p->call)
+        return p->call(SET, 0.0, 0.0);
+    int worst = 0;
+    for (int type = REAL; type < TYPES; type++) {
+        const int64_t n = count_of(p->inputs, type);
+        if (n == 0)
+            continue;
+        const uint32_t *const references = p->input_references + (p->inputs[type] - p->inputs[REAL]);
+        const int status = type == REAL ? p->set[REAL](p->component, references, (size_t)n,
+                                                       (void *)(uintptr_t)(signals + p->inputs[REAL]))
+                                        : set_whole(p, signals, type, references);
+        if (status > 1)
+            return status;
+        worst = status > worst ? status : worst;
+    }
+    return worst;
+}
+
+static int fetch_outputs(EnginePart *p, double *signals)
+{
+    if (p->call)
+        return p->call(GET, 0.0, 0.0);
+    for (int type = REAL; type < TYPES; type++) {
+        const int64_t n = count_of(p->outputs, type);
+        if (n == 0)
+            continue;
+        const uint32_t *const references = p->output_references + (p->outputs[type] - p->outputs[REAL]);
+        double *const values = signals + p->outputs[type];
+        const int status =
+            p->get[type](p->component, references, (size_t)n, type == REAL ? (void *)values : (void *)p->whole);
+        if (status > 1)
+            return status;
+        for (int64_t i = 0; type != REAL && i < n; i++)
+            values[i] = (double)p->whole[i];
+    }
+    return 0;
+}
+
+static int step_part(EnginePart *p, double t, double h)
+{
+    /* noSetFMUStatePriorToCurrentPoint: importers that people use always pass true, also those that roll back */
+    return p->call ? p->call(STEP, t, h) : p->do_step(p->component, t, h, 1);
+}
+
+static int save_part(EnginePart *p)
+{
+    return p->call ? p->call(SAVE, 0.0, 0.0) : p->get_state(p->component, &p->state);
+}
+
+static int restore_part(EnginePart *p)
+{
+    return p->call ? p->call(RESTORE, 0.0, 0.0) : p->set_state(p->component, p->state);
+}
+
+/* Fetches the values of the wires that end at this part. */
+static inline void fetch_inputs(const Engine *e, const EnginePart *p)
+{
+    for (int64_t i = p->inputs[REAL]; i < p->inputs[TYPES]; i++)
+        e->signals[i] = e->signals[e->sources[i]];
+}
+
+static inline bool is_due(const EnginePart *p, int64_t tick) { return p->every == 1 || tick % p->every == p->phase; }
+
+static inline double time_of(const Engine *e, int64_t tick) { return e->start + (double)tick * e->step; }
+
+/* Notes what failed; false, for the caller to return. */
+static bool failed(Engine *e, int64_t part, int operation, int status, double t)
+{
+    e->failed_part = part;
+    e->failed_operation = operation;
+    e->status = status;
+    e->failed_time = t;
+    return false;
+}
+
+#endif

@@ -1,0 +1,162 @@
+/* r(w) = 0 by Broyden's method, the inverse Jacobian kept from step to step. One unknown is kept between values with
+   residuals of opposite sign, and is found also where r jumps; several go by steps that are halved until the residual
+   falls and, if that is slow, by a new Jacobian from differences. */
+
+#ifndef QUASI_NEWTON_H
+#define QUASI_NEWTON_H
+
+/* inverse += (s - inverse y) s' inverse / (s' inverse y), Broyden 1965, for the step s that changed r by y. */
+static void update_inverse(double *inverse, int64_t n, const double *s, const double *y, double *by)
+{
+    double denominator = 0.0, size = 0.0;
+    for (int64_t i = 0; i < n; i++) {
+        by[i] = 0.0;
+        for (int64_t j = 0; j < n; j++)
+            by[i] += inverse[i * n + j] * y[j];
+        denominator += s[i] * by[i];
+        size += s[i] * s[i];
+    }
+    if (!(fabs(denominator) > 1e-12 * size) || !isfinite(denominator))
+        return;
+    for (int64_t j = 0; j < n; j++) {
+        double row = 0.0;
+        for (int64_t i = 0; i < n; i++)
+            row += s[i] * inverse[i * n + j];
+        by[n + j] = row / denominator;
+    }
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t j = 0; j < n; j++)
+            inverse[i * n + j] += (s[i] - by[i]) * by[n + j];
+}
+
+/* a := inverse of a, by elimination with row exchanges; minus the unit matrix if it has none. */
+static void invert(double *a, double *inverse, int64_t n)
+{
+    for (int64_t i = 0; i < n * n; i++)
+        inverse[i] = i % (n + 1) == 0 ? 1.0 : 0.0;
+    for (int64_t k = 0; k < n; k++) {
+        int64_t pivot = k;
+        for (int64_t i = k + 1; i < n; i++)
+            if (fabs(a[i * n + k]) > fabs(a[pivot * n + k]))
+                pivot = i;
+        const double d = a[pivot * n + k];
+        if (!(fabs(d) > 0.0) || !isfinite(d)) {
+            for (int64_t i = 0; i < n * n; i++)
+                inverse[i] = i % (n + 1) == 0 ? -1.0 : 0.0;
+            return;
+        }
+        for (int64_t j = 0; j < n; j++) {
+            const double swap = a[k * n + j], other = inverse[k * n + j];
+            a[k * n + j] = a[pivot * n + j] / d;
+            inverse[k * n + j] = inverse[pivot * n + j] / d;
+            if (pivot != k) {
+                a[pivot * n + j] = swap;
+                inverse[pivot * n + j] = other;
+            }
+        }
+        for (int64_t i = 0; i < n; i++) {
+            const double factor = i == k ? 0.0 : a[i * n + k];
+            for (int64_t j = 0; j < n && factor != 0.0; j++) {
+                a[i * n + j] -= factor * a[k * n + j];
+                inverse[i * n + j] -= factor * inverse[k * n + j];
+            }
+        }
+    }
+}
+
+/* dr/dw by forward differences at w, where r is `r0`. */
+static int differentiate(Engine *e, Newton *newton, const Group *g, const Span *s, const double *r0, double *inverse)
+{
+    const int64_t n = g->unknowns;
+    double *const jacobian = newton->work + 6 * newton->most_unknowns, norm = 0.0;
+    for (int64_t j = 0; j < n; j++) {
+        double *const w = &newton->w[g->unknown + j], kept = *w;
+        const double scale = newton->scale[g->unknown + j], moved = kept + 1e-6 * (scale > 0.0 ? scale : 1.0);
+        *w = moved;
+        const int status = evaluate(e, newton, g, s, true, &norm);
+        *w = kept;
+        if (status != SOLVED)
+            return status;
+        for (int64_t i = 0; i < n; i++)
+            jacobian[i * n + j] = (newton->r[g->unknown + i] - r0[i]) / (moved - kept);
+    }
+    invert(jacobian, inverse, n);
+    return SOLVED;
+}
+
+/* Where the one unknown has residuals of opposite sign. */
+typedef struct {
+    double w[2], width; /* with r <= 0, with r > 0; width three evaluations ago */
+    bool known[2];
+} Bracket;
+
+/* The candidate, or the middle of the bracket if the candidate leaves it or the bracket closes too slowly. */
+static double inside(Bracket *b, double candidate, int64_t tries)
+{
+    if (!b->known[0] || !b->known[1])
+        return candidate;
+    const double low = fmin(b->w[0], b->w[1]), high = fmax(b->w[0], b->w[1]);
+    bool slow = false;
+    if (tries % 3 == 0) {
+        slow = high - low > 0.5 * b->width;
+        b->width = high - low;
+    }
+    return slow || !(candidate > low && candidate < high) ? 0.5 * (low + high) : candidate;
+}
+
+static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s, bool again)
+{
+    const int64_t n = g->unknowns, most = newton->most_unknowns;
+    double *const w = newton->w + g->unknown, *const r = newton->r + g->unknown;
+    double *const inverse = newton->inverse + number * most * most;
+    double *const w0 = newton->work, *const r0 = w0 + most, *const step = r0 + most, *const change = step + most;
+    Bracket bracket = {{0.0, 0.0}, INFINITY, {false, false}};
+    double norm = 0.0;
+
+    for (int64_t j = 0; j < n; j++) /* warm start */
+        w[j] = newton->w_last[g->unknown + j] + newton->trend[g->unknown + j] * s->h;
+    int status = evaluate(e, newton, g, s, again, &norm);
+    for (int64_t tries = 1; status == SOLVED && norm > newton->tolerance; tries++) {
+        if (tries > MOST_EVALUATIONS) {
+            newton->worst_residual = norm;
+            return NOT_CONVERGED;
+        }
+        memcpy(w0, w, (size_t)n * sizeof(double));
+        memcpy(r0, r, (size_t)n * sizeof(double));
+        const double norm0 = norm;
+        if (n > 1 && tries % 8 == 0) {
+            status = differentiate(e, newton, g, s, r0, inverse);
+            if (status != SOLVED)
+                return status;
+        }
+        for (int64_t i = 0; i < n; i++) {
+            step[i] = 0.0;
+            for (int64_t j = 0; j < n; j++)
+                step[i] -= inverse[i * n + j] * r0[j];
+        }
+        if (n == 1) {
+            bracket.w[r0[0] > 0.0] = w0[0];
+            bracket.known[r0[0] > 0.0] = true;
+            if (bracket.known[0] && bracket.known[1] &&
+                fabs(bracket.w[1] - bracket.w[0]) <= newton->tolerance * newton->scale[g->unknown])
+                break; /* r jumps, as Coulomb friction at v = 0: w is the force that holds */
+            step[0] = inside(&bracket, w0[0] + step[0], tries) - w0[0];
+        }
+        for (double part = 1.0;; part *= 0.5) {
+            for (int64_t j = 0; j < n; j++)
+                w[j] = w0[j] + part * step[j];
+            status = evaluate(e, newton, g, s, true, &norm);
+            if (status != SOLVED || n == 1 || norm < norm0 || part < 0.1)
+                break;
+        }
+        for (int64_t j = 0; j < n; j++) {
+            step[j] = w[j] - w0[j];
+            change[j] = r[j] - r0[j];
+        }
+        if (status == SOLVED && !(n == 1 && step[0] * change[0] >= 0.0))
+            update_inverse(inverse, n, step, change, newton->work + 4 * most);
+    }
+    return status;
+}
+
+#endif

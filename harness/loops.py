@@ -1,0 +1,203 @@
+"""The loops of an implicit master: which parts are solved together, and for which values."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from graphlib import TopologicalSorter
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from harness.errors import ExperimentError
+from harness.native import Engine
+from harness.plan import Plan, Schedule
+
+_POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+
+
+class Moving(ctypes.Structure):
+    """``Moving`` of newton.h."""
+
+    _fields_ = (
+        *((name, _INT) for name in ("input", "part", "inner", "unknown")),
+        *((name, _REAL) for name in ("u0", "q0", "u1", "q1")),
+    )
+
+
+class Group(ctypes.Structure):
+    """``Group`` of newton.h."""
+
+    _fields_ = tuple((name, _INT) for name in ("first", "count", "is_loop", "unknown", "unknowns"))
+
+
+class NewtonData(ctypes.Structure):
+    """``Newton`` of newton.h."""
+
+    _fields_ = (
+        ("groups", _POINTER),
+        ("group_count", _INT),
+        *((name, _POINTER) for name in ("order", "continuous", "moving", "moving_from", "unknowns")),
+        *((name, _POINTER) for name in ("w", "w_last", "trend", "scale", "r", "work", "inverse")),
+        ("most_unknowns", _INT),
+        *((name, _REAL) for name in ("tolerance", "error")),
+        ("proposed", _POINTER),
+        ("worst_residual", _REAL),
+        *((name, _INT) for name in ("evaluations", "substeps", "rejected")),
+    )
+
+
+@dataclass(frozen=True)
+class MovingWire:
+    """A wire whose value moves during a step: from one continuous part to another one, both stepped at every tick.
+
+    Parameters
+    ----------
+    input, output : int
+        Signals at its ends.
+    source, target : int
+        Parts at its ends.
+    """
+
+    input: int
+    output: int
+    source: int
+    target: int
+
+
+def moving_wires(plan: Plan) -> list[MovingWire]:
+    """The wires of Reals between continuous parts that are stepped at every tick, part by part."""
+    owner = {
+        signal: part
+        for part in range(len(plan.parts))
+        for signal in range(int(plan.outputs[part, 0]), int(plan.outputs[part, 1]))
+    }
+    names = list(plan.ports)
+    wires = []
+    for target in range(len(plan.parts)):
+        for signal in range(int(plan.inputs[target, 0]), int(plan.inputs[target, 1])):
+            output = int(plan.sources[signal])
+            source = owner[output]
+            if _moves(plan, source) and _moves(plan, target) and plan.ports[names[signal]].type == "Real":
+                wires.append(MovingWire(signal, output, source, target))
+    return wires
+
+
+def _moves(plan: Plan, part: int) -> bool:
+    return not plan.parts[part].sampled and int(plan.every[part]) == 1
+
+
+def groups_of(plan: Plan, wires: Sequence[MovingWire]) -> list[list[int]]:
+    """Parts in the order in which they are stepped, those of one loop together."""
+    n = len(plan.parts)
+    links = np.array([(wire.source, wire.target) for wire in wires], dtype=np.int64).reshape(-1, 2)
+    graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(n, n))
+    _, label = connected_components(graph, directed=True, connection="strong")
+    before: dict[int, set[int]] = {}
+    for part in range(n):  # sampled parts in the order of the plan, all of them first
+        before.setdefault(int(label[part]), set())
+    for source, target in links:
+        if label[source] != label[target]:
+            before[int(label[target])].add(int(label[source]))
+    moving = [part for part in range(n) if _moves(plan, part)]
+    order = list(TopologicalSorter({int(label[part]): before[int(label[part])] for part in moving}).static_order())
+    still = [part for part in range(n) if not _moves(plan, part)]
+    sampled = [[part] for part in still if plan.parts[part].sampled]
+    slow = [[part] for part in still if not plan.parts[part].sampled]
+    return sampled + [[part for part in moving if label[part] == one] for one in order] + slow
+
+
+class Loops:
+    """The data of an implicit master, attached to an engine.
+
+    Parameters
+    ----------
+    engine : Engine
+        The engine that will run it.
+    schedule : Schedule
+        Tolerances.
+
+    Raises
+    ------
+    ExperimentError
+        If a part of a loop cannot be stepped back.
+    """
+
+    def __init__(self, engine: Engine, schedule: Schedule) -> None:
+        """Find the loops and lay them out."""
+        plan = engine.plan
+        wires = moving_wires(plan)
+        groups = groups_of(plan, wires)
+        order = [part for group in groups for part in group]
+        place = {part: index for index, part in enumerate(order)}
+        group_of = {part: number for number, group in enumerate(groups) for part in group}
+        unknowns: list[int] = []
+        numbers: dict[int, int] = {}
+        rows, first = [], 0
+        inner = [wire for wire in wires if group_of[wire.source] == group_of[wire.target]]
+        for number, group in enumerate(groups):
+            mine = [wire for wire in inner if group_of[wire.source] == number]
+            begin = len(unknowns)
+            for wire in mine:
+                if place[wire.source] >= place[wire.target] and wire.output not in numbers:
+                    numbers[wire.output] = len(unknowns)
+                    unknowns.append(wire.output)
+            rows.append(Group(first, len(group), bool(mine), begin, len(unknowns) - begin))
+            first += len(group)
+            if mine:
+                self._check(engine, group)
+        self.groups, self.plan = groups, plan
+        self.unknowns, self.inner = unknowns, inner
+        moving = []
+        for wire in wires:
+            back = wire in inner and place[wire.source] >= place[wire.target]
+            value = float(plan.signals[wire.output])
+            unknown = numbers[wire.output] if back else -1
+            moving.append(Moving(wire.input, wire.target, wire in inner, unknown, value, value, value, value))
+        begins = np.searchsorted([wire.target for wire in wires], range(len(plan.parts) + 1))
+        most = max([int(row.unknowns) for row in rows], default=0)
+        start = plan.signals[unknowns].copy()
+        data = self.data = NewtonData()
+        keep = engine.keep
+        self._arrays = ((Group * len(rows))(*rows), (Moving * max(1, len(moving)))(*moving))
+        data.groups, data.moving = (ctypes.addressof(array) for array in self._arrays)
+        data.group_count = len(rows)
+        data.order = keep(np.array(order, dtype=np.int64))
+        data.continuous = keep(np.array([_moves(plan, part) for part in range(len(plan.parts))], dtype=np.int64))
+        data.moving_from = keep(begins.astype(np.int64))
+        data.unknowns = keep(np.array(unknowns, dtype=np.int64))
+        data.w, data.w_last, data.scale = keep(start), keep(start.copy()), keep(np.abs(start))
+        data.trend, data.r = keep(np.zeros(len(unknowns))), keep(np.zeros(len(unknowns)))
+        data.work = keep(np.zeros(6 * most + most * most))
+        data.inverse = keep(np.tile(-np.eye(most), (len(rows), 1)))
+        data.most_unknowns = most
+        data.tolerance, data.error = schedule.tolerance, schedule.error
+        data.proposed = keep(np.zeros(len(rows)))
+        engine.data.newton = ctypes.addressof(data)
+
+    def attributes(self) -> dict[str, str | float]:
+        """Evaluations and inner steps of all loops, and how often a step was taken back."""
+        data = self.data
+        return {"evaluations": data.evaluations, "substeps": data.substeps, "rejected": data.rejected}
+
+    def failure(self, number: int, time: float) -> ExperimentError:
+        """The error of a loop that does not converge."""
+        names = list(self.plan.ports)
+        group = set(self.groups[number])
+        wires = [wire for wire in self.inner if wire.target in group]
+        shown = ", ".join(f"{names[wire.output]} -> {names[wire.input]}" for wire in wires)
+        return ExperimentError(
+            f"the loop {shown} does not converge at t = {time:.12g} s, even over a millionth of the step: its residual "
+            f"is {self.data.worst_residual:.2g} of the size of the values: look for a part whose outputs do not settle"
+        )
+
+    def _check(self, engine: Engine, group: Sequence[int]) -> None:
+        for part in group:
+            native = engine.natives[part]
+            if native is not None and not native.saves:
+                raise ExperimentError(
+                    f"'{engine.plan.parts[part].name}' stands in a loop and cannot save its state: "
+                    "use the master gauss-seidel or jacobi"
+                )
