@@ -23,7 +23,7 @@ class Moving(ctypes.Structure):
 
     _fields_ = (
         *((name, _INT) for name in ("input", "part", "inner", "unknown")),
-        *((name, _REAL) for name in ("u0", "q0", "u1", "q1")),
+        *((name, _REAL) for name in ("u0", "q0", "u1", "q1", "scale")),
     )
 
 
@@ -155,7 +155,9 @@ class Loops:
             back = wire in inner and place[wire.source] >= place[wire.target]
             value = float(plan.signals[wire.output])
             unknown = numbers[wire.output] if back else -1
-            moving.append(Moving(wire.input, wire.target, wire in inner, unknown, value, value, value, value))
+            moving.append(
+                Moving(wire.input, wire.target, wire in inner, unknown, value, value, value, value, abs(value))
+            )
         begins = np.searchsorted([wire.target for wire in wires], range(len(plan.parts) + 1))
         most = max([int(row.unknowns) for row in rows], default=0)
         start = plan.signals[unknowns].copy()

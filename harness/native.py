@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import signal
 import tempfile
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -142,6 +145,27 @@ class Engine:
         if done < last:
             raise self.failure()
 
+    @contextmanager
+    def interruptible(self) -> Iterator[None]:
+        """Ctrl-C ends the run at the next part in Python, or behind this piece; it must not be raised inside a callback.
+
+        Only the main thread gets it.
+        """
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+
+        def note(_signal: int, _frame: object) -> None:
+            self.error = KeyboardInterrupt()
+
+        before = signal.signal(signal.SIGINT, note)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+        if self.error is not None:
+            raise self.error
+
     def keep(self, array: np.ndarray[Any, Any]) -> int:
         """Address of an array that lives as long as the engine."""
         self._kept.append(array)
@@ -215,6 +239,8 @@ class Engine:
         }
 
         def call(operation: int, t: float, h: float) -> int:
+            if self.error is not None:
+                return 3
             try:
                 operations[operation](t, h)
             except BaseException as error:

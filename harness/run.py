@@ -135,7 +135,8 @@ def _run_native(
             ends = [tick + every - tick % every for every, _ in readers]
             end = min(plan.ticks, tick + longest, *ends)
             begin = monotonic()
-            engine.run(tick, end)
+            with engine.interruptible():
+                engine.run(tick, end)
             if monotonic() - begin < 0.05:
                 longest = min(2 * longest, 10_000_000)
             tick = end

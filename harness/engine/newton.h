@@ -17,7 +17,10 @@
 
 #include "part.h"
 
-static const double rho = 0.5;
+#define RHO     0.5
+#define GA_M    (0.5 * (3.0 - RHO) / (1.0 + RHO))
+#define GA_F    (1.0 / (1.0 + RHO))
+#define GA_RATE (0.5 + GA_M - GA_F)
 
 /* A Real input that moves during the step, as its source is a continuous part. */
 typedef struct {
@@ -26,6 +29,7 @@ typedef struct {
     int64_t unknown; /* number of the unknown that it reads, -1: its source has been stepped before */
     double u0, q0;   /* at the start */
     double u1, q1;   /* at the end, on trial */
+    double scale;    /* largest size so far */
 } Moving;
 
 typedef struct {
@@ -65,9 +69,8 @@ static double mean_of(Moving *m, const Span *s)
 {
     if (!m->inner)
         return m->u0 + (m->u1 - m->u0) * 0.5 * (s->from + s->to);
-    const double am = 0.5 * (3.0 - rho) / (1.0 + rho), af = 1.0 / (1.0 + rho), g = 0.5 + am - af;
-    m->q1 = ((1.0 - af) * m->u0 + af * m->u1 - (1.0 - am) * m->q0) / am;
-    return (1.0 - g) * m->q0 + g * m->q1;
+    m->q1 = ((1.0 - GA_F) * m->u0 + GA_F * m->u1 - (1.0 - GA_M) * m->q0) / GA_M;
+    return (1.0 - GA_RATE) * m->q0 + GA_RATE * m->q1;
 }
 
 /* Value of an input at the end of the span. */
@@ -127,9 +130,9 @@ static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bo
     *norm = 0.0;
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
         const double G = e->signals[newton->unknowns[j]];
+        const double scale = fmax(newton->scale[j], fmin(fabs(newton->w[j]), fabs(G)));
         newton->r[j] = G - newton->w[j];
-        newton->scale[j] = fmax(newton->scale[j], fabs(G));
-        const double size = newton->r[j] == 0.0 ? 0.0 : fabs(newton->r[j]) / newton->scale[j];
+        const double size = newton->r[j] == 0.0 ? 0.0 : fabs(newton->r[j]) / scale;
         *norm = size >= *norm ? size : isnan(size) ? INFINITY : *norm;
     }
     return SOLVED;
@@ -150,22 +153,21 @@ static void accept(Newton *newton, const Group *g, const Span *s)
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
         newton->trend[j] = (newton->w[j] - newton->w_last[j]) / s->h;
         newton->w_last[j] = newton->w[j];
+        newton->scale[j] = fmax(newton->scale[j], fabs(newton->w[j]));
     }
 }
 
 /* Error of the means over the sizes of the values: against the trapezoidal rule, which is of the same order. */
-static double error_of(const Newton *newton, const Group *g)
+static double error_of(Newton *newton, const Group *g)
 {
     double worst = 0.0;
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = newton->moving_from[newton->order[i]]; k < newton->moving_from[newton->order[i] + 1]; k++) {
-            Moving m = newton->moving[k];
-            if (m.inner) {
-                const Span none = {0.0, 0.0, 0.0, 1.0};
-                const double size = fmax(fabs(m.u0), fabs(m.u1)),
-                             error = fabs(mean_of(&m, &none) - 0.5 * (m.u0 + m.u1));
-                const double scale = m.unknown >= 0 ? newton->scale[m.unknown] : size;
-                worst = fmax(worst, scale > 0.0 ? error / scale : 0.0);
+            Moving *const m = &newton->moving[k];
+            if (m->inner) {
+                const double mean = (1.0 - GA_RATE) * m->q0 + GA_RATE * m->q1, error = mean - 0.5 * (m->u0 + m->u1);
+                m->scale = fmax(m->scale, fmax(fabs(m->u0), fabs(m->u1)));
+                worst = fmax(worst, error != 0.0 ? fabs(error) / m->scale : 0.0);
             }
         }
     return worst;
@@ -196,13 +198,13 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, double t, double
                 newton->substeps++;
                 done = last ? h : done + piece;
                 if (newton->error > 0.0)
-                    *proposed = piece * fmin(2.0, 0.9 / sqrt(error + 1e-9));
+                    *proposed = piece * (again ? 1.0 : fmin(1.5, 0.8 / sqrt(error + 1e-9)));
                 break;
             }
             newton->rejected++;
             if ((status != SOLVED && status != NOT_CONVERGED && status != 2) || piece <= smallest)
                 return status;
-            piece *= status == SOLVED ? fmax(0.2, 0.9 / sqrt(error)) : 0.5;
+            piece *= status == SOLVED ? fmax(0.2, 0.8 / sqrt(error)) : 0.5;
         }
     }
     return SOLVED;

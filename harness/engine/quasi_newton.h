@@ -138,7 +138,7 @@ static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, cons
             bracket.w[r0[0] > 0.0] = w0[0];
             bracket.known[r0[0] > 0.0] = true;
             if (bracket.known[0] && bracket.known[1] &&
-                fabs(bracket.w[1] - bracket.w[0]) <= newton->tolerance * newton->scale[g->unknown])
+                fabs(bracket.w[1] - bracket.w[0]) <= newton->tolerance * fmax(newton->scale[g->unknown], fabs(w0[0])))
                 break; /* r jumps, as Coulomb friction at v = 0: w is the force that holds */
             step[0] = inside(&bracket, w0[0] + step[0], tries) - w0[0];
         }

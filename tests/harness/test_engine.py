@@ -1,0 +1,191 @@
+"""The compiled engine against the same plan in Python, bit by bit."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from harness_parts import bristle, mass, memoryless
+
+from harness import CallablePart, Experiment, FmuPart, PartError, Result, System, Tap
+from harness.run import run
+
+BuildFmu = Callable[..., Path]
+WIRES = ["mass.v -> friction.v", "friction.F -> mass.F_friction"]
+
+
+def same(one: Result, other: Result) -> bool:
+    return list(one) == list(other) and all(np.array_equal(one[name], other[name]) for name in one)
+
+
+def servo(build_fmu: BuildFmu) -> System:
+    """Sampled controller, sampled velocity estimate every second tick, plant, friction, and a part in Python."""
+    return System(
+        [
+            FmuPart("profile", build_fmu("Profile")),
+            FmuPart("pid", build_fmu("PID")),
+            FmuPart("estimate", build_fmu("Differentiator"), every=2),
+            FmuPart("mass", build_fmu("Mass")),
+            FmuPart("friction", build_fmu("LuGre")),
+            CallablePart("gain", lambda t, u, x: 1.5 * u[0], ["u"], ["y"]),
+        ],
+        [
+            "profile.r -> pid.r",
+            "mass.x -> pid.x",
+            "mass.x -> estimate.x",
+            "pid.u -> mass.F_drive",
+            *WIRES,
+            "mass.v -> gain.u",
+        ],
+        {
+            "estimate.Ts": 2e-3,
+            "pid.Ts": 1e-3,
+            "pid.Kp": 400.0,
+            "pid.Kd": 40.0,
+            "pid.rd": 0.0,
+            "pid.rdd": 0.0,
+            "pid.v": 0.0,
+        },
+    )
+
+
+@pytest.mark.parametrize("master", ["jacobi", "gauss-seidel"])
+@pytest.mark.parametrize("decimate", [1, 7])
+def test_engine_and_python_agree_to_the_last_bit(build_fmu: BuildFmu, master: str, decimate: int) -> None:
+    experiment = Experiment(stop=0.7, step=1e-3, master=master, decimate=decimate, record=("*", "mass.F_friction"))
+    with servo(build_fmu) as system:
+        assert same(run(system, experiment), run(system, experiment, native=False))
+
+
+def test_taps_and_progress_see_the_same_values(build_fmu: BuildFmu) -> None:
+    seen: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
+
+    class Counter:
+        def __init__(self) -> None:
+            self.calls: list[tuple[int, int]] = []
+
+        def update(self, done: int, total: int) -> None:
+            self.calls.append((done, total))
+
+    counters = {True: Counter(), False: Counter()}
+    with servo(build_fmu) as system:
+        for native, rows in seen.items():
+            tap = Tap(lambda t, values, rows=rows: rows.append((t, float(values[0]))), ("mass.v",), every=3)
+            run(system, Experiment(stop=0.2, step=1e-3), [tap], counters[native], native=native)
+    assert seen[True] == seen[False]
+    assert len(seen[True]) == 200 // 3 + 1
+    assert counters[True].calls == counters[False].calls
+
+
+def test_error_in_a_python_part_arrives_with_its_time() -> None:
+    def function(t: float, u: np.ndarray, x: np.ndarray) -> float:
+        if t > 0.55:
+            raise ValueError("broken")
+        return t
+
+    part = CallablePart("part", function, [], ["y"])
+    with pytest.raises(PartError, match=r"part 'part' failed in function at t = 0\.6 s: ValueError: broken") as caught:
+        System([part]).run(stop=1.0, step=0.1)
+    assert caught.value.result is not None
+    np.testing.assert_allclose(caught.value.result["part.y"], np.arange(6) * 0.1)
+
+
+def test_failing_step_of_an_fmu_arrives_with_its_time_and_message(build_fmu: BuildFmu) -> None:
+    system = System(
+        [CallablePart("pull", lambda t, u, x: 1e300 * t, [], ["F"]), FmuPart("mass", build_fmu("Mass"))],
+        ["pull.F -> mass.F_drive"],
+        {"mass.m": 1e-9, "mass.F_friction": 0.0},
+    )
+    with system, pytest.raises(PartError, match="part 'mass' failed in fmi2DoStep at t = .*not finite") as caught:
+        system.run(stop=1.0, step=0.1, master="jacobi")
+    assert caught.value.result is not None
+
+
+def test_integer_wire_that_carries_a_fraction_is_refused(make_fmu: Callable[..., Path]) -> None:
+    source = CallablePart("half", lambda t, u, x: 0.5, [], ["y"])
+    part = FmuPart("probe", make_fmu())
+    target = next((port.name for port in part.inputs if port.type == "Integer"), None)
+    if target is None:
+        pytest.skip("the probe has no Integer input")
+    with pytest.raises(Exception, match="Integer"):
+        System([source, part], [f"half.y -> probe.{target}"]).run(stop=1.0, step=0.1)
+
+
+def test_keyboard_interrupt_ends_the_run(build_fmu: BuildFmu) -> None:
+    """Ctrl-C arrives although the ticks run in C."""
+    with servo(build_fmu) as system:
+        timer = threading.Timer(0.5, lambda: signal.raise_signal(signal.SIGINT))
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            system.run(stop=2000.0, step=1e-3, decimate=1000)
+
+
+def test_other_threads_run_beside_the_engine(build_fmu: BuildFmu) -> None:
+    """The GIL is free while the ticks run: a thread counts on, several times in every piece."""
+    counted, done = [0], threading.Event()
+
+    def count() -> None:
+        while not done.wait(1e-3):
+            counted[0] += 1
+
+    system = System(
+        [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu("LuGre"))], WIRES, {"mass.F_drive": 0.5}
+    )
+    thread = threading.Thread(target=count)
+    with system:
+        thread.start()
+        system.run(stop=1000.0, step=1e-3, decimate=1000)
+        done.set()
+        thread.join()
+    assert counted[0] > 20
+
+
+def test_two_systems_run_in_two_threads(build_fmu: BuildFmu) -> None:
+    results: dict[int, Result] = {}
+
+    def work(number: int) -> None:
+        with servo(build_fmu) as system:
+            results[number] = system.run(stop=1.0, step=1e-3)
+
+    threads = [threading.Thread(target=work, args=(number,)) for number in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert same(results[0], results[1])
+
+
+def test_defects_name_the_wire_of_a_loop_that_is_too_stiff(caplog: pytest.LogCaptureFixture) -> None:
+    parts = [mass(v0=1e-3), bristle()]
+    wires = ["bristle.F -> mass.F", "mass.v -> bristle.v"]
+    System(parts, wires).run(stop=0.05, step=1e-4)
+    assert not caplog.records
+    result = System(parts, wires).run(stop=0.5, step=5e-3)
+    assert "bristle.F -> mass.F was handed over with an error" in caplog.text
+    assert "use the master newton or a shorter step" in caplog.text
+    assert result.attrs["lasting_defect"] > 0.05
+
+
+def test_jumps_of_coulomb_friction_are_no_defect(caplog: pytest.LogCaptureFixture) -> None:
+    """A force that jumps at a reversal is late for one step; a mass on a spring with Coulomb friction, 1000 steps a
+    period, is right to a few steps."""
+
+    def swing(t: float, h: float, u: np.ndarray, x: np.ndarray) -> list[float]:
+        a = -4.0 * x[0] - u[0]
+        v = x[1] + h * a
+        return [x[0] + h * v, v]
+
+    oscillator = CallablePart(
+        "mass", lambda t, u, x: x, ["F"], ["x", "v"], advance=swing, state=[1.0, 0.0], dependencies={"x": (), "v": ()}
+    )
+    friction = memoryless("friction", ["v"], ["F"])
+    friction.function = lambda t, u, x: 0.01 * np.sign(u[0])
+    result = System([oscillator, friction], ["mass.v -> friction.v", "friction.F -> mass.F"]).run(
+        stop=20.0, step=3e-3 * np.pi / 3.0 / np.pi
+    )
+    np.testing.assert_allclose(abs(float(result["mass.x"].sel(time=np.pi, method="nearest"))), 0.99, atol=2e-3)
+    assert not caplog.records

@@ -1,0 +1,152 @@
+"""The implicit masters, on parts without FMUs and against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from harness_parts import DAMPING, SIGMA0, bristle, mass
+from scipy.linalg import expm
+from test_harness_masters import two_masses
+
+from harness import CallablePart, ExperimentError, System
+
+WIRES = ["bristle.F -> mass.F", "mass.v -> bristle.v"]
+
+
+def test_two_mass_oscillator_converges_with_second_order() -> None:
+    system, exact = two_masses()
+    errors = []
+    for n in (100, 200, 400, 800):
+        result = system.run(stop=1.0, step=1.0 / n, master="newton", record=["first.x"], decimate=n)
+        errors.append(abs(float(result["first.x"][-1]) - exact[0]))
+    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    np.testing.assert_allclose(orders, 2.0, atol=0.1)
+    assert errors[-1] < 1e-5
+
+
+def test_bristle_loop_follows_its_closed_form() -> None:
+    """z' = v, v' = -(sigma0 z + c v): steps of 0.1 ms are short against 1/316 s and 1/316 s."""
+    h, n = 1e-4, 200
+    result = System([mass(v0=1e-3), bristle()], WIRES).run(stop=n * h, step=h, master="newton")
+    exact = np.array([expm(np.array([[0.0, 1.0], [-SIGMA0, -DAMPING]]) * h * k) @ [0.0, 1e-3] for k in range(n + 1)])
+    np.testing.assert_allclose(result["mass.v"], exact[:, 1], atol=2e-3 * 1e-3)
+    np.testing.assert_allclose(result["mass.x"], exact[:, 0], atol=2e-3 * 1e-3 / 316.0)
+
+
+@pytest.mark.parametrize("step", [1.0, 100.0])
+def test_what_is_stiff_decays_by_half_in_a_step(step: float) -> None:
+    """rho = 0.5, and the ringing changes its sign: where Gauss-Seidel explodes above 3.91 ms."""
+    result = System([mass(v0=1e-3), bristle()], WIRES).run(stop=40 * step, step=step, master="newton")
+    v = np.abs(result["mass.v"].to_numpy())
+    assert v.max() <= 2e-3
+    envelope = 4e-3 * (1 + np.arange(41)) * 0.5 ** np.arange(41)
+    assert (v[3:] <= envelope[3:] + 1e-7 * 0.4 * step).all()  # the tolerance of the force
+
+
+def coulomb(Fc: float, jump: float = 1.0) -> CallablePart:
+    return CallablePart("friction", lambda t, u, x: Fc * np.sign(jump * u[0]), ["v"], ["F"])
+
+
+def test_mass_comes_to_rest_under_coulomb_friction() -> None:
+    """v = v0 - Fc t and x = v0^2/(2 Fc) from t = v0/Fc on: the force that holds lies between those of the jump."""
+    Fc, v0, h = 2.0, 0.1, 1e-3
+    system = System([mass(v0=v0), coulomb(Fc)], ["friction.F -> mass.F", "mass.v -> friction.v"])
+    result = system.run(stop=0.1, step=h, master="newton")
+    t = result["time"].to_numpy()
+    np.testing.assert_allclose(result["mass.v"][t > 0.06], 0.0, atol=Fc * h)
+    np.testing.assert_allclose(result["mass.v"][t < 0.049], (v0 - Fc * t)[t < 0.049], atol=Fc * h)
+    np.testing.assert_allclose(float(result["mass.x"][-1]), v0**2 / (2 * Fc), atol=2 * v0 * h)
+
+
+def test_two_contacts_in_one_loop() -> None:
+    """Two bristles hold one mass: the closed form with twice the stiffness and damping."""
+    plant = CallablePart(
+        "mass",
+        lambda t, u, x: x,
+        ["F1", "F2"],
+        ["x", "v"],
+        advance=lambda t, h, u, x: [x[0] + h * x[1] - 0.5 * h * h * sum(u), x[1] - h * sum(u)],
+        state=[0.0, 1e-3],
+        dependencies={"x": (), "v": ()},
+    )
+    wires = ["mass.v -> a.v", "mass.v -> b.v", "a.F -> mass.F1", "b.F -> mass.F2"]
+    h, n = 1e-4, 100
+    result = System([plant, bristle("a"), bristle("b")], wires).run(stop=n * h, step=h, master="newton")
+    exact = expm(np.array([[0.0, 1.0], [-2 * SIGMA0, -2 * DAMPING]]) * n * h) @ [0.0, 1e-3]
+    np.testing.assert_allclose(float(result["mass.v"][-1]), exact[1], atol=5e-6)
+    assert result.attrs["evaluations"] < 6 * n
+
+
+def test_what_drives_a_loop_is_stepped_once_and_handed_over_as_a_line() -> None:
+    """A ramp of force from a continuous source: x' = v, v' = t is exact, as its mean over the step is."""
+    steps = [0]
+
+    def count(t: float, h: float, u: np.ndarray, x: np.ndarray) -> np.ndarray:
+        steps[0] += 1
+        return x
+
+    ramp = CallablePart("ramp", lambda t, u, x: t, [], ["F"], advance=count, state=[0.0])
+    plant = CallablePart(
+        "mass",
+        lambda t, u, x: x,
+        ["F", "f"],
+        ["x", "v"],
+        advance=lambda t, h, u, x: [x[0] + h * x[1] + 0.5 * h * h * (u[0] - u[1]), x[1] + h * (u[0] - u[1])],
+        state=[0.0, 0.0],
+        dependencies={"x": (), "v": ()},
+    )
+    viscous = CallablePart("friction", lambda t, u, x: 3.0 * u[0], ["v"], ["f"])
+    wires = ["ramp.F -> mass.F", "mass.v -> friction.v", "friction.f -> mass.f"]
+    system = System([ramp, plant, viscous], wires)
+    errors = []
+    for n in (50, 100):
+        steps[0] = 0
+        result = system.run(stop=1.0, step=1.0 / n, master="newton")
+        assert steps[0] == n
+        errors.append(abs(float(result["mass.v"][-1]) - (1.0 / 3.0 - (1.0 - np.exp(-3.0)) / 9.0)))
+    assert errors[1] < 1e-5
+    np.testing.assert_allclose(np.log2(errors[0] / errors[1]), 2.0, atol=0.2)
+
+
+def test_sampled_controller_takes_its_sample_first_and_once() -> None:
+    samples: list[float] = []
+
+    def sample(t: float, u: np.ndarray, x: np.ndarray) -> float:
+        samples.append(t)
+        return -2.0 * u[0]
+
+    controller = CallablePart("ctl", sample, ["y"], ["F"], sampled=True)
+    plant = CallablePart(
+        "mass",
+        lambda t, u, x: x,
+        ["F", "f"],
+        ["v"],
+        advance=lambda t, h, u, x: x + h * (u[0] - u[1]),
+        state=[1.0],
+        dependencies={"v": ()},
+    )
+    friction = CallablePart("friction", lambda t, u, x: 0.0 * u[0], ["v"], ["f"])
+    wires = ["ctl.F -> mass.F", "mass.v -> ctl.y", "mass.v -> friction.v", "friction.f -> mass.f"]
+    h, n = 0.1, 20
+    result = System([plant, friction, controller], wires).run(stop=n * h, step=h, master="newton")
+    np.testing.assert_allclose(result["mass.v"], (1 - 2.0 * h) ** np.arange(n + 1), rtol=1e-9)
+    np.testing.assert_allclose(sorted(set(samples)), np.arange(n) * h, atol=1e-12)
+
+
+def test_adaptive_master_meets_its_error_with_few_steps() -> None:
+    """A fast decay and then nothing: steps grow; two thousand fixed steps would do the same."""
+    system = System([mass(v0=1e-3), bristle()], WIRES)
+    result = system.run(stop=1.0, step=0.05, master="adaptive")
+    exact = np.array(
+        [expm(np.array([[0.0, 1.0], [-SIGMA0, -DAMPING]]) * t) @ [0.0, 1e-3] for t in result["time"].values]
+    )
+    np.testing.assert_allclose(result["mass.x"], exact[:, 0], atol=1e-3 * 1e-3 / 316.0)
+    assert result.attrs["substeps"] < 2000
+
+
+def test_loop_without_a_solution_is_named() -> None:
+    """F = u + 1 with u = F: no value is handed over that comes back."""
+    a = CallablePart("a", lambda t, u, x: u[0] + t, ["u"], ["y"], dependencies={"y": ()})
+    b = CallablePart("b", lambda t, u, x: u[0] + 1.0, ["u"], ["y"])
+    with pytest.raises(ExperimentError, match=r"the loop .*b\.y -> a\.u.* does not converge at t = 0 s"):
+        System([a, b], ["a.y -> b.u", "b.y -> a.u"]).run(stop=1.0, step=0.1, master="newton")
