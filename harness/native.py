@@ -147,7 +147,7 @@ class Engine:
 
     @contextmanager
     def interruptible(self) -> Iterator[None]:
-        """Ctrl-C ends the run at the next part in Python, or behind this piece; it must not be raised inside a callback.
+        """Ctrl-C ends the run at the next part in Python, or behind this piece: raised in a callback it would be lost.
 
         Only the main thread gets it.
         """

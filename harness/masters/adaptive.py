@@ -6,5 +6,5 @@ from harness.plan import Plan, Schedule
 
 
 def master(plan: Plan) -> Schedule:
-    """As many steps of a loop within a tick as keep the error of its values below 1e-4 of their size."""
-    return Schedule((), tolerance=1e-7, error=1e-4)
+    """As many steps of a loop within a tick as keep the error of its values below 1e-5 of their size."""
+    return Schedule((), tolerance=1e-7, error=1e-5)

@@ -100,7 +100,7 @@ def test_failing_step_of_an_fmu_arrives_with_its_time_and_message(build_fmu: Bui
         ["pull.F -> mass.F_drive"],
         {"mass.m": 1e-9, "mass.F_friction": 0.0},
     )
-    with system, pytest.raises(PartError, match="part 'mass' failed in fmi2DoStep at t = .*not finite") as caught:
+    with system, pytest.raises(PartError, match=r"part 'mass' failed in fmi2DoStep at t = .*not finite") as caught:
         system.run(stop=1.0, step=0.1, master="jacobi")
     assert caught.value.result is not None
 
