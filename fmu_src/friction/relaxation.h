@@ -13,31 +13,52 @@
 #ifndef RELAXATION_H
 #define RELAXATION_H
 
+/* The velocity v + slope s from s = start to end. */
+typedef struct {
+    double v, slope, start, end;
+} Motion;
+
+static bool follow_motion(Model *m, Motion motion);
+
+/* Before a stop, time counts back from it: numbers are densest around 0, and there the Stribeck curve may be steep. */
+static bool step(Model *m, double h)
+{
+    const double v = m->v, slope = SLOPE(v);
+    const bool stops = v * slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON * fabs(v);
+    if (!stops)
+        return follow_motion(m, (Motion){v, slope, 0.0, h});
+    return follow_motion(m, (Motion){v, slope, 0.0, 0.5 * h}) && follow_motion(m, (Motion){0.0, slope, -0.5 * h, 0.0});
+}
+
+static inline double velocity(const Motion *motion, double s) { return motion->v + motion->slope * s; }
+
 typedef double Curve(double s, double y, const void *law);
 typedef struct {
     Curve *rate, *goal, *place; /* f, where to stop, and p (of s only); the last two may be NULL */
     const void *data;
+    double tolerance, detail; /* of y: allowed error of a step, change over which f is about linear */
 } Law;
 
 /* Relative to the size of y, for held and for changing inputs; a tolerance of the experiment replaces it, down to
-   where rounding decides. */
+   where rounding decides. A coarser one than 1e-6 would save no steps, and miss a sharp law. */
 static inline double relaxation_tolerance(const Model *m)
 {
-    const double finest = 1e-13;
-    return m->run.tolerance > 0.0 ? fmax(m->run.tolerance, finest) : inputs_held(m) ? finest : 1e-11;
+    const double finest = 1e-13, coarsest = 1e-6;
+    return m->run.tolerance > 0.0 ? clip(m->run.tolerance, finest, coarsest) : inputs_held(m) ? finest : 1e-11;
 }
 
-/* One accepted step from (s, y) towards `end`, of about the length `step`, which becomes a proposal for the next;
-   `tolerance` is absolute. False if no step is short enough. */
-static bool extrapolated_step(const Law *law, double *s, double *y, double *step, double end, double tolerance)
+/* One accepted step from (s, y) towards `end`, of about the length `step`, which becomes a proposal for the next.
+   False if no step is short enough. */
+static bool extrapolated_step(const Law *law, double *s, double *y, double *step, double end)
 {
     enum { ROWS_OF_TABLE = 7 };
     Curve *const f = law->rate;
     const void *const data = law->data;
     const double start = *y, p_start = law->place ? law->place(*s, start, data) : 0.0,
-                 allowed = fmax(tolerance, 4.0 * DBL_EPSILON * fabs(start));
-    const double delta = 1e3 * allowed + 1e-8 * fabs(start);
-    const double J = fmin((f(*s, start + delta, data) - f(*s, start, data)) / delta, 0.0);
+                 allowed = fmax(law->tolerance, 4.0 * DBL_EPSILON * fabs(start));
+    const double delta = 1e-4 * law->detail + 1e-8 * fabs(start), rate = f(*s, start, data);
+    const double J = fmin((f(*s, start + delta, data) - rate) / delta, 0.0);
+    *step = fmin(*step, (4.0 * law->detail + 2.0 * fabs(start)) / fabs(rate));
     for (int tries = 0; tries < 400; tries++) {
         const bool last = *s + 1.1 * *step >= end;
         const double H = last ? end - *s : *step;
@@ -66,6 +87,11 @@ static bool extrapolated_step(const Law *law, double *s, double *y, double *step
             if (converged || (row >= 2 && !(error <= 2.0 * previous)))
                 break;
         }
+        if (converged && -H * J < 1.0) { /* by accident, if the mean rate is far from the rates at both ends */
+            const double s_end = last ? end : *s + H, rate_end = f(s_end, start + (table[row] + gone), data);
+            const double middle = 0.5 * (rate + rate_end), width = 1.5 * fabs(rate_end - rate);
+            converged = fabs(table[row] + gone - H * middle) <= H * width + 10.0 * allowed;
+        }
         if (converged) {
             *s = last ? end : *s + H;
             *y = start + (table[row] + gone);
@@ -81,28 +107,26 @@ static bool extrapolated_step(const Law *law, double *s, double *y, double *step
 
 enum { FAILED = -1, ENDED, REACHED };
 
-/* From (s, y) to `end`, or to the first point where the goal is no longer negative (NULL: there is no goal). `size` is
-   that of y, to which the tolerance is relative; in the first step y changes by no more than `detail`, so that the
-   error estimate sees all of f. */
-static int follow(const Model *m, const Law *law, double *s, double *y, double end, double size, double detail)
+/* From (s, y) to `end`, or to the first point where the goal is no longer negative (NULL: there is no goal). In the
+   first step y changes by no more than the detail of the law, so that the error estimate sees all of f. */
+static int follow(const Law *law, double *s, double *y, double end)
 {
     Curve *const f = law->rate, *const goal = law->goal;
-    const double tolerance = relaxation_tolerance(m) * size;
-    double step = fmin(end - *s, detail / fmax(fabs(f(*s, *y, law->data)), fabs(f(end, *y, law->data))));
+    double step = fmin(end - *s, law->detail / fmax(fabs(f(*s, *y, law->data)), fabs(f(end, *y, law->data))));
     for (int steps = 0; *s < end; steps++) {
         double s_before = *s, y_before = *y;
-        if (steps > 100000 || !extrapolated_step(law, s, y, &step, end, tolerance))
+        if (steps > 100000 || !extrapolated_step(law, s, y, &step, end))
             return FAILED;
         if (!goal || goal(*s, *y, law->data) < 0.0)
             continue;
         /* between the last point before and the first one behind it: secant, or bisection where that is slow */
         double low = goal(s_before, y_before, law->data), high = goal(*s, *y, law->data);
-        for (int tries = 0; tries < 100 && *s - s_before > 2.0 * DBL_EPSILON * *s && high > 0.0; tries++) {
+        for (int tries = 0; tries < 100 && *s - s_before > 2.0 * DBL_EPSILON * fabs(*s) && high > 0.0; tries++) {
             const double part = tries % 3 == 2 ? 0.5 : clip(-low / (high - low), 1e-3, 1.0 - 1e-3);
             double s_middle = s_before, y_middle = y_before, inner = part * (*s - s_before);
             const double middle = s_before + inner;
             while (s_middle < middle)
-                if (!extrapolated_step(law, &s_middle, &y_middle, &inner, middle, tolerance))
+                if (!extrapolated_step(law, &s_middle, &y_middle, &inner, middle))
                     return FAILED;
             const double found = goal(s_middle, y_middle, law->data);
             if (found < 0.0) {
@@ -114,7 +138,7 @@ static int follow(const Model *m, const Law *law, double *s, double *y, double e
                 *y = y_middle;
                 high = found;
             }
-            if (fabs(*y - y_before) <= tolerance && *s - s_before <= 1e-9 * *s)
+            if (fabs(*y - y_before) <= law->tolerance && *s - s_before <= 1e-9 * fabs(*s))
                 break;
         }
         return REACHED;
@@ -144,9 +168,10 @@ static inline double signed_power(double r, double n)
 }
 
 /* The law 1 - sgn(r) |r|^n is flat at first and then sharp, for large n: up to this r it is 1 to rounding, and from
-   there on changes of r that count are of this size. */
+   there on changes of r that count are of this size. Pieces on either side of that r end a little behind it. */
 static inline double flat_until(double n) { return n < 8.0 ? 0.0 : exp(-36.0 / n); }
 static inline double sharpness(double n) { return 0.25 * fmin(1.0, 3.0 / n); }
+static const double behind_flat = 1e-6;
 
 /* Above this r, which a contact has when its level has jumped down, it takes a path of less than 1e-10 / (n - 1) of
    the elastic deflection to come down to it: no time. */
