@@ -82,6 +82,7 @@ struct reversals {
 #include "presliding.h"
 #include "stribeck.h"
 #include "relaxation.h"
+#include "motion.h"
 
 static const double slides_at = 1.0 - 1e-3;
 
@@ -240,7 +241,6 @@ static bool follow_motion(Model *m, Motion motion)
     GIVEN(m)
     struct reversals *const memory = &m->memory;
     const double slope = motion.slope, side = sign(m->v != 0.0 ? m->v : slope), S = stribeck(v, Fc, Fs, vs, delta);
-    const double tolerance = relaxation_tolerance(m);
     if (side == 0.0)
         return true;
 
@@ -273,9 +273,9 @@ static bool follow_motion(Model *m, Motion motion)
         const double next = s + stribeck_piece(velocity(&p.motion, s), slope, vs, delta);
         const bool near = slope != 0.0 && !p.remembers && A > 1.01 * fmax(Fs, Fc) && curve(m, b.zeta) > 0.9 * level;
         const double size = zc * (p.remembers ? level - b.base : fmax(Fs, Fc)) / A; /* of zeta where r = 1 */
-        const Law law = {piece_rate, piece_goal,       near ? piece_place : NULL,
-                         &p,         size * tolerance, p.flat ? size : size * sharpness(n)};
-        const int how = follow(&law, &s, &b.zeta, next < arrival && next > s ? next : arrival);
+        const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p};
+        const int how = follow(m, &law, &s, &b.zeta, next < arrival && next > s ? next : arrival, size,
+                               size * (p.flat ? 1.0 : sharpness(n)));
         if (how == FAILED)
             return false;
         if (how == REACHED && b.zeta >= p.closing)

@@ -67,6 +67,7 @@
 #include "maxwell.h"
 #include "stribeck.h"
 #include "relaxation.h"
+#include "motion.h"
 
 static double hysteresis_force(const Model *m)
 {
@@ -235,9 +236,9 @@ static bool follow_motion(Model *m, Motion motion)
     }
     if (strongest < (1.0 - 1e-9) * fmax(Fs, Fc))
         m->run.warning = true;
-    const double size = stiffest > 0.0 ? fmax(Fs, Fc) / stiffest : 1e-5, tolerance = relaxation_tolerance(m);
+    const double size = stiffest > 0.0 ? fmax(Fs, Fc) / stiffest : 1e-5;
     struct piece p = {m, motion, S, 0.0, 0.0, 0.0, 0.0, size, 0.0, false, false};
-    p.slack = 10.0 * tolerance;
+    p.slack = 10.0 * relaxation_tolerance(m);
     const double arrival = motion.end;
     double s = motion.start;
     for (int pieces = 0; side != 0.0 && s < arrival; pieces++) {
@@ -266,9 +267,8 @@ static bool follow_motion(Model *m, Motion motion)
             }
         } else {
             const bool near = slope != 0.0 && p.stiffness > 0.0 && p.force > 0.9 * piece_level(&p, s);
-            const Law law = {piece_rate, piece_goal,       near ? piece_place : NULL,
-                             &p,         tolerance * size, p.flat ? size : size * sharpness(n)};
-            const int how = follow(&law, &s, &zeta, end);
+            const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p};
+            const int how = follow(m, &law, &s, &zeta, end, size, size * (p.flat ? 1.0 : sharpness(n)));
             if (how == FAILED)
                 return false;
             if (how == REACHED && zeta >= p.reach - 1e-14 * size)

@@ -13,30 +13,10 @@
 #ifndef RELAXATION_H
 #define RELAXATION_H
 
-/* The velocity v + slope s from s = start to end. */
-typedef struct {
-    double v, slope, start, end;
-} Motion;
-
-static bool follow_motion(Model *m, Motion motion);
-
-/* Before a stop, time counts back from it: numbers are densest around 0, and there the Stribeck curve may be steep. */
-static bool step(Model *m, double h)
-{
-    const double v = m->v, slope = SLOPE(v);
-    const bool stops = v * slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON * fabs(v);
-    if (!stops)
-        return follow_motion(m, (Motion){v, slope, 0.0, h});
-    return follow_motion(m, (Motion){v, slope, 0.0, 0.5 * h}) && follow_motion(m, (Motion){0.0, slope, -0.5 * h, 0.0});
-}
-
-static inline double velocity(const Motion *motion, double s) { return motion->v + motion->slope * s; }
-
 typedef double Curve(double s, double y, const void *law);
 typedef struct {
     Curve *rate, *goal, *place; /* f, where to stop, and p (of s only); the last two may be NULL */
     const void *data;
-    double tolerance, detail; /* of y: allowed error of a step, change over which f is about linear */
 } Law;
 
 /* Relative to the size of y, for held and for changing inputs; a tolerance of the experiment replaces it, down to
@@ -48,17 +28,18 @@ static inline double relaxation_tolerance(const Model *m)
 }
 
 /* One accepted step from (s, y) towards `end`, of about the length `step`, which becomes a proposal for the next.
-   False if no step is short enough. */
-static bool extrapolated_step(const Law *law, double *s, double *y, double *step, double end)
+   `tolerance` is absolute; f is about linear over changes of y by `detail`. False if no step is short enough. */
+static bool extrapolated_step(const Law *law, double *s, double *y, double *step, double end, double tolerance,
+                              double detail)
 {
     enum { ROWS_OF_TABLE = 7 };
     Curve *const f = law->rate;
     const void *const data = law->data;
     const double start = *y, p_start = law->place ? law->place(*s, start, data) : 0.0,
-                 allowed = fmax(law->tolerance, 4.0 * DBL_EPSILON * fabs(start));
-    const double delta = 1e-4 * law->detail + 1e-8 * fabs(start), rate = f(*s, start, data);
+                 allowed = fmax(tolerance, 4.0 * DBL_EPSILON * fabs(start));
+    const double delta = 1e-4 * detail + 1e-8 * fabs(start), rate = f(*s, start, data);
     const double J = fmin((f(*s, start + delta, data) - rate) / delta, 0.0);
-    *step = fmin(*step, (4.0 * law->detail + 2.0 * fabs(start)) / fabs(rate));
+    *step = fmin(*step, (4.0 * detail + 2.0 * fabs(start)) / fabs(rate));
     for (int tries = 0; tries < 400; tries++) {
         const bool last = *s + 1.1 * *step >= end;
         const double H = last ? end - *s : *step;
@@ -107,15 +88,17 @@ static bool extrapolated_step(const Law *law, double *s, double *y, double *step
 
 enum { FAILED = -1, ENDED, REACHED };
 
-/* From (s, y) to `end`, or to the first point where the goal is no longer negative (NULL: there is no goal). In the
-   first step y changes by no more than the detail of the law, so that the error estimate sees all of f. */
-static int follow(const Law *law, double *s, double *y, double end)
+/* From (s, y) to `end`, or to the first point where the goal is no longer negative (NULL: there is no goal). `size` is
+   that of y, to which the tolerance is relative; in the first step y changes by no more than `detail`, so that the
+   error estimate sees all of f. */
+static int follow(const Model *m, const Law *law, double *s, double *y, double end, double size, double detail)
 {
     Curve *const f = law->rate, *const goal = law->goal;
-    double step = fmin(end - *s, law->detail / fmax(fabs(f(*s, *y, law->data)), fabs(f(end, *y, law->data))));
+    const double tolerance = relaxation_tolerance(m) * size;
+    double step = fmin(end - *s, detail / fmax(fabs(f(*s, *y, law->data)), fabs(f(end, *y, law->data))));
     for (int steps = 0; *s < end; steps++) {
         double s_before = *s, y_before = *y;
-        if (steps > 100000 || !extrapolated_step(law, s, y, &step, end))
+        if (steps > 100000 || !extrapolated_step(law, s, y, &step, end, tolerance, detail))
             return FAILED;
         if (!goal || goal(*s, *y, law->data) < 0.0)
             continue;
@@ -126,7 +109,7 @@ static int follow(const Law *law, double *s, double *y, double end)
             double s_middle = s_before, y_middle = y_before, inner = part * (*s - s_before);
             const double middle = s_before + inner;
             while (s_middle < middle)
-                if (!extrapolated_step(law, &s_middle, &y_middle, &inner, middle))
+                if (!extrapolated_step(law, &s_middle, &y_middle, &inner, middle, tolerance, detail))
                     return FAILED;
             const double found = goal(s_middle, y_middle, law->data);
             if (found < 0.0) {
@@ -138,7 +121,7 @@ static int follow(const Law *law, double *s, double *y, double end)
                 *y = y_middle;
                 high = found;
             }
-            if (fabs(*y - y_before) <= law->tolerance && *s - s_before <= 1e-9 * fabs(*s))
+            if (fabs(*y - y_before) <= tolerance && *s - s_before <= 1e-9 * fabs(*s))
                 break;
         }
         return REACHED;
