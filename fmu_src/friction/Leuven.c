@@ -271,11 +271,12 @@ static bool follow_motion(Model *m, Motion motion)
         p.backwards = b.zeta < 0.0;
         p.flat = !p.backwards && piece_ratio(&p, s, b.zeta) < flat_until(n) - 0.5 * behind_flat;
         const double next = s + stribeck_piece(velocity(&p.motion, s), slope, vs, delta);
-        const bool near = slope != 0.0 && !p.remembers && A > 1.01 * fmax(Fs, Fc) && curve(m, b.zeta) > 0.9 * level;
+        const double end = next < arrival && next > s ? next : arrival;
+        const bool near = slope != 0.0 && !p.remembers && curve(m, b.zeta) > 0.9 * level &&
+                          1.01 * fmax(level, piece_level(&p, end)) < A;
         const double size = zc * (p.remembers ? level - b.base : fmax(Fs, Fc)) / A; /* of zeta where r = 1 */
         const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p};
-        const int how = follow(m, &law, &s, &b.zeta, next < arrival && next > s ? next : arrival, size,
-                               size * (p.flat ? 1.0 : sharpness(n)));
+        const int how = follow(m, &law, &s, &b.zeta, end, size, size * (p.flat ? 1.0 : sharpness(n)));
         if (how == FAILED)
             return false;
         if (how == REACHED && b.zeta >= p.closing)
