@@ -275,7 +275,7 @@ static bool follow_motion(Model *m, Motion motion)
         const bool near = slope != 0.0 && !p.remembers && curve(m, b.zeta) > 0.9 * level &&
                           1.01 * fmax(level, piece_level(&p, end)) < A;
         const double size = zc * (p.remembers ? level - b.base : fmax(Fs, Fc)) / A; /* of zeta where r = 1 */
-        const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p};
+        const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p, slope == 0.0};
         const int how = follow(m, &law, &s, &b.zeta, end, size, size * (p.flat ? 1.0 : sharpness(n)));
         if (how == FAILED)
             return false;

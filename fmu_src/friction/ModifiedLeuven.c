@@ -267,7 +267,7 @@ static bool follow_motion(Model *m, Motion motion)
             }
         } else {
             const bool near = slope != 0.0 && p.stiffness > 0.0 && p.force > 0.9 * piece_level(&p, s);
-            const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p};
+            const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p, slope == 0.0};
             const int how = follow(m, &law, &s, &zeta, end, size, size * (p.flat ? 1.0 : sharpness(n)));
             if (how == FAILED)
                 return false;

@@ -17,6 +17,7 @@ typedef double Curve(double s, double y, const void *law);
 typedef struct {
     Curve *rate, *goal, *place; /* f, where to stop, and p (of s only); the last two may be NULL */
     const void *data;
+    bool steady; /* f depends on y only */
 } Law;
 
 /* Relative to the size of y, for held and for changing inputs; a tolerance of the experiment replaces it, down to
@@ -48,13 +49,14 @@ static bool extrapolated_step(const Law *law, double *s, double *y, double *step
         bool converged = false;
         int row = 0;
         for (; row < ROWS_OF_TABLE; row++) {
-            const double h = H / (row + 1);
+            const double h = H / (row + 1), damping = 1.0 / (1.0 - h * J);
             double moved = 0.0; /* relative to p */
             gone = 0.0;
             for (int i = 1; i <= row + 1; i++) {
                 const double s_i = i == row + 1 ? *s + H : *s + i * h, before = gone;
                 gone = law->place ? law->place(s_i, start, data) - p_start : 0.0;
-                moved += (h * f(s_i, start + moved + gone, data) - gone + before) / (1.0 - h * J);
+                const double f_i = i == 1 && law->steady ? rate : f(s_i, start + moved + gone, data);
+                moved += (h * f_i - gone + before) * damping;
             }
             for (int k = 0; k < row; k++) {
                 const double better = moved + (moved - table[k]) * (row - k) / (k + 1);
@@ -68,7 +70,8 @@ static bool extrapolated_step(const Law *law, double *s, double *y, double *step
             if (converged || (row >= 2 && !(error <= 2.0 * previous)))
                 break;
         }
-        if (converged && -H * J < 1.0) { /* by accident, if the mean rate is far from the rates at both ends */
+        if (converged && -H * J < 1.0 && H * fabs(rate) > detail) {
+            /* by accident, if the mean rate is far from the rates at both ends */
             const double s_end = last ? end : *s + H, rate_end = f(s_end, start + (table[row] + gone), data);
             const double middle = 0.5 * (rate + rate_end), width = 1.5 * fabs(rate_end - rate);
             converged = fabs(table[row] + gone - H * middle) <= H * width + 10.0 * allowed;
@@ -95,7 +98,8 @@ static int follow(const Model *m, const Law *law, double *s, double *y, double e
 {
     Curve *const f = law->rate, *const goal = law->goal;
     const double tolerance = relaxation_tolerance(m) * size;
-    double step = fmin(end - *s, detail / fmax(fabs(f(*s, *y, law->data)), fabs(f(end, *y, law->data))));
+    const double rate = fabs(f(*s, *y, law->data)), last = law->steady ? rate : fabs(f(end, *y, law->data));
+    double step = fmin(end - *s, detail / fmax(rate, last));
     for (int steps = 0; *s < end; steps++) {
         double s_before = *s, y_before = *y;
         if (steps > 100000 || !extrapolated_step(law, s, y, &step, end, tolerance, detail))
