@@ -156,10 +156,10 @@ static struct branch branch_of(const Model *m, double side)
 static void contact(Model *m, const struct branch *b, double S)
 {
     GIVEN(m)
-    const double r = b->zeta == 0.0 ? 0.0 : curve(m, b->zeta) / (S - b->base);
+    const double force = curve(m, b->zeta), r = force == 0.0 ? 0.0 : force / (S - b->base);
     m->der_z = v * (1.0 - signed_power(r, n));
     m->Fb = b->side * b->base;
-    m->Fh = b->side * (b->base + curve(m, b->zeta));
+    m->Fh = b->side * (b->base + force);
     m->depth = b->depth;
     m->sliding = b->sliding ? 1.0 : 0.0;
     m->stack_overflow = b->full ? 1.0 : m->memory.overflow;
@@ -260,11 +260,11 @@ static bool follow_motion(Model *m, Motion motion)
             return false;
         const double level = piece_level(&p, s);
         settle(m, &b, level);
-        if (slope == 0.0 && b.depth == 0 && fabs(curve(m, b.zeta) - S) <= 4.0 * DBL_EPSILON * S)
+        const double force = curve(m, b.zeta);
+        if (slope == 0.0 && b.depth == 0 && fabs(force - S) <= 4.0 * DBL_EPSILON * S)
             break;
-        const double highest = falls_to(n) * level;
-        if (b.depth == 0 && fabs(curve(m, b.zeta)) > highest)
-            b.zeta = copysign(inverse_curve(m, highest), b.zeta);
+        if (b.depth == 0 && fabs(force) > level && fabs(force) > falls_to(n) * level)
+            b.zeta = copysign(inverse_curve(m, falls_to(n) * level), b.zeta);
         p.base = b.base;
         p.closing = b.depth >= 2 ? inverse_curve(m, closing_force(m, &b) - b.base) : INF;
         p.remembers = b.depth > 0;

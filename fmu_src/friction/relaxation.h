@@ -25,7 +25,7 @@ typedef struct {
 static inline double relaxation_tolerance(const Model *m)
 {
     const double finest = 1e-13, coarsest = 1e-6;
-    return m->run.tolerance > 0.0 ? clip(m->run.tolerance, finest, coarsest) : inputs_held(m) ? finest : 1e-11;
+    return m->run.tolerance > 0.0 ? clip(m->run.tolerance, finest, coarsest) : inputs_held(m) ? 1e-12 : 1e-11;
 }
 
 /* One accepted step from (s, y) towards `end`, of about the length `step`, which becomes a proposal for the next.
@@ -137,6 +137,8 @@ static int follow(const Model *m, const Law *law, double *s, double *y, double e
    powers of two of (v/vs)^delta. Between them g is smooth enough for an error estimate to be trusted. */
 static double stribeck_piece(double v, double slope, double vs, double delta)
 {
+    if (slope == 0.0)
+        return INF;
     const double speed = fabs(v), rate = v == 0.0 ? fabs(slope) : sign(v) * slope;
     const double power = delta * log2(speed / vs), last = 6.0, first = delta > 2.0 ? -16.0 : 0.0;
     if (rate > 0.0) {
@@ -144,7 +146,7 @@ static double stribeck_piece(double v, double slope, double vs, double delta)
         return next > last ? INF : (vs * exp2(next / delta) - speed) / rate;
     }
     const double next = fmin(ceil(power - 1e-6) - 1.0, last);
-    return rate == 0.0 || next < first ? INF : (vs * exp2(next / delta) - speed) / rate;
+    return next < first ? INF : (vs * exp2(next / delta) - speed) / rate;
 }
 
 /* sign(r) |r|^n, limited so that it is finite. */

@@ -72,7 +72,7 @@ def level(v: float, p: dict[str, float]) -> float:
 
 def slowing(r: float, n: float) -> float:
     """1 - sgn(r) |r|^n."""
-    return 1.0 - math.copysign(math.exp(min(n * math.log(abs(r)), 20.0)) if r else 0.0, r)
+    return 1.0 - math.copysign(math.exp(min(n * math.log(abs(r)), 30.0)) if r else 0.0, r)
 
 
 class Reference:
