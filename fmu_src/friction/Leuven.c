@@ -87,6 +87,7 @@ struct reversals {
 #include "presliding.h"
 #include "stribeck.h"
 #include "relaxation.h"
+#include "motion.h"
 
 static const double slides_at = 1.0 - 1e-3;
 
@@ -160,10 +161,10 @@ static struct branch branch_of(const Model *m, double side)
 static void contact(Model *m, const struct branch *b, double S)
 {
     GIVEN(m)
-    const double r = b->zeta == 0.0 ? 0.0 : curve(m, b->zeta) / (S - b->base);
+    const double force = curve(m, b->zeta), r = force == 0.0 ? 0.0 : force / (S - b->base);
     m->der_z = v * (1.0 - signed_power(r, n));
     m->Fb = b->side * b->base;
-    m->Fh = b->side * (b->base + curve(m, b->zeta));
+    m->Fh = b->side * (b->base + force);
     m->depth = b->depth;
     m->sliding = b->sliding ? 1.0 : 0.0;
     m->stack_overflow = b->full ? 1.0 : m->memory.overflow;
@@ -183,6 +184,7 @@ static void equations(Model *m)
 /* A piece of the step in which the contact stays on its branch. */
 struct piece {
     const Model *m;
+    Motion motion;
     double S; /* the level, if v is held */
     double base, closing;
     bool backwards; /* r < 0            */
@@ -193,20 +195,20 @@ struct piece {
 static double piece_level(const struct piece *p, double s)
 {
     GIVEN(p->m)
-    return given->slope[INPUT_v] == 0.0 ? p->S : stribeck(v + given->slope[INPUT_v] * s, Fc, Fs, vs, delta);
+    return p->motion.slope == 0.0 ? p->S : stribeck(velocity(&p->motion, s), Fc, Fs, vs, delta);
 }
 
-/* r; where the level has been passed, beyond the end of the piece, anything above 1. */
+/* r; 1 where the level has been passed, beyond the end of the piece. */
 static double piece_ratio(const struct piece *p, double s, double zeta)
 {
-    const double distance = piece_level(p, s) - p->base, r = distance > 0.0 ? curve(p->m, zeta) / distance : 2.0;
-    return p->remembers ? fmin(r, 2.0) : r;
+    const double distance = piece_level(p, s) - p->base, r = distance > 0.0 ? curve(p->m, zeta) / distance : 1.0;
+    return p->remembers ? fmin(r, 1.0) : r;
 }
 
 static double piece_rate(double s, double zeta, const void *law)
 {
     const struct piece *const p = (const struct piece *)law;
-    const double speed = fabs(p->m->v + p->m->slope[INPUT_v] * s);
+    const double speed = fabs(velocity(&p->motion, s));
     if (p->flat)
         return speed;
     const double r = piece_ratio(p, s, zeta); /* of the other sign beyond the end of the piece */
@@ -232,17 +234,18 @@ static double piece_goal(double s, double zeta, const void *law)
         goal = fmax(goal, zeta);
     if (p->flat)
         goal = fmax(goal, (piece_ratio(p, s, zeta) - flat_until(p->m->n)) * length);
+    else if (!p->backwards && p->motion.slope != 0.0)
+        goal = fmax(goal, (flat_until(p->m->n) - behind_flat - piece_ratio(p, s, zeta)) * length);
     if (p->remembers)
         goal = fmax(goal, (curve(p->m, zeta) - slides_at * (piece_level(p, s) - p->base)) / p->m->A * length);
     return goal;
 }
 
-static bool step(Model *m, double h)
+static bool follow_motion(Model *m, Motion motion)
 {
     GIVEN(m)
     struct reversals *const memory = &m->memory;
-    const double slope = SLOPE(v), side = sign(slide(m, h)), S = stribeck(v, Fc, Fs, vs, delta);
-    const double size = zc * fmax(Fs, Fc) / A;
+    const double slope = motion.slope, side = sign(m->v != 0.0 ? m->v : slope), S = stribeck(v, Fc, Fs, vs, delta);
     if (side == 0.0)
         return true;
 
@@ -254,34 +257,37 @@ static bool step(Model *m, double h)
         memory->overflow = 1.0;
         m->run.warning = true;
     }
-    struct piece p = {m, S, 0.0, 0.0, false, false, false};
-    double s = 0.0;
-    for (int pieces = 0; s < h; pieces++) {
+    struct piece p = {m, motion, S, 0.0, 0.0, false, false, false};
+    const double arrival = motion.end;
+    double s = motion.start;
+    for (int pieces = 0; s < arrival; pieces++) {
         if (pieces > 1000)
             return false;
         const double level = piece_level(&p, s);
         settle(m, &b, level);
-        if (slope == 0.0 && b.depth == 0 && fabs(curve(m, b.zeta) - S) <= 4.0 * DBL_EPSILON * S)
+        const double force = curve(m, b.zeta);
+        if (slope == 0.0 && b.depth == 0 && fabs(force - S) <= 4.0 * DBL_EPSILON * S)
             break;
-        const double highest = falls_to(n) * level;
-        if (b.depth == 0 && fabs(curve(m, b.zeta)) > highest)
-            b.zeta = copysign(inverse_curve(m, highest), b.zeta);
+        if (b.depth == 0 && fabs(force) > level && fabs(force) > falls_to(n) * level)
+            b.zeta = copysign(inverse_curve(m, falls_to(n) * level), b.zeta);
         p.base = b.base;
         p.closing = b.depth >= 2 ? inverse_curve(m, closing_force(m, &b) - b.base) : INF;
         p.remembers = b.depth > 0;
         p.backwards = b.zeta < 0.0;
-        p.flat = !p.backwards && piece_ratio(&p, s, b.zeta) < flat_until(n);
-        const double next = s + stribeck_piece(v + slope * s, slope, vs, delta);
-        const bool near = slope != 0.0 && !p.remembers && A > 1.01 * fmax(Fs, Fc) && curve(m, b.zeta) > 0.9 * level;
-        const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p};
-        const int how =
-            follow(m, &law, &s, &b.zeta, next < h && next > s ? next : h, size, size * (p.flat ? 1.0 : sharpness(n)));
+        p.flat = !p.backwards && piece_ratio(&p, s, b.zeta) < flat_until(n) - 0.5 * behind_flat;
+        const double next = s + stribeck_piece(velocity(&p.motion, s), slope, vs, delta);
+        const double end = next < arrival && next > s ? next : arrival;
+        const bool near = slope != 0.0 && !p.remembers && curve(m, b.zeta) > 0.9 * level &&
+                          1.01 * fmax(level, piece_level(&p, end)) < A;
+        const double size = zc * (p.remembers ? level - b.base : fmax(Fs, Fc)) / A; /* of zeta where r = 1 */
+        const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p, slope == 0.0};
+        const int how = follow(m, &law, &s, &b.zeta, end, size, size * (p.flat ? 1.0 : sharpness(n)));
         if (how == FAILED)
             return false;
         if (how == REACHED && b.zeta >= p.closing)
             continue_on(m, &b, b.depth - 2);
     }
-    settle(m, &b, piece_level(&p, h));
+    settle(m, &b, piece_level(&p, arrival));
     m->z = side * b.zeta;
     memory->depth = b.depth;
     if (slope == 0.0) {

@@ -71,6 +71,7 @@
 #include "maxwell.h"
 #include "stribeck.h"
 #include "relaxation.h"
+#include "motion.h"
 
 static double hysteresis_force(const Model *m)
 {
@@ -108,6 +109,7 @@ static const double grain = 1e-14; /* relative; forces that are closer count as 
    force + way stiffness zeta, where zeta is the way that z has gone. */
 struct piece {
     const Model *m;
+    Motion motion;
     double S; /* the level, if v is held                      */
     double force, stiffness, way, reach;
     double size;    /* the elastic deflection at the level    */
@@ -119,7 +121,7 @@ struct piece {
 static double piece_level(const struct piece *p, double s)
 {
     GIVEN(p->m)
-    return given->slope[INPUT_v] == 0.0 ? p->S : stribeck(v + given->slope[INPUT_v] * s, Fc, Fs, vs, delta);
+    return p->motion.slope == 0.0 ? p->S : stribeck(velocity(&p->motion, s), Fc, Fs, vs, delta);
 }
 
 static double piece_ratio(const struct piece *p, double s, double zeta)
@@ -130,7 +132,7 @@ static double piece_ratio(const struct piece *p, double s, double zeta)
 static double piece_rate(double s, double zeta, const void *law)
 {
     const struct piece *const p = (const struct piece *)law;
-    const double speed = fabs(p->m->v + p->m->slope[INPUT_v] * s);
+    const double speed = fabs(velocity(&p->motion, s));
     if (p->flat)
         return speed;
     const double r = piece_ratio(p, s, zeta); /* of the other sign beyond the end of the piece */
@@ -152,9 +154,10 @@ static double piece_goal(double s, double zeta, const void *law)
     const double r = piece_ratio(p, s, zeta), n = p->m->n;
     if (p->flat)
         return fmax(zeta - p->reach, (r - flat_until(n)) * p->size);
-    if (p->m->slope[INPUT_v] == 0.0)
+    if (p->motion.slope == 0.0)
         return zeta - p->reach;
-    return fmax(zeta - p->reach, (p->way * (r - 1.0) - p->slack) * p->size);
+    const double turns = p->way * (r - 1.0) - p->slack, flattens = flat_until(n) - behind_flat - r;
+    return fmax(zeta - p->reach, fmax(turns, p->backwards ? turns : flattens) * p->size);
 }
 
 /* zeta after the path x at constant v: with r = force / S and q = stiffness x / S, dr/dq = 1 - sgn(r) |r|^n has a
@@ -209,7 +212,7 @@ static bool begin(struct piece *p, double side, double s, double end)
     p->backwards = p->force < -grain * S;
     if (p->backwards && p->stiffness > 0.0) /* |r|^n has a kink at 0 */
         p->reach = fmin(p->reach, -p->force / p->stiffness);
-    p->flat = !p->backwards && p->force < flat_until(n) * S;
+    p->flat = !p->backwards && p->force < (flat_until(n) - 0.5 * behind_flat) * S;
     return true;
 }
 
@@ -225,10 +228,10 @@ static void move(Model *m, double way, double zeta, double reach)
     }
 }
 
-static bool step(Model *m, double h)
+static bool follow_motion(Model *m, Motion motion)
 {
     GIVEN(m)
-    const double slope = SLOPE(v), side = sign(slide(m, h)), S = stribeck(v, Fc, Fs, vs, delta);
+    const double slope = motion.slope, side = sign(m->v != 0.0 ? m->v : slope), S = stribeck(v, Fc, Fs, vs, delta);
     double strongest = 0.0, stiffest = 0.0;
     for (int i = 0; i < N; i++) {
         m->Fi[i] = limited(Fi[i], W[i]);
@@ -238,35 +241,37 @@ static bool step(Model *m, double h)
     if (strongest < (1.0 - 1e-9) * fmax(Fs, Fc))
         m->run.warning = true;
     const double size = stiffest > 0.0 ? fmax(Fs, Fc) / stiffest : 1e-5;
-    struct piece p = {m, S, 0.0, 0.0, 0.0, 0.0, size, 0.0, false, false};
+    struct piece p = {m, motion, S, 0.0, 0.0, 0.0, 0.0, size, 0.0, false, false};
     p.slack = 10.0 * relaxation_tolerance(m);
-    double s = 0.0;
-    for (int pieces = 0; side != 0.0 && s < h; pieces++) {
+    const double arrival = motion.end;
+    double s = motion.start;
+    for (int pieces = 0; side != 0.0 && s < arrival; pieces++) {
         if (pieces > 1000)
             return false;
-        const double next = s + stribeck_piece(v + slope * s, slope, vs, delta), end = next < h && next > s ? next : h;
+        const double next = s + stribeck_piece(velocity(&p.motion, s), slope, vs, delta),
+                     end = next < arrival && next > s ? next : arrival;
         if (!begin(&p, side, s, end)) {
             s = end;
             continue;
         }
-        const double x = fabs(v) * (h - s), highest = falls_to(n) * piece_level(&p, s);
+        const double x = fabs(v) * (arrival - s), highest = falls_to(n) * piece_level(&p, s);
         double zeta = 0.0;
-        if (fabs(p.force) > highest && p.stiffness > 0.0) {
+        if (fabs(p.force) > highest * (1.0 + 1e-9) && p.stiffness > 0.0) {
             zeta = fmin((fabs(p.force) - highest) * (1.0 + grain) / p.stiffness, p.reach);
         } else if (slope == 0.0 && p.stiffness == 0.0) {
             zeta = x * fabs(1.0 - signed_power(p.force / S, n));
-            s = h;
+            s = arrival;
         } else if (slope == 0.0 && (n == 1.0 || n == 2.0)) {
             zeta = closed_form(&p, x);
             if (zeta >= p.reach) {
                 zeta = p.reach;
-                s += fmin(closed_path(&p) / fabs(v), h - s);
+                s += fmin(closed_path(&p) / fabs(v), arrival - s);
             } else {
-                s = h;
+                s = arrival;
             }
         } else {
             const bool near = slope != 0.0 && p.stiffness > 0.0 && p.force > 0.9 * piece_level(&p, s);
-            const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p};
+            const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p, slope == 0.0};
             const int how = follow(m, &law, &s, &zeta, end, size, size * (p.flat ? 1.0 : sharpness(n)));
             if (how == FAILED)
                 return false;

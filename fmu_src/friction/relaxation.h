@@ -17,27 +17,30 @@ typedef double Curve(double s, double y, const void *law);
 typedef struct {
     Curve *rate, *goal, *place; /* f, where to stop, and p (of s only); the last two may be NULL */
     const void *data;
+    bool steady; /* f depends on y only */
 } Law;
 
 /* Relative to the size of y, for held and for changing inputs; a tolerance of the experiment replaces it, down to
-   where rounding decides. */
+   where rounding decides. A coarser one than 1e-6 would save no steps, and miss a sharp law. */
 static inline double relaxation_tolerance(const Model *m)
 {
-    const double finest = 1e-13;
-    return m->run.tolerance > 0.0 ? fmax(m->run.tolerance, finest) : inputs_held(m) ? finest : 1e-11;
+    const double finest = 1e-13, coarsest = 1e-6;
+    return m->run.tolerance > 0.0 ? clip(m->run.tolerance, finest, coarsest) : inputs_held(m) ? 1e-12 : 1e-11;
 }
 
-/* One accepted step from (s, y) towards `end`, of about the length `step`, which becomes a proposal for the next;
-   `tolerance` is absolute. False if no step is short enough. */
-static bool extrapolated_step(const Law *law, double *s, double *y, double *step, double end, double tolerance)
+/* One accepted step from (s, y) towards `end`, of about the length `step`, which becomes a proposal for the next.
+   `tolerance` is absolute; f is about linear over changes of y by `detail`. False if no step is short enough. */
+static bool extrapolated_step(const Law *law, double *s, double *y, double *step, double end, double tolerance,
+                              double detail)
 {
     enum { ROWS_OF_TABLE = 7 };
     Curve *const f = law->rate;
     const void *const data = law->data;
     const double start = *y, p_start = law->place ? law->place(*s, start, data) : 0.0,
                  allowed = fmax(tolerance, 4.0 * DBL_EPSILON * fabs(start));
-    const double delta = 1e3 * allowed + 1e-8 * fabs(start);
-    const double J = fmin((f(*s, start + delta, data) - f(*s, start, data)) / delta, 0.0);
+    const double delta = 1e-4 * detail + 1e-8 * fabs(start), rate = f(*s, start, data);
+    const double J = fmin((f(*s, start + delta, data) - rate) / delta, 0.0);
+    *step = fmin(*step, (4.0 * detail + 2.0 * fabs(start)) / fabs(rate));
     for (int tries = 0; tries < 400; tries++) {
         const bool last = *s + 1.1 * *step >= end;
         const double H = last ? end - *s : *step;
@@ -46,13 +49,14 @@ static bool extrapolated_step(const Law *law, double *s, double *y, double *step
         bool converged = false;
         int row = 0;
         for (; row < ROWS_OF_TABLE; row++) {
-            const double h = H / (row + 1);
+            const double h = H / (row + 1), damping = 1.0 / (1.0 - h * J);
             double moved = 0.0; /* relative to p */
             gone = 0.0;
             for (int i = 1; i <= row + 1; i++) {
                 const double s_i = i == row + 1 ? *s + H : *s + i * h, before = gone;
                 gone = law->place ? law->place(s_i, start, data) - p_start : 0.0;
-                moved += (h * f(s_i, start + moved + gone, data) - gone + before) / (1.0 - h * J);
+                const double f_i = i == 1 && law->steady ? rate : f(s_i, start + moved + gone, data);
+                moved += (h * f_i - gone + before) * damping;
             }
             for (int k = 0; k < row; k++) {
                 const double better = moved + (moved - table[k]) * (row - k) / (k + 1);
@@ -65,6 +69,12 @@ static bool extrapolated_step(const Law *law, double *s, double *y, double *step
             converged = error <= allowed && previous <= 1e3 * allowed; /* one small difference may be an accident */
             if (converged || (row >= 2 && !(error <= 2.0 * previous)))
                 break;
+        }
+        if (converged && -H * J < 1.0 && H * fabs(rate) > detail) {
+            /* by accident, if the mean rate is far from the rates at both ends */
+            const double s_end = last ? end : *s + H, rate_end = f(s_end, start + (table[row] + gone), data);
+            const double middle = 0.5 * (rate + rate_end), width = 1.5 * fabs(rate_end - rate);
+            converged = fabs(table[row] + gone - H * middle) <= H * width + 10.0 * allowed;
         }
         if (converged) {
             *s = last ? end : *s + H;
@@ -88,21 +98,22 @@ static int follow(const Model *m, const Law *law, double *s, double *y, double e
 {
     Curve *const f = law->rate, *const goal = law->goal;
     const double tolerance = relaxation_tolerance(m) * size;
-    double step = fmin(end - *s, detail / fmax(fabs(f(*s, *y, law->data)), fabs(f(end, *y, law->data))));
+    const double rate = fabs(f(*s, *y, law->data)), last = law->steady ? rate : fabs(f(end, *y, law->data));
+    double step = fmin(end - *s, detail / fmax(rate, last));
     for (int steps = 0; *s < end; steps++) {
         double s_before = *s, y_before = *y;
-        if (steps > 100000 || !extrapolated_step(law, s, y, &step, end, tolerance))
+        if (steps > 100000 || !extrapolated_step(law, s, y, &step, end, tolerance, detail))
             return FAILED;
         if (!goal || goal(*s, *y, law->data) < 0.0)
             continue;
         /* between the last point before and the first one behind it: secant, or bisection where that is slow */
         double low = goal(s_before, y_before, law->data), high = goal(*s, *y, law->data);
-        for (int tries = 0; tries < 100 && *s - s_before > 2.0 * DBL_EPSILON * *s && high > 0.0; tries++) {
+        for (int tries = 0; tries < 100 && *s - s_before > 2.0 * DBL_EPSILON * fabs(*s) && high > 0.0; tries++) {
             const double part = tries % 3 == 2 ? 0.5 : clip(-low / (high - low), 1e-3, 1.0 - 1e-3);
             double s_middle = s_before, y_middle = y_before, inner = part * (*s - s_before);
             const double middle = s_before + inner;
             while (s_middle < middle)
-                if (!extrapolated_step(law, &s_middle, &y_middle, &inner, middle, tolerance))
+                if (!extrapolated_step(law, &s_middle, &y_middle, &inner, middle, tolerance, detail))
                     return FAILED;
             const double found = goal(s_middle, y_middle, law->data);
             if (found < 0.0) {
@@ -114,7 +125,7 @@ static int follow(const Model *m, const Law *law, double *s, double *y, double e
                 *y = y_middle;
                 high = found;
             }
-            if (fabs(*y - y_before) <= tolerance && *s - s_before <= 1e-9 * *s)
+            if (fabs(*y - y_before) <= tolerance && *s - s_before <= 1e-9 * fabs(*s))
                 break;
         }
         return REACHED;
@@ -126,6 +137,8 @@ static int follow(const Model *m, const Law *law, double *s, double *y, double e
    powers of two of (v/vs)^delta. Between them g is smooth enough for an error estimate to be trusted. */
 static double stribeck_piece(double v, double slope, double vs, double delta)
 {
+    if (slope == 0.0)
+        return INF;
     const double speed = fabs(v), rate = v == 0.0 ? fabs(slope) : sign(v) * slope;
     const double power = delta * log2(speed / vs), last = 6.0, first = delta > 2.0 ? -16.0 : 0.0;
     if (rate > 0.0) {
@@ -133,7 +146,7 @@ static double stribeck_piece(double v, double slope, double vs, double delta)
         return next > last ? INF : (vs * exp2(next / delta) - speed) / rate;
     }
     const double next = fmin(ceil(power - 1e-6) - 1.0, last);
-    return rate == 0.0 || next < first ? INF : (vs * exp2(next / delta) - speed) / rate;
+    return next < first ? INF : (vs * exp2(next / delta) - speed) / rate;
 }
 
 /* sign(r) |r|^n, limited so that it is finite. */
@@ -144,9 +157,10 @@ static inline double signed_power(double r, double n)
 }
 
 /* The law 1 - sgn(r) |r|^n is flat at first and then sharp, for large n: up to this r it is 1 to rounding, and from
-   there on changes of r that count are of this size. */
+   there on changes of r that count are of this size. Pieces on either side of that r end a little behind it. */
 static inline double flat_until(double n) { return n < 8.0 ? 0.0 : exp(-36.0 / n); }
 static inline double sharpness(double n) { return 0.25 * fmin(1.0, 3.0 / n); }
+static const double behind_flat = 1e-6;
 
 /* Above this r, which a contact has when its level has jumped down, it takes a path of less than 1e-10 / (n - 1) of
    the elastic deflection to come down to it: no time. */

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ reproducibly = settings(max_examples=100, deadline=None, derandomize=True, datab
 velocity = st.one_of(st.floats(-5e-3, 5e-3), st.floats(-2e-4, 2e-4), st.sampled_from([0.0, 1e-6, -1e-6])).map(
     lambda v: round(v, 15)
 )
-held = st.lists(st.tuples(velocity, st.floats(1e-6, 0.01)), min_size=1, max_size=8)
+held = st.lists(st.tuples(velocity, st.floats(1e-6, 0.02)), min_size=1, max_size=8)
 ramps = st.lists(
     st.tuples(velocity, st.floats(-2.0, 2.0).map(lambda a: round(a, 9)), st.floats(1e-5, 0.01)), min_size=1, max_size=5
 )
@@ -71,7 +72,7 @@ def level(v: float, p: dict[str, float]) -> float:
 
 def slowing(r: float, n: float) -> float:
     """1 - sgn(r) |r|^n."""
-    return 1.0 - math.copysign(min(abs(r) ** n, 1e9), r)
+    return 1.0 - math.copysign(math.exp(min(n * math.log(abs(r)), 30.0)) if r else 0.0, r)
 
 
 class Reference:
@@ -108,19 +109,39 @@ class Reference:
             at.terminal, at.direction = True, 1.0  # type: ignore[attr-defined]
             return at
 
-        longest = min(0.2 * self.p["vs"] / abs(slope), span[1] - span[0]) if slope else span[1] - span[0]
-        result = solve_ivp(
-            lambda t, u: [rate(t, u[0])],
-            span,
-            [y],
-            method="DOP853",
-            rtol=1e-11,
-            atol=1e-17,
-            max_step=max(longest, 1e-6 * h_total(span)),
-            events=[terminal(event) for event in events] or None,
-        )
-        assert result.success
-        return float(result.t[-1]), float(result.y[0, -1])
+        def solution(span: tuple[float, float], y: float, events: Sequence[Callable[..., float]] | None = None) -> Any:
+            longest = min(0.2 * self.p["vs"] / abs(slope), span[1] - span[0]) if slope else math.inf
+            result = solve_ivp(
+                lambda t, u: [rate(t, u[0])],
+                span,
+                [y],
+                method="DOP853",
+                rtol=3e-14 if slope == 0.0 else 1e-11,
+                atol=1e-19 if slope == 0.0 else 1e-17,
+                max_step=max(longest, 1e-6 * h_total(span)),
+                events=events,
+            )
+            assert result.success
+            return result
+
+        result = solution(span, y, [terminal(event) for event in events] or None)
+        t_end, y_end = float(result.t[-1]), float(result.y[0, -1])
+        if result.status == 1 and len(result.t) > 1:
+            # the dense output that locates the event is less exact than the steps: secants between true solutions
+            event = next(e for e, at in zip(events, result.t_events, strict=True) if len(at))
+            t_0, y_0 = float(result.t[-2]), float(result.y[0, -2])
+            for _ in range(3):
+                y_end = float(solution((t_0, t_end), y_0).y[0, -1]) if t_end > t_0 else y_0
+                high = event(t_end, y_end)
+                nearby = t_end - 1e-6 * (t_end - t_0)
+                slope_of_event = (high - event(nearby, y_end - rate(t_end, y_end) * (t_end - nearby))) / (
+                    t_end - nearby
+                )
+                if slope_of_event <= 0.0 or not math.isfinite(high / slope_of_event):
+                    break
+                t_end = min(max(t_end - high / slope_of_event, t_0), span[1])
+            y_end = float(solution((t_0, t_end), y_0).y[0, -1]) if t_end > t_0 else y_0
+        return t_end, y_end
 
 
 def h_total(span: tuple[float, float]) -> float:
@@ -259,8 +280,74 @@ def test_held_velocities_agree_with_scipy(
             run.set({"v": v})
             run.step(run.get1("time"), h)
             reference.step(v, 0.0, h)
-            assert run.get1("Fh") == pytest.approx(reference_force(reference), abs=2e-9)
-            assert run.get1("z") == pytest.approx(reference.z, abs=1e-13)
+            assert run.get1("Fh") == pytest.approx(reference_force(reference), abs=1e-10 * Fs)
+            assert run.get1("z") == pytest.approx(reference.z, abs=1e-14, rel=1e-10)
+
+
+laws = st.fixed_dictionaries(
+    {
+        "n": st.one_of(st.floats(0.5, 20.0), st.sampled_from([1.0, 2.0, 50.0])),
+        "Fc": st.floats(0.2, 2.0),
+        "Fs": st.floats(0.2, 2.0),
+        "vs": st.floats(1e-4, 0.1),
+        "delta": st.floats(0.6, 4.0),
+    }
+)
+swings = st.lists(st.tuples(st.floats(0.5, 0.95), st.floats(1e-6, 0.02)), min_size=4, max_size=20)
+
+
+def nested_loops(run: Instance, reference: Reference, amplitude: float, steps: list[tuple[float, float]]) -> None:
+    """Swings about a point that shrink, and one that closes all loops that they leave; compared after each."""
+    top, way = max(reference.p["Fs"], reference.p["Fc"]), 1.0
+    for k, (shrink, h) in enumerate(steps):
+        last = k == len(steps) - 1
+        v = way * amplitude * (20.0 if last else 1.8 if k else 1.0) / h
+        run.set({"v": v})
+        run.step(run.get1("time"), h)
+        reference.step(v, 0.0, h)
+        assert run.get1("Fh") == pytest.approx(reference_force(reference), abs=1e-10 * top)
+        amplitude *= shrink
+        way = -way
+
+
+@settings(reproducibly, max_examples=25)
+@given(law=laws, A=st.floats(2.0, 5.0), zc=st.floats(1e-6, 1e-4), relative=st.floats(0.3, 1.0), steps=swings)
+def test_nested_loops_of_any_leuven_contact_agree_with_scipy(
+    leuven: Library, law: dict[str, float], A: float, zc: float, relative: float, steps: list[tuple[float, float]]
+) -> None:
+    with Instance(leuven) as run:
+        p = P | law | {"A": A * max(law["Fs"], law["Fc"]), "zc": zc}
+        run.initialise(**p)
+        reference = Original(p)
+        nested_loops(run, reference, relative * zc, steps)
+        assert run.get1("depth") == len(reference.bases) - 1
+
+
+@settings(reproducibly, max_examples=25)
+@given(
+    law=laws,
+    elements=st.lists(
+        st.tuples(st.sampled_from([0.0, 1e3, 1e4, 3e4, 1e5]), st.sampled_from([0.0, 0.2, 0.5, 1.0])),
+        min_size=1,
+        max_size=10,
+    ).filter(lambda elements: any(k * W > 0.0 for k, W in elements)),
+    relative=st.floats(0.3, 1.0),
+    steps=swings,
+)
+def test_nested_loops_of_any_elements_agree_with_scipy(
+    modified: Library,
+    law: dict[str, float],
+    elements: list[tuple[float, float]],
+    relative: float,
+    steps: list[tuple[float, float]],
+) -> None:
+    """Elements without stiffness or strength, too; those that have both reach the level."""
+    k, top = [each[0] for each in elements], max(law["Fs"], law["Fc"])
+    scale = 1.2 * top / sum(W for stiffness, W in elements if stiffness)
+    W = [scale * each[1] for each in elements]
+    with Instance(modified) as run:
+        run.initialise(**vector(k=k, W=W), **(P | law))
+        nested_loops(run, Modified(k, W, law), relative * top / sum(k), steps)
 
 
 @settings(reproducibly, max_examples=80)
@@ -523,6 +610,45 @@ def test_inner_loops_close_at_their_reversal_points(leuven: Library) -> None:
         assert run.get1("z") == pytest.approx(-4e-5 * math.log1p(-run.get1("Fh") / 4.0), rel=1e-9)
 
 
+def test_a_loop_closes_on_its_memory_point(leuven: Library) -> None:
+    """Without relaxation the way back is as long as the way there, and ends on the point."""
+    with Instance(leuven) as run:
+        start(leuven, run, Fs=2.0, Fc=2.0, n=1e4, sigma1=0.0, sigma2=0.0)
+        move(run, 6e-6, -5e-6, 2e-6, -2e-6)
+        assert run.get1("depth") == 1.0
+        move(run, 5e-6)
+        assert run.get("depth", "Fb", "z") == [0.0, 0.0, pytest.approx(6e-6, rel=1e-12)]
+
+
+@pytest.mark.parametrize(
+    ("p", "v", "slope", "h"),
+    [
+        ({"n": 1e4, "Fs": 0.3, "delta": 0.3, "vs": 0.35}, 0.0077, -309.0, 3.2e-4),
+        ({"n": 1e4, "Fs": 0.3, "delta": 0.4, "vs": 0.35}, 0.0, 300.0, 6e-3),
+        ({"n": 5e3, "Fs": 0.06, "delta": 0.5}, -0.07, 467.0, 5e-3),
+        ({"n": 3e3, "Fs": 0.1, "delta": 0.16, "vs": 0.7}, -0.0032, 315.0, 2.4e-4),
+        ({"n": 600.0, "delta": 0.1}, -0.05, 1.6e3, 0.016),
+        ({"n": 40.0, "Fs": 1.0}, 0.2, -4e3, 1e-3),
+    ],
+)
+def test_sharp_laws_and_steep_curves_are_solved_through_a_stop(
+    either: Library, p: dict[str, float], v: float, slope: float, h: float
+) -> None:
+    """From a contact that slides and one that has just turned; in one step and in seven."""
+    for distances in ((1e-3,), (1e-3, -1e-9), (-1e-5, 1e-5, -2e-6)):
+        forces = []
+        for cuts in (1, 7):
+            with Instance(either) as run:
+                start(either, run, **p)
+                move(run, *distances)
+                for j in range(cuts):
+                    run.set({"v": v + slope * h * j / cuts})
+                    assert run.input_derivatives({"v": slope}) == OK
+                    run.step(run.get1("time"), h / cuts)
+                forces.append(run.get1("Fh"))
+        assert forces[0] == pytest.approx(forces[1], abs=1e-8)
+
+
 def test_several_loops_close_in_one_step(leuven: Library) -> None:
     for n in (1.0, 2.0, 20.0):
         results = []
@@ -658,6 +784,6 @@ def test_a_tolerance_is_honoured(either: Library) -> None:
                     assert each.input_derivatives({"v": slope}) == OK
                     each.step(each.get1("time"), 5e-3)
             errors[tolerance] = abs(run.get1("Fh") - exact.get1("Fh"))
-    assert errors[1e-3] < 5e-2
-    assert errors[1e-6] < 2e-4
+    assert errors[1e-3] < 1e-3
+    assert errors[1e-6] < 1e-5
     assert errors[None] < 1e-9

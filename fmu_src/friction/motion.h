@@ -1,0 +1,26 @@
+/* A step at constant or linearly changing velocity that keeps its sign, for the laws that follow a differential
+   equation through it. Included after block.h; the block steps by `step` and writes `follow_motion`. */
+
+#ifndef MOTION_H
+#define MOTION_H
+
+/* The velocity v + slope s from s = start to end. */
+typedef struct {
+    double v, slope, start, end;
+} Motion;
+
+static bool follow_motion(Model *m, Motion motion);
+
+/* Before a stop, time counts back from it: numbers are densest around 0, and there the Stribeck curve may be steep. */
+static bool step(Model *m, double h)
+{
+    const double v = m->v, slope = SLOPE(v);
+    const bool stops = v * slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON * fabs(v);
+    if (!stops)
+        return follow_motion(m, (Motion){v, slope, 0.0, h});
+    return follow_motion(m, (Motion){v, slope, 0.0, 0.5 * h}) && follow_motion(m, (Motion){0.0, slope, -0.5 * h, 0.0});
+}
+
+static inline double velocity(const Motion *motion, double s) { return motion->v + motion->slope * s; }
+
+#endif
