@@ -183,7 +183,7 @@ static bool step(Model *m, double h)
 {
     GIVEN(m)
     if (SLOPE(v) != 0.0)
-        return ramp(m, h);
+        return slide(m, h) == 0.0 || ramp(m, h);
     const double g = level(m, v, v < 0.0), rate = sigma0 * fabs(v) / g;
     m->z = relax(z, sign(v) * g / sigma0, rate * h);
     contact(m, rate);
