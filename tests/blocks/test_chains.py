@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import OptimizeResult as OdeResult
 
-reproducibly = settings(max_examples=25, deadline=None, derandomize=True, database=None)
+reproducibly = settings(max_examples=25, deadline=20_000, derandomize=True, database=None)
 GOLDEN = {(55, 34): 34 / 55, (89, 55): 55 / 89}
 
 

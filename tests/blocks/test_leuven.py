@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-reproducibly = settings(max_examples=100, deadline=None, derandomize=True, database=None)
+reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
 velocity = st.one_of(st.floats(-5e-3, 5e-3), st.floats(-2e-4, 2e-4), st.sampled_from([0.0, 1e-6, -1e-6])).map(
     lambda v: round(v, 15)
 )

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-reproducibly = settings(max_examples=80, deadline=None, derandomize=True, database=None)
+reproducibly = settings(max_examples=80, deadline=20_000, derandomize=True, database=None)
 
 START = {"kt": 1e5, "Fc": 1.0, "Fv": 0.4, "Fs_a": 0.2, "Fs_inf": 0.5, "vs": 1e-3, "tauL": 5e-3, "gamma": 1.0}
 
