@@ -30,13 +30,14 @@ static inline bool inputs_held(const Model *m)
 }
 
 /* Time until the next input passes zero, at most h. Laws have their kinks there: between such points an exact
-   or high-order step is valid. */
+   or high-order step is valid. A ramp that ends at zero does not pass it by its rounding. */
 static inline double time_to_reversal(const Model *m, double h)
 {
     const double *value = (const double *)(const void *)m;
     for (int i = 0; i < INPUTS; i++) {
         const double u = value[inputs[i]], slope = m->slope[i];
-        if (sign(u) * sign(slope) < 0.0 && -u / slope < h) /* u * slope may underflow */
+        /* by signs, as u * slope may underflow; an input that is zero at the end but for rounding does not pass it */
+        if (sign(u) * sign(slope) < 0.0 && -u / slope < h * (1.0 - 4.0 * DBL_EPSILON))
             h = -u / slope;
     }
     return h;

@@ -246,7 +246,7 @@ static bool step(Model *m, double h)
 {
     GIVEN(m)
     if (SLOPE(v) != 0.0)
-        return ramp(m, h);
+        return slide(m, h) == 0.0 || ramp(m, h);
     const double S = stribeck(v, Fc, Fs, vs, delta);
     if (v != 0.0)
         m->z = sign(v) * slid(sign(v) * z, fabs(v) * h, S / sigma0, z_ba);

@@ -236,7 +236,7 @@ static bool step(Model *m, double h)
     if (direction != 0.0)
         m->memory.direction = direction;
     if (SLOPE(v) != 0.0)
-        return ramp_step(m, h, direction, unit);
+        return direction == 0.0 || ramp_step(m, h, direction, unit);
     const double S = stribeck(v, Fc, Fs, vs, delta);
     if (direction != 0.0)
         held_step(m, h, S, unit);

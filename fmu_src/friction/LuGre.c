@@ -89,7 +89,7 @@ static bool step(Model *m, double h)
     if (SLOPE(v) != 0.0) {
         const bool backward = slide(m, h) < 0.0;
         const Bristles bristles = {level, m, backward, sigma0, asymmetric && backward ? vs_neg : vs};
-        return bristles_over_ramp(&bristles, h, &m->z);
+        return slide(m, h) == 0.0 || bristles_over_ramp(&bristles, h, &m->z);
     }
     /* at constant velocity z relaxes to sign(v) g/sigma0 at the rate sigma0 |v| / g */
     const double g = level(m, v, v < 0.0), rate = sigma0 * fabs(v) / g;

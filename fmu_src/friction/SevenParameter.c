@@ -111,6 +111,13 @@ static void keep_history(Memory *kept, const Model *m, bool follows)
 
 static double along(const struct piece *p, double t) { return p->v + p->rate * (t - p->begin); }
 
+/* v until now: where it jumps, the earlier value. */
+static double until_now(const Model *m)
+{
+    const struct memory *const past = &m->memory;
+    return past->count > 0 ? along(&past->ring[(past->first + past->count - 1) % PIECES], m->time) : 0.0;
+}
+
 /* v(t - tauL); where v jumps, the later value, also for times that differ by rounding. */
 static double delayed(const Model *m)
 {
@@ -206,9 +213,10 @@ static bool breaks_away(const Model *m, const Contact *c, double s)
 
 /* The contact at the velocity of now, whose direction is s: it stops if it slipped in another one, and slips if the
    spring is stretched far enough. */
-static Contact contact(const Model *m, double v_delayed, double s)
+static Contact contact(const Model *m, double s)
 {
     const struct memory *const past = &m->memory;
+    const double v_delayed = m->tauL > 0.0 ? delayed(m) : until_now(m);
     Contact c = {past->slip, m->d, m->t2, past->slid ? past->Fs_last : m->Fs_a, false};
     if (c.slip != 0.0 && s != c.slip) {
         c.Fs_last = excess(m, c.t2, c.Fs_last) * share(m, v_delayed);
@@ -226,7 +234,7 @@ static void equations(Model *m)
 {
     GIVEN(m)
     const double load = load_of(Fn, Fn0), before = delayed(m);
-    const Contact c = contact(m, before, sign(v));
+    const Contact c = contact(m, sign(v));
     const double Fs = excess(m, c.t2, c.Fs_last);
 
     m->F = c.slip != 0.0 ? load * (Fc + Fs * share(m, before)) * c.slip + Fv * v : load * kt * c.d;
@@ -298,9 +306,9 @@ static bool step(Model *m, double h)
 {
     GIVEN(m)
     const double rate = m->slope[INPUT_v], s = v != 0.0 ? sign(v) : sign(rate);
-    remember(m, h);
 
-    Contact c = contact(m, delayed(m), sign(v));
+    Contact c = contact(m, sign(v));
+    remember(m, h);
     if (c.stopped) {
         m->memory.slid = 1;
         m->memory.Fs_last = c.Fs_last;

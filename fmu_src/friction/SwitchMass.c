@@ -215,8 +215,9 @@ static void locate(const Model *at, Model *work, double s, const double *y, doub
     *t = high;
 }
 
-/* Integrates the equation until it is no longer valid, for at most h; the time taken, -1 if that fails. */
-static double slide(Model *model, double h, bool *ended, bool *inside)
+/* Integrates the equation until it is no longer valid, for at most h; the time taken, -1 if that fails or takes more
+   inner steps than are left. */
+static double slide(Model *model, double h, long *left, bool *ended, bool *inside)
 {
     const double nominal[ALL_STATES] = {1.0, 1.0};
     const double tolerance = model->run.tolerance > 0.0 ? model->run.tolerance : 0.03 * DEFAULT_TOLERANCE;
@@ -225,14 +226,16 @@ static double slide(Model *model, double h, bool *ended, bool *inside)
     double size = model->run.inner_step > 0.0 ? model->run.inner_step : 1e-3 * h;
     get_states(model, y);
     *ended = *inside = false;
-    for (int tries = 0; s < h && !*ended; tries++) {
+    while (s < h && !*ended) {
         const bool last = s + 1.01 * size >= h;
         double t = last ? h - s : size;
         const double error = rodas_step(model, &work, s, t, y, y_new, nominal, tolerance);
         const double factor = error < 0.0 ? 0.2 : clip(0.9 * pow(fmax(error, 1e-12), -0.25), 0.2, 6.0);
-        if (tries > 1000000 || !(error >= 0.0 && error <= 1.0)) {
+        if (--*left < 0)
+            return -1.0;
+        if (!(error >= 0.0 && error <= 1.0)) {
             size = t * fmin(factor, 0.9);
-            if (tries > 1000000 || size < 1e-15 * h)
+            if (size < 1e-15 * h)
                 return -1.0;
             continue;
         }
@@ -277,13 +280,15 @@ static bool step(Model *model, double h)
     enum { MOST_SWITCHES = 1000 };
     const Model begin = *model;
     double rest = h;
+    long inner_steps = 1000000;
     int switches = 0;
     model->memory = by_state(model);
     while (rest > 0.0 && switches++ < MOST_SWITCHES) {
         struct fixed *const now = &model->memory;
         bool ended = false, inside = false;
         double s = now->s;
-        const double t = now->phase == STICK ? stick(model, rest, &s) : slide(model, rest, &ended, &inside);
+        const double t =
+            now->phase == STICK ? stick(model, rest, &s) : slide(model, rest, &inner_steps, &ended, &inside);
         if (!(t >= 0.0))
             return false;
         move_inputs(model, t);

@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 
 P95 = {"sigma0": 1e5, "sigma1": math.sqrt(1e5), "sigma2": 0.4, "Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "delta": 2.0}
 
-reproducibly = settings(max_examples=150, deadline=None, derandomize=True, database=None)
+reproducibly = settings(max_examples=150, deadline=20_000, derandomize=True, database=None)
 velocities = st.one_of(st.floats(-5e-3, 5e-3), st.floats(-1.0, 1.0), st.sampled_from([0.0, 1e-9, -1e-9, 30.0, -30.0]))
 level = st.floats(0.05, 20.0)
 exponent = st.floats(0.3, 4.0)
@@ -54,7 +54,7 @@ def bristle_force(z: float, v: float, p: dict[str, float]) -> float:
 # ---- LuGre at constant velocity
 
 
-def test_b1_bristles_relax_as_in_the_closed_form(lugre: Library) -> None:
+def test_b01_bristles_relax_as_in_the_closed_form(lugre: Library) -> None:
     v, tabulated = (
         2e-3,
         {1e-3: (1.814283586e-6, 0.70097980), 5e-3: (6.345250987e-6, 0.87011349), 0.02: (None, 1.00280323)},
@@ -253,9 +253,9 @@ def test_a_linear_velocity_uses_the_parameters_of_its_direction(
 @pytest.mark.parametrize("v", [-5e-324, -1e-320, -1e-308, -1e-300, -1e-200, -1e-20])
 def test_a_reversal_right_after_the_start_of_the_step_is_passed(lugre: Library, v: float) -> None:
     """A velocity that has decayed to almost nothing, even to a subnormal number, and turns."""
-    expected = integrated(0.0, 0.0, 1.0, 1e-3, lambda _: P95)
+    expected = integrated(-3e-6, 0.0, 1.0, 1e-3, lambda _: P95)
     with Instance(lugre) as run:
-        run.initialise(v=v)
+        run.initialise(v=v, z=-3e-6)
         assert run.input_derivatives({"v": 1.0}) == OK
         run.step(0.0, 1e-3)
         assert abs(run.get1("z") - expected) * 1e5 < 1e-8 * 1.5
@@ -367,7 +367,9 @@ def stick_slip(build_fmu: Callable[..., Path], lugre: Library) -> Callable[[floa
     return simulate
 
 
-def test_b5_stick_slip_has_the_published_period_and_converges(stick_slip: Callable[[float], dict[str, float]]) -> None:
+def test_b05_co_simulated_stick_slip_converges_to_the_published_numbers(
+    stick_slip: Callable[[float], dict[str, float]],
+) -> None:
     reference = {"period": 6.36271982, "v_max": 0.369816, "F_max": 1.507988, "first": 7.540397, "x_20": 1.272596}
     by_step = {h: stick_slip(h) for h in (1e-3, 5e-4, 2.5e-4)}
     coarse, middle, fine = (
@@ -466,17 +468,3 @@ def test_equal_levels_are_coulomb_and_viscous_friction(stribeck: Library) -> Non
         for v in (-0.2, -1e-6, 1e-6, 0.13):
             run.set({"v": v})
             assert run.get1("F") == pytest.approx(math.copysign(Fc, v) + Fv * v + offset, rel=1e-14)
-
-
-def test_b12_a_coulomb_oscillator_loses_the_same_amplitude_each_cycle(
-    build_fmu: Callable[..., Path], stribeck: Library
-) -> None:
-    """m = 1, k = 4, Fc = 0.3, x(0) = 1: x(pi) = 1 - 4 Fc / k = 0.7, in steps of h up to about h."""
-    found = []
-    with Instance(load(build_fmu("Mass"))) as mass, Instance(stribeck) as friction:
-        mass.initialise(k=4.0, x0=1.0, v0=0.0)
-        friction.initialise(Fc=0.3, Fs=0.3, Fv=0.0, F_ext=-4.0)
-        h = math.pi / 20000
-        coupled(mass, friction, h, math.pi, lambda t, v, x: found.append((t, x)))
-    t, x = found[-1]
-    assert (t, x) == pytest.approx((math.pi, 0.7), abs=2e-4)

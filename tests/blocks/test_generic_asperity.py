@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-reproducibly = settings(max_examples=60, deadline=None, derandomize=True, database=None)
+reproducibly = settings(max_examples=60, deadline=20_000, derandomize=True, database=None)
 K_N, K_T, K_H, M, HEIGHT, A, WAVELENGTH, MU0 = 2e5, 5e3, 2e3, 1e-7, 1e-6, 2.5e-7, 1e-5, 0.25
 KAPPA = 2.0 * math.pi / WAVELENGTH
 PLAIN = {"dmu": 0.0, "creep": 0.0}

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-reproducibly = settings(max_examples=150, deadline=None, derandomize=True, database=None)
+reproducibly = settings(max_examples=150, deadline=20_000, derandomize=True, database=None)
 FORCES = {"F_drive": 1.0, "F_load": 1.0, "F_friction": -1.0}
 
 

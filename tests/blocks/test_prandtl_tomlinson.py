@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-reproducibly = settings(max_examples=25, deadline=None, derandomize=True, database=None)
+reproducibly = settings(max_examples=25, deadline=20_000, derandomize=True, database=None)
 START = {"m": 1.0, "damping": 2.0, "k": 1.0, "E0": 0.25, "a": 1.0}
 TIP = {"m": 1e-12, "damping": 2e6, "k": 1.0, "E0": 1e-19, "a": 0.3e-9}  # of a force microscope, SI units
 B28 = {1.5: 0.02045312, 2.0: 0.06412423, 3.0: 0.18006672, 4.0: 0.31314155, 5.0: 0.45435696, 10.0: 1.20507565}

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-reproducibly = settings(max_examples=150, deadline=None, derandomize=True, database=None)
+reproducibly = settings(max_examples=150, deadline=20_000, derandomize=True, database=None)
 SET = {"mu0": 0.6, "a": 0.01, "b": 0.015, "Dc": 1e-5, "V0": 1e-6, "sigma_n": 1.0}
 speeds = st.floats(-9.0, 1.0).map(lambda exponent: 10.0**exponent)
 velocities = st.one_of(speeds, speeds.map(lambda v: -v), st.just(0.0))

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Load = Callable[..., "Block"]
 
 PROPERTY = settings(
-    max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=60, deadline=20_000, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 

@@ -14,7 +14,7 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-reproducibly = settings(max_examples=60, deadline=None, derandomize=True, database=None)
+reproducibly = settings(max_examples=60, deadline=20_000, derandomize=True, database=None)
 velocities = st.one_of(st.floats(-5e-3, 5e-3), st.floats(-1.0, 1.0), st.sampled_from([0.0, -0.0, 1e-9, -1e-9, 30.0]))
 forces = st.floats(-5.0, 5.0)
 level = st.floats(0.0, 5.0)
@@ -381,41 +381,16 @@ def test_below_the_friction_of_sliding_a_mass_stays_at_the_edge(block: GetLibrar
 
 @reproducibly
 @given(drawn=st.lists(piece, min_size=1, max_size=4), v0=st.floats(-0.3, 0.3))
-def test_karnopps_mass_is_odd(block: GetLibrary, drawn: list[Piece], v0: float) -> None:
+def test_karnopps_mass_is_odd_and_friction_is_bounded_and_takes_power_out(
+    block: GetLibrary, drawn: list[Piece], v0: float
+) -> None:
     mirrored = [(d, -f0, -f1, n0, n1) for d, f0, f1, n0, n1 in drawn]
-    one, _ = run_pieces(block("KarnoppMass"), drawn, v0=v0, **P_MASS)
+    one, (_, Fn) = run_pieces(block("KarnoppMass"), drawn, v0=v0, **P_MASS)
     other, _ = run_pieces(block("KarnoppMass"), mirrored, v0=-v0, **P_MASS)
     assert one == [-value for value in other]
-
-
-def pulled(library: Library, h: float, stop: float, DV: float) -> list[float]:
-    """Times of the starts of sliding: Fs = 1.5, Fc = 1, m = 1, pulled by k = 2 at 0.1 m/s; F_ext with its slope."""
-    starts = []
-    with Instance(library) as run:
-        run.initialise(Fs=1.5, Fc=1.0, Fv=0.0, DV=DV)
-        before = x = v = 0.0
-        for k in range(round(stop / h)):
-            run.set({"F_ext": 2.0 * (0.1 * k * h - x)})
-            assert run.input_derivatives({"F_ext": 2.0 * (0.1 - v)}) == OK
-            run.step(k * h, h)
-            x, v = run.get("x", "v")
-            if before < 0.05 <= v:
-                starts.append((k + (0.05 - before) / (v - before)) * h)
-            before = v
-    return starts
-
-
-def test_b13_stick_slip_of_a_pulled_mass(block: GetLibrary) -> None:
-    """Between break-away and rest v goes from DV to DV: the closed form of the ideal case with V - DV for V.
-
-    The tabulated 7.61290 s for DV = 1e-3 m/s is that of fixed steps, which fall into the band a little below its edge;
-    it has a tolerance of 1e-3."""
-    w, V = math.sqrt(2.0), 0.1
-    for DV, tabulated, tolerance in ((1e-7, 7.611259254, 2e-6), (1e-3, 7.61290, 1e-3)):
-        expected = 0.5 / V + (2.0 * math.pi - 2.0 * math.atan(0.25 * w / (V - DV))) / w
-        starts = pulled(block("KarnoppMass"), 2e-3, 24.0, DV)
-        assert starts[2] - starts[1] == pytest.approx(expected, abs=1e-5)
-        assert starts[2] - starts[1] == pytest.approx(tabulated, rel=tolerance)
+    v, F = one[2:]
+    assert v * F >= 0.0
+    assert abs(F) <= max(Fn, 0.0) * P_MASS["Fs"] + P_MASS["Fv"] * max(abs(v), P_MASS["DV"])
 
 
 # ---- Leine's switch model
@@ -518,23 +493,19 @@ def test_a_force_of_just_the_static_friction_is_held(block: GetLibrary, s: float
         assert s * run.get1("x") > 1e-3
 
 
-def belt_period(library: Library, h: float, **values: float) -> tuple[float, dict[str, float]]:
-    """The second period, from the passages of x = 0.5 in stick, where x is linear in time; and what was seen."""
+def belt_period(library: Library, h: float, **values: float) -> float:
+    """The second period, from the passages of x = 0.5 in stick, where x is linear in time."""
     passages: list[float] = []
-    seen = {"x_max": -INF, "x_min": INF, "v_min": INF}
     with Instance(library) as run:
         run.initialise(**values)
         before = INF
         for k in range(round(40.0 / h)):
             run.step(k * h, h)
-            x, v, stuck = run.get("x", "v", "stuck")
+            x, stuck = run.get("x", "stuck")
             if before < 0.5 <= x and stuck:
                 passages.append((k + 1) * h - (x - 0.5) / 0.2)
             before = x
-            if len(passages) == 2:
-                seen["x_max"], seen["x_min"] = max(x, seen["x_max"]), min(x, seen["x_min"])
-                seen["v_min"] = min(v, seen["v_min"])
-    return passages[2] - passages[1], seen
+    return passages[2] - passages[1]
 
 
 INF = math.inf
@@ -547,26 +518,12 @@ INF = math.inf
 def test_b10_the_error_of_the_switch_model_is_of_first_order_in_eta(
     block: GetLibrary, eta: float, expected: float, accuracy: float
 ) -> None:
-    found, _ = belt_period(block("SwitchMass"), 0.05, eta=eta)
-    assert found == pytest.approx(expected, abs=accuracy)
+    assert belt_period(block("SwitchMass"), 0.05, eta=eta) == pytest.approx(expected, abs=accuracy)
 
 
-def test_b10_for_a_small_eta_the_switch_model_is_the_event_driven_one(block: GetLibrary) -> None:
-    period, seen = belt_period(block("SwitchMass"), 2e-3, eta=1e-9)
-    assert period == pytest.approx(12.0010313, abs=1e-7)
-    assert [seen["x_max"], seen["x_min"], seen["v_min"]] == pytest.approx([1.1339447, -0.5554327, -0.8399020], abs=3e-6)
-    coarse, _ = belt_period(block("SwitchMass"), 0.1, eta=1e-9)
-    assert coarse == pytest.approx(period, abs=1e-9)
-
-
-def test_b11_constant_kinetic_friction_has_the_period_of_the_closed_form(block: GetLibrary) -> None:
-    """Fs = 1, Fk = 0.6: friction that falls to Fk at once, outside a band that delays it by sqrt(2 m eta / (k V))."""
-    w, gap, V = 1.0, 0.4, 0.2
-    expected = 2.0 * gap / V + (2.0 * math.pi - 2.0 * math.atan(gap * w / V)) / w
-    assert expected == pytest.approx(8.068887872, abs=1e-9)
-    wide, narrow = (belt_period(block("SwitchMass"), 0.02, ratio=0.6, delta=1e13, eta=eta)[0] for eta in (1e-6, 1e-8))
-    assert narrow - expected == pytest.approx(0.1 * (wide - expected), rel=0.1)
-    assert narrow - (wide - narrow) / 9.0 == pytest.approx(expected, abs=1e-5)
+def test_the_steps_do_not_matter_to_the_period(block: GetLibrary) -> None:
+    coarse, fine = (belt_period(block("SwitchMass"), h, eta=1e-9) for h in (0.1, 2e-3))
+    assert coarse == pytest.approx(fine, abs=1e-9)
 
 
 def test_a_stuck_mass_follows_the_belt_without_drift(block: GetLibrary) -> None:

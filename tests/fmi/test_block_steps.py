@@ -169,6 +169,50 @@ def test_a_reversal_inside_a_step_is_located_whatever_the_size_of_the_input(
         assert run.get1("F") == pytest.approx(-0.2, rel=1e-14)
 
 
+@pytest.mark.parametrize("tiny", [1e-20, 1e-160, 1e-200, 1e-310])
+def test_an_input_that_passes_zero_right_away_starts_at_zero(library: Library, tiny: float) -> None:
+    """A ramp from almost zero through zero is one from zero: no state is lost where the way there underflows."""
+    if library.sampled:
+        return
+    inputs = signals(library, 8, 5)
+    real = library.names("input", type="Real")
+    with Instance(library) as passing, Instance(library) as plain:
+        for run in (passing, plain):
+            run.initialise()
+            drive(run, [*inputs, dict.fromkeys(inputs[0], 0.0)], 0.0, 2.0**-9)  # at rest at the end
+            t = run.get1("time")
+            slopes = {name: 0.3 * (inputs[0][name] or 1e-3) for name in real}
+            run.set({name: -tiny * slopes[name] if run is passing else 0.0 for name in real})
+            assert run.input_derivatives(slopes) == OK
+            run.step(t, 0.01)
+        for name, one in real_values(library, plain).items():
+            nominal = float(library.variables[name].nominal or 1.0)
+            assert passing.get1(name) == pytest.approx(one, rel=1e-9, abs=1e-9 * nominal), name
+
+
+@pytest.mark.parametrize(
+    ("name", "output"), [("ElastoPlastic", "F"), ("GMS", "F"), ("LuGre", "F"), ("SwitchMass", "v")]
+)
+def test_a_tolerance_of_the_experiment_is_honoured(build_fmu: Callable[..., Path], name: str, output: str) -> None:
+    """A coarse one gives another result, within a margin of it; a finer one less, and none the finest."""
+    library, found = load(build_fmu(name)), {}
+    ramped = {"ElastoPlastic": "v", "GMS": "v", "LuGre": "v", "SwitchMass": "F_load"}[name]
+    size = 1.0 if ramped == "F_load" else 4e-3
+    for tolerance in (1e-3, 1e-6, 1e-13, None):
+        with Instance(library) as run:
+            run.initialise(tolerance=tolerance)
+            found[tolerance] = []
+            for k, (begin, end) in enumerate([(0.1, 1.0), (1.0, 0.1), (0.1, 0.4), (0.4, -1.0), (-1.0, -0.1)]):
+                h = 0.4 if ramped == "F_load" else 0.02
+                run.set({ramped: size * begin})
+                assert run.input_derivatives({ramped: size * (end - begin) / h}) == OK
+                run.step(h * k, h)
+                found[tolerance].append(run.get1(output))
+    errors = {t: max(abs(a - b) for a, b in zip(F, found[1e-13], strict=True)) for t, F in found.items()}
+    assert 0.05 > errors[1e-3] > errors[1e-6] > errors[None]
+    assert errors[1e-6] < 1e-4 and errors[None] < 1e-8
+
+
 def test_the_same_run_gives_the_same_bits(library: Library) -> None:
     histories = []
     for _ in range(2):

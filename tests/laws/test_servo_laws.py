@@ -45,7 +45,7 @@ def test_the_integral_is_the_sum_of_the_errors_before():
     assert [result["u"] for result in found] == pytest.approx(2.0 * 0.1 * sums, rel=1e-12, abs=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30, deadline=20_000)
 @given(st.integers(0, 10**6), st.floats(1.0, 100.0), st.floats(1.0, 500.0), st.floats(0.0, 1e4), st.floats(1e-4, 1e-2))
 def test_cascade_is_pid_with_other_gains(seed, kp, kv, ki, Ts):
     random = np.random.default_rng(seed)
@@ -125,7 +125,7 @@ def test_disabled_it_is_silent_and_comes_back_fresh(law):
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 @given(st.data())
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50, deadline=20_000)
 def test_outputs_stay_within_the_limits(law, data):
     names = [variable.name for variable in law.select(Kind.INPUT, Kind.OPTIONAL, Kind.STATE)]
     values = {name: data.draw(st.floats(-1e6, 1e6), name) for name in names}
