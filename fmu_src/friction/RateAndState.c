@@ -128,10 +128,13 @@ static bool step(Model *m, double h)
     const double age = age_of(theta);
 
     if (SLOPE(v) == 0.0) {
+        const double part = x < 0.7 ? -expm1(-x) : 1.0 - exp(-x); /* worn off, to the last digit */
         if (!law)
-            m->theta = theta * exp(-x) + (x == 0.0 ? h : x < worn_off ? -h * expm1(-x) / x : Dc / first);
+            m->theta = theta * (x < 0.7 ? 1.0 - part : exp(-x)) + (x == 0.0       ? h
+                                                                   : x < worn_off ? h * part / x
+                                                                                  : Dc / first);
         else if (first * age / Dc > 0.0) /* below, nothing moves */
-            m->theta = age * exp(log(first * age / Dc) * expm1(-x));
+            m->theta = age * exp(-log(first * age / Dc) * part);
         return true;
     }
     /* on the last worn_off Dc the square of the speed is linear in the path */
