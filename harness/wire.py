@@ -18,10 +18,17 @@ class Wire:
     ----------
     source, target : str
         ``"part.port"`` of the output and of the input. A part name has no dot, a port name may have some.
+    gain, offset : float
+        The input gets gain * output + offset; the offset is in the unit of the input.
+    delay : int
+        The input gets what it would have got so many ticks earlier, and the start value before that.
     """
 
     source: str
     target: str
+    gain: float = 1.0
+    offset: float = 0.0
+    delay: int = 0
 
     @property
     def ends(self) -> tuple[tuple[str, str], tuple[str, str]]:
