@@ -90,7 +90,7 @@ def _built(folder: Path) -> Path:
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix="engine-", dir=path.parent) as scratch:
-            toolchain.compile_library(folder, "engine.c", Path(scratch) / path.name)
+            toolchain.compile_library(folder, "engine.c", Path(scratch) / path.name, headers=False)
             (Path(scratch) / path.name).replace(path)
     return path
 
