@@ -46,7 +46,7 @@ class NewtonData(ctypes.Structure):
         *((name, _REAL) for name in ("tolerance", "error")),
         ("proposed", _POINTER),
         ("worst_residual", _REAL),
-        *((name, _INT) for name in ("evaluations", "substeps", "rejected")),
+        *((name, _INT) for name in ("jumped", "evaluations", "substeps", "rejected")),
     )
 
 

@@ -54,6 +54,7 @@ struct newton {
     double error;               /* tolerated error of a step over scale, 0: fixed steps */
     double *proposed;           /* [s] inner step of each group */
     double worst_residual;
+    int64_t jumped; /* the last solution lies where r jumps */
     int64_t evaluations, substeps, rejected;
 };
 
@@ -181,19 +182,21 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, double t, double
             const bool last = piece >= (h - done) * (1.0 - 1e-9);
             const Span s = {t + done, last ? h - done : piece, done / h, last ? 1.0 : (done + piece) / h};
             const int status = solve(e, newton, g, number, &s, again);
-            const double error = status == SOLVED && newton->error > 0.0 ? error_of(e, newton, g) / newton->error : 0.0;
+            /* on a jump the parts hold each other: v = 0 but for the tolerance, and nothing is left to refine */
+            const bool measures = status == SOLVED && newton->error > 0.0 && !newton->jumped;
+            const double error = measures ? error_of(e, newton, g) / newton->error : 0.0;
             if (status == SOLVED && (error <= 1.0 || piece <= accurate)) {
                 accept(e, newton, g, &s);
                 newton->substeps++;
                 done = last ? h : done + piece;
                 if (newton->error > 0.0)
-                    *proposed = piece * (again ? 1.0 : fmin(4.0, 0.8 / sqrt(error + 1e-9)));
+                    *proposed = fmax(accurate, piece * (again ? 1.0 : fmin(4.0, 0.8 / sqrt(error + 1e-9))));
                 break;
             }
             newton->rejected++;
             if ((status != SOLVED && status != NOT_CONVERGED && status != 2) || piece <= smallest)
                 return status;
-            piece *= status == SOLVED ? fmax(0.2, 0.8 / sqrt(error)) : 0.5;
+            piece = status == SOLVED ? fmax(accurate, piece * fmax(0.2, 0.8 / sqrt(error))) : 0.5 * piece;
         }
     }
     return SOLVED;
