@@ -1,0 +1,268 @@
+"""FMUs in processes of their own: the same results, and whatever an FMU does to its process, the harness goes on."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness import (
+    CallablePart,
+    FmuPart,
+    HarnessError,
+    PartError,
+    Port,
+    StartValueError,
+    System,
+    SystemFileError,
+)
+
+CONSTANTS = {"u": 3.0, "n": 4, "b": True}
+
+
+def children() -> set[int]:
+    """Processes that this one started, dead ones that were not waited for included."""
+    found = subprocess.run(["ps", "--ppid", str(os.getpid()), "-o", "pid=,comm="], capture_output=True, text=True)
+    return {int(line.split()[0]) for line in found.stdout.splitlines() if line.split()[1] != "ps"}
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """After each test: no process, no zombie, no temporary file."""
+    before = children()
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    yield
+    assert children() == before
+    assert list(folder.iterdir()) == []
+
+
+def run_alone(name: str, path: Path, *, timeout: float = 20.0, stop: float = 1.0, **start: float | str):
+    values = {f"{name}.{key}": value for key, value in (CONSTANTS | start).items()}
+    with System([FmuPart(name, path, isolate=True, timeout=timeout)], start=values) as system:
+        return system.run(stop=stop, step=0.25)
+
+
+def failure(name: str, path: Path, **options: float) -> PartError:
+    with pytest.raises(PartError) as caught:
+        run_alone(name, path, **options)
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("name", "end"),
+    [
+        ("segfault", "its process died of SIGSEGV (Segmentation fault)"),
+        ("quit", "its process ended with exit status 3"),
+    ],
+)
+def test_a_step_that_kills_the_process_ends_the_run(name: str, end: str, probe: Path) -> None:
+    error = failure(name, probe, fail_time=0.6)
+    assert str(error) == f"part '{name}' failed in fmi2DoStep at t = 0.5 s: {end}"
+    assert error.result is not None
+    np.testing.assert_array_equal(error.result["time"], [0.0, 0.25, 0.5])
+    np.testing.assert_array_equal(error.result[f"{name}.x"], [0.0, 0.75, 1.5])
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("loop", ""), ("restless", "; it last logged 'still at it [logStatusWarning]'")]
+)
+def test_a_step_without_end_is_ended_when_the_time_is_over(name: str, said: str, probe: Path) -> None:
+    begin = time.monotonic()
+    error = failure(name, probe, fail_time=0.6, timeout=0.5)
+    assert time.monotonic() - begin < 10.0
+    assert str(error) == (
+        f"part '{name}' failed in fmi2DoStep at t = 0.5 s: its process gave no answer within 0.5 s and was killed{said}"
+    )
+    assert error.result is not None
+    np.testing.assert_array_equal(error.result[f"{name}.x"], [0.0, 0.75, 1.5])
+
+
+# what is sampled at 0.75 s is handed over in the same step, by jacobi in the next one
+@pytest.mark.parametrize(("master", "end"), [("gauss-seidel", 0.75), ("jacobi", 1.0), ("newton", 0.75)])
+def test_an_input_that_kills_the_process(master: str, end: float, probe: Path) -> None:
+    source = CallablePart("s", lambda t, u, x: 13.0 if t > 0.6 else t, outputs=["r"], sampled=True)
+    start = {"abort.n": 1, "abort.b": False}
+    with (
+        System([FmuPart("abort", probe, isolate=True), source], ["s.r -> abort.u"], start) as system,
+        pytest.raises(PartError) as caught,
+    ):
+        system.run(stop=2.0, step=0.25, master=master)
+    assert str(caught.value) == (
+        f"part 'abort' failed in fmi2SetXXX at t = {end:g} s: its process died of SIGABRT (Aborted); "
+        "it last logged '13 is too much [logStatusFatal]'"
+    )
+    assert caught.value.result is not None
+    np.testing.assert_array_equal(caught.value.result["time"], np.arange(0.0, end + 0.1, 0.25))
+
+
+def test_an_fmu_that_dies_at_birth(probe: Path) -> None:
+    error = failure("unborn", probe)
+    assert str(error) == (
+        "part 'unborn' failed in its initialisation at t = 0 s: its process died of SIGSEGV (Segmentation fault)"
+    )
+    assert error.result is None
+
+
+def test_a_system_survives_the_death_of_a_part_and_runs_again(probe: Path) -> None:
+    parts = [FmuPart("segfault", probe, isolate=True), FmuPart("calm", probe, isolate=True)]
+    start = {f"{part.name}.{key}": value for part in parts for key, value in CONSTANTS.items()}
+    with System(parts, start=start) as system:
+        for _ in range(2):
+            with pytest.raises(PartError, match=r"'segfault'.*SIGSEGV"):
+                system.with_start({"segfault.fail_time": 0.6}).run(stop=1.0, step=0.25)
+        result = system.run(stop=1.0, step=0.25)
+    np.testing.assert_array_equal(result["calm.x"], 0.75 * np.arange(5))
+    np.testing.assert_array_equal(result["segfault.x"], 0.75 * np.arange(5))
+
+
+def test_a_process_that_was_killed_from_outside(probe: Path) -> None:
+    before = children()
+    part = FmuPart("p", probe, isolate=True)
+    part.enter_initialisation(0.0, 1.0, None, CONSTANTS)
+    (process,) = children() - before
+    os.kill(process, signal.SIGKILL)
+    with pytest.raises(PartError, match=r"fmi2ExitInitializationMode: its process died of SIGKILL \(Killed\)"):
+        part.exit_initialisation()
+    part.terminate()
+    part.close()
+    part.close()
+
+
+@pytest.mark.parametrize("master", ["gauss-seidel", "jacobi", "newton"])
+def test_isolation_changes_no_bit(master: str, probe: Path) -> None:
+    """All types, an output that reads its input directly, a ring through a Python part, in two runs."""
+    results = []
+    for isolate in (False, True):
+        parts = [
+            FmuPart("p", probe, isolate=isolate),
+            CallablePart(
+                "c",
+                lambda t, u, x: [np.sin(u[0]) - x[0], round(8 * t), u[1] > 1.0],
+                ["x", "y"],
+                [Port("r"), Port("i", type="Integer"), Port("b", type="Boolean")],
+                advance=lambda t, h, u, x: x + h * u[1],
+                state=[1.0],
+                dependencies={"r": ["x"], "i": [], "b": ["y"]},
+            ),
+        ]
+        wires = ["c.r -> p.u", "c.i -> p.n", "c.b -> p.b", "p.x -> c.x", "p.y -> c.y"]
+        with System(parts, wires, {"p.gain": 1.5}) as system:
+            results += [system.run(stop=5.0, step=0.125, master=master, record=["*", "p.gain"]) for _ in range(2)]
+    for result in results[1:]:
+        assert result.identical(results[0])
+
+
+def test_save_and_restore(probe: Path) -> None:
+    part = FmuPart("p", probe, isolate=True)
+    part.enter_initialisation(0.0, 1.0, None, {"u": 1.0})
+    u, y = np.array([1.0]), np.zeros(2)
+    calls = part.bind(["u"], ["y", "x"], u, y)
+    part.exit_initialisation()
+    calls.step(0.0, 0.5)
+    u[0] = 2.0
+    calls.set()
+    state = part.save()  # with the input 2
+    u[0] = 5.0
+    calls.set()
+    seen = []
+    for _ in range(2):
+        part.restore(state)
+        calls.get()
+        seen.append(y.tolist())
+        calls.step(0.5, 0.25)
+        calls.get()
+        seen.append(y.tolist())
+    assert seen == [[2.0, 0.5], [2.0, 1.0]] * 2
+    assert part.save(state) == state
+    part.terminate()
+    with pytest.raises(PartError, match="not of the present run"):
+        part.restore(state)
+    part.close()
+
+
+@pytest.mark.parametrize(("status", "label"), [(2, "Discard"), (3, "Error"), (4, "Fatal")])
+def test_messages_and_refusals_come_through(
+    status: int, label: str, probe: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.DEBUG, "harness"):
+        error = failure("p", probe, fail_time=0.6, fail_status=status, label="belt")
+    assert str(error) == f"part 'p' failed in fmi2DoStep at t = 0.5 s: it returned {label} and logged 'belt seized'"
+    assert error.result is not None
+    assert [(r.name, r.levelno, r.getMessage()) for r in caplog.records] == [
+        ("harness.p", {2: 30, 3: 40, 4: 50}[status], "belt seized [logStatusError]")
+    ]
+
+
+def test_a_refused_start_value(probe: Path) -> None:
+    with pytest.raises(StartValueError, match=r"p refused the start value -1.0 of gain.*'gain = -1 is below 0'"):
+        run_alone("p", probe, gain=-1.0)
+
+
+@pytest.mark.parametrize("timeout", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_timeout_that_makes_no_sense(timeout: float, probe: Path) -> None:
+    with pytest.raises(HarnessError, match="give a positive number of seconds"):
+        FmuPart("p", probe, isolate=True, timeout=timeout)
+
+
+def test_the_process_ends_with_the_harness(probe: Path, tmp_path: Path) -> None:
+    """Even if the harness is killed while the FMU is in an endless loop."""
+    program = (
+        "import sys\nfrom harness import FmuPart, System\n"
+        "start = {'loop.u': 1.0, 'loop.n': 1, 'loop.b': False, 'loop.fail_time': 0.1}\n"
+        f"system = System([FmuPart('loop', {str(probe)!r}, isolate=True, timeout=60.0)], start=start)\n"
+        "system.run(stop=1.0, step=0.25)\n"
+    )
+    harness = subprocess.Popen([sys.executable, "-c", program], env=os.environ | {"TMPDIR": str(tmp_path)})
+    deadline = time.monotonic() + 30.0
+    found = ""
+    while not found and time.monotonic() < deadline:
+        time.sleep(0.1)
+        found = subprocess.run(["pgrep", "-P", str(harness.pid)], capture_output=True, text=True).stdout
+    time.sleep(0.5)
+    harness.kill()
+    harness.wait()
+    process = int(found)
+    while time.monotonic() < deadline:
+        state = subprocess.run(["ps", "-p", str(process), "-o", "stat="], capture_output=True, text=True).stdout
+        if not state or state.startswith("Z"):  # dead; it is for the new parent to wait for it
+            return
+        time.sleep(0.1)
+    os.kill(process, signal.SIGKILL)
+    pytest.fail("the process of the FMU outlived the harness")
+
+
+def test_isolation_in_a_system_file(make_fmu: Callable[..., Path], tmp_path: Path) -> None:
+    make_fmu()
+    path = tmp_path / "system.toml"
+    path.write_text(
+        "[parts.quit]\nfmu = 'probe.fmu'\nisolate = true\ntimeout = 5\n"
+        "[parts.quit.start]\nu = 1.0\nn = 1\nb = false\nfail_time = 0.6\n[experiment]\nstop = 1.0\nstep = 0.25\n"
+    )
+    with System.from_toml(path) as system:
+        system.to_toml(tmp_path / "again.toml")
+        with pytest.raises(PartError, match="exit status 3"):
+            system.run()
+    with System.from_toml(tmp_path / "again.toml") as system:
+        part = system.parts["quit"]
+        assert isinstance(part, FmuPart)
+        assert (part.isolate, part.timeout) == (True, 5.0)
+
+
+@pytest.mark.parametrize("line", ["isolate = 1", "timeout = 'long'", "timeout = true"])
+def test_bad_isolation_in_a_system_file(line: str, make_fmu: Callable[..., Path], tmp_path: Path) -> None:
+    make_fmu()
+    path = tmp_path / "system.toml"
+    path.write_text(f"[parts.p]\nfmu = 'probe.fmu'\n{line}\n")
+    with pytest.raises(SystemFileError, match=f"{line.split()[0]} of part 'p'"):
+        System.from_toml(path)
