@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import scipy.io
 from numpy.typing import NDArray
 
 from harness.atomic import atomic_path
@@ -50,6 +49,8 @@ def to_mat(result: Result, path: str | Path) -> None:
     OutputError
         If the file cannot be written.
     """
+    from scipy.io import savemat
+
     names = ["time", *(str(name) for name in result.data_vars)]
     data = np.array([result[name].to_numpy().astype(np.float64) for name in names])
     info = np.zeros((4, len(names)), dtype=np.int32)
@@ -66,12 +67,14 @@ def to_mat(result: Result, path: str | Path) -> None:
         _ATTRIBUTES: _text_matrix([json.dumps(result.attrs, default=str)]).T,
     }
     with atomic_path(Path(path)) as temporary:
-        scipy.io.savemat(temporary, matrices, appendmat=False, format="4")
+        savemat(temporary, matrices, appendmat=False, format="4")
 
 
 def from_mat(path: Path) -> Result:
     """Read such a file, also one that Dymola or OpenModelica wrote; what does not change stands at all times."""
-    matrices: dict[str, Any] = scipy.io.loadmat(path, chars_as_strings=False)
+    from scipy.io import loadmat
+
+    matrices: dict[str, Any] = loadmat(path, chars_as_strings=False)
     if "Aclass" not in matrices:
         raise ValueError("it has no matrix Aclass, so it is no trajectory")
     kind = _texts(matrices["Aclass"])
