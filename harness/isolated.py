@@ -60,7 +60,7 @@ class IsolatedPart(FmuPart):
             self._due = SET | GET
 
         def step(t: float, h: float) -> None:
-            shared.head[1:] = t, h
+            shared.head[1], shared.head[2] = t, h
             self._ask(self._due | STEP | GET, t)
 
         def get() -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from harness.errors import HarnessError, PartError
 from harness.fmu import FmuPart
 from harness.line import CALL, DONE, FAILED, GET, LOG, SET, STEP, Line, Shared
-from harness.part import Calls, Values
+from harness.part import Calls
 
 
 def serve(descriptor: int, name: str, path: str) -> None:
@@ -74,7 +74,7 @@ class _Host:
             self._calls.set()
         if kind & STEP:
             self._head[0] = STEP
-            self._calls.step(float(self._head[1]), float(self._head[2]))
+            self._calls.step(self._head[1], self._head[2])
         if kind & GET:
             self._head[0] = GET
             self._calls.get()
@@ -82,7 +82,7 @@ class _Host:
     def bind(self, inputs: Sequence[str], outputs: Sequence[str], path: Path) -> None:
         """Connect the FMU to shared values."""
         shared = Shared(path, len(inputs), len(outputs))
-        self._head: Values = shared.head
+        self._head = shared.head
         self._calls: Calls = self.part.bind(inputs, outputs, shared.u, shared.y)
 
     def save(self, number: int | None) -> int:

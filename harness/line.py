@@ -82,7 +82,7 @@ class Shared:
 
     Attributes
     ----------
-    head : float64 array, shape (3,)
+    head : memoryview of 3 doubles
         What is being done (SET, STEP or GET), and t and h [s] of the step.
     u, y : float64 array, shapes (inputs,) and (outputs,)
         The values.
@@ -93,7 +93,7 @@ class Shared:
         size = 8 * (3 + inputs + outputs)
         with path.open("a+b") as file:
             file.truncate(size)
-            values: Values = np.frombuffer(mmap.mmap(file.fileno(), size), dtype=np.float64)
-        self.head = values[:3]
-        self.u = values[3 : 3 + inputs]
-        self.y = values[3 + inputs :]
+            memory = mmap.mmap(file.fileno(), size)
+        self.head = memoryview(memory)[:24].cast("d")  # ten times as fast for single values as an array
+        values: Values = np.frombuffer(memory, dtype=np.float64)[3:]
+        self.u, self.y = values[:inputs], values[inputs:]

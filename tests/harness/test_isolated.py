@@ -115,6 +115,12 @@ def test_an_fmu_that_dies_at_birth(probe: Path) -> None:
     assert error.result is None
 
 
+def test_an_fmu_that_cannot_be_freed_leaves_the_result_alone(probe: Path, caplog: pytest.LogCaptureFixture) -> None:
+    result = run_alone("clinging", probe)
+    np.testing.assert_array_equal(result["clinging.x"], 0.75 * np.arange(5))
+    assert "part 'clinging' failed in fmi2FreeInstance: its process died of SIGSEGV" in caplog.text
+
+
 def test_a_system_survives_the_death_of_a_part_and_runs_again(probe: Path) -> None:
     parts = [FmuPart("segfault", probe, isolate=True), FmuPart("calm", probe, isolate=True)]
     start = {f"{part.name}.{key}": value for part in parts for key, value in CONSTANTS.items()}
