@@ -29,7 +29,7 @@ from harness.results.table import from_columns
 _TYPES: Final = {"i": "Integer", "b": "Boolean"}
 _DTYPES: Final = {"Integer": np.int64, "Boolean": np.bool_}
 _DESCRIPTION: Final = re.compile(
-    r"(?P<description>.*?)\s*(\[(?P<units>[^\[\]|:]*)(\|[^\[\]:]*)?(:#\(type=(?P<type>[^()]*)\))?\])?", re.DOTALL
+    r"(?P<description>.*?)\s*(\[(?P<units>[^\[\]|:]*)(\|[^\[\]:]*)?(?P<properties>(:#\([^\[\]()]*\))*)\])?", re.DOTALL
 )
 _ATTRIBUTES: Final = "attributes"
 
@@ -91,9 +91,10 @@ def from_mat(path: Path) -> Result:
         values = turned[f"data_{block or 2}"][:, abs(place) - 1].astype(np.float64)
         if block == 1:
             values = np.full(turned["data_2"].shape[0], values[0])
-        kind_of = _DTYPES.get(found.pop("type", ""), np.float64)
+        properties = found.pop("properties", "")
+        dtype = next((dtype for kind, dtype in _DTYPES.items() if f"(type={kind})" in properties), np.float64)
         name = "time" if block == 0 else name
-        columns[name] = (-values if place < 0 else values).astype(kind_of)
+        columns[name] = (-values if place < 0 else values).astype(dtype)
         attributes[name] = found
     attributes["time"] = {}  # Dymola describes it as "Time in [s]"
     run = json.loads(_texts(matrices[_ATTRIBUTES])[0]) if _ATTRIBUTES in matrices else {}

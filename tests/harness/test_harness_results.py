@@ -135,8 +135,11 @@ def test_mat_of_dymola(layout: str, tmp_path: Path) -> None:
         "Aclass": ["Atrajectory", "1.1        ", "           ", layout.ljust(11)],
         "name": ["Time", "m   ", "x   ", "y   ", "on  "],
         "description": [
-            text.ljust(40)
-            for text in ("Time in [s]", "Masse für alles [kg]", "[m|mm]", "", "= true, if on [:#(type=Boolean)]")
+            "Time in [s]                            ",
+            "Masse für alles [kg]                   ",
+            "[m|mm:#(nominal=1):#(shown)]           ",
+            "                                       ",
+            "= true, if on [:#(type=Boolean)]       ",
         ],
         "dataInfo": np.array([[0, 1, 2, 2, 1], [1, 2, 2, -2, 3], [0, 0, 0, 0, 0], [-1, 0, 0, 0, 0]], dtype=np.int32),
         "data_1": np.array([[0.0, 2.0], [3.0, 3.0], [1.0, 1.0]]),
