@@ -55,7 +55,7 @@ class FmuPart(Part):
         timeout: float = 10.0,
     ) -> FmuPart:
         """Make the kind of part that is asked for, as `pathlib.Path` does."""
-        from harness.isolated import IsolatedPart
+        from harness.isolated.part import IsolatedPart  # which is made of this class
 
         return super().__new__(IsolatedPart if isolate else cls)
 

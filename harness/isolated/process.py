@@ -15,7 +15,7 @@ from time import monotonic
 from typing import Final
 
 from harness.errors import HarnessError
-from harness.line import FAILED, LOG, Line
+from harness.isolated.line import FAILED, LOG, Line
 
 # A Python that starts on a busy machine takes its time, and the FMU has no part in it.
 _START_TIME: Final = 60.0
@@ -26,7 +26,7 @@ class ProcessError(Exception):
 
 
 class Process:
-    """A Python process that does for one FMU what it is asked for, see `isolated_host.serve`.
+    """A Python process that does for one FMU what it is asked for, see `harness.isolated.host.serve`.
 
     Parameters
     ----------
@@ -41,6 +41,8 @@ class Process:
     ----------
     folder : Path
         Temporary folder of both processes, which goes with this one.
+    last_message : str
+        What the FMU logged last, cited when the process dies.
 
     Raises
     ------
@@ -60,7 +62,7 @@ class Process:
         arguments = (theirs.fileno(), name, str(path.absolute()))
         # not multiprocessing: its new processes run the script of the user once more
         program = (
-            f"import sys; sys.path[:] = {sys.path!r}; from harness.isolated_host import serve; serve(*{arguments!r})"
+            f"import sys; sys.path[:] = {sys.path!r}; from harness.isolated.host import serve; serve(*{arguments!r})"
         )
         with theirs:
             process = subprocess.Popen(
@@ -72,13 +74,13 @@ class Process:
             )
         self.close = weakref.finalize(self, _end, process, ours, folder, timeout)
         self._process, self._line, self._timeout = process, Line(ours), timeout
-        self._last_message = ""
+        self.last_message = ""
         ours.settimeout(_START_TIME)
         self._answer(_START_TIME)
         ours.settimeout(timeout)
 
     def ask(self, kind: int, content: object = None) -> object:
-        """Have something done; see `harness.line`.
+        """Have something done; see `harness.isolated.line`.
 
         Raises
         ------
@@ -118,11 +120,11 @@ class Process:
         return content
 
     def _log(self, logger: str, level: int, text: str) -> None:
-        self._last_message = text
+        self.last_message = text
         logging.getLogger(logger).log(level, "%s", text)
 
     def _said(self) -> str:
-        return f"; it last logged '{self._last_message}'" if self._last_message else ""
+        return f"; it last logged '{self.last_message}'" if self.last_message else ""
 
     def _kill(self) -> None:
         self._process.kill()
@@ -131,7 +133,7 @@ class Process:
     def _how_it_ended(self) -> str:
         """Signal or status of a process that hung up."""
         try:
-            status = self._process.wait(1.0)
+            status = self._process.wait(5.0)
         except subprocess.TimeoutExpired:
             self._kill()
             return f"its process hung up{self._said()}"

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from harness.errors import HarnessError, PartError
 from harness.fmu import FmuPart
-from harness.line import CALL, DONE, FAILED, GET, LOG, SET, STEP, Line, Shared
+from harness.isolated.line import CALL, DONE, FAILED, GET, LOG, SET, STEP, Line, Shared
 from harness.part import Calls
 
 

@@ -8,9 +8,9 @@ from typing import Final
 
 from harness.errors import HarnessError, PartError
 from harness.fmu import FmuPart
-from harness.line import CALL, GET, SET, STEP, Shared
+from harness.isolated.line import CALL, GET, SET, STEP, Shared
+from harness.isolated.process import Process, ProcessError
 from harness.part import Calls, Native, StartValue, Values
-from harness.process import Process, ProcessError
 
 _LOG = logging.getLogger("harness")
 
@@ -44,6 +44,7 @@ class IsolatedPart(FmuPart):
                 self._process = Process(self.name, self.path, self.timeout)
             except ProcessError as error:
                 raise PartError(self.name, "the start of its process", str(error)) from None
+        self._process.last_message = ""
         self._due = 0
         self._call("enter_initialisation", start, stop, tolerance, dict(values))
 
@@ -120,7 +121,8 @@ class IsolatedPart(FmuPart):
             self._started_process().ask(kind)
         except ProcessError as error:
             self._process = None
-            raise PartError(self.name, _EXCHANGES[int(self._shared.head[0])], str(error), time) from None
+            function = _EXCHANGES.get(int(self._shared.head[0]), "the exchange of values")
+            raise PartError(self.name, function, str(error), time) from None
         self._due = 0
 
     def _call(self, method: str, *arguments: object) -> object:
