@@ -19,6 +19,8 @@ _FUNCTIONS: Final = {
     "exit_initialisation": "fmi2ExitInitializationMode",
     "save": "fmi2GetFMUstate",
     "restore": "fmi2SetFMUstate",
+    "serialise": "fmi2SerializeFMUstate",
+    "deserialise": "fmi2DeSerializeFMUstate",
     "terminate": "fmi2FreeInstance",
 }
 _EXCHANGES: Final = {SET: "fmi2SetXXX", STEP: "fmi2DoStep", GET: "fmi2GetXXX"}
@@ -90,6 +92,19 @@ class IsolatedPart(FmuPart):
         """Return to a saved state."""
         self._hand_over()
         self._call("restore", state)
+        self._due = GET
+
+    def serialise(self) -> bytes:
+        """The state as fmi2SerializeFMUstate gives it."""
+        self._hand_over()
+        data = self._call("serialise")
+        assert isinstance(data, bytes)
+        return data
+
+    def deserialise(self, data: bytes) -> None:
+        """Return to a state that `serialise` gave."""
+        self._hand_over()
+        self._call("deserialise", data)
         self._due = GET
 
     def terminate(self) -> None:

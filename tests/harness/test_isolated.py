@@ -222,6 +222,23 @@ def test_save_and_restore(probe: Path) -> None:
     part.close()
 
 
+def test_a_run_goes_on_in_a_process_of_its_own(build_fmu: Callable[..., Path], tmp_path: Path) -> None:
+    """And in this one again, from checkpoints; the friction's bristle is a state that no output shows."""
+    settings = {"step": 1e-3, "start": 0.0}
+
+    def system(isolate: bool) -> System:
+        parts = [FmuPart(name, build_fmu(name), isolate=isolate) for name in ("Mass", "LuGre")]
+        return System(parts, ["Mass.v -> LuGre.v", "LuGre.F -> Mass.F_friction"], {"Mass.F_drive": 2.0})
+
+    with system(False) as here, system(True) as there:
+        whole = here.run(stop=0.3, **settings)
+        here.run(stop=0.1, checkpoint=tmp_path / "one", **settings)
+        there.run(stop=0.2, resume=tmp_path / "one", checkpoint=tmp_path / "two", **settings)
+        last = here.run(stop=0.3, resume=tmp_path / "two", **settings)
+    for name in whole.data_vars:
+        np.testing.assert_array_equal(last[name], whole[name][200:])
+
+
 def test_messages_and_refusals_come_through(probe: Path, caplog: pytest.LogCaptureFixture) -> None:
     start = {f"p.{key}": value for key, value in CONSTANTS.items()} | {"p.fail_time": 0.6, "p.label": "belt"}
     with System([FmuPart("p", probe, isolate=True)], start=start) as system:
