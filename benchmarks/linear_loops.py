@@ -42,10 +42,10 @@ def stuck_mass() -> System:
     return loop(mass, linear("bristle", np.zeros((1, 1)), np.ones(1), np.array([SIGMA0]), DAMPING, [0.0]))
 
 
-def limit_of(grows: Callable[[float], bool]) -> float:
-    """The step [s] from which on something grows, between 1 and 6 ms, to 0.1 %."""
+def limit_of(grows: Callable[[float], bool], accuracy: float) -> float:
+    """The step [s] from which on something grows, between 1 and 6 ms, to this part of itself."""
     low, high = 1e-3, 6e-3
-    while high - low > 1e-3 * low:
+    while high - low > accuracy * low:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if grows(middle) else (middle, high)
     return low
@@ -64,7 +64,7 @@ def closed_form(master: str) -> float:
             polynomial = [1.0, -2.0 + h * DAMPING + h * h * SIGMA0, 1.0 - h * DAMPING]
         return bool(np.abs(np.roots(polynomial)).max() > 1.0 + 1e-12)
 
-    return limit_of(grows)
+    return limit_of(grows, 1e-9)
 
 
 def measured(master: str, system: System) -> float:
@@ -74,7 +74,7 @@ def measured(master: str, system: System) -> float:
         v = np.abs(system.run(stop=400 * h, step=h, master=master, record=["mass.y"])["mass.y"].to_numpy())
         return bool(v[-100:].max() > v[100:200].max())
 
-    return limit_of(grows)
+    return limit_of(grows, 1e-3)
 
 
 def order_of(master: str, steps: int) -> float:
