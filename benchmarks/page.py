@@ -50,7 +50,7 @@ which this feedforward does not have, and the order hardly matters.
 
 def table(rows: list[dict[str, Any]]) -> list[str]:
     """The rows that hold on other machines, too; a value without a unit is a ratio."""
-    lines = ["| | value | at most | |", "|---|--:|--:|---|"]
+    lines = ["| | value | target | |", "|---|--:|--:|---|"]
     for row in rows:
         if row["unit"] != "ns":
             unit = "" if row["unit"] in ("x", "") else f" {row['unit']}"
