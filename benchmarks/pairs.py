@@ -86,8 +86,8 @@ PAIRS = (
     Pair(
         "Mass + LuGre",
         (
-            Member("mass", "Mass", "F_friction", ("v", "x"), {"F_drive": 1.2, "v0": 0.01}),
-            Member("friction", "LuGre", "v", ("F",), {}),
+            Member("mass", "Mass", "F_friction", ("v", "x"), {"F_drive": 1.2, "v0": 5e-3}),
+            Member("friction", "LuGre", "v", ("F",), {"sigma2": 40.0}),
         ),
         closed=True,
         fmpy=1 / 20,

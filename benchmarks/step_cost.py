@@ -1,4 +1,7 @@
-"""What a communication step costs: the engine, the same loop by hand in C, and the same system in other masters."""
+"""What a communication step costs: the engine, the same loop by hand in C, and the same system in other masters.
+
+Times are those of the processor, as others may use the machine, too.
+"""
 
 from __future__ import annotations
 
@@ -97,10 +100,10 @@ def pair_rows(pair: Pair, folder: Path, loop: CLoop, rounds: int, n: int) -> lis
             seconds, rows = loop(built, n)
             by_hand.append(seconds / n)
             times: list[float] = []  # at the start, in the middle and at the end: the second half is the loop alone
-            watch = Tap(lambda t, values, times=times: times.append(time.perf_counter()), names=(), every=n // 2)
-            begin = time.perf_counter()
+            watch = Tap(lambda t, values, times=times: times.append(time.thread_time()), names=(), every=n // 2)
+            begin = time.thread_time()
             result = system.run(stop=n * STEP, step=STEP, record=pair.recorded, taps=[watch])
-            whole.append((time.perf_counter() - begin) / n)
+            whole.append((time.thread_time() - begin) / n)
             engine.append((times[2] - times[1]) / (n // 2))
             if not all(np.array_equal(result[name], rows[:, column]) for column, name in enumerate(pair.recorded)):
                 raise SystemExit(f"{pair.title}: the engine and the loop in C compute different values")
