@@ -84,7 +84,7 @@ PAIRS = (
         fmpy=1 / 50,
     ),
     Pair(
-        "Mass + LuGre",
+        "Mass + LuGre",  # sliding steadily at 5 mm/s, five times vs
         (
             Member("mass", "Mass", "F_friction", ("v", "x"), {"F_drive": 1.2, "v0": 5e-3}),
             Member("friction", "LuGre", "v", ("F",), {"sigma2": 40.0}),

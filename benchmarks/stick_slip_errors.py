@@ -145,16 +145,16 @@ def period_rows(folder: Path) -> list[Row]:
         few, many = calls_for(system, "newton", 1e-5, 2.0), calls_for(system, "gauss-seidel", 1e-5, 1.0)
     order = math.log(newton[5e-3] / newton[1e-3]) / math.log(5.0)
     rows = [
-        Row("Stick-slip: period at 1 ms, newton", 100.0 * newton[1e-3], "%", 0.003),
-        Row("Stick-slip: period at 5 ms, newton", 100.0 * newton[5e-3], "%", 0.06),
+        Row("Stick-slip: error of the period at 1 ms, newton", 100.0 * newton[1e-3], "%", 0.003),
+        Row("Stick-slip: error of the period at 5 ms, newton", 100.0 * newton[5e-3], "%", 0.06),
         Row("Stick-slip: order of newton (1 to 5 ms), away from 2", abs(order - 2.0), "", 0.1),
-        Row("Stick-slip: period at 1 ms, gauss-seidel", 100.0 * abs(held), "%"),
+        Row("Stick-slip: error of the period at 1 ms, gauss-seidel", 100.0 * abs(held), "%"),
         Row("Stick-slip: fmi2DoStep calls for 0.001 %, newton over gauss-seidel", few / many, "x", 0.2),
     ]
     if importable("mujoco"):
         for integrator, note in (("Euler", "its default"), ("RK4", "four evaluations a step")):
             error = abs(mujoco_error(1e-3, integrator))
-            rows.append(Row(f"Stick-slip: period at 1 ms, MuJoCo {integrator}", 100.0 * error, "%"))
+            rows.append(Row(f"Stick-slip: error of the period at 1 ms, MuJoCo {integrator}", 100.0 * error, "%"))
             name = f"Stick-slip: error of the period at 1 ms, newton over MuJoCo {integrator} ({note})"
             rows.append(Row(name, newton[1e-3] / error, "x", 0.1))
     return rows
@@ -179,7 +179,7 @@ def stiff_rows(folder: Path) -> list[Row]:
         worst = [float(np.abs(result["mass.x"].to_numpy() - exact).max()) for result in results]
         if not (len(warnings) == 1 and warnings[0].startswith("friction.F -> mass.F_friction")):
             raise SystemExit(f"Gauss-Seidel is wrong by {worst[1]:.2g} m and warns: {warnings}")
-        where = f"Stick-slip, sigma0 = {stiffness:.0e} N/m: error of x at 1 ms"
+        where = f"Stick-slip, sigma0 = {1e-6 * stiffness:g} N/µm: error of x at 1 ms"
         rows += [
             Row(f"{where}, newton", worst[0], "m", target),
             Row(f"{where}, gauss-seidel, warned of", worst[1], "m"),
