@@ -29,6 +29,7 @@ from harness.plan import Plan
 from harness.plot import plot
 from harness.result import Result, to_csv, to_parquet
 from harness.series import SeriesPart
+from harness.ssp import Parameter, ParameterSet, read_ssv, write_ssv
 from harness.system import System
 from harness.tap import Progress, Tap
 from harness.units import BaseUnit, parse_unit
@@ -45,6 +46,8 @@ __all__ = [
     "FmuPart",
     "HarnessError",
     "OutputError",
+    "Parameter",
+    "ParameterSet",
     "Part",
     "PartError",
     "Plan",
@@ -66,6 +69,8 @@ __all__ = [
     "open_archive",
     "parse_unit",
     "plot",
+    "read_ssv",
     "to_csv",
     "to_parquet",
+    "write_ssv",
 ]

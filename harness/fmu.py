@@ -29,6 +29,8 @@ class FmuPart(Part):
     model : str or None
         The model name under which the file was found, if it was; written to a system file instead of the
         path.
+    keep : object
+        Kept as long as the part: a temporary folder with the file in it.
 
     Raises
     ------
@@ -36,9 +38,12 @@ class FmuPart(Part):
         If the file cannot be used, see `open_archive`.
     """
 
-    def __init__(self, name: str, path: str | Path, *, every: int = 1, model: str | None = None) -> None:
+    def __init__(
+        self, name: str, path: str | Path, *, every: int = 1, model: str | None = None, keep: object = None
+    ) -> None:
         """Check the file and read its description."""
         self.name = name
+        self._keep = keep
         self.path = Path(path)
         self.model = model
         self.every = every

@@ -1,0 +1,125 @@
+"""What an SSD has no words for: settings of the experiment, slow parts and delays, as annotations of this project.
+
+The communication step is written in the annotation of the Open Simulation Platform, too, where libcosim looks for it.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import Any, Final
+
+from lxml import etree
+
+from harness.errors import ExperimentError, SystemFileError
+from harness.experiment import Experiment
+from harness.ssp.document import SPACES, set_text, sub
+
+#: Type of the annotations and namespace of what is in them.
+TYPE: Final = "friction-fmus.harness"
+SPACE: Final = "urn:friction-fmus:harness"
+
+OSP_TYPE: Final = "com.opensimulationplatform"
+OSP_SPACE: Final = "http://opensimulationplatform.com/SSP/OSPAnnotations"
+
+_LOG = logging.getLogger("harness")
+_LISTS = ("record", "order")
+
+
+def annotate(element: etree._Element, tag: str, **attributes: str) -> etree._Element:
+    """Append an annotation of this project to an element, after those that it has, and return its content."""
+    return _annotate(element, TYPE, SPACE, "harness", tag, attributes)
+
+
+def write_experiment(root: etree._Element, experiment: Experiment) -> None:
+    """Append the DefaultExperiment."""
+    element = sub(root, "ssd:DefaultExperiment", startTime=repr(experiment.start), stopTime=repr(experiment.stop))
+    scalars = {"step": repr(experiment.step), "master": experiment.master, "decimate": str(experiment.decimate)}
+    if experiment.tolerance is not None:
+        scalars["tolerance"] = repr(experiment.tolerance)
+    settings = annotate(element, "Experiment", **scalars)
+    for key in _LISTS:
+        for name in getattr(experiment, key):
+            set_text(etree.SubElement(settings, f"{{{SPACE}}}{key}"), "name", name)
+    algorithm = _annotate(element, OSP_TYPE, OSP_SPACE, "osp", "Algorithm", {})
+    etree.SubElement(algorithm, f"{{{OSP_SPACE}}}FixedStepAlgorithm").set("baseStepSize", repr(experiment.step))
+
+
+def read_experiment(root: etree._Element, where: str) -> Experiment | None:
+    """The experiment; None if the file states no stop time or no communication step, or they do not fit.
+
+    Raises
+    ------
+    SystemFileError
+        If an annotation of this project is malformed.
+    """
+    element = root.find("ssd:DefaultExperiment", SPACES)
+    if element is None:
+        return None
+    times = {"start": element.get("startTime", "0"), "stop": element.get("stopTime")}
+    own = _find(element, TYPE, SPACE, "Experiment")
+    osp = _find(element, OSP_TYPE, OSP_SPACE, "Algorithm")
+    try:
+        if own is not None:
+            return _own_experiment({**times, **{str(k): v for k, v in own.items()}}, own)
+        steps = [] if osp is None else [item.get("baseStepSize") for item in osp]
+        if times["stop"] is None or not steps:
+            return None
+        return Experiment(float(times["stop"]), float(steps[0] or ""), float(times["start"] or ""))
+    except ExperimentError as error:
+        _LOG.warning("%s: its experiment is left out, give stop and step for a run: %s", where, error)
+        return None
+    except (KeyError, TypeError, ValueError) as error:
+        raise SystemFileError(f"{where} has a malformed experiment ({error}): write it again") from error
+
+
+def read_part(element: etree._Element, where: str) -> dict[str, Any]:
+    """Settings of a part: every, and the model that it was made from."""
+    own = _find(element, TYPE, SPACE, "Part")
+    if own is None:
+        return {}
+    try:
+        return {"every": int(own.get("every", "1")), "model": own.get("model")}
+    except ValueError as error:
+        raise SystemFileError(f"{where} has a malformed annotation ({error}): write it again") from error
+
+
+def read_delay(element: etree._Element) -> int:
+    """Delay of a connection in ticks."""
+    own = _find(element, TYPE, SPACE, "Wire")
+    text = "0" if own is None else own.get("delay", "0")
+    if not text.isdecimal():
+        raise SystemFileError(f"a connection has the delay '{text}': give a whole number of ticks")
+    return int(text)
+
+
+def _own_experiment(texts: dict[str, Any], element: etree._Element) -> Experiment:
+    tolerance = texts.get("tolerance")
+    lists = {key: tuple(item.get("name", "") for item in element.iterfind(f"{{{SPACE}}}{key}")) for key in _LISTS}
+    return Experiment(
+        stop=float(texts["stop"]),
+        step=float(texts["step"]),
+        start=float(texts["start"]),
+        master=texts["master"],
+        decimate=int(texts["decimate"]),
+        tolerance=None if tolerance is None else float(tolerance),
+        **lists,
+    )
+
+
+def _annotate(
+    element: etree._Element, type_: str, space: str, prefix: str, tag: str, attributes: dict[str, str]
+) -> etree._Element:
+    group = element.find("ssd:Annotations", SPACES)
+    group = sub(element, "ssd:Annotations") if group is None else group
+    annotation = sub(group, "ssc:Annotation", type=type_)
+    content = etree.SubElement(annotation, f"{{{space}}}{tag}", nsmap={prefix: space})
+    for key, value in attributes.items():
+        set_text(content, key, value)
+    return content
+
+
+def _find(element: etree._Element, type_: str, space: str, tag: str) -> etree._Element | None:
+    for annotation in element.iterfind("ssd:Annotations/ssc:Annotation", SPACES):
+        if annotation.get("type") == type_:
+            return annotation.find(f"{{{space}}}{tag}")
+    return None
