@@ -186,9 +186,10 @@ class System:
             owner, name = split_name(dotted)
             part = find_part(self.parts, owner, f"parameter {dotted}")
             port = next((port for port in (*part.inputs, *part.parameters) if port.name == name), None)
-            parameter = given if isinstance(given, Parameter) else Parameter(given)
-            # a name that does not exist, or cannot be set, is refused by the new system
-            values[dotted] = parameter.value if port is None else parameter.start_value(port, dotted)
+            if not isinstance(given, Parameter):
+                values[dotted] = given
+            else:  # a name that does not exist, or cannot be set, is refused by the new system
+                values[dotted] = given.value if port is None else given.start_value(port, dotted)
         return self.with_start(values)
 
     def with_start(self, values: Mapping[str, StartValue]) -> System:

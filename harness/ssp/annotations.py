@@ -6,28 +6,27 @@ The communication step is written in the annotation of the Open Simulation Platf
 from __future__ import annotations
 
 import logging
+from types import MappingProxyType
 from typing import Any, Final
 
 from lxml import etree
 
 from harness.errors import ExperimentError, SystemFileError
 from harness.experiment import Experiment
-from harness.ssp.document import SPACES, set_text, sub
+from harness.ssp.document import SPACES, sub
 
-#: Type of the annotations and namespace of what is in them.
-TYPE: Final = "friction-fmus.harness"
-SPACE: Final = "urn:friction-fmus:harness"
-
-OSP_TYPE: Final = "com.opensimulationplatform"
-OSP_SPACE: Final = "http://opensimulationplatform.com/SSP/OSPAnnotations"
+#: Types of the annotations, by the prefix of what is in them.
+TYPES: Final = MappingProxyType({"harness": "friction-fmus.harness", "osp": "com.opensimulationplatform"})
 
 _LOG = logging.getLogger("harness")
 _LISTS = ("record", "order")
 
 
 def annotate(element: etree._Element, tag: str, **attributes: str) -> etree._Element:
-    """Append an annotation of this project to an element, after those that it has, and return its content."""
-    return _annotate(element, TYPE, SPACE, "harness", tag, attributes)
+    """Append an annotation ``prefix:name`` to an element, after those that it has, and return its content."""
+    group = element.find("ssd:Annotations", SPACES)
+    group = sub(element, "ssd:Annotations") if group is None else group
+    return sub(sub(group, "ssc:Annotation", type=TYPES[tag.split(":")[0]]), tag, **attributes)
 
 
 def write_experiment(root: etree._Element, experiment: Experiment) -> None:
@@ -36,12 +35,11 @@ def write_experiment(root: etree._Element, experiment: Experiment) -> None:
     scalars = {"step": repr(experiment.step), "master": experiment.master, "decimate": str(experiment.decimate)}
     if experiment.tolerance is not None:
         scalars["tolerance"] = repr(experiment.tolerance)
-    settings = annotate(element, "Experiment", **scalars)
+    settings = annotate(element, "harness:Experiment", **scalars)
     for key in _LISTS:
         for name in getattr(experiment, key):
-            set_text(etree.SubElement(settings, f"{{{SPACE}}}{key}"), "name", name)
-    algorithm = _annotate(element, OSP_TYPE, OSP_SPACE, "osp", "Algorithm", {})
-    etree.SubElement(algorithm, f"{{{OSP_SPACE}}}FixedStepAlgorithm").set("baseStepSize", repr(experiment.step))
+            sub(settings, f"harness:{key}", name=name)
+    sub(annotate(element, "osp:Algorithm"), "osp:FixedStepAlgorithm", baseStepSize=repr(experiment.step))
 
 
 def read_experiment(root: etree._Element, where: str) -> Experiment | None:
@@ -56,8 +54,8 @@ def read_experiment(root: etree._Element, where: str) -> Experiment | None:
     if element is None:
         return None
     times = {"start": element.get("startTime", "0"), "stop": element.get("stopTime")}
-    own = _find(element, TYPE, SPACE, "Experiment")
-    osp = _find(element, OSP_TYPE, OSP_SPACE, "Algorithm")
+    own = _find(element, "harness:Experiment")
+    osp = _find(element, "osp:Algorithm")
     try:
         if own is not None:
             return _own_experiment({**times, **{str(k): v for k, v in own.items()}}, own)
@@ -74,7 +72,7 @@ def read_experiment(root: etree._Element, where: str) -> Experiment | None:
 
 def read_part(element: etree._Element, where: str) -> dict[str, Any]:
     """Settings of a part: every, and the model that it was made from."""
-    own = _find(element, TYPE, SPACE, "Part")
+    own = _find(element, "harness:Part")
     if own is None:
         return {}
     try:
@@ -85,7 +83,7 @@ def read_part(element: etree._Element, where: str) -> dict[str, Any]:
 
 def read_delay(element: etree._Element) -> int:
     """Delay of a connection in ticks."""
-    own = _find(element, TYPE, SPACE, "Wire")
+    own = _find(element, "harness:Wire")
     text = "0" if own is None else own.get("delay", "0")
     if not text.isdecimal():
         raise SystemFileError(f"a connection has the delay '{text}': give a whole number of ticks")
@@ -94,7 +92,7 @@ def read_delay(element: etree._Element) -> int:
 
 def _own_experiment(texts: dict[str, Any], element: etree._Element) -> Experiment:
     tolerance = texts.get("tolerance")
-    lists = {key: tuple(item.get("name", "") for item in element.iterfind(f"{{{SPACE}}}{key}")) for key in _LISTS}
+    lists = {key: tuple(item.get("name", "") for item in element.iterfind(f"harness:{key}", SPACES)) for key in _LISTS}
     return Experiment(
         stop=float(texts["stop"]),
         step=float(texts["step"]),
@@ -106,20 +104,9 @@ def _own_experiment(texts: dict[str, Any], element: etree._Element) -> Experimen
     )
 
 
-def _annotate(
-    element: etree._Element, type_: str, space: str, prefix: str, tag: str, attributes: dict[str, str]
-) -> etree._Element:
-    group = element.find("ssd:Annotations", SPACES)
-    group = sub(element, "ssd:Annotations") if group is None else group
-    annotation = sub(group, "ssc:Annotation", type=type_)
-    content = etree.SubElement(annotation, f"{{{space}}}{tag}", nsmap={prefix: space})
-    for key, value in attributes.items():
-        set_text(content, key, value)
-    return content
-
-
-def _find(element: etree._Element, type_: str, space: str, tag: str) -> etree._Element | None:
+def _find(element: etree._Element, tag: str) -> etree._Element | None:
+    """The content ``prefix:name`` of an annotation of the type that belongs to the prefix."""
     for annotation in element.iterfind("ssd:Annotations/ssc:Annotation", SPACES):
-        if annotation.get("type") == type_:
-            return annotation.find(f"{{{space}}}{tag}")
+        if annotation.get("type") == TYPES[tag.split(":")[0]]:
+            return annotation.find(tag, SPACES)
     return None

@@ -19,7 +19,16 @@ SSV: Final = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 SSM: Final = "http://ssp-standard.org/SSP1/SystemStructureParameterMapping"
 
 # libcosim and ecos look for these very prefixes instead of the namespaces
-SPACES: Final[Mapping[str, str]] = MappingProxyType({"ssd": SSD, "ssc": SSC, "ssv": SSV, "ssm": SSM})
+SPACES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "ssd": SSD,
+        "ssc": SSC,
+        "ssv": SSV,
+        "ssm": SSM,
+        "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
+        "harness": "urn:friction-fmus:harness",
+    }
+)
 
 #: What files say that they are written by.
 TOOL: Final = "friction-fmus"

@@ -96,9 +96,9 @@ class Parameter:
             if value not in items:
                 raise StartValueError(f"{where} has no item '{value}': {nearest(str(value), items)}")
             return items[str(value)]
-        if port.type == "Real" and type(value) is int:
+        if port.type == "Real" and isinstance(value, (int, float)) and not isinstance(value, bool):
             return float(value)
-        if type(value) is {"Real": float, "Integer": int, "Boolean": bool, "String": str}[port.type]:
+        if type(value) is {"Integer": int, "Boolean": bool, "String": str}.get(port.type):
             return value
         raise StartValueError(f"{where} is {value!r}, which is no {port.type}: give a {port.type}")
 

@@ -56,8 +56,8 @@ def _sources(fmus: Mapping[str, FmuPart]) -> dict[str, str]:
 
 
 def _document(system: Assembly, fmus: Mapping[str, FmuPart], sources: Mapping[str, str]) -> etree._Element:
-    spaces = {prefix: SPACES[prefix] for prefix in ("ssd", "ssc", "ssv")}
-    root = etree.Element(f"{{{SSD}}}SystemStructureDescription", nsmap=spaces)
+    # all declared here, for libcosim takes a declaration further down for an attribute
+    root = etree.Element(f"{{{SSD}}}SystemStructureDescription", nsmap=dict(SPACES))
     for key, text in {"version": "1.0", "name": system.name, "generationTool": TOOL}.items():
         set_text(root, key, text)
     element = sub(root, "ssd:System", name=system.name)
@@ -110,7 +110,7 @@ def _component(
     if part.model is not None:
         settings["model"] = part.model
     if settings:
-        annotate(element, "Part", **settings)
+        annotate(element, "harness:Part", **settings)
 
 
 def _shared_unit(port: Port, units: dict[str, BaseUnit]) -> str | None:
@@ -158,4 +158,4 @@ def _connection(connections: etree._Element, wire: Wire) -> None:
         # both always: ecos takes 0 for a factor that is left out
         sub(element, "ssc:LinearTransformation", factor=repr(float(wire.gain)), offset=repr(float(wire.offset)))
     if wire.delay:
-        annotate(element, "Wire", delay=str(wire.delay))
+        annotate(element, "harness:Wire", delay=str(wire.delay))
