@@ -37,21 +37,20 @@ def write_ssp(system: Assembly, path: Path) -> None:
 
 
 def _sources(fmus: Mapping[str, FmuPart]) -> dict[str, str]:
-    """The member of the archive for each part; the same FMU is packed once."""
+    """The member of the archive for each part; equal FMUs are packed once."""
     sources: dict[str, str] = {}
-    contents: dict[str, bytes] = {}
+    packed: dict[bytes, str] = {}
     for name, part in fmus.items():
         try:
             data = part.path.read_bytes()
         except OSError as error:
             raise SystemFileError(f"cannot read {part.path}: {error.strerror}; build the FMU again") from error
-        # not all tools decode what is escaped in a URI
-        stem = re.sub(r"[^A-Za-z0-9_-]", "_", part.path.stem)
-        number, source = 1, f"resources/{stem}.fmu"
-        while contents.setdefault(source, data) != data:
-            number += 1
-            source = f"resources/{stem}_{number}.fmu"
-        sources[name] = source
+        if data not in packed:
+            # not all tools decode what is escaped in a URI
+            stem = re.sub(r"[^A-Za-z0-9_-]", "_", part.path.stem)
+            names = (f"resources/{stem}{suffix}.fmu" for suffix in ("", *(f"_{k}" for k in range(2, len(fmus) + 1))))
+            packed[data] = next(source for source in names if source not in packed.values())
+        sources[name] = packed[data]
     return sources
 
 
