@@ -65,6 +65,8 @@ def parse_document(data: bytes, space: str, where: str) -> etree._Element:
         root = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
         raise SystemFileError(f"{where} is not XML: {error.msg}; export it again") from error
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise SystemFileError(f"{where} has a document type with definitions of its own: remove its DOCTYPE")
     return check_element(root, space, where)
 
 

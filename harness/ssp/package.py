@@ -182,8 +182,6 @@ def _read(archive: zipfile.ZipFile, member: str, where: str) -> bytes:
     try:
         return archive.read(member)
     except KeyError as error:
-        raise SystemFileError(
-            f"{where} names '{member}', but there is no such file in it: pack the file into it"
-        ) from error
+        raise SystemFileError(f"{where} names '{member}', which is not in the archive: pack it into it") from error
     except (zipfile.BadZipFile, RuntimeError, NotImplementedError, OSError) as error:
         raise SystemFileError(f"{where} names '{member}', which cannot be read ({error}): pack it again") from error
