@@ -54,7 +54,7 @@ def bound_values(package: Package, structure: Structure, network: Network) -> di
             values |= _binding(package, structure, network, path, binding)
     start: dict[str, StartValue] = {}
     for node, parameter in values.items():
-        port = network.port(node)
+        port = network.settable(node)
         assert port is not None  # only such nodes are found
         name = f"{network.parts[node.path].name}.{node.name}"
         start[name] = parameter.start_value(port, f"start value {name}")
@@ -102,7 +102,7 @@ def _named(structure: Structure, path: Path, name: str) -> list[Node]:
 
 def _exists(structure: Structure, network: Network, node: Node) -> bool:
     if node.path in structure.components:
-        return network.port(node) is not None
+        return network.settable(node) is not None
     return node in structure.connectors
 
 

@@ -40,11 +40,11 @@ class Network:
         self.structure = structure
         self.parts = parts
         self.where = where
-        self._ports = {
-            Node(path, port.name): port
-            for path, part in parts.items()
-            for port in (*part.inputs, *part.outputs, *part.parameters)
+        self._settable = {
+            Node(path, port.name): port for path, part in parts.items() for port in (*part.inputs, *part.parameters)
         }
+        outputs = {Node(path, port.name): port for path, part in parts.items() for port in part.outputs}
+        self._ports = outputs | self._settable
         self._into: dict[Node, Edge] = {}
         self._out_of: dict[Node, list[Edge]] = {}
         for edge in structure.edges:
@@ -78,7 +78,7 @@ class Network:
         StartValueError
             If the value cannot be transformed.
         """
-        if node.path in self.parts:
+        if node in self._settable:
             return {node: parameter}
         landed: dict[Node, Parameter] = {}
         for edge in self._out_of.get(node, ()):
@@ -88,9 +88,9 @@ class Network:
             landed |= self.spread(edge.target, passed)
         return landed
 
-    def port(self, node: Node) -> Port | None:
-        """The variable of an FMU, if that is what the node is."""
-        return self._ports.get(node)
+    def settable(self, node: Node) -> Port | None:
+        """The variable of an FMU that accepts a start value, if that is what the node is."""
+        return self._settable.get(node)
 
     def unit(self, node: Node) -> BaseUnit | None:
         """The unit of a connector or variable: that of the FMU, else that of the file."""

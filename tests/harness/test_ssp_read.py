@@ -44,11 +44,9 @@ def wires(path: Path) -> tuple[Wire, ...]:
 
 def test_nested_systems_are_dissolved(archive: Callable[..., Path]) -> None:
     back = connection("sub.result", "q.u")
-    with System.from_ssp(
-        archive(nested(connection("q.y", "sub.force"), "").replace("</ssd:Connections>", "", 0))
-    ) as one:
-        assert list(one.parts) == ["q", "sub_p"]
-        assert one.wires == (Wire("q.y", "sub_p.u"),)  # through kN and back is exactly 1
+    with System.from_ssp(archive(nested(connection("q.y", "sub.force"), ""))) as read:
+        assert list(read.parts) == ["q", "sub_p"]
+        assert read.wires == (Wire("q.y", "sub_p.u"),)  # through kN and back is exactly 1
     loop = wires(archive(nested(connection("q.y", "sub.force") + back, "")))
     assert set(loop) == {Wire("q.y", "sub_p.u"), Wire("sub_p.y", "q.u")}
 
@@ -297,13 +295,12 @@ def test_a_file_that_is_no_archive(tmp_path: Path) -> None:
 
 def test_entities_of_the_file_system_are_not_read(archive: Callable[..., Path], tmp_path: Path) -> None:
     (tmp_path / "secret").write_text("token")
-    bomb = f'<!DOCTYPE d [<!ENTITY e SYSTEM "{(tmp_path / "secret").as_uri()}">]>' + ssd("").replace(
+    text = f'<!DOCTYPE d [<!ENTITY e SYSTEM "{(tmp_path / "secret").as_uri()}">]>' + ssd("").replace(
         '<ssd:System name="root">', '<ssd:System name="root">&e;'
     )
-    path = pack(tmp_path / "entity.ssp", {"SystemStructure.ssd": bomb})
-    with pytest.raises(SystemFileError) as caught:
+    path = pack(tmp_path / "entity.ssp", {"SystemStructure.ssd": text})
+    with pytest.raises(SystemFileError, match="remove its DOCTYPE"):
         System.from_ssp(path)
-    assert "token" not in str(caught.value)
 
 
 def test_errors_of_the_system_are_those_of_any_system(
@@ -312,5 +309,5 @@ def test_errors_of_the_system_are_those_of_any_system(
     silent = make_fmu(
         ('description="push"><Real unit="N" start="0"/>', 'description="push"><Real unit="N"/>'), name="s.fmu"
     )
-    with pytest.raises(UnconnectedError, match="nothing drives p.u"):
+    with pytest.raises(UnconnectedError, match="nothing drives p"):
         System.from_ssp(archive(system(component("p", source="resources/s.fmu")), s=silent))
