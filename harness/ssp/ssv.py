@@ -125,6 +125,11 @@ class ParameterSet:
 def read_ssv(path: str | Path) -> ParameterSet:
     """Read an SSV file.
 
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
     Raises
     ------
     SystemFileError
@@ -139,6 +144,13 @@ def read_ssv(path: str | Path) -> ParameterSet:
 
 def write_ssv(parameters: ParameterSet, path: str | Path) -> None:
     """Write an SSV file; the same set gives the same bytes.
+
+    Parameters
+    ----------
+    parameters : ParameterSet
+        What is written.
+    path : path-like
+        The file.
 
     Raises
     ------
