@@ -81,13 +81,16 @@ def read_part(element: etree._Element, where: str) -> dict[str, Any]:
         raise SystemFileError(f"{where} has a malformed annotation ({error}): write it again") from error
 
 
-def read_delay(element: etree._Element) -> int:
-    """Delay of a connection in ticks."""
+def read_wire(element: etree._Element, where: str) -> tuple[int, tuple[float, float] | None]:
+    """Delay of a connection in ticks; gain and offset of the wire that it was written for, if they are stated."""
     own = _find(element, "harness:Wire")
-    text = "0" if own is None else own.get("delay", "0")
-    if not text.isdecimal():
-        raise SystemFileError(f"a connection has the delay '{text}': give a whole number of ticks")
-    return int(text)
+    if own is None:
+        return 0, None
+    try:
+        gain, offset = own.get("gain"), own.get("offset")
+        return int(own.get("delay", "0")), None if gain is None or offset is None else (float(gain), float(offset))
+    except ValueError as error:
+        raise SystemFileError(f"{where} has a malformed annotation ({error}): write it again") from error
 
 
 def _own_experiment(texts: dict[str, Any], element: etree._Element) -> Experiment:

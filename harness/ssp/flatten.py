@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from harness.errors import SystemFileError, UnitError
 from harness.part import Part, Port
-from harness.ssp.annotations import read_delay
+from harness.ssp.annotations import read_wire
 from harness.ssp.ssv import Parameter
 from harness.ssp.structure import Edge, Node, Path, Structure
 from harness.ssp.transformation import Linear
@@ -129,9 +129,15 @@ class Network:
                 raise SystemFileError(
                     f"{edge} in {self.where} maps values by a table, which is not supported: put a part in its place"
                 )
+            before, unit = signal, self.unit(edge.target)
             factor, offset = edge.transformation.factor, edge.transformation.offset
-            signal = signal.passed(self.unit(edge.target), factor, offset, edge.suppress, str(edge))
-            delay += read_delay(edge.element)
+            signal = before.passed(unit, factor, offset, edge.suppress, str(edge))
+            ticks, written = read_wire(edge.element, str(edge))
+            delay += ticks
+            # what was written is exact, but only as long as nobody has changed the transformation
+            if written and edge.suppress and len(chain) == 1:
+                exact = Signal(before.unit, unit, *written)
+                signal = exact if exact.number(str(edge)) == (factor, offset) else signal
         # a wire between known units converts by itself, any other one has to be told
         converts = self._own_unit(source) is not None and self._own_unit(target) is not None
         gain, offset = (signal.gain, signal.offset) if converts else signal.number(str(chain[-1]))

@@ -16,7 +16,7 @@ from harness.ssp.annotations import annotate, write_experiment
 from harness.ssp.document import SPACES, SSD, TOOL, set_text, sub, to_bytes
 from harness.ssp.package import SSD_NAME, write_package
 from harness.ssp.ssv import Parameter, ParameterSet, ssv_element
-from harness.ssp.units import known_unit, write_units
+from harness.ssp.units import Signal, known_unit, write_units
 from harness.units import BaseUnit
 from harness.wire import Wire, split_name
 
@@ -70,8 +70,9 @@ def _document(system: Assembly, fmus: Mapping[str, FmuPart], sources: Mapping[st
             _component(sub(elements, "ssd:Component", name=name, source=sources[name]), part, wired, start, units)
     if system.wires:
         connections = sub(element, "ssd:Connections")
+        ports = {f"{name}.{port.name}": port for name, part in fmus.items() for port in (*part.inputs, *part.outputs)}
         for wire in system.wires:
-            _connection(connections, wire)
+            _connection(connections, wire, ports[wire.source], ports[wire.target])
     write_units(root, "ssd:Units", units)
     if system.experiment is not None:
         write_experiment(root, system.experiment)
@@ -143,18 +144,26 @@ def _expected(port: Port) -> str:
     return f"one of {', '.join(str(number) for _, number in port.items)}" if port.items else f"a {port.type}"
 
 
-def _connection(connections: etree._Element, wire: Wire) -> None:
-    (source, output), (target, input_) = wire.ends
+def _connection(connections: etree._Element, wire: Wire, output: Port, input_: Port) -> None:
+    """A wire; where it converts units, the conversion is written as well, for most tools know nothing of units."""
+    source, target = known_unit(output.unit, output.base), known_unit(input_.unit, input_.base)
+    converts = source is not None and target is not None and not source.agrees(target)
+    (start, start_connector), (end, end_connector) = wire.ends
     element = sub(
         connections,
         "ssd:Connection",
-        startElement=source,
-        startConnector=output,
-        endElement=target,
-        endConnector=input_,
+        startElement=start,
+        startConnector=start_connector,
+        endElement=end,
+        endConnector=end_connector,
+        suppressUnitConversion="true" if converts else None,
     )
-    if (wire.gain, wire.offset) != (1.0, 0.0):
+    if converts or (wire.gain, wire.offset) != (1.0, 0.0):
+        factor, offset = Signal(source, target, wire.gain, wire.offset).number(f"the wire {wire}")
         # both always: ecos takes 0 for a factor that is left out
-        sub(element, "ssc:LinearTransformation", factor=repr(float(wire.gain)), offset=repr(float(wire.offset)))
-    if wire.delay:
-        annotate(element, "harness:Wire", delay=str(wire.delay))
+        sub(element, "ssc:LinearTransformation", factor=repr(float(factor)), offset=repr(float(offset)))
+    settings = {"delay": str(wire.delay)} if wire.delay else {}
+    if converts:
+        settings |= {"gain": repr(float(wire.gain)), "offset": repr(float(wire.offset))}
+    if settings:
+        annotate(element, "harness:Wire", **settings)

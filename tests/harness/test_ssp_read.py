@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import logging
+import re
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from ssp_files import NAMESPACES, UNITS, component, connection, pack, ssd, system
 
-from harness import Experiment, System, SystemFileError, UnconnectedError, UnitError, Wire
-from harness.ssp import read_ssp
+from harness import Experiment, FmuPart, System, SystemFileError, UnconnectedError, UnitError, Wire
+from harness.ssp import read_ssp, write_ssp
 
 SUB = (
     '<ssd:Connectors><ssd:Connector name="force" kind="input"><ssc:Real unit="kN"/></ssd:Connector>'
@@ -104,6 +107,33 @@ def test_ports_in_different_units(
     )
     (wire,) = wires(path)
     assert (wire.gain, wire.offset) == pytest.approx((gain, offset), rel=1e-12)
+
+
+@pytest.mark.parametrize(("gain", "offset"), [(1.0, 0.0), (1 / 3, -0.7), (-0.1, 1e9)])
+def test_conversion_is_written_for_tools_without_units(
+    make_fmu: Callable[..., Path], tmp_path: Path, gain: float, offset: float
+) -> None:
+    parts = {"q": FmuPart("q", make_fmu()), "p": FmuPart("p", make_fmu(INCH, IN_INCH, name="inch.fmu"))}
+    wire = Wire("q.x", "p.u", gain, offset, delay=2)
+    made = SimpleNamespace(name="bench", parts=parts, wires=(wire,), start={}, experiment=None)
+    write_ssp(made, tmp_path / "a.ssp")
+    assert wires(tmp_path / "a.ssp") == (wire,)
+    with zipfile.ZipFile(tmp_path / "a.ssp") as archive:
+        text = archive.read("SystemStructure.ssd").decode()
+    found = re.search(
+        r'<ssd:Connection [^>]*suppressUnitConversion="true">\s*<ssc:L\w+ factor="(.*?)" offset="(.*?)"', text
+    )
+    assert found is not None
+    # a furlong has 7920 inches
+    assert [float(number) for number in found.groups()] == pytest.approx([7920 * gain, offset], rel=1e-12)
+    # somebody else changes the transformation: what it says counts
+    changed = text.replace(f'factor="{found[1]}"', f'factor="{float(found[1]) * 2!r}"')
+    members = {
+        "SystemStructure.ssd": changed,
+        **{f"resources/{path.name}": path for path in (parts[n].path for n in "pq")},
+    }
+    (doubled,) = wires(pack(tmp_path / "b.ssp", members))
+    assert (doubled.gain, doubled.offset, doubled.delay) == pytest.approx((2 * gain, offset, 2), rel=1e-12)
 
 
 def test_units_that_only_the_file_states(archive: Callable[..., Path], make_fmu: Callable[..., Path]) -> None:
