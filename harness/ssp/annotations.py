@@ -6,6 +6,8 @@ The communication step is written in the annotation of the Open Simulation Platf
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -13,13 +15,17 @@ from lxml import etree
 
 from harness.errors import ExperimentError, SystemFileError
 from harness.experiment import Experiment
+from harness.manipulator import manipulator_table, read_manipulator
 from harness.ssp.document import SPACES, sub
 
 #: Types of the annotations, by the prefix of what is in them.
 TYPES: Final = MappingProxyType({"harness": "friction-fmus.harness", "osp": "com.opensimulationplatform"})
 
 _LOG = logging.getLogger("harness")
-_LISTS = ("record", "order")
+_SCALARS: Final[Mapping[str, Callable[[str], Any]]] = MappingProxyType(
+    {"step": float, "master": str, "decimate": int, "tolerance": float, "extrapolation": int}
+)
+_LISTS: Final = ("record", "order")
 
 
 def annotate(element: etree._Element, tag: str, **attributes: str) -> etree._Element:
@@ -32,13 +38,12 @@ def annotate(element: etree._Element, tag: str, **attributes: str) -> etree._Ele
 def write_experiment(root: etree._Element, experiment: Experiment) -> None:
     """Append the DefaultExperiment."""
     element = sub(root, "ssd:DefaultExperiment", startTime=repr(experiment.start), stopTime=repr(experiment.stop))
-    scalars = {"step": repr(experiment.step), "master": experiment.master, "decimate": str(experiment.decimate)}
-    if experiment.tolerance is not None:
-        scalars["tolerance"] = repr(experiment.tolerance)
-    settings = annotate(element, "harness:Experiment", **scalars)
+    settings = annotate(element, "harness:Experiment", **_texts({key: getattr(experiment, key) for key in _SCALARS}))
     for key in _LISTS:
         for name in getattr(experiment, key):
             sub(settings, f"harness:{key}", name=name)
+    for manipulator in experiment.manipulators:
+        sub(settings, "harness:manipulator", **_texts(manipulator_table(manipulator)))
     sub(annotate(element, "osp:Algorithm"), "osp:FixedStepAlgorithm", baseStepSize=repr(experiment.step))
 
 
@@ -94,17 +99,26 @@ def read_wire(element: etree._Element, where: str) -> tuple[int, tuple[float, fl
 
 
 def _own_experiment(texts: dict[str, Any], element: etree._Element) -> Experiment:
-    tolerance = texts.get("tolerance")
-    lists = {key: tuple(item.get("name", "") for item in element.iterfind(f"harness:{key}", SPACES)) for key in _LISTS}
-    return Experiment(
-        stop=float(texts["stop"]),
-        step=float(texts["step"]),
-        start=float(texts["start"]),
-        master=texts["master"],
-        decimate=int(texts["decimate"]),
-        tolerance=None if tolerance is None else float(tolerance),
-        **lists,
+    settings = {key: read(texts[key]) for key, read in _SCALARS.items() if key in texts}
+    for key in _LISTS:
+        settings[key] = tuple(item.get("name", "") for item in element.iterfind(f"harness:{key}", SPACES))
+    settings["manipulators"] = tuple(
+        read_manipulator({str(key): _number(str(text)) for key, text in item.items()})
+        for item in element.iterfind("harness:manipulator", SPACES)
     )
+    return Experiment(start=float(texts["start"]), stop=float(texts["stop"]), **settings)
+
+
+def _texts(values: Mapping[str, object]) -> dict[str, str]:
+    return {key: str(value) for key, value in values.items() if value is not None}
+
+
+def _number(text: str) -> str | float | int:
+    """The number that a text is, else the text."""
+    for read in (int, float):
+        with suppress(ValueError):
+            return read(text)
+    return text
 
 
 def _find(element: etree._Element, tag: str) -> etree._Element | None:

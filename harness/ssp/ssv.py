@@ -14,7 +14,7 @@ from harness.errors import StartValueError, SystemFileError, UnitError, nearest
 from harness.part import Port, StartValue
 from harness.ssp.document import SPACES, SSV, TOOL, check_element, parse_document, set_text, sub, to_bytes
 from harness.ssp.transformation import Linear, Transformation
-from harness.ssp.units import conversion, known_unit, read_units, write_units
+from harness.ssp.units import converted, known_unit, read_units, write_units
 from harness.units import BaseUnit
 
 #: Media type under which an SSD refers to such a file.
@@ -75,7 +75,7 @@ class Parameter:
         """
         value, own = self.value, known_unit(self.unit, self.base)
         if own is not None and base is not None and not suppress and isinstance(value, float):
-            factor, offset = conversion(own, base, where)
+            factor, offset = converted(own, base, where)
             value = factor * value + offset
         value = (transformation or Linear())(value, where)
         return replace(self, value=value, unit=None, base=base or own)

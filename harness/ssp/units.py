@@ -9,7 +9,7 @@ from lxml import etree
 
 from harness.errors import UnitError
 from harness.ssp.document import SPACES, sub
-from harness.units import BASE_SYMBOLS, BaseUnit, parse_unit
+from harness.units import BASE_SYMBOLS, BaseUnit, conversion, parse_unit
 
 
 def read_units(root: etree._Element, tag: str) -> dict[str, BaseUnit]:
@@ -44,7 +44,7 @@ def known_unit(name: str | None, base: BaseUnit | None) -> BaseUnit | None:
     return base or (None if name is None else parse_unit(name))
 
 
-def conversion(source: BaseUnit, target: BaseUnit, where: str) -> tuple[float, float]:
+def converted(source: BaseUnit, target: BaseUnit, where: str) -> tuple[float, float]:
     """Factor and offset that turn a number in one unit into a number in another.
 
     Raises
@@ -52,11 +52,10 @@ def conversion(source: BaseUnit, target: BaseUnit, where: str) -> tuple[float, f
     UnitError
         If they measure different quantities.
     """
-    if source.agrees(target):
-        return 1.0, 0.0
-    if source.exponents != target.exponents:
+    numbers = conversion(source, target)
+    if numbers is None:
         raise UnitError(f"{where} joins [{source}] and [{target}]: correct the units, they are different quantities")
-    return source.factor / target.factor, (source.offset - target.offset) / target.factor
+    return numbers
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ class Signal:
         """
         gain, rest = self.gain, self.offset
         if self.unit is not None and unit is not None:
-            k, c = conversion(self.unit, unit, where)
+            k, c = converted(self.unit, unit, where)
             if suppress:
                 gain, rest = gain / k, rest - gain * c / k
             else:
@@ -110,5 +109,5 @@ class Signal:
         """Gain and offset from the number at the source to the number here, conversion included."""
         if self.source is None or self.unit is None:
             return self.gain, self.offset
-        k, c = conversion(self.source, self.unit, where)
+        k, c = converted(self.source, self.unit, where)
         return self.gain * k, self.gain * c + self.offset

@@ -16,9 +16,9 @@ from harness.ssp.annotations import annotate, write_experiment
 from harness.ssp.document import SPACES, SSD, TOOL, set_text, sub, to_bytes
 from harness.ssp.package import SSD_NAME, write_package
 from harness.ssp.ssv import Parameter, ParameterSet, ssv_element
-from harness.ssp.units import Signal, known_unit, write_units
-from harness.units import BaseUnit
-from harness.wire import Wire, split_name
+from harness.ssp.units import known_unit, write_units
+from harness.units import BaseUnit, units_agree
+from harness.wire import Wire, split_name, wire_map
 
 #: Name of the parameter set of every component; ecos asks for it.
 SET_NAME = "start"
@@ -146,8 +146,7 @@ def _expected(port: Port) -> str:
 
 def _connection(connections: etree._Element, wire: Wire, output: Port, input_: Port) -> None:
     """A wire; where it converts units, the conversion is written as well, for most tools know nothing of units."""
-    source, target = known_unit(output.unit, output.base), known_unit(input_.unit, input_.base)
-    converts = source is not None and target is not None and not source.agrees(target)
+    converts = units_agree(output.unit, output.base, input_.unit, input_.base) is False
     (start, start_connector), (end, end_connector) = wire.ends
     element = sub(
         connections,
@@ -159,7 +158,7 @@ def _connection(connections: etree._Element, wire: Wire, output: Port, input_: P
         suppressUnitConversion="true" if converts else None,
     )
     if converts or (wire.gain, wire.offset) != (1.0, 0.0):
-        factor, offset = Signal(source, target, wire.gain, wire.offset).number(f"the wire {wire}")
+        factor, offset = wire_map(wire, output, input_)
         # both always: ecos takes 0 for a factor that is left out
         sub(element, "ssc:LinearTransformation", factor=repr(float(factor)), offset=repr(float(offset)))
     settings = {"delay": str(wire.delay)} if wire.delay else {}

@@ -130,13 +130,18 @@ def test_peers_converge_to_the_solution(
     assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.1)  # explicit coupling is of first order
 
 
+@pytest.mark.parametrize(("gain", "offset"), [(1.0, 0.0), (2.0, 0.5)])
 @pytest.mark.parametrize("peer", [in_libcosim, in_ecos], ids=lambda peer: peer.__name__)
 def test_jacobi_is_the_same_everywhere(
-    oscillator: Callable[..., System], tmp_path: Path, peer: Callable[[Path, float], Trajectories]
+    oscillator: Callable[..., System],
+    tmp_path: Path,
+    peer: Callable[[Path, float], Trajectories],
+    gain: float,
+    offset: float,
 ) -> None:
     step = 1 / 256
-    oscillator(step).to_ssp(tmp_path / "oscillator.ssp")
-    found, expected = peer(tmp_path / "oscillator.ssp", step), own(oscillator(step))
+    oscillator(step, gain, offset).to_ssp(tmp_path / "oscillator.ssp")
+    found, expected = peer(tmp_path / "oscillator.ssp", step), own(oscillator(step, gain, offset))
     for name in ("mass.x", "mass.v"):
         np.testing.assert_allclose(found[name], expected[name], rtol=0, atol=1e-12)
 

@@ -7,13 +7,12 @@ import re
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from ssp_files import NAMESPACES, UNITS, component, connection, pack, ssd, system
 
 from harness import Experiment, FmuPart, System, SystemFileError, UnconnectedError, UnitError, Wire
-from harness.ssp import read_ssp, write_ssp
+from harness.ssp import read_ssp
 
 SUB = (
     '<ssd:Connectors><ssd:Connector name="force" kind="input"><ssc:Real unit="kN"/></ssd:Connector>'
@@ -115,8 +114,8 @@ def test_conversion_is_written_for_tools_without_units(
 ) -> None:
     parts = {"q": FmuPart("q", make_fmu()), "p": FmuPart("p", make_fmu(INCH, IN_INCH, name="inch.fmu"))}
     wire = Wire("q.x", "p.u", gain, offset, delay=2)
-    made = SimpleNamespace(name="bench", parts=parts, wires=(wire,), start={}, experiment=None)
-    write_ssp(made, tmp_path / "a.ssp")
+    rest = {"q.u": 0.0, "q.n": 0, "q.b": False, "p.n": 0, "p.b": False}
+    System(parts.values(), [wire], rest).to_ssp(tmp_path / "a.ssp")
     assert wires(tmp_path / "a.ssp") == (wire,)
     with zipfile.ZipFile(tmp_path / "a.ssp") as archive:
         text = archive.read("SystemStructure.ssd").decode()

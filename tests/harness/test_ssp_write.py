@@ -6,6 +6,7 @@ import gc
 import math
 import zipfile
 from collections.abc import Callable, Iterator
+from dataclasses import fields
 from pathlib import Path
 
 import fmpy
@@ -13,7 +14,19 @@ import pytest
 from harness_parts import mass
 from lxml import etree
 
-from harness import Experiment, FmuPart, OutputError, SeriesPart, System, SystemFileError, Wire
+from harness import (
+    Bias,
+    Delay,
+    Experiment,
+    FmuPart,
+    Freeze,
+    Noise,
+    OutputError,
+    SeriesPart,
+    System,
+    SystemFileError,
+    Wire,
+)
 
 SCHEMAS = Path(fmpy.__file__).parent / "ssp" / "schema"
 SPACES = {
@@ -38,7 +51,14 @@ EXPERIMENT = Experiment(
     record=("a.x", "b.*"),
     decimate=4,
     tolerance=1e-7,
-    order=("b", "a"),
+    order=("b", "c", "a"),
+    extrapolation=2,
+    manipulators=(
+        Bias("b.u", 1 / 3, start=0.5),
+        Noise("c.u", sigma=0.1, seed=7, stop=0.75),
+        Freeze("c.u"),
+        Delay("b.n"),
+    ),
 )
 
 
@@ -106,6 +126,14 @@ def test_a_read_system_runs_like_the_written_one(probe: Path, tmp_path: Path) ->
         written.to_ssp(tmp_path / "run.ssp")
         with System.from_ssp(tmp_path / "run.ssp") as read:
             assert read.run().identical(written.run())
+
+
+def test_no_setting_of_an_experiment_is_forgotten() -> None:
+    defaults = Experiment(stop=1.0, step=1.0)
+    kept = [
+        field.name for field in fields(Experiment) if getattr(EXPERIMENT, field.name) == getattr(defaults, field.name)
+    ]
+    assert kept == ["stop"]  # so that the round trip would show it
 
 
 def test_without_experiment_and_wires(probe: Path, tmp_path: Path) -> None:
