@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -62,7 +61,7 @@ def _parts(package: Package, structure: Structure, folder: Path | None) -> dict[
     taken: dict[str, str] = {}
     for path, element in structure.components.items():
         # a part's name has no dot, for a dot stands between part and variable
-        name, shown = re.sub(r"\.", "_", "_".join(path)), ".".join(path)
+        name, shown = "_".join(path).replace(".", "_"), ".".join(path)
         where = f"component '{shown}' in {package.path}"
         if name in taken:
             raise SystemFileError(f"{where} would be called '{name}' like '{taken[name]}': rename one of them")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import math
 import zipfile
 from collections.abc import Callable, Iterator
@@ -196,17 +195,14 @@ def test_unpacked_files_vanish_with_the_parts(system: System, tmp_path: Path) ->
     assert isinstance(part, FmuPart)
     path = part.path
     del copy
-    gc.collect()
     assert path.is_file()
     del part
-    gc.collect()
     assert not path.parent.parent.exists()
 
 
 def test_files_are_unpacked_to_a_folder(system: System, tmp_path: Path) -> None:
     system.to_ssp(tmp_path / "bench.ssp")
     System.from_ssp(tmp_path / "bench.ssp", tmp_path / "unpacked").close()
-    gc.collect()
     names = sorted(path.name for path in (tmp_path / "unpacked" / "resources").iterdir())
     assert names == ["first_one.fmu", "second.fmu"]  # the third one is the first one
 
