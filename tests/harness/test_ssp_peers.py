@@ -42,6 +42,12 @@ def oscillator(build_fmu: Callable[..., Path]) -> Callable[..., System]:
     return make
 
 
+@pytest.fixture(autouse=True)
+def _temporary(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The folder for temporary files, which ecos leaves behind."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+
+
 def own(system: System) -> Trajectories:
     with system:
         result = system.run()

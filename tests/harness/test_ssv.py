@@ -9,6 +9,8 @@ from pathlib import Path
 import fmpy
 import pytest
 from fmpy.ssp.ssd import read_ssv as fmpy_read_ssv
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from lxml import etree
 from ssp_files import parameter_set, real
 
@@ -27,6 +29,8 @@ from harness import (
     read_ssv,
     write_ssv,
 )
+from harness.ssp.document import SSV, parse_document
+from harness.ssp.ssv import parse_ssv, ssv_bytes
 
 FURLONG = BaseUnit((0, 1, 0, 0, 0, 0, 0, 0), 201.168)
 WARM = BaseUnit((0, 0, 0, 0, 1, 0, 0, 0), 5 / 9, 459.67 * 5 / 9)
@@ -64,6 +68,32 @@ def test_round_trip(tmp_path: Path) -> None:
     assert read.parameters["p.heat"].base == WARM
     write_ssv(read, tmp_path / "again.ssv")
     assert (tmp_path / "again.ssv").read_bytes() == (tmp_path / "set.ssv").read_bytes()
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.dictionaries(
+        st.text(min_size=1),
+        st.one_of(
+            st.floats(allow_nan=False, allow_infinity=False),
+            st.integers(-(2**31), 2**31 - 1),
+            st.booleans(),
+            st.text(),
+        ),
+    )
+)
+def test_any_values(values: dict[str, float | int | bool | str]) -> None:
+    """What is written is read back exactly; what XML cannot carry is refused."""
+    given_set = ParameterSet("set", {name: Parameter(value) for name, value in values.items()})
+    try:
+        data = ssv_bytes(given_set)
+    except SystemFileError as error:
+        assert "control characters" in str(error)
+        return
+    read = parse_ssv(parse_document(data, SSV, "set"), "set").parameters
+    assert {name: repr(parameter.value) for name, parameter in read.items()} == {
+        name: repr(value) for name, value in values.items()
+    }
 
 
 def test_fmpy_reads_it_and_it_is_valid(tmp_path: Path) -> None:
