@@ -75,6 +75,9 @@ def check_element(element: etree._Element, space: str, where: str) -> etree._Ele
     expected = f"{{{space}}}{_ROOTS[space]}"
     if element.tag != expected:
         raise SystemFileError(f"{where} starts with {element.tag}: give one that starts with {expected}")
+    version = element.get("version", "")
+    if version and not version.startswith("1."):
+        raise SystemFileError(f"{where} is of version {version}: export it as SSP 1.0")
     try:
         _schema(space).assertValid(element)
     except etree.DocumentInvalid as error:

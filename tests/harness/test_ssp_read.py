@@ -301,7 +301,11 @@ def test_file_and_fmu_disagree(archive: Callable[..., Path]) -> None:
         ("a.ssp", {}, "it has no SystemStructure.ssd"),
         ("a.ssp", {"SystemStructure.ssd": "<ssd:"}, "is not XML"),
         ("a.ssp", {"SystemStructure.ssd": f"<ssv:ParameterSet {NAMESPACES}/>"}, "starts with"),
-        ("a.ssp", {"SystemStructure.ssd": ssd("").replace('version="1.0"', 'version="2.0"')}, "not valid SSP 1.0"),
+        (
+            "a.ssp",
+            {"SystemStructure.ssd": ssd("").replace('version="1.0"', 'version="2.0"')},
+            "is of version 2.0: export it",
+        ),
         ("a.ssp", {"SystemStructure.ssd": ssd(""), "../evil": ""}, "'../evil' points outside"),
         ("a.ssp", {"SystemStructure.ssd": ssd(""), "/evil": ""}, "'/evil' points outside"),
     ],
