@@ -57,7 +57,14 @@ struct newton {
     int64_t evaluations, substeps, rejected;
 };
 
-enum { SOLVED = 0, NOT_CONVERGED = 101, MOST_EVALUATIONS = 60, MOST_HALVINGS = 20 };
+enum {
+    SOLVED = 0,
+    NOT_CONVERGED = 101,
+    MOST_EVALUATIONS = 60,
+    MOST_BISECTIONS = 250,
+    MOST_HALVINGS = 20,
+    MOST_REFINEMENTS = 10
+};
 
 /* A piece of a step: from t over h, the part [from, to] of the whole. */
 typedef struct {
@@ -159,7 +166,7 @@ static double error_of(const Engine *e, Newton *newton, const Group *g)
 static int step_loop(Engine *e, Newton *newton, int64_t number, double t, double h)
 {
     const Group *const g = &newton->groups[number];
-    const double smallest = ldexp(h, -MOST_HALVINGS);
+    const double smallest = ldexp(h, -MOST_HALVINGS), accurate = ldexp(h, -MOST_REFINEMENTS);
     double done = 0.0, *const proposed = &newton->proposed[number];
     while (done < h) {
         double piece = newton->error > 0.0 && *proposed > 0.0 ? fmin(*proposed, h - done) : h - done;
@@ -175,12 +182,12 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, double t, double
             const Span s = {t + done, last ? h - done : piece, done / h, last ? 1.0 : (done + piece) / h};
             const int status = solve(e, newton, g, number, &s, again);
             const double error = status == SOLVED && newton->error > 0.0 ? error_of(e, newton, g) / newton->error : 0.0;
-            if (status == SOLVED && (error <= 1.0 || piece <= smallest)) {
+            if (status == SOLVED && (error <= 1.0 || piece <= accurate)) {
                 accept(e, newton, g, &s);
                 newton->substeps++;
                 done = last ? h : done + piece;
                 if (newton->error > 0.0)
-                    *proposed = piece * (again ? 1.0 : fmin(1.5, 0.8 / sqrt(error + 1e-9)));
+                    *proposed = piece * (again ? 1.0 : fmin(4.0, 0.8 / sqrt(error + 1e-9)));
                 break;
             }
             newton->rejected++;

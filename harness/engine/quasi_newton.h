@@ -117,7 +117,7 @@ static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, cons
         w[j] = newton->w_last[g->unknown + j] + newton->trend[g->unknown + j] * s->h;
     int status = evaluate(e, newton, g, s, again, &norm);
     for (int64_t tries = 1; status == SOLVED && norm > newton->tolerance; tries++) {
-        if (tries > MOST_EVALUATIONS) {
+        if (tries > (n == 1 ? MOST_BISECTIONS : MOST_EVALUATIONS)) {
             newton->worst_residual = norm;
             return NOT_CONVERGED;
         }
@@ -138,8 +138,11 @@ static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, cons
             bracket.w[r0[0] > 0.0] = w0[0];
             bracket.known[r0[0] > 0.0] = true;
             if (bracket.known[0] && bracket.known[1] &&
-                fabs(bracket.w[1] - bracket.w[0]) <= newton->tolerance * fmax(newton->scale[g->unknown], fabs(w0[0])))
-                break; /* r jumps, as Coulomb friction at v = 0: w is the force that holds */
+                fabs(bracket.w[1] - bracket.w[0]) <= newton->tolerance * fmax(newton->scale[g->unknown], fabs(w0[0]))) {
+                /* r jumps, as Coulomb friction at v = 0: w is the force that holds */
+                e->signals[newton->unknowns[g->unknown]] = w0[0];
+                break;
+            }
             step[0] = inside(&bracket, w0[0] + step[0], tries) - w0[0];
         }
         for (double part = 1.0;; part *= 0.5) {
