@@ -13,6 +13,7 @@ from harness.errors import (
     HarnessError,
     OutputError,
     PartError,
+    ResultFileError,
     SeriesError,
     StartValueError,
     SystemFileError,
@@ -28,7 +29,8 @@ from harness.masters import masters
 from harness.part import Calls, Part, Port
 from harness.plan import Plan
 from harness.plot import plot
-from harness.result import Result, to_csv, to_parquet
+from harness.result import Result, select
+from harness.results import load_result, save_result, to_csv, to_mat, to_netcdf, to_parquet
 from harness.series import SeriesPart
 from harness.ssp import Parameter, ParameterSet, read_ssv, write_ssv
 from harness.system import System
@@ -62,6 +64,7 @@ __all__ = [
     "Port",
     "Progress",
     "Result",
+    "ResultFileError",
     "SeriesError",
     "SeriesPart",
     "StartValueError",
@@ -73,12 +76,17 @@ __all__ = [
     "UnknownNameError",
     "Wire",
     "WireError",
+    "load_result",
     "masters",
     "open_archive",
     "parse_unit",
     "plot",
     "read_ssv",
+    "save_result",
+    "select",
     "to_csv",
+    "to_mat",
+    "to_netcdf",
     "to_parquet",
     "write_ssv",
 ]

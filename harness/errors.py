@@ -66,6 +66,10 @@ class OutputError(HarnessError):
     """A result cannot be written."""
 
 
+class ResultFileError(HarnessError):
+    """A file cannot be read as a result."""
+
+
 class BuildError(HarnessError):
     """C sources that do not compile, or whose result cannot be packaged."""
 

@@ -15,6 +15,7 @@ from lxml import etree
 
 from harness.errors import ExperimentError, SystemFileError
 from harness.experiment import Experiment
+from harness.fmu import FmuPart
 from harness.manipulator import manipulator_table, read_manipulator
 from harness.ssp.document import SPACES, sub
 
@@ -24,6 +25,9 @@ TYPES: Final = MappingProxyType({"harness": "friction-fmus.harness", "osp": "com
 _LOG = logging.getLogger("harness")
 _SCALARS: Final[Mapping[str, Callable[[str], Any]]] = MappingProxyType(
     {"step": float, "master": str, "decimate": int, "tolerance": float, "extrapolation": int}
+)
+_PART: Final[Mapping[str, Callable[[Any], Any]]] = MappingProxyType(
+    {"every": int, "model": str, "isolate": lambda text: text == "true", "timeout": float}
 )
 _LISTS: Final = ("record", "order")
 
@@ -75,13 +79,22 @@ def read_experiment(root: etree._Element, where: str) -> Experiment | None:
         raise SystemFileError(f"{where} has a malformed experiment ({error}): write it again") from error
 
 
+def write_part(element: etree._Element, part: FmuPart) -> None:
+    """Append what is to be known of a part besides its FMU, if there is something."""
+    settings: dict[str, object] = {} if part.every == 1 else {"every": part.every}
+    settings |= {"model": part.model}
+    if part.isolate:
+        settings |= {"isolate": "true", "timeout": part.timeout}
+    texts = _texts(settings)
+    if texts:
+        annotate(element, "harness:Part", **texts)
+
+
 def read_part(element: etree._Element, where: str) -> dict[str, Any]:
-    """Settings of a part: every, and the model that it was made from."""
+    """The arguments of the part that `write_part` wrote."""
     own = _find(element, "harness:Part")
-    if own is None:
-        return {}
     try:
-        return {"every": int(own.get("every", "1")), "model": own.get("model")}
+        return {} if own is None else {key: read(own.get(key)) for key, read in _PART.items() if key in own.attrib}
     except ValueError as error:
         raise SystemFileError(f"{where} has a malformed annotation ({error}): write it again") from error
 

@@ -67,7 +67,8 @@ def _parts(package: Package, structure: Structure, folder: Path | None) -> dict[
             raise SystemFileError(f"{where} would be called '{name}' like '{taken[name]}': rename one of them")
         taken[name] = shown
         fmu = package.unpack(member_name(element.get("source"), where), folder, where)
-        parts[path] = FmuPart(name, fmu, **read_part(element, where), keep=temporary)
+        part = parts[path] = FmuPart(name, fmu, **read_part(element, where))
+        part.keep = temporary
     return parts
 
 

@@ -12,7 +12,7 @@ from harness.assembly import Assembly
 from harness.errors import SystemFileError
 from harness.fmu import FmuPart
 from harness.part import Port, StartValue
-from harness.ssp.annotations import annotate, write_experiment
+from harness.ssp.annotations import annotate, write_experiment, write_part
 from harness.ssp.document import SPACES, SSD, TOOL, set_text, sub, to_bytes
 from harness.ssp.package import SSD_NAME, write_package
 from harness.ssp.ssv import Parameter, ParameterSet, ssv_element
@@ -106,11 +106,7 @@ def _component(
         parameters = {name: _parameter(part.name, by_name[name], value) for name, value in start.items()}
         binding = sub(sub(element, "ssd:ParameterBindings"), "ssd:ParameterBinding")
         ssv_element(ParameterSet(SET_NAME, parameters), sub(binding, "ssd:ParameterValues"))
-    settings = {} if part.every == 1 else {"every": str(part.every)}
-    if part.model is not None:
-        settings["model"] = part.model
-    if settings:
-        annotate(element, "harness:Part", **settings)
+    write_part(element, part)
 
 
 def _shared_unit(port: Port, units: dict[str, BaseUnit]) -> str | None:
