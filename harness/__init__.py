@@ -32,6 +32,7 @@ from harness.plot import plot
 from harness.result import Result, select
 from harness.results import load_result, save_result, to_csv, to_mat, to_netcdf, to_parquet
 from harness.series import SeriesPart
+from harness.ssp import Parameter, ParameterSet, read_ssv, write_ssv
 from harness.system import System
 from harness.tap import Progress, Tap
 from harness.units import BaseUnit, parse_unit
@@ -55,6 +56,8 @@ __all__ = [
     "Noise",
     "OutputError",
     "Override",
+    "Parameter",
+    "ParameterSet",
     "Part",
     "PartError",
     "Plan",
@@ -78,10 +81,12 @@ __all__ = [
     "open_archive",
     "parse_unit",
     "plot",
+    "read_ssv",
     "save_result",
     "select",
     "to_csv",
     "to_mat",
     "to_netcdf",
     "to_parquet",
+    "write_ssv",
 ]

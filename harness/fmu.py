@@ -36,6 +36,11 @@ class FmuPart(Part):
     timeout : float
         How long such a process may take for one call [s].
 
+    Attributes
+    ----------
+    keep : object
+        Kept as long as the part: the temporary folder with the file in it, if it is in one.
+
     Raises
     ------
     FmuError
@@ -73,6 +78,7 @@ class FmuPart(Part):
         if not (timeout > 0.0 and math.isfinite(timeout)):
             raise HarnessError(f"the timeout of '{name}' is {timeout}: give a positive number of seconds")
         self.name = name
+        self.keep: object = None
         self.isolate = isolate
         self.timeout = float(timeout)
         self.path = Path(path)
