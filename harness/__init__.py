@@ -15,6 +15,7 @@ from harness.errors import (
     PartError,
     SeriesError,
     StartValueError,
+    SweepError,
     SystemFileError,
     UnconnectedError,
     UnitError,
@@ -29,6 +30,7 @@ from harness.plan import Plan
 from harness.plot import plot
 from harness.result import Result, to_csv, to_parquet
 from harness.series import SeriesPart
+from harness.sweeps import grid, latin_hypercube, read_samples, read_sweep, sobol, sweep
 from harness.system import System
 from harness.tap import Progress, Tap
 from harness.units import BaseUnit, parse_unit
@@ -54,6 +56,7 @@ __all__ = [
     "SeriesError",
     "SeriesPart",
     "StartValueError",
+    "SweepError",
     "System",
     "SystemFileError",
     "Tap",
@@ -62,10 +65,16 @@ __all__ = [
     "UnknownNameError",
     "Wire",
     "WireError",
+    "grid",
+    "latin_hypercube",
     "masters",
     "open_archive",
     "parse_unit",
     "plot",
+    "read_samples",
+    "read_sweep",
+    "sobol",
+    "sweep",
     "to_csv",
     "to_parquet",
 ]

@@ -66,6 +66,10 @@ class OutputError(HarnessError):
     """A result cannot be written."""
 
 
+class SweepError(HarnessError):
+    """A sweep makes no sense, does not belong to its folder, or its workers cannot be started."""
+
+
 class BuildError(HarnessError):
     """C sources that do not compile, or whose result cannot be packaged."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,11 @@ class FmuPart(Part):
         The model name under which the file was found, if it was; written to a system file instead of the
         path.
 
+    Attributes
+    ----------
+    reuse : bool
+        Whether the next run gets the same instance, after fmi2Reset, instead of a new one; false at first.
+
     Raises
     ------
     FmuError
@@ -42,9 +48,11 @@ class FmuPart(Part):
         self.path = Path(path)
         self.model = model
         self.every = every
+        self.reuse = False
         self._archive = open_archive(self.path)
         self._library: Library | None = None
         self._instance: Instance | None = None
+        self._idle: Instance | None = None
         self._states: list[_State] = []
         ports, variables = self._archive.ports, self._archive.variables
         numeric = [name for name in ports if ports[name].type != "String"]
@@ -60,11 +68,12 @@ class FmuPart(Part):
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
     ) -> None:
-        """Instantiate the FMU, set its start values and enter initialisation mode."""
+        """Instantiate or reset the FMU, set its start values and enter initialisation mode."""
         self.terminate()
         if self._library is None:
             self._library = Library(self._archive, self.name)
-        instance = self._instance = Instance(self._library, self._archive, self.name)
+        instance = self._instance = self._idle or Instance(self._library, self._archive, self.name)
+        self._idle = None
         for name, value in values.items():
             self._set_start(instance, self._archive.ports[name], value)
         instance.call("SetupExperiment", tolerance is not None, tolerance or 0.0, start, True, stop)
@@ -126,20 +135,32 @@ class FmuPart(Part):
         self._started().call("SetFMUstate", state.pointer)
 
     def terminate(self) -> None:
-        """Free the instance and its saved states."""
+        """Free the saved states, and the instance unless the next run is to get it."""
         if self._instance is not None:
             for state in self._states:
                 self._instance.slave.dll.fmi2FreeFMUstate(self._instance.component, ctypes.byref(state.pointer))
-            self._instance.release()
+            if self.reuse and self._instance.reset():
+                self._idle = self._instance
+            else:
+                self._instance.release()
+        elif self._idle is not None and not self.reuse:
+            self._idle.release()
+            self._idle = None
         self._states.clear()
         self._instance = None
 
     def close(self) -> None:
         """Free the instance, unload the library and remove the temporary folder."""
+        self.reuse, reuse = False, self.reuse
         self.terminate()
+        self.reuse = reuse
         if self._library is not None:
             self._library.close()
             self._library = None
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """A part in another process is made anew from the same file."""
+        return partial(FmuPart, every=self.every, model=self.model), (self.name, self.path.absolute())
 
     def _started(self) -> Instance:
         if self._instance is None:

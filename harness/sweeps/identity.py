@@ -1,0 +1,67 @@
+"""What makes a sweep that sweep: a folder that holds another one is not gone on with."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import pickle
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from harness.fmu import FmuPart
+from harness.part import Part
+from harness.series import SeriesPart
+from harness.sweeps.measures import label
+from harness.sweeps.samples import ParameterSet
+from harness.sweeps.worker import Job
+from harness.system import System
+
+
+def description(system: System, job: Job, samples: Sequence[ParameterSet]) -> dict[str, Any]:
+    """A sweep as JSON, the large pieces as hashes.
+
+    Parameters
+    ----------
+    system : System
+        What is run.
+    job : Job
+        How it is run, and what is measured. Of a function that measures only the name counts.
+    samples : sequence of mapping
+        All parameter sets.
+
+    Returns
+    -------
+    dict
+        Equal for equal sweeps, wherever their files are.
+    """
+    content = {
+        "parts": {name: _identity(part) for name, part in system.parts.items()},
+        "wires": sorted(str(wire) for wire in system.wires),
+        "start": dict(system.start),
+    }
+    return {
+        "system": _hash(json.dumps(content, sort_keys=True).encode()),
+        "samples": _hash(json.dumps(samples).encode()),
+        "runs": len(samples),
+        "experiment": asdict(job.experiment),
+        "measures": [label(measure) for measure in job.measures],
+        "keep": job.keep,
+    }
+
+
+def _identity(part: Part) -> list[str]:
+    """Kind, content and rate of a part."""
+    kind = type(part).__name__
+    if isinstance(part, FmuPart):
+        return [kind, _hash(part.path.read_bytes()), str(part.every)]
+    if isinstance(part, SeriesPart) and part.path is not None:
+        return [kind, _hash(part.path.read_bytes()), part.interpolation, part.beyond]
+    try:
+        return [kind, _hash(pickle.dumps(part))]
+    except Exception:  # whatever a user's function has in it
+        return [kind, *(port.name for port in (*part.inputs, *part.outputs)), str(part.every)]
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16]
