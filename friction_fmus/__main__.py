@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from friction_fmus import sweep_command
 from friction_fmus.errors import FrictionError
 from friction_fmus.version import VERSION
 from harness import HarnessError
@@ -205,6 +206,8 @@ def parser() -> argparse.ArgumentParser:
     running.add_argument("--stop", type=float, metavar="T", help="end time [s]")
     running.add_argument("--master", metavar="NAME", help="jacobi or gauss-seidel")
     running.add_argument("--plot", type=Path, metavar="FILE", help="also draw the result: .png, .svg or .pdf")
+    sweeping = command("sweep", sweep_command.sweep_system, "run a system of FMUs with many parameter sets")
+    sweep_command.add_arguments(sweeping)
     studying = command("study", study, "identify a measured axis, co-simulate it, and see what compensation gains")
     studying.add_argument("axis", choices=["emps"], help="which record")
     studying.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the results")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import pickle
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+from harness.callable_part import CallablePart
 from harness.fmu import FmuPart
 from harness.part import Part
 from harness.series import SeriesPart
@@ -52,15 +52,15 @@ def description(system: System, job: Job, samples: Sequence[ParameterSet]) -> di
 
 def _identity(part: Part) -> list[str]:
     """Kind, content and rate of a part."""
-    kind = type(part).__name__
+    kind = type(part).__qualname__
     if isinstance(part, FmuPart):
         return [kind, _hash(part.path.read_bytes()), str(part.every)]
-    if isinstance(part, SeriesPart) and part.path is not None:
-        return [kind, _hash(part.path.read_bytes()), part.interpolation, part.beyond]
-    try:
-        return [kind, _hash(pickle.dumps(part))]
-    except Exception:  # whatever a user's function has in it
-        return [kind, *(port.name for port in (*part.inputs, *part.outputs)), str(part.every)]
+    if isinstance(part, SeriesPart):
+        return [kind, _hash(part.content()), part.interpolation, part.beyond]
+    ports = [port.name for port in (*part.inputs, *part.outputs)]
+    if isinstance(part, CallablePart):
+        ports += [str(part.initial_state.tolist()), label(part.function), label(part.advance)]
+    return [kind, *ports, str(part.every)]
 
 
 def _hash(content: bytes) -> str:

@@ -92,8 +92,9 @@ def find_measures(measure: str | Measure | Iterable[str | Measure], parts: Mappi
     return tuple(found)
 
 
-def label(measure: Measure) -> str:
-    """Name of a measure in messages and in the description of a sweep."""
+def label(measure: object) -> str:
+    """Name of a measure, or of any function, in messages and in the description of a sweep."""
     if isinstance(measure, Builtin):
         return str(measure)
-    return f"{getattr(measure, '__module__', '?')}.{getattr(measure, '__qualname__', type(measure).__qualname__)}"
+    named = measure if hasattr(measure, "__qualname__") else type(measure)
+    return f"{named.__module__}.{named.__qualname__}"

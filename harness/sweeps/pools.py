@@ -106,7 +106,7 @@ class ProcessPool:
         able = multiprocessing.get_all_start_methods()
         context = multiprocessing.get_context("forkserver" if "forkserver" in able else "spawn")
         if "forkserver" in able:
-            context.set_forkserver_preload(["__main__", run_chunk.__module__])
+            context.set_forkserver_preload(["__main__", "harness.sweeps.preload"])
         self._scratch = tempfile.mkdtemp(prefix="harness-sweep-")
         self._slots = [_Slot(context, self._scratch) for _ in range(workers)]
         self._failed_starts = 0
@@ -205,7 +205,7 @@ class DaskPool:
     def close(self, job: Job) -> None:
         """Cancel what is under way and close the systems of the workers."""
         self._executor.shutdown(wait=False)
-        self._client.run(close_runners, job.key)
+        self._client.run(close_runners, job.key, on_error="ignore")  # a worker may just have died
 
 
 def make_pool(executor: Any, workers: int | None) -> Pool:

@@ -93,7 +93,8 @@ class Runner:
         """Open the system."""
         self.job = job
         self.system = job.open()
-        self._probed = False
+        self._fmus = [part for part in self.system.parts.values() if isinstance(part, FmuPart)]
+        self._probed = not self._fmus
         self._reuse(True)
 
     def run(self, number: int, values: ParameterSet) -> Outcome:
@@ -173,9 +174,8 @@ class Runner:
         return [column.to_numpy().tobytes() for column in result.data_vars.values()]
 
     def _reuse(self, reuse: bool) -> None:
-        for part in self.system.parts.values():
-            if isinstance(part, FmuPart):
-                part.reuse = reuse
+        for part in self._fmus:
+            part.reuse = reuse
 
 
 _runners: dict[tuple[str, int], Runner] = {}
