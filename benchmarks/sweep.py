@@ -1,0 +1,207 @@
+"""Runs per second of a sweep of closed loops: profile, PID, Mass and LuGre, 1 s in steps of 0.1 ms.
+
+One worker process, two of them, and the same loop in Python over fmpy.FMU2Slave take turns; the fastest round of each
+counts. What two processes can gain on this machine at this moment is measured with plain loops. All instances are reset
+and used again. Then one of two workers is killed with kill -9 in the middle of a sweep.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import fmpy
+import fmpy.fmi2
+import numpy as np
+import xarray as xr
+from rows import Row, arguments, report
+
+from friction_fmus import build
+from harness import Experiment, FmuPart, System, latin_hypercube, read_sweep, sweep
+
+PARTS = {"profile": "Profile", "pid": "PID", "mass": "Mass", "friction": "LuGre"}
+WIRES = [
+    *(f"profile.{name} -> pid.{name}" for name in ("r", "rd", "rdd")),
+    *("mass.x -> pid.x", "mass.v -> pid.v", "pid.u -> mass.F_drive"),
+    *("mass.v -> friction.v", "friction.F -> mass.F_friction"),
+]
+ORDER = ("pid", "profile", "mass", "friction")
+"""The sampled controller first; everything behind what it reads."""
+
+STEP = 1e-4
+BOUNDS = {"friction.Fc": (0.5, 1.4), "mass.m": (0.8, 1.2)}
+
+
+def process_and_memory(result: xr.Dataset) -> dict[str, float]:
+    """The worker and its resident memory [MB]."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return {"process": os.getpid(), "resident": pages * os.sysconf("SC_PAGE_SIZE") / 1e6}
+
+
+class FmpyLoop:
+    """The closed loop as one writes it with fmpy: every value and every step a call from Python.
+
+    Parameters
+    ----------
+    fmus : mapping of str to Path
+        The FMU of each part.
+    folder : Path
+        Where to unpack.
+    """
+
+    def __init__(self, fmus: Mapping[str, Path], folder: Path) -> None:
+        """Instantiate, once for all runs."""
+        self.slaves, references = {}, {}
+        for name, path in fmus.items():
+            description = fmpy.read_model_description(str(path))
+            references |= {f"{name}.{v.name}": v.valueReference for v in description.modelVariables}
+            self.slaves[name] = fmpy.fmi2.FMU2Slave(
+                guid=description.guid,
+                modelIdentifier=description.coSimulation.modelIdentifier,
+                unzipDirectory=fmpy.extract(str(path), str(folder / name)),
+                instanceName=name,
+            )
+            self.slaves[name].instantiate()
+        self.references = references
+        wires = [wire.split(" -> ") for wire in WIRES]
+        sources = list(dict.fromkeys(source for source, _ in wires))
+        self.plan = []
+        for name in ORDER:
+            inputs = [(source, target) for source, target in wires if target.startswith(f"{name}.")]
+            outputs = [source for source in sources if source.startswith(f"{name}.")]
+            get, put = [references[o] for o in outputs], [references[target] for _, target in inputs]
+            self.plan.append((self.slaves[name], put, [source for source, _ in inputs], get, outputs))
+
+    def run(self, values: Mapping[str, float], ticks: int) -> float:
+        """Final position [m]."""
+        for name, slave in self.slaves.items():
+            slave.reset()
+            slave.setupExperiment(startTime=0.0)
+            for dotted, value in values.items():
+                if dotted.startswith(f"{name}."):
+                    slave.setReal([self.references[dotted]], [value])
+            slave.enterInitializationMode()
+        signals: dict[str, float] = {}
+        for _ in range(2):  # once for what the controller reads, once for the rest
+            for slave, put, sources, get, outputs in self.plan:
+                slave.setReal(put, [signals.get(source, 0.0) for source in sources])
+                signals.update(zip(outputs, slave.getReal(get), strict=True))
+        for slave in self.slaves.values():
+            slave.exitInitializationMode()
+        for tick in range(ticks):
+            for slave, put, sources, get, outputs in self.plan:
+                slave.setReal(put, [signals[source] for source in sources])
+                slave.doStep(tick * STEP, STEP)
+                signals.update(zip(outputs, slave.getReal(get), strict=True))
+        return float(signals["mass.x"])
+
+
+class Killer:
+    """Kills one of the workers once some runs are done.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the sweep.
+    after : int
+        Runs.
+    """
+
+    def __init__(self, folder: Path, after: int) -> None:
+        """Nothing is killed yet."""
+        self.folder = folder
+        self.after = after
+        self.killed = False
+
+    def update(self, done: int, total: int) -> None:
+        """Called by the sweep."""
+        if done >= self.after and not self.killed:
+            os.kill(int(read_sweep(self.folder)["process"][done - 1]), signal.SIGKILL)
+            self.killed = True
+
+
+def seconds(function: object, *values: object, **options: object) -> float:
+    """Seconds that a call takes."""
+    begin = time.perf_counter()
+    function(*values, **options)  # type: ignore[operator]
+    return time.perf_counter() - begin
+
+
+def busy(n: int) -> None:
+    """A plain loop."""
+    total = 0
+    for k in range(n):
+        total += k
+
+
+def gain_of_two(n: int) -> float:
+    """Work of two processes over that of one in the same time."""
+    context = multiprocessing.get_context("fork")
+
+    def together(count: int) -> None:
+        processes = [context.Process(target=busy, args=(n,)) for _ in range(count)]
+        for process in processes:
+            process.start()
+        for process in processes:
+            process.join()
+
+    return 2.0 * seconds(together, 1) / seconds(together, 2)
+
+
+def main() -> None:
+    """Prints the table."""
+    options = arguments(__doc__ or "")
+    rounds, runs = (1, 100) if options.short else (5, 1000)
+    samples = latin_hypercube(BOUNDS, runs, seed=1)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        fmus = {name: build(model, folder) for name, model in PARTS.items()}
+        loop = FmpyLoop(fmus, folder)
+        experiment = Experiment(stop=1.0, step=STEP)
+        with System([FmuPart(name, path) for name, path in fmus.items()], WIRES) as system:
+            common = {"measure": ["final(mass.x)", process_and_memory], "experiment": experiment}
+
+            sweep(system, samples[:4], **common, workers=2)  # the server from which the workers are forked
+            one, two, fmpy_loop, gain = [], [], [], []
+            for _ in range(rounds):
+                one.append(seconds(sweep, system, samples, **common, workers=1) / runs)
+                two.append(seconds(sweep, system, samples, **common, workers=2) / runs)
+                fmpy_loop.append(seconds(loop.run, samples[0], experiment.ticks))
+                gain.append(gain_of_two(5_000_000))
+            whole, short = [], []
+            for _ in range(10 * rounds):
+                whole.append(seconds(system.run, stop=1.0, step=STEP, record=["mass.x"]))
+                short.append(seconds(system.run, stop=STEP, step=STEP, record=["mass.x"]))
+
+            serial = sweep(system, samples, **common, executor="serial")
+            alone = sweep(system, samples, **common, workers=1)
+            killer = Killer(folder / "out", runs // 3)
+            killed = sweep(system, samples, **common, workers=2, output=killer.folder, progress=killer)
+        x = serial["final(mass.x)"].to_numpy()
+        if not np.isclose(loop.run(samples[0], experiment.ticks), x[0], rtol=1e-9):
+            raise SystemExit("the loop over fmpy does not do the same as the sweep")
+        lost = runs - int((killed["final(mass.x)"].to_numpy() == x).sum()) if killer.killed else runs
+        memory = alone["resident"].to_numpy()
+    growth = float(memory[-1] - memory[runs // 5])
+    rows = [
+        Row("one worker", 1.0 / min(one), "runs/s"),
+        Row("two workers", 1.0 / min(two), "runs/s"),
+        Row("gain of two plain processes now", max(gain), "times"),
+        Row("time with two workers over one", min(two) / min(one), "x", 1.0 / 1.8),
+        Row("a loop over fmpy", 1.0 / min(fmpy_loop), "runs/s"),
+        Row("time of one worker over fmpy", min(one) / min(fmpy_loop), "x", 1.0 / 15.0),
+        Row("System.run, record one", 1e3 * min(whole), "ms"),
+        Row("of it set-up and end", 1e3 * min(short), "ms"),
+        Row("memory growth, last 80 % of runs", growth, "MB", 3.0),
+        Row("lost by kill -9 of a worker", float(lost), "runs", 0.0),
+    ]
+    report(f"Sweep of {runs} closed loops, 1 s at {1e-3 / STEP:g} kHz", rows, options.json)
+
+
+if __name__ == "__main__":
+    main()
