@@ -12,6 +12,7 @@ import threading
 from collections.abc import Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing.context import BaseContext
+from types import ModuleType
 from typing import Any, Protocol, TypeAlias
 
 from harness.errors import SweepError
@@ -106,7 +107,7 @@ class ProcessPool:
         able = multiprocessing.get_all_start_methods()
         context = multiprocessing.get_context("forkserver" if "forkserver" in able else "spawn")
         if "forkserver" in able:
-            context.set_forkserver_preload(["__main__", "harness.sweeps.preload"])
+            context.set_forkserver_preload(["__main__", "harness.sweeps.preload", *_imported_by_main()])
         self._scratch = tempfile.mkdtemp(prefix="harness-sweep-")
         self._slots = [_Slot(context, self._scratch) for _ in range(workers)]
         self._failed_starts = 0
@@ -228,6 +229,13 @@ def make_pool(executor: Any, workers: int | None) -> Pool:
     if hasattr(executor, "get_executor"):
         return DaskPool(executor)
     raise SweepError(f"{executor!r} does not run sweeps: use 'processes', 'threads', 'serial' or a dask client")
+
+
+def _imported_by_main() -> list[str]:
+    """What the script imports: every worker runs it once more, which is quick where these are there already."""
+    values = vars(sys.modules["__main__"]).values()
+    names = {value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", "") for value in values}
+    return sorted(str(name) for name in names if name in sys.modules and name not in {"__main__", "builtins"})
 
 
 def _prepare_process(scratch: str) -> None:
