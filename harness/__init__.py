@@ -24,6 +24,7 @@ from harness.errors import (
 )
 from harness.experiment import Experiment
 from harness.fmu import FmuPart
+from harness.manipulator import Bias, Delay, DropOut, Freeze, Manipulator, Noise, Override
 from harness.masters import masters
 from harness.part import Calls, Part, Port
 from harness.plan import Plan
@@ -39,14 +40,21 @@ from harness.wire import Wire
 __all__ = [
     "AlgebraicLoopError",
     "BaseUnit",
+    "Bias",
     "CallablePart",
     "Calls",
+    "Delay",
+    "DropOut",
     "Experiment",
     "ExperimentError",
     "FmuError",
     "FmuPart",
+    "Freeze",
     "HarnessError",
+    "Manipulator",
+    "Noise",
     "OutputError",
+    "Override",
     "Part",
     "PartError",
     "Plan",

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harness.errors import PartError, StartValueError, UnknownNameError, nearest
+from harness.errors import PartError, StartValueError, UnknownNameError, WireError, nearest
 from harness.part import Calls, Part, Port, StartValue, Values
 
 OutputFunction: TypeAlias = Callable[[float, Values, Values], ArrayLike]
@@ -57,6 +57,9 @@ class CallablePart(Part):
         self.function = function
         self.inputs = tuple(port if isinstance(port, Port) else Port(port) for port in inputs)
         self.outputs = tuple(port if isinstance(port, Port) else Port(port) for port in outputs)
+        ports = [port.name for port in (*self.inputs, *self.outputs)]
+        if len(set(ports)) < len(ports):
+            raise WireError(f"two ports of '{name}' have one name ({', '.join(ports)}): rename one")
         self.advance = advance
         self.initial_state = np.array(state, dtype=np.float64).reshape(-1)
         names = frozenset(port.name for port in self.inputs)
@@ -116,6 +119,20 @@ class CallablePart(Part):
         assert isinstance(state, tuple)
         self._time, x, u, held = state
         self._x, self._u[:], self._held = x.copy(), u, None if held is None else held.copy()
+
+    def serialise(self) -> bytes:
+        """Time, state, inputs and held outputs."""
+        held = np.zeros(0) if self._held is None else self._held
+        return np.concatenate(([self._time, self._held is not None], self._x, self._u, held)).tobytes()
+
+    def deserialise(self, data: bytes) -> None:
+        """Return to a state that `serialise` gave."""
+        values = np.frombuffer(data)
+        sizes = (2, self.initial_state.size, len(self.inputs))
+        if values.size not in (sum(sizes), sum(sizes) + len(self.outputs)):
+            raise PartError(self.name, "deserialise", f"the state has {values.size} numbers, another part's")
+        clock, x, u, held = np.split(values, np.cumsum(sizes))
+        self.restore((float(clock[0]), x, u, held if clock[1] else None))
 
     def terminate(self) -> None:
         """Nothing to do."""

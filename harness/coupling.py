@@ -5,11 +5,14 @@ from __future__ import annotations
 import ctypes
 import logging
 import math
-from typing import Final
+from typing import Any, Final
 
-from harness.loops import MovingWire, moving_wires
-from harness.native import Engine
+import numpy as np
+
+from harness.lines import MovingWire, moving_wires
+from harness.native import Engine, bytes_of
 from harness.part import Port
+from harness.plan import map_of
 from harness.units import parse_unit
 
 _LOG = logging.getLogger("harness")
@@ -57,7 +60,10 @@ class Coupling:
         self.names = list(plan.ports)
         self.wires = moving_wires(plan)
         pairs = self._pairs()
-        start = [float(plan.signals[wire.output]) for wire in self.wires]
+        start = [
+            map_of(float(plan.gains[wire.input]), float(plan.offsets[wire.input]), float(plan.signals[wire.output]))
+            for wire in self.wires
+        ]
         self._defects = (Defect * len(self.wires))(
             *(Defect(wire.input, value=value) for wire, value in zip(self.wires, start, strict=True))
         )
@@ -100,6 +106,11 @@ class Coupling:
                     made,
                 )
         return dict(worst)
+
+    def memory(self) -> dict[str, np.ndarray[Any, Any]]:
+        """What has been measured, for a checkpoint: views of the data, all but the places of the inputs."""
+        defects = bytes_of(self._defects).reshape(-1, ctypes.sizeof(Defect))
+        return {"defects": defects[:, 8:], "pairs": bytes_of(self._pair_data)}
 
     def _shown(self, wire: MovingWire) -> str:
         return f"{self.names[wire.output]} -> {self.names[wire.input]}"

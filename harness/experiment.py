@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from harness.errors import ExperimentError
+from harness.manipulator import Manipulator
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,11 @@ class Experiment:
         Every so many ticks a row is recorded.
     tolerance : float or None
         Relative tolerance handed to the parts.
+    extrapolation : int
+        Order of the polynomials, 0 to 2, through earlier values on which the master jacobi steps all parts; 0 holds
+        the values.
+    manipulators : tuple of Manipulator
+        What is done to the values of wires.
     order : tuple of str
         Names of all parts in the order in which they are stepped, instead of the order found from their
         dependencies.
@@ -46,6 +52,8 @@ class Experiment:
     decimate: int = 1
     tolerance: float | None = None
     order: tuple[str, ...] = ()
+    extrapolation: int = 0
+    manipulators: tuple[Manipulator, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -59,6 +67,10 @@ class Experiment:
             raise ExperimentError(f"the run stops at {self.stop} s before it starts at {self.start} s: exchange them")
         if self.decimate < 1:
             raise ExperimentError(f"decimate is {self.decimate}: give 1 to record every tick, or more")
+        if self.extrapolation not in (0, 1, 2):
+            raise ExperimentError(f"the extrapolation is of order {self.extrapolation}: give 0, 1 or 2")
+        if self.extrapolation and self.master != "jacobi":
+            raise ExperimentError(f"the master {self.master} does not extrapolate: use jacobi or leave it out")
         ratio = (self.stop - self.start) / self.step
         if abs(ratio - round(ratio)) > 1e-6:
             fitting = (self.stop - self.start) / max(1, round(ratio))

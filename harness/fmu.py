@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -63,6 +64,7 @@ class FmuPart(Part):
             ports[name] for name in numeric if variables[name].causality not in {"input", "output"}
         )
         self.dependencies = _dependencies(self._archive)
+        self.identity = str(self._archive.description.guid)
         self.sampled = bool(self.outputs) and all(variables[p.name].variability == "discrete" for p in self.outputs)
 
     def enter_initialisation(
@@ -76,7 +78,8 @@ class FmuPart(Part):
         self._idle = None
         for name, value in values.items():
             self._set_start(instance, self._archive.ports[name], value)
-        instance.call("SetupExperiment", tolerance is not None, tolerance or 0.0, start, True, stop)
+        known = math.isfinite(stop)
+        instance.call("SetupExperiment", tolerance is not None, tolerance or 0.0, start, known, stop if known else 0.0)
         instance.call("EnterInitializationMode")
 
     def bind(self, inputs: Sequence[str], outputs: Sequence[str], u: Values, y: Values) -> Calls:
@@ -133,6 +136,31 @@ class FmuPart(Part):
         if state not in self._states:
             raise PartError(self.name, "fmi2SetFMUstate", "this state is not of the present run; save it again")
         self._started().call("SetFMUstate", state.pointer)
+
+    def serialise(self) -> bytes:
+        """The state as fmi2SerializeFMUstate gives it."""
+        if not self._archive.description.coSimulation.canSerializeFMUstate:
+            raise PartError(self.name, "fmi2SerializeFMUstate", "this FMU declares that it cannot do that")
+        instance, state = self._started(), self.save()
+        assert isinstance(state, _State)
+        size = ctypes.c_size_t()
+        instance.call("SerializedFMUstateSize", state.pointer, ctypes.byref(size))
+        data = ctypes.create_string_buffer(size.value)
+        instance.call("SerializeFMUstate", state.pointer, data, size)
+        self._free(state)
+        return data.raw
+
+    def deserialise(self, data: bytes) -> None:
+        """Return to a state that `serialise` gave."""
+        state = _State()
+        self._states.append(state)
+        self._started().call("DeSerializeFMUstate", data, ctypes.c_size_t(len(data)), ctypes.byref(state.pointer))
+        self.restore(state)
+        self._free(state)
+
+    def _free(self, state: _State) -> None:
+        self._started().call("FreeFMUstate", ctypes.byref(state.pointer))
+        self._states.remove(state)
 
     def terminate(self) -> None:
         """Free the saved states, and the instance unless the next run is to get it."""

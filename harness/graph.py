@@ -71,25 +71,47 @@ def instantaneous(parts: Mapping[str, Part], wires: Iterable[Wire]) -> list[Wire
     """The wires that can close an algebraic loop.
 
     A sampled part reads what a continuous one had reached just before the sample (the limit from the left),
-    so a wire from a continuous to a sampled part closes none.
+    so a wire from a continuous to a sampled part closes none; neither does a wire with a delay.
     """
-    return [wire for wire in wires if parts[wire.ends[0][0]].sampled or not parts[wire.ends[1][0]].sampled]
+    return [
+        wire
+        for wire in wires
+        if not wire.delay and (parts[wire.ends[0][0]].sampled or not parts[wire.ends[1][0]].sampled)
+    ]
 
 
-def check_loops(parts: Mapping[str, Part], wires: Sequence[Wire]) -> None:
-    """Check that there is no algebraic loop.
+def check_loops(parts: Mapping[str, Part], wires: Sequence[Wire], *, implicit: bool) -> None:
+    """Check that there is no algebraic loop which the master cannot run.
+
+    Parameters
+    ----------
+    parts : mapping of str to Part
+        All parts by name.
+    wires : sequence of Wire
+        All wires.
+    implicit : bool
+        The master solves loops of continuous parts that are stepped at every tick.
 
     Raises
     ------
     AlgebraicLoopError
         With the variables of one loop in the order of the signal flow.
     """
-    loop = find_loop(direct_edges(parts, instantaneous(parts, wires)))
+    closing = instantaneous(parts, wires)
+    if implicit:
+        closing = [wire for wire in closing if not all(_moves(parts[part]) for part, _ in wire.ends)]
+    loop = find_loop(direct_edges(parts, closing))
     if loop:
         flow = [name for wire in loop for name in (wire.source, wire.target)] + [loop[0].source]
+        remedy = "" if implicit or not all(_moves(parts[wire.ends[0][0]]) for wire in loop) else ", or use newton"
         raise AlgebraicLoopError(
-            f"algebraic loop: {' -> '.join(flow)}: put a part with a state or a sampled part into it"
+            f"algebraic loop: {' -> '.join(flow)}: put a part with a state, a sampled part or a wire with a delay "
+            f"into it{remedy}"
         )
+
+
+def _moves(part: Part) -> bool:
+    return not part.sampled and part.every == 1
 
 
 def stepping_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[str]:
@@ -114,12 +136,12 @@ def propagation_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[
 def _sort(parts: Mapping[str, Part], wires: Sequence[Wire], group: list[str]) -> list[str]:
     """Topological order of a group; parts that are free keep the order in which they were declared."""
     inner = [wire for wire in wires if wire.ends[0][0] in group and wire.ends[1][0] in group]
-    depth = _depths(direct_edges(parts, instantaneous(parts, inner)))
+    depth = _depths(_opened(parts, instantaneous(parts, inner)))
     before: dict[str, set[str]] = {name: set() for name in group}  # through direct dependence: must come before
     wished: dict[str, set[str]] = {name: set() for name in group}  # drives at all: better before if sampled
     for wire in inner:
         (source, _), (target, port) = wire.ends
-        if source == target:
+        if source == target or wire.delay:
             continue
         wished[target].add(source)
         if any(port in parts[target].dependencies[output] for output in _used(parts[target], wires)):
@@ -154,6 +176,14 @@ def _used(part: Part, wires: Sequence[Wire]) -> list[str]:
     """Outputs that are wired; all of them where none is, because then the part is there to be recorded."""
     wired = {wire.ends[0][1] for wire in wires if wire.ends[0][0] == part.name}
     return [port.name for port in part.outputs if port.name in wired] or [port.name for port in part.outputs]
+
+
+def _opened(parts: Mapping[str, Part], wires: Sequence[Wire]) -> Edges:
+    """Direct dependences without the wires that close algebraic loops."""
+    kept = list(wires)
+    while loop := find_loop(direct_edges(parts, kept)):
+        kept.remove(loop[-1])
+    return direct_edges(parts, kept)
 
 
 def _depths(edges: Edges) -> dict[Node, int]:

@@ -13,7 +13,7 @@ from harness.experiment import Experiment
 from harness.graph import stepping_order
 from harness.part import TYPE_ORDER, Part, Port
 from harness.plan import Plan
-from harness.wire import find_part, split_name
+from harness.wire import find_part, split_name, wire_map
 
 
 def recorded_names(parts: Mapping[str, Part], patterns: Iterable[str]) -> list[str]:
@@ -107,6 +107,14 @@ def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> 
         for name in members:
             signals[columns[name]] = float(system.start[name])
 
+    gains, offsets = np.ones(len(ports)), np.zeros(len(ports))
+    delays = np.zeros(len(ports), dtype=np.int64)
+    for wire in system.wires:
+        target = columns[wire.target]
+        gains[target], offsets[target] = wire_map(wire, ports[wire.source], ports[wire.target])
+        delays[target] = wire.delay
+    plain = not (offsets.any() or delays.any() or experiment.manipulators) and bool((gains == 1.0).all())
+
     every = np.array([part.every for part in parts], dtype=np.int64).reshape(-1)
     sampled = np.array([part.sampled for part in parts], dtype=bool).reshape(-1)
     return Plan(
@@ -116,6 +124,10 @@ def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> 
         outputs=np.array(ranges[: len(parts)], dtype=np.int64).reshape(-1, 2),
         inputs=np.array(ranges[len(parts) : 2 * len(parts)], dtype=np.int64).reshape(-1, 2),
         sources=np.array([columns[drivers.get(name, name)] for name in ports], dtype=np.int64),
+        gains=gains,
+        offsets=offsets,
+        delays=delays,
+        plain=plain,
         every=every,
         phase=np.where(sampled, 0, every - 1),
         columns=columns,

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass
 from graphlib import TopologicalSorter
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from harness.errors import ExperimentError
-from harness.native import Engine
-from harness.plan import Plan, Schedule
+from harness.lines import MovingWire, attach_lines, moves, moving_wires
+from harness.native import Engine, bytes_of
+from harness.plan import Plan, Schedule, map_of
 
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
@@ -22,8 +23,8 @@ class Moving(ctypes.Structure):
     """``Moving`` of newton.h."""
 
     _fields_ = (
-        *((name, _INT) for name in ("input", "part", "inner", "unknown")),
-        *((name, _REAL) for name in ("u0", "q0", "u1", "q1", "scale")),
+        *((name, _INT) for name in ("inner", "unknown")),
+        *((name, _REAL) for name in ("u0", "q0", "u1", "q1", "scale", "gain", "offset")),
     )
 
 
@@ -39,7 +40,7 @@ class NewtonData(ctypes.Structure):
     _fields_ = (
         ("groups", _POINTER),
         ("group_count", _INT),
-        *((name, _POINTER) for name in ("order", "continuous", "moving", "moving_from", "unknowns")),
+        *((name, _POINTER) for name in ("order", "continuous", "moving", "unknowns")),
         *((name, _POINTER) for name in ("w", "w_last", "trend", "scale", "r", "work", "inverse")),
         ("most_unknowns", _INT),
         *((name, _REAL) for name in ("tolerance", "error")),
@@ -47,46 +48,6 @@ class NewtonData(ctypes.Structure):
         ("worst_residual", _REAL),
         *((name, _INT) for name in ("evaluations", "substeps", "rejected")),
     )
-
-
-@dataclass(frozen=True)
-class MovingWire:
-    """A wire whose value moves during a step: from one continuous part to another one, both stepped at every tick.
-
-    Parameters
-    ----------
-    input, output : int
-        Signals at its ends.
-    source, target : int
-        Parts at its ends.
-    """
-
-    input: int
-    output: int
-    source: int
-    target: int
-
-
-def moving_wires(plan: Plan) -> list[MovingWire]:
-    """The wires of Reals between continuous parts that are stepped at every tick, part by part."""
-    owner = {
-        signal: part
-        for part in range(len(plan.parts))
-        for signal in range(int(plan.outputs[part, 0]), int(plan.outputs[part, 1]))
-    }
-    names = list(plan.ports)
-    wires = []
-    for target in range(len(plan.parts)):
-        for signal in range(int(plan.inputs[target, 0]), int(plan.inputs[target, 1])):
-            output = int(plan.sources[signal])
-            source = owner[output]
-            if _moves(plan, source) and _moves(plan, target) and plan.ports[names[signal]].type == "Real":
-                wires.append(MovingWire(signal, output, source, target))
-    return wires
-
-
-def _moves(plan: Plan, part: int) -> bool:
-    return not plan.parts[part].sampled and int(plan.every[part]) == 1
 
 
 def groups_of(plan: Plan, wires: Sequence[MovingWire]) -> list[list[int]]:
@@ -101,9 +62,9 @@ def groups_of(plan: Plan, wires: Sequence[MovingWire]) -> list[list[int]]:
     for source, target in links:
         if label[source] != label[target]:
             before[int(label[target])].add(int(label[source]))
-    moving = [part for part in range(n) if _moves(plan, part)]
+    moving = [part for part in range(n) if moves(plan, part)]
     order = list(TopologicalSorter({int(label[part]): before[int(label[part])] for part in moving}).static_order())
-    still = [part for part in range(n) if not _moves(plan, part)]
+    still = [part for part in range(n) if not moves(plan, part)]
     sampled = [[part] for part in still if plan.parts[part].sampled]
     slow = [[part] for part in still if not plan.parts[part].sampled]
     return sampled + [[part for part in moving if label[part] == one] for one in order] + slow
@@ -153,31 +114,36 @@ class Loops:
         moving = []
         for wire in wires:
             back = wire in inner and place[wire.source] >= place[wire.target]
-            value = float(plan.signals[wire.output])
+            gain, offset = float(plan.gains[wire.input]), float(plan.offsets[wire.input])
+            value = map_of(gain, offset, float(plan.signals[wire.output]))
             unknown = numbers[wire.output] if back else -1
-            moving.append(
-                Moving(wire.input, wire.target, wire in inner, unknown, value, value, value, value, abs(value))
-            )
-        begins = np.searchsorted([wire.target for wire in wires], range(len(plan.parts) + 1))
+            moving.append(Moving(wire in inner, unknown, value, value, value, value, abs(value), gain, offset))
+        attach_lines(engine, wires)
         most = max([int(row.unknowns) for row in rows], default=0)
-        start = plan.signals[unknowns].copy()
+        n = len(unknowns)
+        self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale")}
+        self._memory["w"][:] = self._memory["w_last"][:] = plan.signals[unknowns]
+        self._memory["scale"][:] = np.abs(plan.signals[unknowns])
+        self._memory["inverse"] = np.tile(-np.eye(most), (len(rows), 1))
+        self._memory["proposed"] = np.zeros(len(rows))
         data = self.data = NewtonData()
         keep = engine.keep
         self._arrays = ((Group * len(rows))(*rows), (Moving * max(1, len(moving)))(*moving))
         data.groups, data.moving = (ctypes.addressof(array) for array in self._arrays)
         data.group_count = len(rows)
         data.order = keep(np.array(order, dtype=np.int64))
-        data.continuous = keep(np.array([_moves(plan, part) for part in range(len(plan.parts))], dtype=np.int64))
-        data.moving_from = keep(begins.astype(np.int64))
+        data.continuous = keep(np.array([moves(plan, part) for part in range(len(plan.parts))], dtype=np.int64))
         data.unknowns = keep(np.array(unknowns, dtype=np.int64))
-        data.w, data.w_last, data.scale = keep(start), keep(start.copy()), keep(np.abs(start))
-        data.trend, data.r = keep(np.zeros(len(unknowns))), keep(np.zeros(len(unknowns)))
-        data.work = keep(np.zeros(6 * most + most * most))
-        data.inverse = keep(np.tile(-np.eye(most), (len(rows), 1)))
+        for name, array in self._memory.items():
+            setattr(data, name, keep(array))
+        data.r, data.work = keep(np.zeros(n)), keep(np.zeros(6 * most + most * most))
         data.most_unknowns = most
         data.tolerance, data.error = schedule.tolerance, schedule.error
-        data.proposed = keep(np.zeros(len(rows)))
         engine.data.newton = ctypes.addressof(data)
+
+    def memory(self) -> dict[str, np.ndarray[Any, Any]]:
+        """What the loops remember from step to step, for a checkpoint: views of the data."""
+        return {**self._memory, "moving": bytes_of(self._arrays[1])}
 
     def attributes(self) -> dict[str, str | float]:
         """Evaluations and inner steps of all loops, and how often a step was taken back."""

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness import toolchain
 from harness.errors import HarnessError, PartError
@@ -52,7 +53,10 @@ class EngineData(ctypes.Structure):
     _fields_ = (
         ("parts", _POINTER),
         ("part_count", _INT),
-        *((name, _POINTER) for name in ("signals", "sources", "program")),
+        *((name, _POINTER) for name in ("signals", "sources")),
+        *((name, _POINTER) for name in ("gains", "offsets", "wire_gains", "wire_offsets", "manipulators")),
+        ("manipulator_count", _INT),
+        ("program", _POINTER),
         ("program_length", _INT),
         *((name, _REAL) for name in ("start", "step")),
         *((name, _POINTER) for name in ("rows", "columns")),
@@ -61,7 +65,7 @@ class EngineData(ctypes.Structure):
         ("defect_count", _INT),
         ("pairs", _POINTER),
         ("pair_count", _INT),
-        ("newton", _POINTER),
+        *((name, _POINTER) for name in ("lines", "lines_from", "extrapolation", "newton")),
         *((name, _INT) for name in ("failed_part", "failed_operation", "status", "whole_fault")),
         ("failed_time", _REAL),
     )
@@ -86,9 +90,15 @@ def _built(folder: Path) -> Path:
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix="engine-", dir=path.parent) as scratch:
-            toolchain.compile_library(folder, "engine.c", Path(scratch) / path.name)
+            toolchain.compile_library(folder, "engine.c", Path(scratch) / path.name, headers=False)
             (Path(scratch) / path.name).replace(path)
     return path
+
+
+def bytes_of(struct: ctypes.Array[Any] | ctypes.Structure) -> NDArray[np.uint8]:
+    """View of a struct or an array of them."""
+    size = ctypes.sizeof(struct)
+    return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_buffer(struct)) if size else np.zeros(0, np.uint8)
 
 
 class Engine:
@@ -126,6 +136,8 @@ class Engine:
         data.parts = ctypes.addressof(self.parts)
         data.part_count = len(plan.parts)
         data.signals, data.sources = self.keep(plan.signals), self.keep(plan.sources)
+        if not plan.plain:
+            data.gains, data.offsets = self.keep(plan.gains), self.keep(plan.offsets)
         data.program = self.keep(np.array(program, dtype=np.int64).reshape(-1, 2))
         data.program_length = len(program)
         data.start, data.step = plan.start, plan.step
@@ -170,6 +182,11 @@ class Engine:
         """Address of an array that lives as long as the engine."""
         self._kept.append(array)
         return array.ctypes.data
+
+    def keep_struct(self, struct: ctypes.Array[Any] | ctypes.Structure) -> int:
+        """Likewise of a struct or an array of them."""
+        self._kept.append(struct)
+        return ctypes.addressof(struct)
 
     def failure(self) -> BaseException:
         """The error of the call that failed last."""

@@ -10,6 +10,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.errors import HarnessError
 from harness.units import BaseUnit
 
 Values: TypeAlias = NDArray[np.float64]
@@ -126,8 +127,11 @@ class Part(ABC):
         True if the outputs change only at the beginning of a step (controllers, estimators).
     every : int
         The part is stepped only every so many ticks, over that many ticks.
+    identity : str
+        What tells this kind of part from others with the same name, such as the GUID of an FMU.
     """
 
+    identity: str = ""
     name: str
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
@@ -184,6 +188,26 @@ class Part(ABC):
     @abstractmethod
     def save(self, state: object | None = None) -> object:
         """Copy the complete state; a state from an earlier save of this part may be handed in for re-use."""
+
+    def serialise(self) -> bytes:
+        """The complete state as bytes that another process can restore.
+
+        Raises
+        ------
+        HarnessError
+            If the part has none.
+        """
+        raise HarnessError(f"part '{self.name}' cannot put its state into a file: run it without a checkpoint")
+
+    def deserialise(self, data: bytes) -> None:
+        """Return to a state that `serialise` gave, of this part in the same or in another process.
+
+        Raises
+        ------
+        HarnessError
+            If the part refuses it.
+        """
+        raise HarnessError(f"part '{self.name}' cannot read its state from a file: run it without a checkpoint")
 
     @abstractmethod
     def restore(self, state: object) -> None:

@@ -33,6 +33,12 @@ class Plan:
         First and last+1 index into signals of each part's exchanged outputs and wired inputs.
     sources : int64 array, shape (S,)
         For a wired input the index of the output that drives it, otherwise the index itself.
+    gains, offsets : float64 arrays, shape (S,)
+        A wired input gets gain * output + offset; manipulators change these numbers during a run.
+    delays : int64 array, shape (S,)
+        Delay of each wire in ticks.
+    plain : bool
+        All wires hand over just the value of the output, and nothing will change that.
     every, phase : int64 arrays, shape (P,)
         A part is operated on at the ticks k with k % every == phase; it is then stepped over ``every`` ticks,
         from tick k - phase on. Sampled parts have phase 0 (their sample is due at the beginning), continuous
@@ -53,6 +59,10 @@ class Plan:
     outputs: NDArray[np.int64]
     inputs: NDArray[np.int64]
     sources: NDArray[np.int64]
+    gains: Values
+    offsets: Values
+    delays: NDArray[np.int64]
+    plain: bool
     every: NDArray[np.int64]
     phase: NDArray[np.int64]
     columns: Mapping[str, int]
@@ -79,11 +89,21 @@ class Schedule:
     error : float
         Tolerated coupling error over the size of the values, from which an adaptive master finds its inner steps; 0:
         one step for every tick.
+    extrapolation : int
+        Order of the polynomials through earlier values that all parts step on at once; 0: what the operations say.
     """
 
     operations: tuple[tuple[int, int], ...]
     tolerance: float = 0.0
     error: float = 0.0
+    extrapolation: int = 0
+
+
+def map_of(gain: float, offset: float, output: float) -> float:
+    """What a wire hands over; a plain one keeps the sign of zero, and gain 0 means that no output is asked."""
+    if gain == 1.0 and offset == 0.0:
+        return output
+    return offset if gain == 0.0 else gain * output + offset
 
 
 class Program:
@@ -97,11 +117,16 @@ class Program:
         The started plan.
     operations : sequence of (int, int)
         (SET | STEP | GET, index of the part). SET first fetches the inputs from the outputs that drive them.
+    manipulate : callable or None
+        ``manipulate(tick)`` sets the gains and offsets of the wires for a tick.
     """
 
-    def __init__(self, plan: Plan, operations: Sequence[tuple[int, int]]) -> None:
+    def __init__(
+        self, plan: Plan, operations: Sequence[tuple[int, int]], manipulate: Callable[[int], None] | None = None
+    ) -> None:
         """Prepare each operation as one function."""
         self.plan = plan
+        self._manipulate = manipulate
         self.operations = np.array(operations, dtype=np.int64).reshape(-1, 2)
         self._start = plan.start
         self._step = plan.step
@@ -116,6 +141,8 @@ class Program:
             If a part fails; the error knows the time.
         """
         time = self._start + tick * self._step
+        if self._manipulate is not None:
+            self._manipulate(tick)
         try:
             for call in self._calls:
                 call(tick, time)
@@ -153,14 +180,15 @@ def fetcher(plan: Plan, part: int) -> Callable[[], None]:
     if not pairs:
         return hand_over
 
-    if len(pairs) == 1:
-        ((only_target, only_source),) = pairs
+    if not plan.plain:
 
-        def set_one() -> None:
-            signals[only_target] = signals[only_source]
+        def set_mapped() -> None:
+            for target, source in pairs:
+                output = float(plan.signals[source])
+                plan.signals[target] = map_of(float(plan.gains[target]), float(plan.offsets[target]), output)
             hand_over()
 
-        return set_one
+        return set_mapped
 
     def set_all() -> None:
         for target, source in pairs:

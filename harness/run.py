@@ -3,38 +3,73 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from time import monotonic
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic, sleep
 
 import numpy as np
 
 from harness.assembly import Assembly
+from harness.checkpoint import read_checkpoint, write_checkpoint
 from harness.coupling import Coupling
-from harness.errors import HarnessError, PartError
+from harness.errors import ExperimentError, HarnessError
 from harness.experiment import Experiment
-from harness.graph import direct_edges, find_loop, propagation_order
+from harness.graph import check_loops
+from harness.initialisation import start_parts
 from harness.layout import find_port, make_plan, recorded_names
+from harness.lines import Extrapolated
 from harness.loops import Loops
+from harness.manipulation import Manipulations
 from harness.masters import find_master
 from harness.native import NOT_CONVERGED, Engine
-from harness.part import Calls
-from harness.plan import Plan, Program, Schedule, fetcher
+from harness.plan import Plan, Program, Schedule
 from harness.result import Result
 from harness.tap import Progress, Reader, Recorder, Tap, tap_reader
-from harness.wire import split_name
 
 _LOG = logging.getLogger("harness")
 
 
-def run(
-    system: Assembly,
-    experiment: Experiment,
-    taps: Sequence[Tap] = (),
-    progress: Progress | None = None,
-    *,
-    native: bool = True,
-) -> Result:
+@dataclass(frozen=True)
+class Options:
+    """What may be asked of a run besides its experiment.
+
+    Parameters
+    ----------
+    taps : sequence of Tap
+        Functions that are shown values during the run.
+    progress : Progress or None
+        Told how far the run is.
+    resume : path-like or None
+        Checkpoint from which the run goes on.
+    checkpoint : path-like or None
+        Where the state at the end of the run is written.
+    pace : float or None
+        Simulated seconds for each second of the clock; None: as fast as it goes.
+    native : bool
+        Whether the compiled engine runs the ticks, or Python does: slower, with the same results, for masters that
+        hold values only, and for comparison.
+
+    Raises
+    ------
+    ExperimentError
+        If the pace is not positive.
+    """
+
+    taps: Sequence[Tap] = ()
+    progress: Progress | None = None
+    resume: str | Path | None = None
+    checkpoint: str | Path | None = None
+    pace: float | None = None
+    native: bool = True
+
+    def __post_init__(self) -> None:
+        """Check the pace."""
+        if self.pace is not None and not 0.0 < self.pace < np.inf:
+            raise ExperimentError(f"the pace is {self.pace}: give simulated seconds for each second, 1 is real time")
+
+
+def run(system: Assembly, experiment: Experiment, options: Options | None = None) -> Result:
     """Run a system.
 
     Parameters
@@ -43,13 +78,8 @@ def run(
         What is run.
     experiment : Experiment
         How it is run.
-    taps : sequence of Tap
-        Functions that are shown values during the run.
-    progress : Progress or None
-        Told how far the run is.
-    native : bool
-        Whether the compiled engine runs the ticks, or Python does: slower, with the same results, explicit masters
-        only, and for comparison.
+    options : Options or None
+        What else is asked of the run.
 
     Returns
     -------
@@ -63,13 +93,17 @@ def run(
         If the run cannot be started or a part fails; what was recorded until then is in the ``result`` of the
         error.
     """
-    master = find_master(experiment.master)
+    options = options or Options()
+    saved = read_checkpoint(Path(options.resume), system, experiment) if options.resume else None
+    begin = saved.tick if saved else 0
     names = recorded_names(system.parts, experiment.record)
-    for tap in taps:
+    for tap in options.taps:
         for name in tap.names:
             find_port(system.parts, name, "tap")
-    plan = make_plan(system, experiment, [*names, *(name for tap in taps for name in tap.names)])
-    recorder = Recorder(plan, names, experiment.decimate)
+    plan = make_plan(system, experiment, [*names, *(name for tap in options.taps for name in tap.names)])
+    schedule = find_master(experiment.master)(plan, experiment)
+    check_loops(system.parts, system.wires, implicit=schedule.tolerance > 0.0)
+    recorder = Recorder(plan, names, experiment.decimate, begin)
     attributes: dict[str, str | float] = {
         "system": system.name,
         "master": experiment.master,
@@ -78,21 +112,26 @@ def run(
         "step": experiment.step,
     }
     try:
-        plan = _start(plan, system, experiment)
-        readers = [(tap.every, tap_reader(plan, tap)) for tap in taps]
-        if progress is not None:
-            readers.append(_progress_reader(progress, plan.ticks))
-        for _, read in readers:
-            read(0)
-        if names:
-            recorder.read(0)
-        if native:
-            attributes |= _run_native(plan, master(plan), recorder, readers)
-        else:
-            readers += [(experiment.decimate, recorder.read)] if names else []
-            _loop(Program(plan, master(plan).operations), readers, plan.ticks)
-        if progress is not None:
-            progress.update(plan.ticks, plan.ticks)
+        plan = start_parts(plan, system, experiment, open_end=bool(options.resume or options.checkpoint))
+        manipulate = Manipulations(plan, schedule, experiment.manipulators)
+        ticks: _Native | _Python
+        ticks = _Native(plan, schedule, recorder, manipulate) if options.native else _Python(plan, schedule, manipulate)
+        if saved:
+            saved.restore(plan, ticks.memory)
+        readers = [(tap.every, tap_reader(plan, tap)) for tap in options.taps]
+        if options.progress is not None:
+            readers.append(_progress_reader(options.progress, plan.ticks))
+        for every, read in (*readers, *([(experiment.decimate, recorder.read)] if names else [])):
+            if begin % every == 0:
+                read(begin)
+        if names and not options.native:
+            readers.append((experiment.decimate, recorder.read))
+        _loop(ticks, readers, begin, plan, options.pace)
+        if options.checkpoint:
+            write_checkpoint(Path(options.checkpoint), system, experiment, plan, ticks.memory)
+        attributes |= ticks.attributes()
+        if options.progress is not None:
+            options.progress.update(plan.ticks, plan.ticks)
     except HarnessError as error:
         if recorder.filled:
             error.result = recorder.result(attributes)
@@ -105,115 +144,76 @@ def run(
     return result
 
 
-def _loop(advance: Callable[[int], None], readers: Sequence[tuple[int, Reader]], ticks: int) -> None:
-    """The outermost loop: time is the integer ``tick`` and nothing else."""
-    for tick in range(ticks):
-        advance(tick)
-        done = tick + 1
+def _loop(
+    ticks: _Native | _Python, readers: Sequence[tuple[int, Reader]], begin: int, plan: Plan, pace: float | None
+) -> None:
+    """The ticks, in pieces between those that a reader wants to see, short enough for Ctrl-C and for the pace."""
+    tick, longest = begin, 100
+    clock = monotonic()
+    while tick < plan.ticks:
+        end = min(plan.ticks, tick + longest, *(tick + every - tick % every for every, _ in readers))
+        before = monotonic()
+        ticks.run(tick, end)
+        tick = end
         for every, read in readers:
-            if done % every == 0:
-                read(done)
+            if tick % every == 0:
+                read(tick)
+        if pace is not None:
+            longest = max(1, int(0.01 * pace / plan.step))
+            sleep(max(0.0, clock + (tick - begin) * plan.step / pace - monotonic()))
+        elif monotonic() - before < 0.05:
+            longest = min(2 * longest, 10_000_000)
 
 
-def _run_native(
-    plan: Plan, schedule: Schedule, recorder: Recorder, readers: Sequence[tuple[int, Reader]]
-) -> dict[str, str | float]:
-    """The ticks in C, in pieces between the ticks that a reader wants to see, short enough for Ctrl-C.
+class _Native:
+    """The ticks in C."""
 
-    Returns
-    -------
-    dict
-        What is to be known of the run, for the attributes of the result.
-    """
-    engine = Engine(plan, schedule.operations, recorder.rows, recorder.columns, recorder.decimate)
-    implicit = Loops(engine, schedule) if schedule.tolerance > 0.0 else None
-    coupling = None if implicit else Coupling(engine)
-    engine.data.filled = recorder.filled
-    tick, longest = 0, 100
-    try:
-        while tick < plan.ticks:
-            ends = [tick + every - tick % every for every, _ in readers]
-            end = min(plan.ticks, tick + longest, *ends)
-            begin = monotonic()
-            with engine.interruptible():
-                engine.run(tick, end)
-            if monotonic() - begin < 0.05:
-                longest = min(2 * longest, 10_000_000)
-            tick = end
-            for every, read in readers:
-                if tick % every == 0:
-                    read(tick)
-    except HarnessError:
-        if implicit and engine.data.status == NOT_CONVERGED:
-            raise implicit.failure(int(engine.data.failed_part), float(engine.data.failed_time)) from None
-        raise
-    finally:
-        recorder.filled = int(engine.data.filled)
-    return implicit.attributes() if implicit else coupling.report() if coupling else {}
+    def __init__(self, plan: Plan, schedule: Schedule, recorder: Recorder, manipulations: Manipulations) -> None:
+        self._engine = Engine(plan, schedule.operations, recorder.rows, recorder.columns, recorder.decimate)
+        self._recorder = recorder
+        self._implicit = Loops(self._engine, schedule) if schedule.tolerance > 0.0 else None
+        self._coupling = None if self._implicit else Coupling(self._engine)
+        extrapolated = Extrapolated(self._engine, schedule.extrapolation) if schedule.extrapolation else None
+        manipulations.attach(self._engine)
+        parts = (self._implicit, self._coupling, extrapolated, manipulations)
+        self.memory = {name: array for part in parts if part is not None for name, array in part.memory().items()}
+
+    def run(self, first: int, last: int) -> None:
+        """The ticks first, ..., last - 1."""
+        data = self._engine.data
+        data.filled = self._recorder.filled
+        try:
+            with self._engine.interruptible():
+                self._engine.run(first, last)
+        except HarnessError:
+            if self._implicit and data.status == NOT_CONVERGED:
+                raise self._implicit.failure(int(data.failed_part), float(data.failed_time)) from None
+            raise
+        finally:
+            self._recorder.filled = int(data.filled)
+
+    def attributes(self) -> dict[str, str | float]:
+        """What is to be known of the run, for the attributes of the result."""
+        return self._implicit.attributes() if self._implicit else self._coupling.report() if self._coupling else {}
 
 
-def _start(plan: Plan, system: Assembly, experiment: Experiment) -> Plan:
-    """Initialise all parts with consistent values at the start time, as FMI 2.0 wants it done (4.2.4)."""
-    part = None
-    try:
-        calls: list[Calls] = []
-        for index, part in enumerate(plan.parts):
-            # A part that is stepped over several ticks may end its last step after the end of the run.
-            intervals = -(-plan.ticks // part.every)
-            stop = max(experiment.stop, plan.time(intervals * part.every))
-            part.enter_initialisation(experiment.start, stop, experiment.tolerance, _start_values(system, part.name))
-            inputs, outputs = slice(*plan.inputs[index]), slice(*plan.outputs[index])
-            names = list(plan.ports)
-            calls.append(
-                part.bind(
-                    [split_name(name)[1] for name in names[inputs]],
-                    [split_name(name)[1] for name in names[outputs]],
-                    plan.signals[inputs],
-                    plan.signals[outputs],
-                )
-            )
-        plan = replace(plan, calls=tuple(calls))
-        _propagate(plan, system)
-        for part in plan.parts:
-            part.exit_initialisation()
-        for call in plan.calls:
-            call.get()
-    except PartError as error:
-        if error.time is None:
-            error.time = experiment.start
-        raise
-    return plan
+class _Python:
+    """The ticks in Python, of masters that hold values."""
 
+    def __init__(self, plan: Plan, schedule: Schedule, manipulations: Manipulations) -> None:
+        if not schedule.operations:
+            raise ExperimentError("this master runs in the compiled engine only: leave native as it is")
+        self._advance = Program(plan, schedule.operations, manipulations)
+        self.memory = manipulations.memory()
 
-def _start_values(system: Assembly, part: str) -> dict[str, float | int | bool | str]:
-    ends = ((split_name(name), value) for name, value in system.start.items())
-    return {port: value for (owner, port), value in ends if owner == part}
+    def run(self, first: int, last: int) -> None:
+        """The ticks first, ..., last - 1; time is the integer tick and nothing else."""
+        for tick in range(first, last):
+            self._advance(tick)
 
-
-def _propagate(plan: Plan, system: Assembly) -> None:
-    """Spread the start values through all wires until nothing changes any more.
-
-    One sweep in graph order does it, but for rings of parts (a plant whose recorded acceleration depends on
-    the friction that depends on its velocity) and for FMUs whose outputs depend on more inputs during
-    initialisation than later.
-    """
-    position = {part.name: index for index, part in enumerate(plan.parts)}
-    order = [position[name] for name in propagation_order(system.parts, system.wires)]
-    fetchers = [fetcher(plan, index) for index in range(len(plan.parts))]
-    for call in plan.calls:
-        call.get()
-    # A loop that is only closed by a sampler has no solution to converge to: one sweep is its start.
-    sampled_loop = find_loop(direct_edges(system.parts, system.wires)) is not None
-    for _ in range(1 if sampled_loop else len(order) + 1):
-        before = plan.signals.copy()
-        for index in order:
-            fetchers[index]()
-            plan.calls[index].get()
-        if np.array_equal(before, plan.signals, equal_nan=True):
-            return
-    if not sampled_loop:
-        moving = [name for name, i in plan.columns.items() if before[i] != plan.signals[i]]
-        _LOG.warning("the start values of %s do not settle: the first steps may be wrong", ", ".join(moving))
+    def attributes(self) -> dict[str, str | float]:
+        """Nothing is measured."""
+        return {}
 
 
 def _progress_reader(progress: Progress, ticks: int) -> tuple[int, Reader]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
+import struct
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harness.errors import SeriesError
+from harness.errors import PartError, SeriesError
 from harness.part import Calls, Part, Port, StartValue, Values
 
 # The space before the bracket tells a unit, "x [m]", from an index, "k[1]".
@@ -69,6 +71,7 @@ class SeriesPart(Part):
         self._check()
         self._grid: list[float] = self._times.tolist()
         # A communication point meant to be a sample's time may fall short of it by rounding.
+        self._reach = 1e-9 * max(abs(self._grid[0]), abs(self._grid[-1]), self._grid[-1] - self._grid[0])
         self._slack = 1e-6 * float(np.diff(self._times).min()) if len(self._grid) > 1 else 0.0
         self._now = self._grid[0]
 
@@ -102,8 +105,8 @@ class SeriesPart(Part):
     ) -> None:
         """Go to the start time; refuse a run that the record does not cover."""
         first, last = self._grid[0], self._grid[-1]
-        slack = 1e-9 * max(abs(first), abs(last), last - first)
-        if self.beyond == "error" and (start < first - slack or stop > last + slack):
+        slack = self._reach
+        if self.beyond == "error" and (start < first - slack or (math.isfinite(stop) and stop > last + slack)):
             raise SeriesError(
                 f"the record '{self.name}' covers {first:.12g} to {last:.12g} s but the run goes "
                 f'from {start:.12g} to {stop:.12g} s: shorten the run or set beyond = "hold"'
@@ -141,11 +144,21 @@ class SeriesPart(Part):
         assert isinstance(state, float)
         self._now = state
 
+    def serialise(self) -> bytes:
+        """The present time."""
+        return struct.pack("<d", self._now)
+
+    def deserialise(self, data: bytes) -> None:
+        """Go to a time that `serialise` gave."""
+        (self._now,) = struct.unpack("<d", data)
+
     def terminate(self) -> None:
         """Nothing to do."""
 
     def _step(self, t: float, h: float) -> None:
         self._now = t + h
+        if self.beyond == "error" and self._now > self._grid[-1] + self._reach:
+            raise PartError(self.name, "step", f"the record ends at {self._grid[-1]:.12g} s", t)
 
     def _check(self) -> None:
         if self.interpolation not in ("linear", "previous"):

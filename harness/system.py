@@ -18,10 +18,10 @@ from harness.errors import (
     nearest,
 )
 from harness.experiment import Experiment
-from harness.graph import check_loops
+from harness.manipulator import Manipulator
 from harness.part import Part, StartValue
 from harness.result import Result
-from harness.run import run
+from harness.run import Options, run
 from harness.system_file import read_system, write_system
 from harness.tap import Progress, Tap
 from harness.wire import Wire, check_wires, find_part, parse_wire, split_name
@@ -55,8 +55,8 @@ class System:
     Raises
     ------
     HarnessError
-        `UnknownNameError`, `WireError`, `UnitError`, `UnconnectedError`, `AlgebraicLoopError`,
-        `StartValueError`: at the first thing that is wrong.
+        `UnknownNameError`, `WireError`, `UnitError`, `UnconnectedError`, `StartValueError`: at the first
+        thing that is wrong.
     """
 
     def __init__(
@@ -84,7 +84,6 @@ class System:
         check_wires(self.parts, self.wires)
         self._check_start()
         self._check_connected()
-        check_loops(self.parts, self.wires)
 
     @classmethod
     def from_toml(cls, path: str | Path, resolve: Callable[[str], Path] | None = None) -> Self:
@@ -139,10 +138,29 @@ class System:
         decimate: int | None = None,
         tolerance: float | None = None,
         order: Sequence[str] | None = None,
+        extrapolation: int | None = None,
+        manipulators: Sequence[Manipulator] | None = None,
         taps: Sequence[Tap] = (),
         progress: Progress | None = None,
+        resume: str | Path | None = None,
+        checkpoint: str | Path | None = None,
+        pace: float | None = None,
     ) -> Result:
         """Run the system; what is not given is taken from its experiment, see `Experiment`.
+
+        Parameters
+        ----------
+        start, stop, step, master, record, decimate, tolerance, order, extrapolation, manipulators
+            See `Experiment`.
+        taps : sequence of Tap
+            Functions that are shown values during the run.
+        progress : Progress or None
+            Told how far the run is.
+        resume, checkpoint : path-like or None
+            File with the state from which the run goes on, and file for the state at its end. A run that goes on
+            has the same start and step, and gives the same values as one that was not interrupted, to the last bit.
+        pace : float or None
+            Simulated seconds for each second of the clock, 1 is real time; None: as fast as it goes.
 
         Returns
         -------
@@ -163,8 +181,9 @@ class System:
             "master": master,
             "decimate": decimate,
             "tolerance": tolerance,
+            "extrapolation": extrapolation,
         }
-        lists = {"record": record, "order": order}
+        lists = {"record": record, "order": order, "manipulators": manipulators}
         changes: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
         changes |= {key: tuple(value) for key, value in lists.items() if value is not None}
         if self.experiment is not None:
@@ -173,7 +192,7 @@ class System:
             raise ExperimentError(f"the system '{self.name}' has no experiment: give stop and step")
         else:
             experiment = Experiment(**changes)
-        return run(self, experiment, taps, progress)
+        return run(self, experiment, Options(taps, progress, resume, checkpoint, pace))
 
     def close(self) -> None:
         """Unload all parts and remove their temporary files."""

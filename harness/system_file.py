@@ -8,15 +8,16 @@ import os
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from harness.assembly import Assembly
 from harness.atomic import atomic_path
-from harness.errors import SystemFileError, nearest
+from harness.errors import ExperimentError, SystemFileError, nearest
 from harness.experiment import Experiment
 from harness.fmu import FmuPart
+from harness.manipulator import Manipulator, manipulator_table, read_manipulator
 from harness.part import Part, StartValue
 from harness.series import SeriesPart
 from harness.wire import Wire, parse_wire, split_name
@@ -24,6 +25,8 @@ from harness.wire import Wire, parse_wire, split_name
 _TOP_KEYS = ("name", "parts", "wires", "experiment")
 _FMU_KEYS = ("every", "start")
 _RECORD_KEYS = ("interpolation", "beyond")
+_WIRE_KEYS: dict[str, tuple[type, ...]] = {"gain": (int, float), "offset": (int, float), "delay": (int,)}
+_WHOLE = ("decimate", "extrapolation")
 _EXPERIMENT_KEYS = tuple(field.name for field in fields(Experiment))
 
 
@@ -66,11 +69,11 @@ def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDesc
                 {f"{name}.{key}": _start_value(key, v, name, path) for key, v in entry.get("start", {}).items()}
             )
         wires = document.get("wires", [])
-        if not (isinstance(wires, list) and all(isinstance(wire, str) for wire in wires)):
-            raise SystemFileError(f'wires in {path} is not a list of texts: write wires = ["a.y -> b.u"]')
+        if not isinstance(wires, list):
+            raise SystemFileError(f'wires in {path} is not a list: write wires = ["a.y -> b.u"]')
         return SystemDescription(
             parts=tuple(parts),
-            wires=tuple(parse_wire(wire) for wire in wires),
+            wires=tuple(_read_wire(wire, path) for wire in wires),
             start=start,
             experiment=_read_experiment(_table(document, "experiment", path), path)
             if "experiment" in document
@@ -86,7 +89,7 @@ def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDesc
 def write_system(system: Assembly, path: Path) -> None:
     """Write a system file; see `System.to_toml`."""
     lines = [f"name = {_literal(system.name)}", "wires = ["]
-    lines += [f"    {_literal(str(wire))}," for wire in system.wires]
+    lines += [f"    {_wire_literal(wire)}," for wire in system.wires]
     lines += ["]"]
     for name, part in system.parts.items():
         lines += ["", f"[parts.{_key(name)}]", *_part_lines(part, path)]
@@ -97,8 +100,11 @@ def write_system(system: Assembly, path: Path) -> None:
             lines += [f"{_key(port)} = {_literal(value)}" for port, value in values.items()]
     if system.experiment is not None:
         lines += ["", "[experiment]"]
-        settings = ((key, getattr(system.experiment, key)) for key in _EXPERIMENT_KEYS)
+        settings = ((key, getattr(system.experiment, key)) for key in _EXPERIMENT_KEYS if key != "manipulators")
         lines += [f"{key} = {_literal(value)}" for key, value in settings if value not in (None, ())]
+        for manipulator in system.experiment.manipulators:
+            lines += ["", "[[experiment.manipulators]]"]
+            lines += [f"{key} = {_literal(value)}" for key, value in manipulator_table(manipulator).items()]
     with atomic_path(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
@@ -136,6 +142,30 @@ def _read_part(name: str, entry: Mapping[str, Any], path: Path, resolve: Callabl
     return FmuPart(name, resolve(origin), every=every, model=origin)
 
 
+def _read_wire(entry: object, path: Path) -> Wire:
+    """A wire from ``"a.y -> b.u"`` or ``{wire = "a.y -> b.u", gain = 2.0, offset = 1.0, delay = 1}``."""
+    if isinstance(entry, str):
+        return parse_wire(entry)
+    if not isinstance(entry, dict) or not isinstance(entry.get("wire"), str):
+        raise SystemFileError(
+            f'{entry!r} among the wires in {path} is no wire: write "a.y -> b.u" or {{wire = "a.y -> b.u", gain = 2.0}}'
+        )
+    wire = parse_wire(entry["wire"])
+    where = f"the wire {wire} in {path}"
+    _check_keys(entry, ("wire", *_WIRE_KEYS), where)
+    for key, types in _WIRE_KEYS.items():
+        value = entry.get(key, 0)
+        if isinstance(value, bool) or not isinstance(value, types):
+            raise SystemFileError(f"{key} of {where} is {value!r}: that is not of the right type")
+    return replace(wire, **{key: entry[key] for key in _WIRE_KEYS if key in entry})
+
+
+def _wire_literal(wire: Wire) -> str:
+    plain = Wire(wire.source, wire.target)
+    changed = {key: getattr(wire, key) for key in _WIRE_KEYS if getattr(wire, key) != getattr(plain, key)}
+    return _literal({"wire": str(wire), **changed}) if changed else _literal(str(wire))
+
+
 def _read_experiment(table: Mapping[str, Any], path: Path) -> Experiment:
     where = f"[experiment] in {path}"
     _check_keys(table, _EXPERIMENT_KEYS, where)
@@ -144,16 +174,26 @@ def _read_experiment(table: Mapping[str, Any], path: Path) -> Experiment:
         if key in ("record", "order"):
             good = isinstance(value, list) and all(isinstance(item, str) for item in value)
             settings[key] = tuple(value) if good else None
+        elif key == "manipulators":
+            if isinstance(value, list) and all(isinstance(item, dict) for item in value):
+                settings[key] = tuple(_read_manipulator(item, where) for item in value)
         elif key == "master":
             settings[key] = value if isinstance(value, str) else None
         elif isinstance(value, (int, float)) and not isinstance(value, bool):
-            settings[key] = value if key == "decimate" else float(value)
-        if settings.get(key) is None or (key == "decimate" and not isinstance(value, int)):
+            settings[key] = value if key in _WHOLE else float(value)
+        if settings.get(key) is None or (key in _WHOLE and not isinstance(value, int)):
             raise SystemFileError(f"{key} of {where} is {value!r}: that is not of the right type")
     for key in ("stop", "step"):
         if key not in settings:
             raise SystemFileError(f"{where} has no {key}: add one, in seconds")
     return Experiment(**settings)
+
+
+def _read_manipulator(table: Mapping[str, Any], where: str) -> Manipulator:
+    try:
+        return read_manipulator(table)
+    except ExperimentError as error:
+        raise SystemFileError(f"{error} (in {where})") from error
 
 
 def _table(document: Mapping[str, Any], key: str, path: Path) -> Mapping[str, Any]:
@@ -208,6 +248,8 @@ def _literal(value: object) -> str:
     """A value as TOML writes it."""
     if isinstance(value, bool):
         return "true" if value else "false"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {_literal(item)}" for key, item in value.items()) + "}"
     if isinstance(value, tuple):
         return "[" + ", ".join(_literal(item) for item in value) + "]"
     if isinstance(value, float) and math.isinf(value):

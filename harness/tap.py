@@ -66,6 +66,8 @@ class Recorder:
         ``part.port`` of each recorded variable.
     decimate : int
         Every so many ticks a row is recorded, beginning with the start values.
+    begin : int
+        The tick that the run begins with, when it continues another one.
 
     Attributes
     ----------
@@ -82,15 +84,16 @@ class Recorder:
         If the table does not fit into the memory.
     """
 
-    def __init__(self, plan: Plan, names: Sequence[str], decimate: int) -> None:
+    def __init__(self, plan: Plan, names: Sequence[str], decimate: int, begin: int = 0) -> None:
         """Reserve the table."""
+        self._first = -(-begin // decimate)
         self.names = tuple(names)
         self.decimate = decimate
         self._plan = plan
         self.filled = 0
-        rows = plan.ticks // decimate + 1
+        rows = plan.ticks // decimate + 1 - self._first
         try:
-            self.rows = np.empty((rows, len(self.names)))
+            self.rows = np.empty((max(rows, 0), len(self.names)))
         except (MemoryError, ValueError) as error:
             gigabytes = 8e-9 * rows * len(self.names)
             raise ExperimentError(
@@ -128,6 +131,6 @@ class Recorder:
     def result(self, attributes: Mapping[str, str | float]) -> Result:
         """What has been recorded so far."""
         rows = self.rows[: self.filled]
-        ticks = np.arange(self.filled) * self.decimate
+        ticks = (self._first + np.arange(self.filled)) * self.decimate
         times: Values = self._plan.start + ticks * np.float64(self._plan.step)
         return make_result(times, rows, {name: self._plan.ports[name] for name in self.names}, attributes)

@@ -10,9 +10,6 @@ import sys
 from functools import cache
 from pathlib import Path
 
-import fmpy
-import platformdirs
-
 from harness.errors import BuildError
 
 FLAGS = (
@@ -27,11 +24,15 @@ LINK_FLAGS = ("-shared", "-s", "-lm")
 
 def cache_folder() -> Path:
     """Where build results are kept; ``FRICTION_FMUS_CACHE`` overrides it."""
+    import platformdirs  # not at the top: a build of the wheel has neither this nor fmpy
+
     return Path(os.environ.get("FRICTION_FMUS_CACHE") or platformdirs.user_cache_dir("friction-fmus"))
 
 
 def header_folder() -> Path:
     """The FMI headers, which fmpy carries."""
+    import fmpy
+
     return Path(fmpy.__file__).parent / "c-code"
 
 
@@ -63,8 +64,8 @@ def identity() -> str:
     return "\n".join([*shown, _version(tuple(command)), *FLAGS, *LINK_FLAGS])
 
 
-def compile_library(folder: Path, source: str, target: Path) -> None:
-    """Compiles one block to a shared library.
+def compile_library(folder: Path, source: str, target: Path, *, headers: bool = True) -> None:
+    """Compiles a C file to a shared library.
 
     Parameters
     ----------
@@ -74,13 +75,16 @@ def compile_library(folder: Path, source: str, target: Path) -> None:
         File to compile.
     target : Path
         Library to write.
+    headers : bool
+        Whether it includes the FMI headers.
 
     Raises
     ------
     BuildError
         With the compiler's first complaint.
     """
-    command = [*compiler(), *FLAGS, "-I", str(header_folder()), source, "-o", str(target), *LINK_FLAGS]
+    include = ["-I", str(header_folder())] if headers else []
+    command = [*compiler(), *FLAGS, *include, source, "-o", str(target), *LINK_FLAGS]
     if sys.platform == "linux":
         command.append("-Wl,--build-id=none")
     _version(tuple(compiler()))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -21,7 +22,7 @@ class Wire:
     gain, offset : float
         The input gets gain * output + offset; the offset is in the unit of the input.
     delay : int
-        The input gets what it would have got so many ticks earlier, and the start value before that.
+        The input gets what the output was so many ticks earlier, and before that its start value, see `Delay`.
     """
 
     source: str
@@ -36,7 +37,7 @@ class Wire:
         return split_name(self.source), split_name(self.target)
 
     def __str__(self) -> str:
-        """The form that is written in a system file."""
+        """Its ends."""
         return f"{self.source} -> {self.target}"
 
 
@@ -91,7 +92,7 @@ def check_wires(parts: Mapping[str, Part], wires: Sequence[Wire]) -> None:
             )
         driven[wire.target] = wire
         _check_types(wire, source, target)
-        _check_units(wire, source, target)
+        _check_map(wire, source, target)
 
 
 def find_part(parts: Mapping[str, Part], name: str, context: str) -> Part:
@@ -132,13 +133,38 @@ def _check_types(wire: Wire, source: Port, target: Port) -> None:
         )
 
 
-def _check_units(wire: Wire, source: Port, target: Port) -> None:
+def wire_map(wire: Wire, source: Port, target: Port) -> tuple[float, float]:
+    """Gain and offset from the number of the output to the number of the input, with the conversion of units.
+
+    Raises
+    ------
+    UnitError
+        If the units are of different quantities.
+    """
+    factor, shift = _conversion(wire, source, target)
+    return wire.gain * factor, wire.gain * shift + wire.offset
+
+
+def _conversion(wire: Wire, source: Port, target: Port) -> tuple[float, float]:
     if units_agree(source.unit, source.base, target.unit, target.base) is not False:
-        return
+        return 1.0, 0.0
     base_source = source.base or parse_unit(source.unit or "")
     base_target = target.base or parse_unit(target.unit or "")
-    raise UnitError(
-        f"{wire.source} is in {source.unit} [{base_source}] but "
-        f"{wire.target} is in {target.unit} [{base_target}]: "
-        "connect ports of the same unit or put a conversion between them"
-    )
+    assert base_source is not None and base_target is not None, "units that are not known agree"
+    if base_source.exponents != base_target.exponents:
+        raise UnitError(
+            f"{wire.source} is in {source.unit} [{base_source}] but "
+            f"{wire.target} is in {target.unit} [{base_target}]: "
+            "connect ports of the same quantity or put a conversion between them"
+        )
+    return base_source.factor / base_target.factor, (base_source.offset - base_target.offset) / base_target.factor
+
+
+def _check_map(wire: Wire, source: Port, target: Port) -> None:
+    gain, offset = wire_map(wire, source, target)
+    if not (math.isfinite(gain) and math.isfinite(offset)):
+        raise WireError(f"the wire {wire} has the gain {wire.gain} and the offset {wire.offset}: give finite numbers")
+    if (gain, offset) != (1.0, 0.0) and target.type != "Real":
+        raise WireError(f"{wire.target} is {target.type}: only a wire to a Real can have a gain or an offset")
+    if isinstance(wire.delay, bool) or wire.delay != int(wire.delay) or wire.delay < 0:
+        raise WireError(f"the delay of the wire {wire} is {wire.delay}: give a whole number of ticks, 0 or more")

@@ -5,21 +5,21 @@
 #ifndef DEFECT_H
 #define DEFECT_H
 
-#include "engine.h"
+#include "part.h"
 
 static void measure_defects(Engine *e)
 {
     for (int64_t i = 0; i < e->pair_count; i++) {
         Pair *const p = &e->pairs[i];
         const Defect *const force = &e->defects[p->force], *const velocity = &e->defects[p->velocity];
-        const double F = 0.5 * (force->value + e->signals[e->sources[force->input]]);
-        const double v = 0.5 * (velocity->value + e->signals[e->sources[velocity->input]]);
+        const double F = 0.5 * (force->value + arriving(e, force->input));
+        const double v = 0.5 * (velocity->value + arriving(e, velocity->input));
         p->made += fabs(e->signals[force->input] * v - e->signals[velocity->input] * F) * e->step;
         p->passed += fabs(F * v) * e->step;
     }
     for (int64_t i = 0; i < e->defect_count; i++) {
         Defect *const d = &e->defects[i];
-        const double end = e->signals[e->sources[d->input]], defect = end - e->signals[d->input];
+        const double end = arriving(e, d->input), defect = end - e->signals[d->input];
         const double lasting = fmin(fabs(defect), fabs(d->before));
         if (defect * d->before < 0.0)
             d->flips += lasting;

@@ -3,6 +3,8 @@
 
 #include "engine.h"
 #include "defect.h"
+#include "extrapolate.h"
+#include "manipulate.h"
 #include "newton.h"
 #include "part.h"
 
@@ -37,10 +39,14 @@ EXPORT int64_t engine_run(Engine *e, int64_t from, int64_t to);
 EXPORT int64_t engine_run(Engine *e, int64_t from, int64_t to)
 {
     for (int64_t tick = from; tick < to; tick++) {
+        if (e->manipulator_count > 0)
+            manipulate(e, tick);
         if (e->newton) {
             if (!newton_tick(e, e->newton, tick))
                 return tick;
         } else {
+            if (e->extrapolation && !extrapolated_tick(e, e->extrapolation, tick))
+                return tick;
             for (int64_t i = 0; i < e->program_length; i++)
                 if (!operate(e, (int)e->program[2 * i], e->program[2 * i + 1], tick))
                     return tick;

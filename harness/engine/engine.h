@@ -61,11 +61,20 @@ typedef struct {
     double made, passed;     /* [J] sum of the sizes of what the coupling makes, and of what passes */
 } Pair;
 
+typedef struct manipulator Manipulator;
+typedef struct line Line;
+typedef struct extrapolation Extrapolation;
+typedef struct newton Newton;
+
 typedef struct {
     EnginePart *parts;
     int64_t part_count;
     double *signals;
-    const int64_t *sources; /* of an input, the output that drives it; of any other signal, itself */
+    const int64_t *sources;                  /* of an input, the output that drives it; of any other signal, itself */
+    double *gains, *offsets;                 /* an input gets gain * output + offset; NULL: all wires are plain */
+    const double *wire_gains, *wire_offsets; /* the same without manipulators */
+    Manipulator *manipulators;
+    int64_t manipulator_count;
     const int64_t *program; /* pairs (operation, part) that make a tick */
     int64_t program_length;
     double start, step;     /* [s] tick k is the step from start + k step */
@@ -76,7 +85,10 @@ typedef struct {
     int64_t defect_count;
     Pair *pairs;
     int64_t pair_count;
-    struct newton *newton;                                      /* an implicit master, else NULL */
+    Line *lines;
+    const int64_t *lines_from;    /* those of part p are lines_from[p], ..., lines_from[p + 1] - 1 */
+    Extrapolation *extrapolation; /* NULL: values are held                                         */
+    Newton *newton;               /* an implicit master, else NULL                                 */
     int64_t failed_part, failed_operation, status, whole_fault; /* of the run that ended */
     double failed_time;
 } Engine;

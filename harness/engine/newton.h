@@ -15,21 +15,21 @@
 #ifndef NEWTON_H
 #define NEWTON_H
 
-#include "part.h"
+#include "line.h"
 
 #define RHO     0.5
 #define GA_M    (0.5 * (3.0 - RHO) / (1.0 + RHO))
 #define GA_F    (1.0 / (1.0 + RHO))
 #define GA_RATE (0.5 + GA_M - GA_F)
 
-/* A Real input that moves during the step, as its source is a continuous part. */
+/* More about each line. */
 typedef struct {
-    int64_t input, part;
-    int64_t inner;   /* source and target are in one loop */
-    int64_t unknown; /* number of the unknown that it reads, -1: its source has been stepped before */
-    double u0, q0;   /* at the start */
-    double u1, q1;   /* at the end, on trial */
-    double scale;    /* largest size so far */
+    int64_t inner;       /* source and target are in one loop */
+    int64_t unknown;     /* number of the unknown that it reads, -1: its source has been stepped before */
+    double u0, q0;       /* at the start */
+    double u1, q1;       /* at the end, on trial */
+    double scale;        /* largest size so far */
+    double gain, offset; /* of the wire in this step, when there are manipulators */
 } Moving;
 
 typedef struct {
@@ -38,13 +38,12 @@ typedef struct {
     int64_t unknown, unknowns; /* the first of its unknowns and their number */
 } Group;
 
-typedef struct newton {
+struct newton {
     Group *groups;
     int64_t group_count;
     const int64_t *order;      /* parts, group by group */
     const int64_t *continuous; /* of each part */
     Moving *moving;
-    const int64_t *moving_from; /* those of part p are moving_from[p], ..., moving_from[p + 1] - 1 */
     const int64_t *unknowns;    /* the output behind each unknown */
     double *w, *w_last, *trend; /* value, that of the last step, slope over the last step */
     double *scale;              /* largest size so far */
@@ -56,7 +55,7 @@ typedef struct newton {
     double *proposed;           /* [s] inner step of each group */
     double worst_residual;
     int64_t evaluations, substeps, rejected;
-} Newton;
+};
 
 enum { SOLVED = 0, NOT_CONVERGED = 101, MOST_EVALUATIONS = 60, MOST_HALVINGS = 20 };
 
@@ -79,34 +78,17 @@ static double end_of(const Moving *m, const Span *s) { return m->inner ? m->u1 :
 /* Steps one continuous part on inputs that move. */
 static int move_part(Engine *e, Newton *newton, int64_t index, const Span *s)
 {
-    EnginePart *const p = &e->parts[index];
-    Moving *const first = newton->moving + newton->moving_from[index];
-    Moving *const last = newton->moving + newton->moving_from[index + 1];
-    const int64_t reals = p->inputs[REAL];
-    const bool interpolates = p->set_slopes != NULL && first < last;
-
-    fetch_inputs(e, p);
-    if (interpolates)
-        memset(p->slopes, 0, (size_t)count_of(p->inputs, REAL) * sizeof(double));
-    for (Moving *m = first; m < last; m++) {
-        m->u1 = m->unknown >= 0 ? newton->w[m->unknown] : e->signals[e->sources[m->input]];
-        const double mean = mean_of(m, s), end = end_of(m, s);
-        e->signals[m->input] = interpolates ? 2.0 * mean - end : mean;
-        if (interpolates)
-            p->slopes[m->input - reals] = 2.0 * (end - mean) / s->h;
+    fetch_inputs(e, &e->parts[index]);
+    for (int64_t k = e->lines_from[index]; k < e->lines_from[index + 1]; k++) {
+        Line *const l = &e->lines[k];
+        Moving *const m = &newton->moving[k];
+        m->u1 = m->unknown >= 0 ? carried(e, l->input, newton->w[m->unknown]) : arriving(e, l->input);
+        l->mean = mean_of(m, s);
+        l->end = end_of(m, s);
     }
-    int status = hand_over(p, e->signals);
-    if (status <= 1 && interpolates)
-        status =
-            p->set_slopes(p->component, p->input_references, (size_t)count_of(p->inputs, REAL), p->orders, p->slopes);
+    int status = step_on_lines(e, index, s->t, s->h);
     if (status <= 1)
-        status = step_part(p, s->t, s->h);
-    for (Moving *m = first; m < last; m++)
-        e->signals[m->input] = end_of(m, s);
-    if (status <= 1 && first < last && !interpolates)
-        status = hand_over(p, e->signals); /* direct outputs belong to the end, not to the mean */
-    if (status <= 1)
-        status = fetch_outputs(p, e->signals);
+        status = fetch_outputs(&e->parts[index], e->signals);
     if (status > 1)
         failed(e, index, STEP, status, s->t);
     return status;
@@ -140,10 +122,10 @@ static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bo
 
 #include "quasi_newton.h"
 
-static void accept(Newton *newton, const Group *g, const Span *s)
+static void accept(const Engine *e, Newton *newton, const Group *g, const Span *s)
 {
     for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = newton->moving_from[newton->order[i]]; k < newton->moving_from[newton->order[i] + 1]; k++) {
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
             Moving *const m = &newton->moving[k];
             if (m->inner) {
                 m->u0 = m->u1;
@@ -158,11 +140,11 @@ static void accept(Newton *newton, const Group *g, const Span *s)
 }
 
 /* Error of the means over the sizes of the values: against the trapezoidal rule, which is of the same order. */
-static double error_of(Newton *newton, const Group *g)
+static double error_of(const Engine *e, Newton *newton, const Group *g)
 {
     double worst = 0.0;
     for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = newton->moving_from[newton->order[i]]; k < newton->moving_from[newton->order[i] + 1]; k++) {
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
             Moving *const m = &newton->moving[k];
             if (m->inner) {
                 const double mean = (1.0 - GA_RATE) * m->q0 + GA_RATE * m->q1, error = mean - 0.5 * (m->u0 + m->u1);
@@ -192,9 +174,9 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, double t, double
             const bool last = piece >= (h - done) * (1.0 - 1e-9);
             const Span s = {t + done, last ? h - done : piece, done / h, last ? 1.0 : (done + piece) / h};
             const int status = solve(e, newton, g, number, &s, again);
-            const double error = status == SOLVED && newton->error > 0.0 ? error_of(newton, g) / newton->error : 0.0;
+            const double error = status == SOLVED && newton->error > 0.0 ? error_of(e, newton, g) / newton->error : 0.0;
             if (status == SOLVED && (error <= 1.0 || piece <= smallest)) {
-                accept(newton, g, &s);
+                accept(e, newton, g, &s);
                 newton->substeps++;
                 done = last ? h : done + piece;
                 if (newton->error > 0.0)
@@ -210,9 +192,26 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, double t, double
     return SOLVED;
 }
 
+/* A manipulator that sets in is a jump: the inputs begin this step with the manipulated value. */
+static void restart_manipulated(Engine *e, Newton *newton)
+{
+    for (int64_t k = 0; k < e->lines_from[e->part_count]; k++) {
+        Moving *const m = &newton->moving[k];
+        const int64_t input = e->lines[k].input;
+        const double gain = e->gains[input], offset = e->offsets[input];
+        if (gain == m->gain && offset == m->offset)
+            continue;
+        m->gain = gain;
+        m->offset = offset;
+        m->u0 = m->q0 = arriving(e, input);
+    }
+}
+
 static bool newton_tick(Engine *e, Newton *newton, int64_t tick)
 {
     const double t = time_of(e, tick);
+    if (e->manipulator_count > 0)
+        restart_manipulated(e, newton);
     for (int64_t number = 0; number < newton->group_count; number++) {
         const Group *const g = &newton->groups[number];
         const int64_t index = newton->order[g->first];
@@ -240,7 +239,7 @@ static bool newton_tick(Engine *e, Newton *newton, int64_t tick)
                 return failed(e, index, GET, status, t);
         }
     }
-    for (Moving *m = newton->moving; m < newton->moving + newton->moving_from[e->part_count]; m++)
+    for (Moving *m = newton->moving; m < newton->moving + e->lines_from[e->part_count]; m++)
         if (!m->inner)
             m->u0 = m->u1;
     return true;

@@ -79,11 +79,32 @@ static int restore_part(EnginePart *p)
     return p->call ? p->call(RESTORE, 0.0, 0.0) : p->set_state(p->component, p->state);
 }
 
+/* A plain wire keeps the sign of zero, and gain 0 stands for a value that does not come from the output. */
+static inline double map_of(double gain, double offset, double output)
+{
+    return gain == 1.0 && offset == 0.0 ? output : gain == 0.0 ? offset : gain * output + offset;
+}
+
+/* What an input gets when the output that drives it has this value. */
+static inline double carried(const Engine *e, int64_t input, double output)
+{
+    return e->gains == NULL ? output : map_of(e->gains[input], e->offsets[input], output);
+}
+
+static inline double arriving(const Engine *e, int64_t input)
+{
+    return carried(e, input, e->signals[e->sources[input]]);
+}
+
 /* Fetches the values of the wires that end at this part. */
 static inline void fetch_inputs(const Engine *e, const EnginePart *p)
 {
-    for (int64_t i = p->inputs[REAL]; i < p->inputs[TYPES]; i++)
-        e->signals[i] = e->signals[e->sources[i]];
+    if (e->gains == NULL)
+        for (int64_t i = p->inputs[REAL]; i < p->inputs[TYPES]; i++)
+            e->signals[i] = e->signals[e->sources[i]];
+    else
+        for (int64_t i = p->inputs[REAL]; i < p->inputs[TYPES]; i++)
+            e->signals[i] = arriving(e, i);
 }
 
 static inline bool is_due(const EnginePart *p, int64_t tick) { return p->every == 1 || tick % p->every == p->phase; }

@@ -1,6 +1,6 @@
 """Master algorithms, one file each: ``some_name.py`` holds ``master`` and is known as ``some-name``.
 
-A master is a function from a Plan to a Schedule, which the engine runs through.
+A master is a function from a Plan and an Experiment to a Schedule, which the engine runs through.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from functools import cache
 from typing import TypeAlias, cast
 
 from harness.errors import UnknownNameError, nearest
+from harness.experiment import Experiment
 from harness.plan import Plan, Schedule
 
-Master: TypeAlias = Callable[[Plan], Schedule]
+Master: TypeAlias = Callable[[Plan, Experiment], Schedule]
 
 
 @cache

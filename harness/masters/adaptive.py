@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from harness.experiment import Experiment
 from harness.plan import Plan, Schedule
 
 
-def master(plan: Plan) -> Schedule:
+def master(plan: Plan, experiment: Experiment) -> Schedule:
     """As many steps of a loop within a tick as keep the error of its values below 1e-5 of their size."""
     return Schedule((), tolerance=1e-7, error=1e-5)

@@ -7,9 +7,10 @@ reads it after it.
 
 from __future__ import annotations
 
+from harness.experiment import Experiment
 from harness.plan import Plan, Schedule
 
 
-def master(plan: Plan) -> Schedule:
+def master(plan: Plan, experiment: Experiment) -> Schedule:
     """One step of every loop for every tick; the residual is brought below 1e-7 of the size of the values."""
     return Schedule((), tolerance=1e-7)

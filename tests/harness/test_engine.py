@@ -12,7 +12,7 @@ import pytest
 from harness_parts import bristle, mass, memoryless
 
 from harness import CallablePart, Experiment, FmuPart, PartError, Result, System, Tap
-from harness.run import run
+from harness.run import Options, run
 
 BuildFmu = Callable[..., Path]
 WIRES = ["mass.v -> friction.v", "friction.F -> mass.F_friction"]
@@ -58,7 +58,7 @@ def servo(build_fmu: BuildFmu) -> System:
 def test_engine_and_python_agree_to_the_last_bit(build_fmu: BuildFmu, master: str, decimate: int) -> None:
     experiment = Experiment(stop=0.7, step=1e-3, master=master, decimate=decimate, record=("*", "mass.F_friction"))
     with servo(build_fmu) as system:
-        assert same(run(system, experiment), run(system, experiment, native=False))
+        assert same(run(system, experiment), run(system, experiment, Options(native=False)))
 
 
 def test_taps_and_progress_see_the_same_values(build_fmu: BuildFmu) -> None:
@@ -75,7 +75,7 @@ def test_taps_and_progress_see_the_same_values(build_fmu: BuildFmu) -> None:
     with servo(build_fmu) as system:
         for native, rows in seen.items():
             tap = Tap(lambda t, values, rows=rows: rows.append((t, float(values[0]))), ("mass.v",), every=3)
-            run(system, Experiment(stop=0.2, step=1e-3), [tap], counters[native], native=native)
+            run(system, Experiment(stop=0.2, step=1e-3), Options([tap], counters[native], native=native))
     assert seen[True] == seen[False]
     assert len(seen[True]) == 200 // 3 + 1
     assert counters[True].calls == counters[False].calls

@@ -85,11 +85,9 @@ def wired(output: Port, input_: Port) -> System:
     )
 
 
-def test_factor_and_offset_count() -> None:
-    with pytest.raises(UnitError, match=r"mm \[0\.001 \* m\]"):
-        wired(Port("x", "mm"), Port("x", "m"))
-    with pytest.raises(UnitError, match=r"degC \[K \+ 273\.15\]"):
-        wired(Port("T", "degC"), Port("T", "K"))
+def test_other_quantities_are_refused() -> None:
+    with pytest.raises(UnitError, match=r"mm \[0\.001 \* m\] but .* is in degC \[K \+ 273\.15\]"):
+        wired(Port("x", "mm"), Port("x", "degC"))
 
 
 def test_same_unit_under_another_name() -> None:

@@ -116,7 +116,7 @@ def test_models_are_resolved(folder: Path) -> None:
         ('fmu = "probe.fmu"', "", "part 'p' .* has no origin"),
         ('fmu = "probe.fmu"', 'fmu = "probe.fmu"\nrecord = "force.csv"', "has fmu and record"),
         ('fmu = "probe.fmu"', "fmu = 3", "fmu of part 'p' .* is 3"),
-        ('"force.F -> p.u",', "1,", "wires in .* is not a list of texts"),
+        ('"force.F -> p.u",', "1,", "1 among the wires in .* is no wire"),
         ("stop = 1\n", "", "has no stop"),
         ("stop = 1\n", 'stop = "one"\n', "stop of .* is 'one'"),
         ("stop = 1\n", "stop = 1\ndecimate = 1.5\n", "decimate of .* is 1.5"),

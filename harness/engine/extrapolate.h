@@ -1,0 +1,61 @@
+/* Jacobi with extrapolated inputs: all parts step at once on the polynomial through the last values of what drives
+   them. A line with the mean value and the end value of the polynomial stands for it (the mean is that of the
+   Adams-Bashforth methods), as parts take no higher derivatives of their inputs. */
+
+#ifndef EXTRAPOLATE_H
+#define EXTRAPOLATE_H
+
+#include "line.h"
+
+struct extrapolation {
+    int64_t order;  /* 1 or 2 */
+    int64_t known;  /* how many earlier values there are */
+    double *before; /* of each line, what its source was a tick ago and two ticks ago */
+    double *earlier;
+};
+
+static void extrapolate(Engine *e, Extrapolation *x)
+{
+    const int64_t order = x->known < x->order ? x->known : x->order;
+    for (int64_t k = 0; k < e->lines_from[e->part_count]; k++) {
+        Line *const l = &e->lines[k];
+        const double y0 = e->signals[e->sources[l->input]], y1 = x->before[k], y2 = x->earlier[k];
+        double mean = y0, end = y0;
+        if (order == 1) {
+            mean = 1.5 * y0 - 0.5 * y1;
+            end = 2.0 * y0 - y1;
+        } else if (order == 2) {
+            mean = (23.0 * y0 - 16.0 * y1 + 5.0 * y2) / 12.0;
+            end = 3.0 * (y0 - y1) + y2;
+        }
+        l->mean = carried(e, l->input, mean);
+        l->end = carried(e, l->input, end);
+        x->earlier[k] = y1;
+        x->before[k] = y0;
+    }
+    x->known++;
+}
+
+static bool extrapolated_tick(Engine *e, Extrapolation *x, int64_t tick)
+{
+    extrapolate(e, x);
+    for (int64_t index = 0; index < e->part_count; index++) {
+        EnginePart *const p = &e->parts[index];
+        if (!is_due(p, tick))
+            continue;
+        fetch_inputs(e, p);
+        const double t = time_of(e, tick - p->phase);
+        const int status = step_on_lines(e, index, t, (double)p->every * e->step);
+        if (status > 1)
+            return failed(e, index, STEP, status, t);
+    }
+    for (int64_t index = 0; index < e->part_count; index++) {
+        EnginePart *const p = &e->parts[index];
+        const int status = is_due(p, tick) ? fetch_outputs(p, e->signals) : 0;
+        if (status > 1)
+            return failed(e, index, GET, status, time_of(e, tick));
+    }
+    return true;
+}
+
+#endif
