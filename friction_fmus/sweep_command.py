@@ -106,10 +106,13 @@ def sweep_system(options: argparse.Namespace) -> None:
             keep=options.keep,
             progress=_Bar(bar),
         )
-    failed = int((result["error"] != "").sum())
+    errors = [str(error) for error in result["error"].to_numpy() if error]
     warned = int(((result["warnings"] != "") & (result["error"] == "")).sum())
-    notes = f", {failed} failed" * bool(failed) + f", {warned} with warnings" * bool(warned)
-    Console().print(f"{options.output}: {result.sizes['run']} runs{notes}", highlight=False, soft_wrap=True)
+    notes = f", {warned} with warnings" * bool(warned)
+    notes += f", {len(errors)} failed, the first one because {errors[0]}" if errors else ""
+    Console().print(
+        f"{options.output}: {result.sizes['run']} runs{notes}", highlight=False, markup=False, soft_wrap=True
+    )
 
 
 def _experiment(system: System, options: argparse.Namespace) -> Experiment | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import fields
 from typing import Any
 
 from harness.callable_part import CallablePart
@@ -37,14 +37,15 @@ def description(system: System, job: Job, samples: Sequence[ParameterSet]) -> di
     """
     content = {
         "parts": {name: _identity(part) for name, part in system.parts.items()},
-        "wires": sorted(str(wire) for wire in system.wires),
+        "wires": sorted(repr(wire) for wire in system.wires),
         "start": dict(system.start),
     }
+    experiment = {key.name: getattr(job.experiment, key.name) for key in fields(job.experiment)}
     return {
         "system": _hash(json.dumps(content, sort_keys=True).encode()),
         "samples": _hash(json.dumps(samples).encode()),
         "runs": len(samples),
-        "experiment": asdict(job.experiment),
+        "experiment": experiment | {"manipulators": [repr(one) for one in job.experiment.manipulators]},
         "measures": [label(measure) for measure in job.measures],
         "keep": job.keep,
     }

@@ -296,8 +296,9 @@ def test_killed_sweep_loses_nothing_and_leaves_no_process(tmp_path: Path) -> Non
     while any(alive(worker) for _, worker in log_of(tmp_path)):
         assert time.monotonic() < deadline
         time.sleep(0.02)
-    subprocess.run(command, env=environment, check=True)
-    result = read_sweep(tmp_path / "out")
+    result = sweep(
+        counted(tmp_path), numbers(60, wait=0.02), measure=root, output=tmp_path / "out", executor="threads", workers=4
+    )
     np.testing.assert_array_equal(result["root"], np.arange(60.0))
     times = Counter(number for number, _ in log_of(tmp_path))
     assert all(times[int(run)] == 1 for run in done)
