@@ -190,7 +190,7 @@ def main() -> None:
         lost = runs - int((killed["final(mass.x)"].to_numpy() == x).sum()) if killer.killed else runs
         memory = alone["resident"].to_numpy()
     growth = float(memory[-1] - memory[runs // 5])
-    (seconds_1, cpu_1), (seconds_2, cpu_2) = (np.min(times, axis=0) / runs for times in (one, two))
+    (seconds_1, cpu_1), (seconds_2, cpu_2) = ((np.min(times, axis=0) / runs).tolist() for times in (one, two))
     rows = [
         Row("one worker", 1.0 / seconds_1, "runs/s"),
         Row("two workers", 1.0 / seconds_2, "runs/s"),

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import ast
+import re
+import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +14,10 @@ import pandas as pd
 import pytest
 
 from friction_fmus.__main__ import main
+from friction_fmus.package import resolve
+from harness import System
+
+ROOT = Path(__file__).parent.parent
 
 SYSTEM = """
 wires = []
@@ -98,3 +107,25 @@ def test_scheduler_of_a_cluster(system: Path) -> None:
         assert main(["sweep", str(system), "-o", out, "--vary", "mass.m=1,2", *options]) == 0
     table = pd.read_parquet(out).sort_values("run")
     np.testing.assert_allclose(table["final(mass.v)"], [3.0, 1.5], rtol=1e-12)
+
+
+def test_page_of_sweeps_tells_the_truth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    (commands,) = re.findall(r"<!-- commands -->\n```sh\n(.*?)^```$", text, re.S | re.M)
+    for command, runs in zip(commands.splitlines(), (12, 16), strict=True):
+        assert main(shlex.split(command)[1:]) == 0
+        assert capsys.readouterr().out.strip().endswith(f": {runs} runs")
+    (program,) = re.findall(r"<!-- python -->\n```python\n(.*?)^```$", text, re.S | re.M)
+    (tmp_path / "program.py").write_text(program, encoding="utf-8")
+    done = subprocess.run([sys.executable, "program.py"], cwd=tmp_path, capture_output=True, text=True)
+    slips, rows = done.stdout.splitlines()
+    assert rows == "3", done.stderr
+    # counted once more, in runs of one system without a sweep
+    with System.from_toml(ROOT / "examples" / "stick_slip.toml", resolve) as system:
+        for run, m in enumerate((0.5, 1.0, 2.0)):
+            v = system.with_start({"mass.m": m}).run(stop=10.0)["mass.v"].to_numpy()
+            assert ast.literal_eval(slips)[run] == int(((v[1:] > 1e-3) & (v[:-1] <= 1e-3)).sum()) > 0

@@ -36,12 +36,12 @@ _OWN = ("run", "wall_time", "error", "warnings")
 
 
 class SweepFolder:
-    """A sweep on disk; only one process at a time can have it.
+    """A sweep on disk.
 
     Parameters
     ----------
     path : Path
-        The folder; made if it is not there.
+        The folder, see `sole_writer`.
     description : mapping
         What the sweep is, as JSON; a folder that holds something else is refused.
     parameters : mapping of str to PortType
@@ -57,7 +57,7 @@ class SweepFolder:
     Raises
     ------
     SweepError
-        If the folder holds another sweep or other files, or another process writes to it.
+        If the folder holds another sweep or other files.
     OutputError
         If it cannot be written.
     """
@@ -70,30 +70,25 @@ class SweepFolder:
         self._parameters = parameters
         self._units = units
         description = json.loads(json.dumps({"format": FORMAT, **description}))
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(f"cannot make the folder {path}: {error.strerror}; give another one") from error
+        self._description = description
+        self._measures: list[str] | None = None
         manifest = path / MANIFEST
-        if manifest.is_file():
+        if manifest.is_file() and self._files():
             found = read_manifest(path)
-            self._measures: list[str] | None = found.pop("measured")
+            self._measures = found.pop("measured")
             found.pop("parameters")
             different = sorted(key for key in {*found, *description} if found.get(key) != description.get(key))
             if different:
                 raise SweepError(
                     f"{path} holds another sweep, with other {', '.join(different)}: give another folder or remove it"
                 )
-        elif any(not entry.name.startswith(".") for entry in path.iterdir()):
+        elif not manifest.is_file() and any(not entry.name.startswith(".") for entry in path.iterdir()):
             raise SweepError(f"{path} holds files but no sweep: give a new or an empty folder")
-        else:
-            self._measures = None
-        self._description = description
-        if not manifest.is_file():
+        else:  # a sweep of which no run is done can become another one
             self._write_manifest()
         for left in path.rglob(".*.parquet"):  # of a process that was killed while it wrote
             left.unlink(missing_ok=True)
-        self.done = {run for file in self._files() for run in self._read(file)["run"].to_pylist()}
+        self.done = {run for file in self._files() for run in self._read(file, ["run"])["run"].to_pylist()}
 
     def add(self, outcomes: Sequence[Outcome], samples: Sequence[ParameterSet]) -> None:
         """Write the outcomes of some runs, as one file that is complete or not there.
@@ -175,9 +170,9 @@ class SweepFolder:
     def _files(self) -> list[Path]:
         return sorted(self.path.glob("runs-*.parquet"))
 
-    def _read(self, path: Path) -> Any:
+    def _read(self, path: Path, columns: list[str] | None = None) -> Any:
         try:
-            return pq.ParquetFile(path).read()
+            return pq.ParquetFile(path).read(columns)
         except (OSError, pa.ArrowException) as error:
             raise SweepError(f"cannot read {path}: {error}; remove it, and its runs are done again") from error
 
@@ -255,19 +250,24 @@ def _trajectories(outcomes: Sequence[Outcome]) -> Any:
 
 @contextmanager
 def sole_writer(path: Path) -> Iterator[None]:
-    """Refuse a folder to which another process writes; the lock ends with its process, however that ends.
+    """Make a folder, and refuse one to which another process writes; the lock ends with its process in any case.
 
     Raises
     ------
     SweepError
         If it is taken.
+    OutputError
+        If it cannot be made.
     """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot make the folder {path}: {error.strerror}; give another one") from error
     try:
         import fcntl
     except ImportError:  # Windows has another kind of lock
         yield
         return
-    path.mkdir(parents=True, exist_ok=True)
     with (path / ".lock").open("w") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -215,7 +215,7 @@ def make_pool(executor: Any, workers: int | None) -> Pool:
     Raises
     ------
     SweepError
-        If there is no such executor, or workers are given to one that has its own number.
+        If there is no such executor, or fewer than one worker.
     """
     if workers is not None and workers < 1:
         raise SweepError(f"{workers} workers were asked for: give 1 or more")

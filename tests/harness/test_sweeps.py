@@ -23,6 +23,7 @@ from harness import (
     CallablePart,
     Experiment,
     FmuPart,
+    OutputError,
     SweepError,
     System,
     UnknownNameError,
@@ -328,6 +329,19 @@ def test_folder_of_another_sweep_is_refused(tmp_path: Path) -> None:
         sweep(counted(tmp_path), numbers(3), measure=root, output=tmp_path / "other", executor="serial")
     with pytest.raises(SweepError, match="holds no sweep"):
         read_sweep(tmp_path / "other")
+
+
+def test_folder_without_a_finished_run_is_free_for_another_sweep(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        sweep(counted(tmp_path), numbers(3), output=tmp_path / "out", executor="serial", progress=StopAt(0))
+    result = sweep(counted(tmp_path), numbers(4), measure=root, output=tmp_path / "out", executor="serial")
+    assert result.sizes["run"] == 4
+
+
+def test_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match=r"cannot make the folder .*file"):
+        sweep(counted(tmp_path), numbers(3), output=tmp_path / "file", executor="serial")
 
 
 def test_changed_fmu_is_another_sweep(build_fmu: BuildFmu, tmp_path: Path) -> None:
