@@ -109,7 +109,11 @@ class ProcessPool:
         if "forkserver" in able:
             context.set_forkserver_preload(["__main__", "harness.sweeps.preload", *_imported_by_main()])
         self._scratch = tempfile.mkdtemp(prefix="harness-sweep-")
-        self._slots = [_Slot(context, self._scratch) for _ in range(workers)]
+        try:
+            self._slots = [_Slot(context, self._scratch) for _ in range(workers)]
+        except BaseException:
+            shutil.rmtree(self._scratch, ignore_errors=True)
+            raise
         self._failed_starts = 0
 
     def capacity(self) -> int:

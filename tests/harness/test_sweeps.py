@@ -377,6 +377,20 @@ def test_killed_worker_loses_no_run(tmp_path: Path) -> None:
     assert len({process for _, process in log_of(tmp_path)}) >= 5
 
 
+def test_script_without_a_guard_is_told_so(tmp_path: Path) -> None:
+    """Every worker would begin the sweep once more, and fails in that."""
+    program = (
+        "import sys; from pathlib import Path; from sweep_systems import *; from harness import sweep\n"
+        "sweep(counted(Path(sys.argv[1])), [{'p.number': 1}], measure=root, workers=1)\n"
+    )
+    (tmp_path / "program.py").write_text(program)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    command = [sys.executable, str(tmp_path / "program.py"), str(tmp_path)]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert run.returncode == 1
+    assert "run the script's sweep below if __name__ == '__main__'" in run.stderr
+
+
 @pytest.mark.parametrize(
     ("system", "options", "message"),
     [
