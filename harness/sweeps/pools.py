@@ -125,7 +125,7 @@ class ProcessPool:
         index, slot = next((i, slot) for i, slot in enumerate(self._slots) if slot.free)
         if slot.lost:
             self._failed_starts = 0 if slot.started else self._failed_starts + 1
-            if self._failed_starts == 3:
+            if self._failed_starts == 2:
                 raise SweepError(
                     "the worker processes of the sweep die while they start: run the script's sweep below "
                     "if __name__ == '__main__', or use the executor 'threads'"
