@@ -30,9 +30,10 @@ check that all results are finite. A law that is itself done in 5 ns is therefor
     "sweep": """## A sweep
 
 1000 closed loops (a profile, a PID controller, a mass and LuGre friction) of 1 s in steps of 0.1 ms, 3 ms each: the
-whole sweep, with the start of its workers and its files. The time of two workers over that of one depends on what
-else the machine does; the processor time of all processes does so less. The loop over fmpy takes the same steps of the
-same FMUs, with instances that are reset too; every value and every step of it is a call from Python.
+whole sweep, with the start of its workers and its files. The time of two workers over that of one is what the machine
+had to spare while others used it; the overhead is the whole time of the workers over that in their runs, two over one:
+with 1.0, two processors do twice the runs. The loop over fmpy takes the same steps of the same FMUs, with instances
+that are reset too; every value and every step of it is a call from Python.
 """,
 }
 
