@@ -194,7 +194,7 @@ def main() -> None:
         Row("one worker", runs / seconds_1, "runs/s"),
         Row("two workers", runs / seconds_2, "runs/s"),
         Row("two workers: time over one", seconds_2 / seconds_1, "x", 1.0 / 1.8),
-        Row("gain of two plain processes now", max(gain), "times"),
+        Row("gain of two plain processes then", max(gain), "x"),
         Row("two workers: overhead over one", beside_2 / beside_1, "x", 2.0 / 1.8),
         Row("a loop over fmpy", 1.0 / min(fmpy_loop), "runs/s"),
         Row("one worker: time over fmpy", seconds_1 / runs / min(fmpy_loop), "x", 1.0 / 15.0),

@@ -11,23 +11,14 @@ import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from friction_fmus import sweep_command
 from friction_fmus.errors import FrictionError
+from friction_fmus.run_command import add_run_options, run_system
+from friction_fmus.terminal import RunBar, console, progress_bar
 from friction_fmus.version import VERSION
 from harness import HarnessError
-
-console = Console()
-
-
-def progress_bar() -> Progress:
-    """A bar on stderr that disappears when done; nothing where the output is not a terminal."""
-    screen = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal)
 
 
 def list_blocks(options: argparse.Namespace) -> None:
@@ -122,47 +113,12 @@ def check_files(options: argparse.Namespace) -> int:
     return 1 if faults else 0
 
 
-class _Bar:
-    """A run's progress on a rich bar."""
-
-    def __init__(self, bar: Progress, description: str) -> None:
-        self._bar = bar
-        self._task = bar.add_task(description, total=None)
-
-    def update(self, done: int, total: int) -> None:
-        """Called by the harness."""
-        self._bar.update(self._task, completed=done, total=total)
-
-
-def run_system(options: argparse.Namespace) -> None:
-    """A system file, run to a result file."""
-    from friction_fmus.package import resolve
-    from harness import System, plot, to_csv, to_parquet
-
-    writers = {".csv": to_csv, ".parquet": to_parquet}
-    if options.output.suffix not in writers:
-        raise FrictionError(f"{options.output} has no known format; end the name in {' or '.join(writers)}")
-    if options.plot and options.plot.suffix not in (".png", ".svg", ".pdf"):
-        raise FrictionError(f"{options.plot} has no known picture format; end the name in .png, .svg or .pdf")
-    with System.from_toml(options.system, resolve=resolve) as system, progress_bar() as bar:
-        result = system.run(
-            step=options.step, stop=options.stop, master=options.master, progress=_Bar(bar, system.name)
-        )
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    writers[options.output.suffix](result, options.output)
-    if options.plot:
-        options.plot.parent.mkdir(parents=True, exist_ok=True)
-        plot(result, options.plot)
-    shown = f"{result.sizes['time']} rows of {len(result.data_vars)} variables"
-    console.print(f"{options.output}: {shown}", highlight=False, soft_wrap=True)
-
-
 def study(options: argparse.Namespace) -> None:
     """The study of a measured axis."""
     from friction_fmus.study import StudySettings, run_study, summary_table
 
     with progress_bar() as bar:
-        summary = run_study(options.output, _Bar(bar, "study"), StudySettings(workers=min(2, os.cpu_count() or 1)))
+        summary = run_study(options.output, RunBar(bar, "study"), StudySettings(workers=min(2, os.cpu_count() or 1)))
     console.print(summary_table(summary))
     console.print(f"Report: {options.output / 'report.html'}", highlight=False, soft_wrap=True)
 
@@ -200,12 +156,7 @@ def parser() -> argparse.ArgumentParser:
     checking = command("check", check_files, "look for faults in FMUs, also other people's")
     checking.add_argument("files", nargs="+", type=Path, metavar="FILE")
     running = command("run", run_system, "run a system of FMUs")
-    running.add_argument("system", type=Path, metavar="SYSTEM.toml")
-    running.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="result: .csv or .parquet")
-    running.add_argument("--step", type=float, metavar="H", help="communication step [s]")
-    running.add_argument("--stop", type=float, metavar="T", help="end time [s]")
-    running.add_argument("--master", metavar="NAME", help="jacobi or gauss-seidel")
-    running.add_argument("--plot", type=Path, metavar="FILE", help="also draw the result: .png, .svg or .pdf")
+    add_run_options(running)
     sweeping = command("sweep", sweep_command.sweep_system, "run a system of FMUs with many parameter sets")
     sweep_command.add_arguments(sweeping)
     studying = command("study", study, "identify a measured axis, co-simulate it, and see what compensation gains")

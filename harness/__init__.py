@@ -13,6 +13,7 @@ from harness.errors import (
     HarnessError,
     OutputError,
     PartError,
+    ResultFileError,
     SeriesError,
     StartValueError,
     SweepError,
@@ -29,7 +30,8 @@ from harness.masters import masters
 from harness.part import Calls, Part, Port
 from harness.plan import Plan
 from harness.plot import plot
-from harness.result import Result, to_csv, to_parquet
+from harness.result import Result, select
+from harness.results import load_result, save_result, to_csv, to_mat, to_netcdf, to_parquet
 from harness.series import SeriesPart
 from harness.sweeps import grid, latin_hypercube, read_samples, read_sweep, sobol, sweep
 from harness.system import System
@@ -61,6 +63,7 @@ __all__ = [
     "Port",
     "Progress",
     "Result",
+    "ResultFileError",
     "SeriesError",
     "SeriesPart",
     "StartValueError",
@@ -75,14 +78,19 @@ __all__ = [
     "WireError",
     "grid",
     "latin_hypercube",
+    "load_result",
     "masters",
     "open_archive",
     "parse_unit",
     "plot",
     "read_samples",
     "read_sweep",
+    "save_result",
+    "select",
     "sobol",
     "sweep",
     "to_csv",
+    "to_mat",
+    "to_netcdf",
     "to_parquet",
 ]

@@ -15,6 +15,7 @@ from harness.assembly import Assembly
 from harness.atomic import atomic_path
 from harness.errors import ExperimentError
 from harness.experiment import Experiment
+from harness.fmu import FmuPart
 from harness.part import Part
 from harness.plan import Plan
 
@@ -154,4 +155,6 @@ def identity(system: Assembly, experiment: Experiment) -> dict[str, Any]:
 
 
 def _kind(part: Part) -> str:
-    return f"{type(part).__name__} {part.identity} every {part.every}"
+    # an FMU is the same one in a process of its own
+    kind = FmuPart if isinstance(part, FmuPart) else type(part)
+    return f"{kind.__name__} {part.identity} every {part.every}"

@@ -9,10 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from harness.lines import MovingWire, moving_wires
+from harness.lines import MovingWire, fresh_inputs, moving_wires
 from harness.native import Engine, bytes_of
 from harness.part import Port
-from harness.plan import map_of
+from harness.plan import Schedule, map_of
 from harness.units import parse_unit
 
 _LOG = logging.getLogger("harness")
@@ -51,14 +51,19 @@ class Coupling:
     ----------
     engine : Engine
         The engine that will run it.
+    schedule : Schedule
+        What the master does.
     """
 
-    def __init__(self, engine: Engine) -> None:
-        """Find the wires and the force-velocity pairs."""
+    def __init__(self, engine: Engine, schedule: Schedule) -> None:
+        """Find the wires that hand over old values, and the force-velocity pairs."""
         plan = engine.plan
         self.plan = plan
         self.names = list(plan.ports)
         self.wires = moving_wires(plan)
+        paired = {number for pair in self._pairs() for number in pair}
+        fresh = fresh_inputs(plan, schedule)
+        self.wires = [wire for number, wire in enumerate(self.wires) if number in paired or not fresh[wire.input]]
         pairs = self._pairs()
         start = [
             map_of(float(plan.gains[wire.input]), float(plan.offsets[wire.input]), float(plan.signals[wire.output]))

@@ -70,6 +70,10 @@ class SweepError(HarnessError):
     """A sweep makes no sense, does not belong to its folder, or its workers cannot be started."""
 
 
+class ResultFileError(HarnessError):
+    """A file cannot be read as a result."""
+
+
 class BuildError(HarnessError):
     """C sources that do not compile, or whose result cannot be packaged."""
 

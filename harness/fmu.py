@@ -31,6 +31,11 @@ class FmuPart(Part):
     model : str or None
         The model name under which the file was found, if it was; written to a system file instead of the
         path.
+    isolate : bool
+        Whether the FMU runs in a process of its own, so that one that crashes, exits or hangs ends its run with a
+        `PartError` and not the program.
+    timeout : float
+        How long such a process may take for one call [s].
 
     Attributes
     ----------
@@ -41,11 +46,41 @@ class FmuPart(Part):
     ------
     FmuError
         If the file cannot be used, see `open_archive`.
+    HarnessError
+        If the timeout is not a positive number.
     """
 
-    def __init__(self, name: str, path: str | Path, *, every: int = 1, model: str | None = None) -> None:
+    def __new__(
+        cls,
+        name: str,
+        path: str | Path,
+        *,
+        every: int = 1,
+        model: str | None = None,
+        isolate: bool = False,
+        timeout: float = 10.0,
+    ) -> FmuPart:
+        """Make the kind of part that is asked for, as `pathlib.Path` does."""
+        from harness.isolated.part import IsolatedPart  # which is made of this class
+
+        return super().__new__(IsolatedPart if isolate else cls)
+
+    def __init__(
+        self,
+        name: str,
+        path: str | Path,
+        *,
+        every: int = 1,
+        model: str | None = None,
+        isolate: bool = False,
+        timeout: float = 10.0,
+    ) -> None:
         """Check the file and read its description."""
+        if not (timeout > 0.0 and math.isfinite(timeout)):
+            raise HarnessError(f"the timeout of '{name}' is {timeout}: give a positive number of seconds")
         self.name = name
+        self.isolate = isolate
+        self.timeout = float(timeout)
         self.path = Path(path)
         self.model = model
         self.every = every
@@ -188,7 +223,8 @@ class FmuPart(Part):
 
     def __reduce__(self) -> tuple[object, ...]:
         """A part in another process is made anew from the same file."""
-        return partial(FmuPart, every=self.every, model=self.model), (self.name, self.path.absolute())
+        options = {"every": self.every, "model": self.model, "isolate": self.isolate, "timeout": self.timeout}
+        return partial(FmuPart, **options), (self.name, self.path.absolute())
 
     def _started(self) -> Instance:
         if self._instance is None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from harness.native import Engine, bytes_of
-from harness.plan import Plan
+from harness.plan import GET, SET, Plan, Schedule
 
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
@@ -67,6 +67,26 @@ def moving_wires(plan: Plan) -> list[MovingWire]:
             if moves(plan, source) and moves(plan, target) and plan.ports[names[signal]].type == "Real":
                 wires.append(MovingWire(signal, output, source, target))
     return wires
+
+
+def fresh_inputs(plan: Plan, schedule: Schedule) -> dict[int, bool]:
+    """For every wired input whether the output is already that of the end of the step when it is handed over."""
+    owner = owners(plan)
+    place = {operation: index for index, operation in enumerate(schedule.operations)}
+    moving = {wire.input for wire in moving_wires(plan)}
+
+    def rank(part: int) -> tuple[int, int]:  # of an implicit master: sampled, continuous, slow parts
+        return (0 if plan.parts[part].sampled else 1 if moves(plan, part) else 2), part
+
+    found = {}
+    for target in range(len(plan.parts)):
+        for signal in range(*plan.inputs[target]):
+            source = owner[int(plan.sources[signal])]
+            if schedule.operations:
+                found[signal] = place[GET, source] < place[SET, target]
+            else:
+                found[signal] = not schedule.extrapolation and (signal in moving or rank(source) < rank(target))
+    return found
 
 
 def attach_lines(engine: Engine, wires: Sequence[MovingWire]) -> None:

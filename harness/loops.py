@@ -44,9 +44,9 @@ class NewtonData(ctypes.Structure):
         *((name, _POINTER) for name in ("w", "w_last", "trend", "scale", "r", "work", "inverse")),
         ("most_unknowns", _INT),
         *((name, _REAL) for name in ("tolerance", "error")),
-        ("proposed", _POINTER),
+        *((name, _POINTER) for name in ("proposed", "before")),
         ("worst_residual", _REAL),
-        *((name, _INT) for name in ("evaluations", "substeps", "rejected")),
+        *((name, _INT) for name in ("jumped", "evaluations", "substeps", "rejected")),
     )
 
 
@@ -125,7 +125,7 @@ class Loops:
         self._memory["w"][:] = self._memory["w_last"][:] = plan.signals[unknowns]
         self._memory["scale"][:] = np.abs(plan.signals[unknowns])
         self._memory["inverse"] = np.tile(-np.eye(most), (len(rows), 1))
-        self._memory["proposed"] = np.zeros(len(rows))
+        self._memory["proposed"], self._memory["before"] = np.zeros(len(rows)), np.zeros(len(rows))
         data = self.data = NewtonData()
         keep = engine.keep
         self._arrays = ((Group * len(rows))(*rows), (Moving * max(1, len(moving)))(*moving))

@@ -11,11 +11,11 @@ from typing import Any, Final
 import numpy as np
 
 from harness.errors import ExperimentError
-from harness.lines import moves, moving_wires, owners
+from harness.lines import fresh_inputs, owners
 from harness.manipulator import Bias, Delay, DropOut, Freeze, Manipulator, Noise, Override
 from harness.native import Engine, bytes_of
 from harness.part import Values
-from harness.plan import GET, SET, Plan, Schedule, map_of
+from harness.plan import Plan, Schedule, map_of
 
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 _OVERRIDE, _BIAS, _NOISE, _LOSS, _DELAY = range(5)
@@ -81,7 +81,7 @@ class Manipulations:
         """Lay them out: first the delays of the wires themselves."""
         self.plan = plan
         self.wire_gains, self.wire_offsets = plan.gains.copy(), plan.offsets.copy()
-        fresh = _fresh(plan, schedule)
+        fresh = fresh_inputs(plan, schedule)
         names = list(plan.ports)
         delays = [Delay(names[i], ticks=int(plan.delays[i])) for i in np.flatnonzero(plan.delays)]
         self.all = [_lay_out(plan, manipulator, fresh) for manipulator in (*delays, *manipulators)]
@@ -136,26 +136,6 @@ def _lose(m: Manipulation, active: bool, tick: int, output: float, gain: float, 
         m.lost = active and (m.samples is None or float(m.samples[tick - m.first]) < m.value)
         m.gain, m.offset = gain, offset
     return (0.0, m.held) if m.lost else (gain, offset)
-
-
-def _fresh(plan: Plan, schedule: Schedule) -> dict[int, bool]:
-    """For every wired input whether the output is already that of the end of the step when it is handed over."""
-    owner = owners(plan)
-    place = {operation: index for index, operation in enumerate(schedule.operations)}
-    moving = {wire.input for wire in moving_wires(plan)}
-
-    def rank(part: int) -> tuple[int, int]:  # of an implicit master: sampled, continuous, slow parts
-        return (0 if plan.parts[part].sampled else 1 if moves(plan, part) else 2), part
-
-    found = {}
-    for target in range(len(plan.parts)):
-        for signal in range(*plan.inputs[target]):
-            source = owner[int(plan.sources[signal])]
-            if schedule.operations:
-                found[signal] = place[GET, source] < place[SET, target]
-            else:
-                found[signal] = not schedule.extrapolation and (signal in moving or rank(source) < rank(target))
-    return found
 
 
 def _lay_out(plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]) -> Manipulation:

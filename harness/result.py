@@ -1,20 +1,21 @@
-"""Results: one xarray.Dataset per run, and the files it can be written to."""
+"""Results: one xarray.Dataset per run."""
 
 from __future__ import annotations
 
-import csv
+import re
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Final, TypeAlias
 
 import numpy as np
 import xarray as xr
 
-from harness.atomic import atomic_path
+from harness.errors import UnknownNameError, nearest
 from harness.part import Port, Values
 
 Result: TypeAlias = xr.Dataset
 
+# The space before the bracket tells a unit, "x [m]", from an index, "k[1]".
+_HEADING: Final = re.compile(r"\s*(?P<name>.+?)(?:\s+\[(?P<unit>[^\[\]]*)\])?\s*")
 _DTYPES: Final = {"Real": np.float64, "Integer": np.int64, "Boolean": np.bool_}
 
 
@@ -60,58 +61,40 @@ def heading(result: Result, name: str) -> str:
     return f"{name} [{unit}]" if unit else name
 
 
-def to_csv(result: Result, path: str | Path) -> None:
-    """Write a result as CSV: ``time [s]`` and one column per variable, numbers with all their digits.
+def split_heading(text: str) -> tuple[str, str]:
+    """Name and unit of such a heading; the unit is empty where there is none."""
+    match = _HEADING.fullmatch(text)
+    return (match["name"], match["unit"] or "") if match else (text, "")
+
+
+def select(result: Result, *patterns: str) -> Result:
+    """Some variables of a result.
 
     Parameters
     ----------
     result : xarray.Dataset
         Result of a run.
-    path : path-like
-        The file; it is replaced only when the new one is complete.
+    patterns : str
+        Names, or ``*`` for any text and ``?`` for any letter in them: ``select(result, "mass.*", "friction.F")``.
+        The brackets of ``k[1]`` stand for themselves.
+
+    Returns
+    -------
+    xarray.Dataset
+        Each variable once, in the order of the patterns and within one in that of the result.
 
     Raises
     ------
-    OutputError
-        If the file cannot be written.
+    UnknownNameError
+        If a pattern stands for nothing.
     """
-    names = ["time", *result.data_vars]
-    columns = [result[name].to_numpy().tolist() for name in names]
-    with atomic_path(Path(path)) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(heading(result, str(name)) for name in names)
-        writer.writerows(
-            # true and false would be no numbers to whoever reads the file
-            ([int(value) if value is True or value is False else value for value in row])
-            for row in zip(*columns, strict=True)
-        )
-
-
-def to_parquet(result: Result, path: str | Path) -> None:
-    """Write a result as Parquet: the unit and description of each column are in its field metadata.
-
-    Parameters
-    ----------
-    result : xarray.Dataset
-        Result of a run; its attributes become the metadata of the table.
-    path : path-like
-        The file; it is replaced only when the new one is complete.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-    """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    fields, columns = [], []
-    for name in ["time", *result.data_vars]:
-        column = pa.array(result[name].to_numpy())
-        metadata = {str(key): str(value) for key, value in result[name].attrs.items()}
-        fields.append(pa.field(str(name), column.type, metadata=metadata))
-        columns.append(column)
-    attributes = {str(key): str(value) for key, value in result.attrs.items()}
-    table = pa.Table.from_arrays(columns, schema=pa.schema(fields, metadata=attributes))
-    with atomic_path(Path(path)) as temporary:
-        pq.write_table(table, temporary)
+    known = [str(name) for name in result.data_vars]
+    found: dict[str, None] = {}
+    for pattern in patterns:
+        # not fnmatch, for which brackets are special
+        expression = re.escape(pattern).replace(r"\*", ".*").replace(r"\?", ".")
+        matching = [name for name in known if re.fullmatch(expression, name)]
+        if not matching:
+            raise UnknownNameError(f"'{pattern}' was not recorded: {nearest(pattern, known)}")
+        found.update(dict.fromkeys(matching))
+    return result[["time", *found]]

@@ -172,7 +172,7 @@ class _Native:
         self._engine = Engine(plan, schedule.operations, recorder.rows, recorder.columns, recorder.decimate)
         self._recorder = recorder
         self._implicit = Loops(self._engine, schedule) if schedule.tolerance > 0.0 else None
-        self._coupling = None if self._implicit else Coupling(self._engine)
+        self._coupling = None if self._implicit else Coupling(self._engine, schedule)
         extrapolated = Extrapolated(self._engine, schedule.extrapolation) if schedule.extrapolation else None
         manipulations.attach(self._engine)
         parts = (self._implicit, self._coupling, extrapolated, manipulations)

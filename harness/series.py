@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-import re
 import struct
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
@@ -16,9 +15,7 @@ from numpy.typing import ArrayLike
 
 from harness.errors import PartError, SeriesError
 from harness.part import Calls, Part, Port, StartValue, Values
-
-# The space before the bracket tells a unit, "x [m]", from an index, "k[1]".
-_HEADING = re.compile(r"\s*(?P<name>.+?)(?:\s+\[(?P<unit>[^\[\]]*)\])?\s*")
+from harness.result import split_heading
 
 
 class SeriesPart(Part):
@@ -200,11 +197,10 @@ def _read_csv(path: Path) -> tuple[list[float], dict[str, list[float]], dict[str
         )
     names, units = [], {}
     for heading in lines[0]:
-        match = _HEADING.fullmatch(heading)
-        name = match["name"] if match else heading
+        name, unit = split_heading(heading)
         names.append(name)
-        if match and match["unit"]:
-            units[name] = match["unit"]
+        if unit:
+            units[name] = unit
     if names[0].lower() not in {"time", "t"} or units.get(names[0], "s") != "s":
         raise SeriesError(f"the first column of {path} is '{lines[0][0]}': it must be 'time [s]'")
     if len(set(names)) < len(names):

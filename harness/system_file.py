@@ -23,7 +23,7 @@ from harness.series import SeriesPart
 from harness.wire import Wire, parse_wire, split_name
 
 _TOP_KEYS = ("name", "parts", "wires", "experiment")
-_FMU_KEYS = ("every", "start")
+_FMU_KEYS = ("every", "start", "isolate", "timeout")
 _RECORD_KEYS = ("interpolation", "beyond")
 _WIRE_KEYS: dict[str, tuple[type, ...]] = {"gain": (int, float), "offset": (int, float), "delay": (int,)}
 _WHOLE = ("decimate", "extrapolation")
@@ -133,13 +133,23 @@ def _read_part(name: str, entry: Mapping[str, Any], path: Path, resolve: Callabl
         raise SystemFileError(f"every of {where} is {every!r}: give a whole number of ticks")
     if not isinstance(entry.get("start", {}), dict):
         raise SystemFileError(f"start of {where} is not a table: write [parts.{name}.start]")
+    isolation = _read_isolation(entry, where)
     if kind == "fmu":
-        return FmuPart(name, path.parent / origin, every=every)
+        return FmuPart(name, path.parent / origin, every=every, **isolation)
     if resolve is None:
         raise SystemFileError(
             f"{where} names the model '{origin}' but nothing here knows models: give fmu = \"path.fmu\""
         )
-    return FmuPart(name, resolve(origin), every=every, model=origin)
+    return FmuPart(name, resolve(origin), every=every, model=origin, **isolation)
+
+
+def _read_isolation(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
+    isolation = {key: entry[key] for key in ("isolate", "timeout") if key in entry}
+    if not isinstance(isolation.get("isolate", False), bool):
+        raise SystemFileError(f"isolate of {where} is {entry['isolate']!r}: give true or false")
+    if type(isolation.get("timeout", 1.0)) not in (int, float):
+        raise SystemFileError(f"timeout of {where} is {entry['timeout']!r}: give a number of seconds")
+    return isolation
 
 
 def _read_wire(entry: object, path: Path) -> Wire:
@@ -221,7 +231,8 @@ def _part_lines(part: Part, path: Path) -> list[str]:
     if isinstance(part, FmuPart):
         origin = ("model", part.model) if part.model else ("fmu", _relative(part.path, path))
         every = [f"every = {part.every}"] if part.every != 1 else []
-        return [f"{origin[0]} = {_literal(origin[1])}", *every]
+        isolation = ["isolate = true", f"timeout = {_literal(part.timeout)}"] if part.isolate else []
+        return [f"{origin[0]} = {_literal(origin[1])}", *every, *isolation]
     if isinstance(part, SeriesPart) and part.path is not None:
         return [
             f"record = {_literal(_relative(part.path, path))}",

@@ -17,6 +17,7 @@ from rich.console import Console
 
 from friction_fmus.__main__ import main, parser
 from friction_fmus.catalogue import catalogue
+from harness import load_result, masters
 
 ROOT = Path(__file__).parent.parent
 STICK_SLIP = ROOT / "examples" / "stick_slip.toml"
@@ -126,6 +127,22 @@ def test_run_writes_csv_parquet_and_picture(tmp_path: Path, capsys: pytest.Captu
     assert capsys.readouterr().err == ""  # no bar where the output is no terminal
 
 
+@pytest.mark.parametrize("suffix", [".nc", ".mat"])
+def test_run_writes_what_it_also_writes_as_parquet(suffix: str, tmp_path: Path) -> None:
+    for path in (tmp_path / "a.parquet", tmp_path / f"a{suffix}"):
+        assert main(["run", str(STICK_SLIP), "--stop", "0.05", "-o", str(path)]) == 0
+    assert load_result(tmp_path / f"a{suffix}").identical(load_result(tmp_path / "a.parquet"))
+
+
+def test_help_of_run_names_every_master_and_format(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["run", "--help"])
+    shown = " ".join(capsys.readouterr().out.split())
+    assert re.search(f"--master NAME {', '.join(masters())}".rpartition(",")[0], shown)
+    assert "result: .csv, .parquet, .nc or .mat" in shown
+    assert "Raises" not in shown
+
+
 def test_unknown_model_suggests_the_nearest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "did you mean LuGre?" in fails(capsys, "build", "lugree", "-o", tmp_path / "new")
     assert not (tmp_path / "new").exists()
@@ -164,7 +181,8 @@ def test_bad_run_options_leave_no_file(
 
 def test_missing_system_file_and_unknown_formats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "nowhere.toml" in fails(capsys, "run", tmp_path / "nowhere.toml", "-o", tmp_path / "a.csv")
-    assert ".parquet" in fails(capsys, "run", STICK_SLIP, "-o", tmp_path / "a.xls")
+    formats = ".csv, .parquet, .nc or .mat"
+    assert formats in fails(capsys, "run", STICK_SLIP, "-o", tmp_path / "a.xls")
     assert ".png" in fails(capsys, "run", STICK_SLIP, "-o", tmp_path / "a.csv", "--plot", tmp_path / "a.doc")
 
 

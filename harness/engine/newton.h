@@ -52,24 +52,38 @@ struct newton {
     int64_t most_unknowns;      /* of any group */
     double tolerance;           /* of r over scale */
     double error;               /* tolerated error of a step over scale, 0: fixed steps */
-    double *proposed;           /* [s] inner step of each group */
+    double *proposed, *before;  /* [s] next inner step of each group, and its last one or 0 */
     double worst_residual;
+    int64_t jumped; /* the last solution lies where r jumps */
     int64_t evaluations, substeps, rejected;
 };
 
-enum { SOLVED = 0, NOT_CONVERGED = 101, MOST_EVALUATIONS = 60, MOST_HALVINGS = 20 };
+enum {
+    SOLVED = 0,
+    NOT_CONVERGED = 101,
+    MOST_EVALUATIONS = 60,
+    MOST_BISECTIONS = 250,
+    MOST_HALVINGS = 20,
+    MOST_REFINEMENTS = 10
+};
 
 /* A piece of a step: from t over h, the part [from, to] of the whole. */
 typedef struct {
     double t, h, from, to;
+    double ratio; /* to the length of the piece before it */
 } Span;
+
+/* q0 as it would be had the step before been as long as this one: q is the value of u at a time that lies behind by a
+   fixed part of the step. */
+static double earlier(const Moving *m, const Span *s) { return m->u0 + (m->q0 - m->u0) * s->ratio; }
 
 static double mean_of(Moving *m, const Span *s)
 {
     if (!m->inner)
         return m->u0 + (m->u1 - m->u0) * 0.5 * (s->from + s->to);
-    m->q1 = ((1.0 - GA_F) * m->u0 + GA_F * m->u1 - (1.0 - GA_M) * m->q0) / GA_M;
-    return (1.0 - GA_RATE) * m->q0 + GA_RATE * m->q1;
+    const double q0 = earlier(m, s);
+    m->q1 = ((1.0 - GA_F) * m->u0 + GA_F * m->u1 - (1.0 - GA_M) * q0) / GA_M;
+    return (1.0 - GA_RATE) * q0 + GA_RATE * m->q1;
 }
 
 /* Value of an input at the end of the span. */
@@ -140,14 +154,15 @@ static void accept(const Engine *e, Newton *newton, const Group *g, const Span *
 }
 
 /* Error of the means over the sizes of the values: against the trapezoidal rule, which is of the same order. */
-static double error_of(const Engine *e, Newton *newton, const Group *g)
+static double error_of(const Engine *e, Newton *newton, const Group *g, const Span *s)
 {
     double worst = 0.0;
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
             Moving *const m = &newton->moving[k];
             if (m->inner) {
-                const double mean = (1.0 - GA_RATE) * m->q0 + GA_RATE * m->q1, error = mean - 0.5 * (m->u0 + m->u1);
+                const double mean = (1.0 - GA_RATE) * earlier(m, s) + GA_RATE * m->q1;
+                const double error = mean - 0.5 * (m->u0 + m->u1);
                 m->scale = fmax(m->scale, fmax(fabs(m->u0), fabs(m->u1)));
                 worst = fmax(worst, error != 0.0 ? fabs(error) / m->scale : 0.0);
             }
@@ -159,8 +174,8 @@ static double error_of(const Engine *e, Newton *newton, const Group *g)
 static int step_loop(Engine *e, Newton *newton, int64_t number, double t, double h)
 {
     const Group *const g = &newton->groups[number];
-    const double smallest = ldexp(h, -MOST_HALVINGS);
-    double done = 0.0, *const proposed = &newton->proposed[number];
+    const double smallest = ldexp(h, -MOST_HALVINGS), accurate = ldexp(h, -MOST_REFINEMENTS);
+    double done = 0.0, *const proposed = &newton->proposed[number], *const before = &newton->before[number];
     while (done < h) {
         double piece = newton->error > 0.0 && *proposed > 0.0 ? fmin(*proposed, h - done) : h - done;
         for (int64_t i = g->first; i < g->first + g->count; i++) {
@@ -172,21 +187,25 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, double t, double
         }
         for (bool again = false;; again = true) {
             const bool last = piece >= (h - done) * (1.0 - 1e-9);
-            const Span s = {t + done, last ? h - done : piece, done / h, last ? 1.0 : (done + piece) / h};
+            const double length = last ? h - done : piece, ratio = *before > 0.0 ? length / *before : 1.0;
+            const Span s = {t + done, length, done / h, last ? 1.0 : (done + piece) / h, ratio};
             const int status = solve(e, newton, g, number, &s, again);
-            const double error = status == SOLVED && newton->error > 0.0 ? error_of(e, newton, g) / newton->error : 0.0;
-            if (status == SOLVED && (error <= 1.0 || piece <= smallest)) {
+            /* on a jump the parts hold each other: v = 0 but for the tolerance, and nothing is left to refine */
+            const bool measures = status == SOLVED && newton->error > 0.0 && !newton->jumped;
+            const double error = measures ? error_of(e, newton, g, &s) / newton->error : 0.0;
+            if (status == SOLVED && (error <= 1.0 || piece <= accurate)) {
                 accept(e, newton, g, &s);
+                *before = s.h;
                 newton->substeps++;
                 done = last ? h : done + piece;
                 if (newton->error > 0.0)
-                    *proposed = piece * (again ? 1.0 : fmin(1.5, 0.8 / sqrt(error + 1e-9)));
+                    *proposed = fmax(accurate, piece * (again ? 1.0 : fmin(4.0, 0.8 / sqrt(error + 1e-9))));
                 break;
             }
             newton->rejected++;
             if ((status != SOLVED && status != NOT_CONVERGED && status != 2) || piece <= smallest)
                 return status;
-            piece *= status == SOLVED ? fmax(0.2, 0.8 / sqrt(error)) : 0.5;
+            piece = status == SOLVED ? fmax(accurate, piece * fmax(0.2, 0.8 / sqrt(error))) : 0.5 * piece;
         }
     }
     return SOLVED;
@@ -223,7 +242,7 @@ static bool newton_tick(Engine *e, Newton *newton, int64_t tick)
             if (status != SOLVED)
                 return false;
         } else if (newton->continuous[index] && p->every == 1) {
-            const Span whole = {t, e->step, 0.0, 1.0};
+            const Span whole = {t, e->step, 0.0, 1.0, 1.0};
             if (move_part(e, newton, index, &whole) > 1)
                 return false;
         } else if (is_due(p, tick)) {

@@ -88,13 +88,28 @@ static int differentiate(Engine *e, Newton *newton, const Group *g, const Span *
 typedef struct {
     double w[2], width; /* with r <= 0, with r > 0; width three evaluations ago */
     bool known[2];
+    double w0, r0; /* evaluated before */
+    double limit;  /* of the size of w without a bracket */
 } Bracket;
 
-/* The candidate, or the middle of the bracket if the candidate leaves it or the bracket closes too slowly. */
-static double inside(Bracket *b, double candidate, int64_t tries)
+/* Notes r at w. */
+static void note(Bracket *b, double w, double r)
 {
+    const int side = r > 0.0;
+    b->w[side] = w;
+    b->known[side] = true;
+}
+
+/* The candidate for the step after w; longer if r falls too slowly for a bracket to be found, or the middle of the
+   bracket if the candidate leaves it or the bracket closes too slowly. */
+static double inside(Bracket *b, double w, double r, double candidate, int64_t tries)
+{
+    const double last = fabs(w - b->w0), step = candidate - w;
+    const bool lags = tries > 1 && fabs(r) > 0.5 * fabs(b->r0);
+    b->w0 = w;
+    b->r0 = r;
     if (!b->known[0] || !b->known[1])
-        return candidate;
+        return lags && fabs(w) < b->limit ? w + copysign(fmax(fabs(step), 4.0 * last), step) : candidate;
     const double low = fmin(b->w[0], b->w[1]), high = fmax(b->w[0], b->w[1]);
     bool slow = false;
     if (tries % 3 == 0) {
@@ -110,14 +125,15 @@ static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, cons
     double *const w = newton->w + g->unknown, *const r = newton->r + g->unknown;
     double *const inverse = newton->inverse + number * most * most;
     double *const w0 = newton->work, *const r0 = w0 + most, *const step = r0 + most, *const change = step + most;
-    Bracket bracket = {{0.0, 0.0}, INFINITY, {false, false}};
+    Bracket bracket = {{0.0, 0.0}, INFINITY, {false, false}, 0.0, 0.0, 0.0};
     double norm = 0.0;
 
+    newton->jumped = false;
     for (int64_t j = 0; j < n; j++) /* warm start */
         w[j] = newton->w_last[g->unknown + j] + newton->trend[g->unknown + j] * s->h;
     int status = evaluate(e, newton, g, s, again, &norm);
     for (int64_t tries = 1; status == SOLVED && norm > newton->tolerance; tries++) {
-        if (tries > MOST_EVALUATIONS) {
+        if (tries > (n == 1 ? MOST_BISECTIONS : MOST_EVALUATIONS)) {
             newton->worst_residual = norm;
             return NOT_CONVERGED;
         }
@@ -135,12 +151,17 @@ static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, cons
                 step[i] -= inverse[i * n + j] * r0[j];
         }
         if (n == 1) {
-            bracket.w[r0[0] > 0.0] = w0[0];
-            bracket.known[r0[0] > 0.0] = true;
+            if (tries == 1)
+                bracket.limit = 1e3 * fmax(newton->scale[g->unknown], fmax(fabs(w0[0]), fabs(w0[0] + r0[0])));
+            note(&bracket, w0[0], r0[0]);
             if (bracket.known[0] && bracket.known[1] &&
-                fabs(bracket.w[1] - bracket.w[0]) <= newton->tolerance * fmax(newton->scale[g->unknown], fabs(w0[0])))
-                break; /* r jumps, as Coulomb friction at v = 0: w is the force that holds */
-            step[0] = inside(&bracket, w0[0] + step[0], tries) - w0[0];
+                fabs(bracket.w[1] - bracket.w[0]) <= newton->tolerance * fmax(newton->scale[g->unknown], fabs(w0[0]))) {
+                /* r jumps, as Coulomb friction at v = 0: w is the force that holds */
+                e->signals[newton->unknowns[g->unknown]] = w0[0];
+                newton->jumped = true;
+                break;
+            }
+            step[0] = inside(&bracket, w0[0], r0[0], w0[0] + step[0], tries) - w0[0];
         }
         for (double part = 1.0;; part *= 0.5) {
             for (int64_t j = 0; j < n; j++)

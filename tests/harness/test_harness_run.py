@@ -23,6 +23,8 @@ from harness import (
     UnknownNameError,
     plot,
     to_csv,
+    to_mat,
+    to_netcdf,
     to_parquet,
 )
 
@@ -192,7 +194,7 @@ def test_plot_of_nothing_or_to_nowhere(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("write", [to_csv, to_parquet, plot])
+@pytest.mark.parametrize("write", [to_csv, to_mat, to_netcdf, to_parquet, plot])
 def test_failed_write_leaves_the_old_file_and_nothing_else(
     write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,0 +1,71 @@
+"""The command ``run``: a system file, run to a result file."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from friction_fmus.errors import FrictionError
+from friction_fmus.terminal import RunBar, console, progress_bar
+from harness import HarnessError, Result, System, masters, plot, save_result
+from harness.results import FORMATS
+
+_PICTURES = (".png", ".svg", ".pdf")
+
+
+def add_run_options(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    parser.add_argument("system", type=Path, metavar="SYSTEM.toml")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FILE", help=f"result: {_listed(tuple(FORMATS))}"
+    )
+    parser.add_argument("--step", type=float, metavar="H", help="communication step [s]")
+    parser.add_argument("--stop", type=float, metavar="T", help="end time [s]")
+    parser.add_argument("--master", metavar="NAME", help=_listed(tuple(masters())))
+    parser.add_argument("--plot", type=Path, metavar="FILE", help=f"also draw the result: {_listed(_PICTURES)}")
+
+
+def run_system(options: argparse.Namespace) -> None:
+    """A system file, run to a result file; of a run that fails, what was recorded until then."""
+    from friction_fmus.package import resolve
+
+    if options.output.suffix.lower() not in FORMATS:
+        raise FrictionError(f"{options.output} has no known format; end the name in {_listed(tuple(FORMATS))}")
+    if options.plot and options.plot.suffix not in _PICTURES:
+        raise FrictionError(f"{options.plot} has no known picture format; end the name in {_listed(_PICTURES)}")
+    with System.from_toml(options.system, resolve=resolve) as system, progress_bar() as bar:
+        try:
+            result = system.run(
+                step=options.step, stop=options.stop, master=options.master, progress=RunBar(bar, system.name)
+            )
+        except HarnessError as error:
+            if error.result is None:
+                raise
+            raise FrictionError(f"{error}; {_keep(error.result, str(error), options.output)}") from error
+    _save(result, options.output)
+    if options.plot:
+        options.plot.parent.mkdir(parents=True, exist_ok=True)
+        plot(result, options.plot)
+    console.print(f"{options.output}: {_size(result)}", highlight=False, soft_wrap=True)
+
+
+def _keep(result: Result, message: str, path: Path) -> str:
+    """Write what a failed run recorded; end of a sentence that says where it is."""
+    try:
+        _save(result.assign_attrs(incomplete=message), path)
+    except (HarnessError, OSError) as error:
+        return f"what was recorded until then is lost: {error}"
+    return f"what was recorded until then is in {path}, {_size(result)}"
+
+
+def _save(result: Result, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_result(result, path)
+
+
+def _size(result: Result) -> str:
+    return f"{result.sizes['time']} rows of {len(result.data_vars)} variables"
+
+
+def _listed(words: tuple[str, ...]) -> str:
+    return f"{', '.join(words[:-1])} or {words[-1]}"

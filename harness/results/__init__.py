@@ -1,0 +1,94 @@
+"""The files a result can be written to and read from: CSV, Parquet, netCDF, Dymola's .mat."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from harness.errors import OutputError, ResultFileError
+from harness.result import Result
+from harness.results.csv_file import from_csv, to_csv
+from harness.results.mat_file import from_mat, to_mat
+from harness.results.netcdf_file import from_netcdf, to_netcdf
+from harness.results.parquet_file import from_parquet, to_parquet
+
+__all__ = ["FORMATS", "Format", "load_result", "save_result", "to_csv", "to_mat", "to_netcdf", "to_parquet"]
+
+
+class Format(NamedTuple):
+    """Writer and reader of one kind of file."""
+
+    write: Callable[[Result, str | Path], None]
+    read: Callable[[Path], Result]
+
+
+FORMATS: Final = {
+    ".csv": Format(to_csv, from_csv),
+    ".parquet": Format(to_parquet, from_parquet),
+    ".nc": Format(to_netcdf, from_netcdf),
+    ".mat": Format(to_mat, from_mat),
+}
+
+
+def save_result(result: Result, path: str | Path) -> None:
+    """Write a result in the format that the suffix names: .csv, .parquet, .nc or .mat.
+
+    All of them keep every digit of a value, and the units. All but CSV keep descriptions, the attributes of the run,
+    and Integers and Booleans as such; in CSV a Boolean is the Integer 0 or 1.
+
+    Parameters
+    ----------
+    result : xarray.Dataset
+        Result of a run.
+    path : path-like
+        The file; it is replaced only when the new one is complete.
+
+    Raises
+    ------
+    OutputError
+        If the suffix is unknown or the file cannot be written.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in FORMATS:
+        raise OutputError(f"{path} has no known format: end the name in {_suffixes()}")
+    FORMATS[suffix].write(result, path)
+
+
+def load_result(path: str | Path) -> Result:
+    """Read a result back; the suffix names the format.
+
+    A .mat file may also come from Dymola or OpenModelica, any other one from a program that writes a table with a
+    column ``time``.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Returns
+    -------
+    xarray.Dataset
+        As `System.run` returns it.
+
+    Raises
+    ------
+    ResultFileError
+        If the suffix is unknown or the file cannot be read.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        raise ResultFileError(f"{path} has no known format: give a file that ends in {_suffixes()}")
+    if not path.is_file():
+        raise ResultFileError(f"cannot read the result {path}: there is no such file; give the path of one")
+    try:
+        return FORMATS[suffix].read(path)
+    except Exception as error:  # the libraries raise whatever they stumble over in a damaged file
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ResultFileError(f"cannot read the result {path}: {reason}; give a file of that format") from error
+
+
+def _suffixes() -> str:
+    *first, last = FORMATS
+    return f"{', '.join(first)} or {last}"

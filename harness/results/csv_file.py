@@ -1,0 +1,49 @@
+"""Results as CSV."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+from harness.atomic import atomic_path
+from harness.result import Result, heading, split_heading
+from harness.results.table import from_columns
+
+
+def to_csv(result: Result, path: str | Path) -> None:
+    """Write a result as CSV: ``time [s]`` and one column per variable, numbers with all their digits.
+
+    Parameters
+    ----------
+    result : xarray.Dataset
+        Result of a run.
+    path : path-like
+        The file; it is replaced only when the new one is complete.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    names = ["time", *result.data_vars]
+    columns = [result[name].to_numpy().tolist() for name in names]
+    with atomic_path(Path(path)) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(heading(result, str(name)) for name in names)
+        writer.writerows(
+            # true and false would be no numbers to whoever reads the file
+            ([int(value) if value is True or value is False else value for value in row])
+            for row in zip(*columns, strict=True)
+        )
+
+
+def from_csv(path: Path) -> Result:
+    """Read such a file; a column of whole numbers without a decimal point is one of Integers."""
+    from pyarrow import csv as table_reader
+
+    # nan is a number here, and only an empty field a gap
+    options = table_reader.ConvertOptions(null_values=[""])
+    table = table_reader.read_csv(path, convert_options=options)
+    headings = [split_heading(text) for text in table.column_names]
+    columns = {name: table.column(index).to_numpy() for index, (name, _) in enumerate(headings)}
+    return from_columns(columns, {name: {"units": unit} for name, unit in headings}, {})

@@ -1,0 +1,129 @@
+"""Results as .mat files of Dymola, "trajectory" of version 1.1.
+
+They are files of MATLAB 4 with six matrices, of which OpenModelica wants this order:
+
+    Aclass       4 texts, one in a row: Atrajectory, 1.1, nothing, and binTrans where all others are transposed
+    name         names of the variables, one in a column, filled up with blanks; the first is the time
+    description  "text [unit]", likewise; "[unit|shown unit:#(type=Integer)]" has all that may be in the brackets
+    dataInfo     4 rows: 1 or 2 for data_1 or data_2, 0 for the time; the row in it from 1 on, negative for the
+                 negative of that row; 0 for linear interpolation; -1: not defined beyond the record
+    data_1       what does not change, one in a row, at the first and last time
+    data_2       what does, one in a row, at all times
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.atomic import atomic_path
+from harness.result import Result
+from harness.results.table import from_columns
+
+_TYPES: Final = {"i": "Integer", "b": "Boolean"}
+_DTYPES: Final = {"Integer": np.int64, "Boolean": np.bool_}
+_DESCRIPTION: Final = re.compile(
+    r"(?P<description>.*?)\s*(\[(?P<units>[^\[\]|:]*)(\|[^\[\]:]*)?(?P<properties>(:#\([^\[\]()]*\))*)\])?", re.DOTALL
+)
+_ATTRIBUTES: Final = "attributes"
+
+
+def to_mat(result: Result, path: str | Path) -> None:
+    """Write a result as Dymola does; the attributes of the run are JSON in a matrix of their own behind the others.
+
+    Parameters
+    ----------
+    result : xarray.Dataset
+        Result of a run.
+    path : path-like
+        The file; it is replaced only when the new one is complete.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    from scipy.io import savemat
+
+    names = ["time", *(str(name) for name in result.data_vars)]
+    data = np.array([result[name].to_numpy().astype(np.float64) for name in names])
+    info = np.zeros((4, len(names)), dtype=np.int32)
+    info[0, 1:] = 2
+    info[1] = np.arange(1, len(names) + 1)
+    info[3] = -1
+    matrices = {
+        "Aclass": _text_matrix(["Atrajectory", "1.1", "", "binTrans"]).T,
+        "name": _text_matrix(names),
+        "description": _text_matrix([_description(result, name) for name in names]),
+        "dataInfo": info,
+        "data_1": data[:1, [0, -1]] if data.shape[1] else np.zeros((1, 2)),
+        "data_2": data,
+        _ATTRIBUTES: _text_matrix([json.dumps(result.attrs, default=str)]).T,
+    }
+    with atomic_path(Path(path)) as temporary:
+        savemat(temporary, matrices, appendmat=False, format="4")
+
+
+def from_mat(path: Path) -> Result:
+    """Read such a file, also one that Dymola or OpenModelica wrote; what does not change stands at all times."""
+    from scipy.io import loadmat
+
+    matrices: dict[str, Any] = loadmat(path, chars_as_strings=False)
+    if "Aclass" not in matrices:
+        raise ValueError("it has no matrix Aclass, so it is no trajectory")
+    kind = _texts(matrices["Aclass"])
+    if kind[:2] != ["Atrajectory", "1.1"]:
+        raise ValueError(f"it is a '{' '.join(kind[:2])}', not an 'Atrajectory 1.1'")
+    transposed = kind[3] == "binTrans"
+    turned = {name: matrix.T if transposed else matrix for name, matrix in matrices.items() if name[:2] != "__"}
+    names, descriptions = _texts(turned["name"]), _texts(turned["description"])
+    columns: dict[str, NDArray[Any]] = {}
+    attributes = {}
+    for name, text, (block, place, *_) in zip(names, descriptions, turned["dataInfo"].tolist(), strict=True):
+        match = _DESCRIPTION.fullmatch(text)
+        found = match.groupdict(default="") if match else {"description": text}
+        values = turned[f"data_{block or 2}"][:, abs(place) - 1].astype(np.float64)
+        if block == 1:
+            values = np.full(turned["data_2"].shape[0], values[0])
+        properties = found.pop("properties", "")
+        dtype = next((dtype for kind, dtype in _DTYPES.items() if f"(type={kind})" in properties), np.float64)
+        name = "time" if block == 0 else name
+        columns[name] = (-values if place < 0 else values).astype(dtype)
+        attributes[name] = found
+    attributes["time"] = {}  # Dymola describes it as "Time in [s]"
+    run = json.loads(_texts(matrices[_ATTRIBUTES])[0]) if _ATTRIBUTES in matrices else {}
+    return from_columns(columns, attributes, run)
+
+
+def _description(result: Result, name: str) -> str:
+    variable = result[name]
+    text, unit = variable.attrs.get("description", ""), variable.attrs.get("units", "")
+    kind = _TYPES.get(variable.dtype.kind)
+    brackets = unit + (f":#(type={kind})" if kind else "")
+    # empty brackets keep those that a description ends in
+    return f"{text} [{brackets}]".lstrip() if brackets or text.endswith("]") else str(text)
+
+
+def _text_matrix(texts: Sequence[str]) -> NDArray[np.bytes_]:
+    """One text in a column, in UTF-8, filled up with blanks."""
+    lines = [text.encode() for text in texts]
+    width = max(1, *map(len, lines))
+    return np.array([list(line.ljust(width)) for line in lines], dtype=np.uint8).view("S1").T
+
+
+def _texts(matrix: NDArray[np.str_]) -> list[str]:
+    """One text from each row."""
+    return [_decoded("".join(row).rstrip().encode("latin-1")) for row in matrix.tolist()]
+
+
+def _decoded(text: bytes) -> str:
+    try:
+        return text.decode()
+    except UnicodeDecodeError:
+        return text.decode("latin-1")  # Dymola's

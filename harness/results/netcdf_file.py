@@ -1,0 +1,45 @@
+"""Results as netCDF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import xarray as xr
+
+from harness.atomic import atomic_path
+from harness.errors import OutputError
+from harness.result import Result
+
+
+def to_netcdf(result: Result, path: str | Path) -> None:
+    """Write a result as netCDF-4: all of a Dataset has its place in it.
+
+    Parameters
+    ----------
+    result : xarray.Dataset
+        Result of a run.
+    path : path-like
+        The file; it is replaced only when the new one is complete.
+
+    Raises
+    ------
+    OutputError
+        If a name holds a slash, which netCDF does not allow, or the file cannot be written.
+    """
+    for name in result.data_vars:
+        if "/" in str(name):
+            raise OutputError(f"cannot write {path}: netCDF has no names with a slash such as '{name}'; use .parquet")
+    plain = {name: {"_FillValue": None} for name in result.variables}  # NaN is a value here, not a gap
+    with atomic_path(Path(path)) as temporary:
+        result.to_netcdf(temporary, engine="h5netcdf", encoding=plain)
+
+
+def from_netcdf(path: Path) -> Result:
+    """Read such a file."""
+    with xr.open_dataset(path, engine="h5netcdf", decode_times=False, mask_and_scale=False) as file:
+        result = file.load().drop_encoding()
+    if "time" not in result.coords:
+        raise ValueError("it has no coordinate 'time'")
+    for attributes in (result.attrs, *(variable.attrs for variable in result.variables.values())):
+        attributes.update({key: value.item() for key, value in attributes.items() if hasattr(value, "item")})
+    return result

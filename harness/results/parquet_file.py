@@ -1,0 +1,69 @@
+"""Results as Parquet."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Final
+
+from harness.atomic import atomic_path
+from harness.result import Result
+from harness.results.table import from_columns
+
+_KEPT: Final = ("units", "description")
+_NUMBERS: Final = b"numbers"
+
+
+def to_parquet(result: Result, path: str | Path) -> None:
+    """Write a result as Parquet: the unit and description of each column are in its field metadata.
+
+    Parameters
+    ----------
+    result : xarray.Dataset
+        Result of a run; its attributes become the metadata of the table, as texts.
+    path : path-like
+        The file; it is replaced only when the new one is complete.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    fields, columns = [], []
+    for name in ["time", *result.data_vars]:
+        column = pa.array(result[name].to_numpy())
+        metadata = {str(key): str(value) for key, value in result[name].attrs.items()}
+        fields.append(pa.field(str(name), column.type, metadata=metadata))
+        columns.append(column)
+    attributes = {str(key): str(value) for key, value in result.attrs.items()}
+    # metadata are texts: which of them are numbers must be said
+    numbers = [str(key) for key, value in result.attrs.items() if type(value) in (int, float)]
+    schema = pa.schema(fields, metadata=attributes | {_NUMBERS: json.dumps(numbers)})
+    with atomic_path(Path(path)) as temporary:
+        pq.write_table(pa.Table.from_arrays(columns, schema=schema), temporary)
+
+
+def from_parquet(path: Path) -> Result:
+    """Read such a file."""
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(path)
+    columns = {name: table[name].to_numpy() for name in table.column_names}
+    attributes = {
+        field.name: {key: (field.metadata or {}).get(key.encode(), b"").decode() for key in _KEPT}
+        for field in table.schema
+    }
+    metadata = dict(table.schema.metadata or {})
+    numbers = json.loads(metadata.pop(_NUMBERS, b"[]"))
+    run = {key.decode(): value.decode() for key, value in metadata.items()}
+    return from_columns(columns, attributes, run | {key: _number(run[key]) for key in numbers})
+
+
+def _number(text: str) -> int | float:
+    try:
+        return int(text)
+    except ValueError:
+        return float(text)

@@ -1,0 +1,47 @@
+"""A result from the columns of a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from harness.result import Result
+
+
+def from_columns(
+    columns: Mapping[str, NDArray[Any]], attributes: Mapping[str, Mapping[str, str]], run: Mapping[str, str | float]
+) -> Result:
+    """A Dataset from named columns.
+
+    Parameters
+    ----------
+    columns : mapping of str to array, shape (n,)
+        ``time`` [s] and the variables.
+    attributes : mapping of str to mapping
+        Units and descriptions by name of the column; empty ones are left out.
+    run : mapping
+        Attributes of the run.
+
+    Raises
+    ------
+    ValueError
+        If there is no time, or a column that is not made of numbers.
+    """
+    if "time" not in columns:
+        raise ValueError("it has no column 'time'")
+    variables = {}
+    for name, values in columns.items():
+        if values.size == 0 and values.dtype == object:
+            values = values.astype(np.float64)  # a table without rows does not say what would be in them
+        if values.dtype.kind not in "biuf":
+            raise ValueError(f"its column '{name}' is not all numbers")
+        kept = {key: text for key, text in attributes.get(name, {}).items() if text}
+        variables[name] = ("time", np.ascontiguousarray(values), kept)
+    times = variables.pop("time")
+    return xr.Dataset(
+        variables, coords={"time": ("time", times[1].astype(np.float64), {"units": "s"} | times[2])}, attrs=dict(run)
+    )
