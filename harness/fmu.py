@@ -223,8 +223,8 @@ class FmuPart(Part):
 
     def __reduce__(self) -> tuple[object, ...]:
         """A part in another process is made anew from the same file."""
-        options = {"every": self.every, "model": self.model, "isolate": self.isolate, "timeout": self.timeout}
-        return partial(FmuPart, **options), (self.name, self.path.absolute())
+        make = partial(FmuPart, every=self.every, model=self.model, isolate=self.isolate, timeout=self.timeout)
+        return make, (self.name, self.path.absolute())
 
     def _started(self) -> Instance:
         if self._instance is None:
