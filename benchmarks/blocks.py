@@ -7,19 +7,23 @@ and ElastoPlastic at the accuracy of the FMU over the same steps.
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
+sys.path[0] = str(Path(__file__).parents[1])  # in this folder harness.py would hide the package
+
 import ctypes
 import math
 import subprocess
 import tempfile
 import time
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import fmpy
 import numpy as np
-from rows import Row, arguments, report
 
+from benchmarks.rows import Row, arguments, report
 from friction_fmus import Block, build, catalogue
 from harness.toolchain import FLAGS, compiler, header_folder
 

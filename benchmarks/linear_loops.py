@@ -6,10 +6,10 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from pairs import Values
-from rows import Row
 from scipy.linalg import expm
 
+from benchmarks.pairs import Values
+from benchmarks.rows import Row
 from harness import CallablePart, System
 
 SIGMA0, DAMPING = 1e5, math.sqrt(1e5) + 0.4  # of a bristle that sticks, LuGre 1995 [N/m], [N s/m]

@@ -29,7 +29,7 @@ but the force. What an FMU adds is 6 to 9 ns: the checks of the time, the copy t
 check that all results are finite. A law that is itself done in 5 ns is therefore several times slower as an FMU, one of
 30 ns or more hardly.
 """,
-    "cosimulation": """## Co-simulation
+    "harness": """## Co-simulation
 
 Two pairs of FMUs, in steps of 0.1 ms: in the engine, in a loop by hand in C over the same `fmi2` functions
 (`benchmarks/c_loop.c`), in a loop with fmpy's `FMU2Slave`, in ecos and in libcosim, the last two told once to do all

@@ -10,7 +10,8 @@ from importlib import import_module
 
 import numpy as np
 from fmpy.fmi2 import FMU2Slave
-from pairs import STEP, Built, Values
+
+from benchmarks.pairs import STEP, Built, Values
 
 
 def importable(*names: str) -> bool:

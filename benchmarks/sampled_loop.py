@@ -15,8 +15,8 @@ import math
 from pathlib import Path
 
 import numpy as np
-from rows import Row
 
+from benchmarks.rows import Row
 from friction_fmus import build
 from harness import FmuPart, System
 

@@ -11,10 +11,10 @@ import time
 from pathlib import Path
 
 import numpy as np
-from pairs import PAIRS, STEP, Built, Pair, Values
-from peers import PEERS
-from rows import Row
 
+from benchmarks.pairs import PAIRS, STEP, Built, Pair, Values
+from benchmarks.peers import PEERS
+from benchmarks.rows import Row
 from harness import Tap
 from harness.toolchain import FLAGS, compiler, header_folder
 

@@ -13,12 +13,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from pairs import Values
-from peers import importable
-from rows import Row
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
+from benchmarks.pairs import Values
+from benchmarks.peers import importable
+from benchmarks.rows import Row
 from friction_fmus import build
 from harness import FmuPart, System
 

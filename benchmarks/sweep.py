@@ -8,22 +8,25 @@ with kill -9 in the middle of a sweep.
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
+sys.path[0] = str(Path(__file__).parents[1])  # in this folder harness.py would hide the package
+
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import fmpy
 import fmpy.fmi2
 import numpy as np
 import xarray as xr
-from rows import Row, arguments, report
 
+from benchmarks.rows import Row, arguments, report
 from friction_fmus import build
 from harness import Experiment, FmuPart, System, latin_hypercube, read_sweep, sweep
 

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from friction_fmus.errors import FrictionError
 from harness import Experiment, System, grid, latin_hypercube, read_samples, sobol, sweep
-from harness.sweeps import ParameterSet
+from harness.sweeps import WithUnits
 
 PATIENCE = 10.0
 """Seconds in which a scheduler must answer."""
@@ -63,7 +63,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     random.add_argument("--latin-hypercube", type=int, metavar="N", help="N random points in the ranges")
     random.add_argument("--sobol", type=int, metavar="N", help="N points of a Sobol sequence, a power of 2")
     random.add_argument(
-        "--samples", type=Path, nargs="+", metavar="FILE", help=".csv: names in the heading, a run in each row"
+        "--samples",
+        type=Path,
+        nargs="+",
+        metavar="FILE",
+        help=".csv: names in the heading, a run a row; .ssv: a run",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the random points")
     parser.add_argument(
@@ -122,7 +126,7 @@ def _experiment(system: System, options: argparse.Namespace) -> Experiment | Non
     return Experiment(**given) if "step" in given and "stop" in given else None
 
 
-def _samples(options: argparse.Namespace) -> list[ParameterSet]:
+def _samples(options: argparse.Namespace) -> list[WithUnits]:
     """The parameter sets that the options stand for.
 
     Raises
@@ -149,7 +153,7 @@ def _samples(options: argparse.Namespace) -> list[ParameterSet]:
     n = options.latin_hypercube if options.latin_hypercube is not None else options.sobol
     if ranges and n is None:
         raise FrictionError(f"{', '.join(ranges)} has no count of values: {_FORMS}, with --latin-hypercube or --sobol")
-    points: list[ParameterSet] = [{}]
+    points: list[WithUnits] = [{}]
     if n is not None:
         method = sobol if options.sobol is not None else latin_hypercube
         points = list(method(ranges, n, options.seed, log=logarithmic))

@@ -33,6 +33,7 @@ from harness.plot import plot
 from harness.result import Result, select
 from harness.results import load_result, save_result, to_csv, to_mat, to_netcdf, to_parquet
 from harness.series import SeriesPart
+from harness.ssp import Parameter, ParameterSet, read_ssv, write_ssv
 from harness.sweeps import grid, latin_hypercube, read_samples, read_sweep, sobol, sweep
 from harness.system import System
 from harness.tap import Progress, Tap
@@ -57,6 +58,8 @@ __all__ = [
     "Noise",
     "OutputError",
     "Override",
+    "Parameter",
+    "ParameterSet",
     "Part",
     "PartError",
     "Plan",
@@ -84,6 +87,7 @@ __all__ = [
     "parse_unit",
     "plot",
     "read_samples",
+    "read_ssv",
     "read_sweep",
     "save_result",
     "select",
@@ -93,4 +97,5 @@ __all__ = [
     "to_mat",
     "to_netcdf",
     "to_parquet",
+    "write_ssv",
 ]

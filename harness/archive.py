@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -66,9 +66,9 @@ def open_archive(path: Path) -> Archive:
             members = archive.namelist()
     except (zipfile.BadZipFile, OSError) as error:
         raise FmuError(f"cannot open FMU {path}: {error}; copy or export it again") from error
-    for member in members:
-        if "\\" in member or ":" in member or member.startswith("/") or ".." in PurePosixPath(member).parts:
-            raise FmuError(f"{path} was not unpacked: its member '{member}' points outside of it; do not use this file")
+    outside = find_outside(members)
+    if outside is not None:
+        raise FmuError(f"{path} was not unpacked: its member '{outside}' points outside of it; do not use this file")
     if "modelDescription.xml" not in members:
         raise FmuError(f"{path} is not an FMU: it has no modelDescription.xml; export it again as FMI 2.0")
     description = _read_description(path)
@@ -79,6 +79,14 @@ def open_archive(path: Path) -> Archive:
         ports=_ports(path, description),
         variables={variable.name: variable for variable in description.modelVariables},
     )
+
+
+def find_outside(members: Iterable[str]) -> str | None:
+    """The first member of an archive that would be written outside of the folder it is unpacked to, if any."""
+    for member in members:
+        if "\\" in member or ":" in member or member.startswith("/") or ".." in PurePosixPath(member).parts:
+            return member
+    return None
 
 
 def parse_value(kind: PortType, text: str) -> StartValue:
@@ -143,6 +151,7 @@ def _port(variable: Any, units: Mapping[str, Any]) -> Port:
         start=None if variable.start is None else parse_value(kind, variable.start),
         description=variable.description or "",
         base=None if base is None else _base_unit(base),
+        items=tuple((item.name, int(item.value)) for item in (declared.items if declared is not None else ())),
     )
 
 

@@ -70,8 +70,10 @@ class Library:
                     modelIdentifier=archive.description.coSimulation.modelIdentifier,
                     unzipDirectory=folder.name,
                 )
-            except Exception as error:
+            except BaseException as error:
                 folder.cleanup()
+                if not isinstance(error, Exception):
+                    raise
                 reason = " ".join(str(error).split())
                 raise FmuError(f"cannot load {archive.path}: {reason}; export it again for this platform") from error
             finally:

@@ -39,6 +39,8 @@ class FmuPart(Part):
 
     Attributes
     ----------
+    keep : object
+        Kept as long as the part: the temporary folder with the file in it, if it is in one.
     reuse : bool
         Whether the next run gets the same instance, after fmi2Reset, instead of a new one; false at first.
 
@@ -79,6 +81,7 @@ class FmuPart(Part):
         if not (timeout > 0.0 and math.isfinite(timeout)):
             raise HarnessError(f"the timeout of '{name}' is {timeout}: give a positive number of seconds")
         self.name = name
+        self.keep: object = None
         self.isolate = isolate
         self.timeout = float(timeout)
         self.path = Path(path)

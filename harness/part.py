@@ -38,6 +38,8 @@ class Port:
         One line for people.
     base : BaseUnit or None
         The unit in base units; None means that it follows from the unit's name.
+    items : tuple of (str, int)
+        Names and values of an enumeration, which is an Integer here.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Port:
     start: StartValue | None = None
     description: str = ""
     base: BaseUnit | None = None
+    items: tuple[tuple[str, int], ...] = ()
 
     @property
     def optional(self) -> bool:

@@ -22,7 +22,8 @@ from harness.manipulator import Manipulator
 from harness.part import Part, StartValue
 from harness.result import Result
 from harness.run import Options, run
-from harness.system_file import read_system, write_system
+from harness.ssp import Parameter, ParameterSet, read_ssp, read_ssv, write_ssp
+from harness.system_file import SystemDescription, read_system, write_system
 from harness.tap import Progress, Tap
 from harness.wire import Wire, check_wires, find_part, parse_wire, split_name
 
@@ -103,13 +104,7 @@ class System:
         HarnessError
             If what it describes is wrong.
         """
-        description = read_system(Path(path), resolve)
-        try:
-            return cls(**vars(description))
-        except HarnessError:
-            for part in description.parts:
-                part.close()
-            raise
+        return cls._made(read_system(Path(path), resolve))
 
     def to_toml(self, path: str | Path) -> None:
         """Write a system file that `from_toml` reads back.
@@ -122,6 +117,79 @@ class System:
             If the file cannot be written.
         """
         write_system(self, Path(path))
+
+    @classmethod
+    def from_ssp(cls, path: str | Path, folder: str | Path | None = None) -> Self:
+        """Read an archive of System Structure and Parameterization 1.0.
+
+        Nested systems are dissolved: the FMU ``c`` in the system ``s`` becomes the part ``s_c``. An input that
+        nothing drives keeps the start value that its FMU states. The experiment is None where the file states no
+        stop time or no communication step (its own, or the base step of the Open Simulation Platform).
+
+        Parameters
+        ----------
+        path : path-like
+            The .ssp file.
+        folder : path-like or None
+            Where the FMUs are unpacked to; None: to a temporary folder that vanishes with the parts.
+
+        Raises
+        ------
+        SystemFileError
+            If the file cannot be read, is not valid, or has what the harness has no place for: signal dictionaries,
+            components that are not FMUs, values mapped by a table, calculated parameters.
+        HarnessError
+            If what it describes is wrong.
+        """
+        return cls._made(read_ssp(Path(path), None if folder is None else Path(folder)))
+
+    def to_ssp(self, path: str | Path) -> None:
+        """Write an archive that `from_ssp` reads back, with the FMUs in it.
+
+        Raises
+        ------
+        SystemFileError
+            If a part is not an FMU, or a start value is not finite or not of the type of its variable.
+        OutputError
+            If the file cannot be written.
+        """
+        write_ssp(self, Path(path))
+
+    def with_parameters(
+        self, parameters: str | Path | ParameterSet | Mapping[str, Parameter | StartValue], prefix: str = ""
+    ) -> System:
+        """A system with some start values changed, converted to the units of the variables; see `with_start`.
+
+        Parameters
+        ----------
+        parameters : path-like, ParameterSet or mapping of str to Parameter or value
+            An SSV file, or what `read_ssv` returns, or parameters by name; a plain value is in the unit of the
+            variable.
+        prefix : str
+            Stands before all names: ``"friction."`` for a set that was made for one part.
+
+        Raises
+        ------
+        SystemFileError
+            If the file cannot be read.
+        UnknownNameError, UnitError, StartValueError
+            If a parameter does not fit its variable.
+        """
+        if isinstance(parameters, (str, Path)):
+            parameters = read_ssv(parameters)
+        if isinstance(parameters, ParameterSet):
+            parameters = parameters.parameters
+        values: dict[str, StartValue] = {}
+        for bare, given in parameters.items():
+            dotted = prefix + bare
+            owner, name = split_name(dotted)
+            part = find_part(self.parts, owner, f"parameter {dotted}")
+            port = next((port for port in (*part.inputs, *part.parameters) if port.name == name), None)
+            if not isinstance(given, Parameter):
+                values[dotted] = given
+            else:  # a name that does not exist, or cannot be set, is refused by the new system
+                values[dotted] = given.value if port is None else given.start_value(port, dotted)
+        return self.with_start(values)
 
     def with_start(self, values: Mapping[str, StartValue]) -> System:
         """A system with some start values changed; the parts are shared, so run one of them at a time."""
@@ -212,6 +280,15 @@ class System:
     ) -> None:
         """Close the system."""
         self.close()
+
+    @classmethod
+    def _made(cls, description: SystemDescription) -> Self:
+        try:
+            return cls(**vars(description))
+        except HarnessError:
+            for part in description.parts:
+                part.close()
+            raise
 
     def _check_start(self) -> None:
         wired = {wire.target: wire for wire in self.wires}

@@ -176,3 +176,12 @@ def units_agree(a: str | None, base_a: BaseUnit | None, b: str | None, base_b: B
     if base_a is None or base_b is None:
         return True if a == b else None
     return base_a.agrees(base_b)
+
+
+def conversion(source: BaseUnit, target: BaseUnit) -> tuple[float, float] | None:
+    """Factor and offset that turn a number in one unit into a number in another; None for different quantities."""
+    if source.agrees(target):
+        return 1.0, 0.0
+    if source.exponents != target.exponents:
+        return None
+    return source.factor / target.factor, (source.offset - target.offset) / target.factor

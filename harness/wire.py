@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 
 from harness.errors import UnitError, UnknownNameError, WireError, nearest
 from harness.part import TYPE_ORDER, Part, Port
-from harness.units import parse_unit, units_agree
+from harness.units import conversion, parse_unit, units_agree
 
 
 @dataclass(frozen=True)
@@ -153,13 +153,14 @@ def _conversion(wire: Wire, source: Port, target: Port) -> tuple[float, float]:
     base_source = source.base or parse_unit(source.unit or "")
     base_target = target.base or parse_unit(target.unit or "")
     assert base_source is not None and base_target is not None, "units that are not known agree"
-    if base_source.exponents != base_target.exponents:
+    converted = conversion(base_source, base_target)
+    if converted is None:
         raise UnitError(
             f"{wire.source} is in {source.unit} [{base_source}] but "
             f"{wire.target} is in {target.unit} [{base_target}]: "
             "connect ports of the same quantity or put a conversion between them"
         )
-    return base_source.factor / base_target.factor, (base_source.offset - base_target.offset) / base_target.factor
+    return converted
 
 
 def _check_map(wire: Wire, source: Port, target: Port) -> None:

@@ -24,7 +24,7 @@ from harness.sweeps.identity import description
 from harness.sweeps.measures import Builtin, Measure, find_measures, label
 from harness.sweeps.pools import Outcomes, Pool, ProcessPool, SerialPool, make_pool
 from harness.sweeps.queue import Queue
-from harness.sweeps.samples import ParameterSet, checked_samples, column_types
+from harness.sweeps.samples import Given, Sample, checked_samples, column_types
 from harness.sweeps.worker import SETTINGS, Job, Outcome
 from harness.system import System
 from harness.tap import Progress
@@ -35,7 +35,7 @@ _MOST_BYTES = 32e6
 
 def sweep(
     system: System | str | Path | Callable[[], System],
-    samples: Iterable[ParameterSet],
+    samples: Iterable[Given],
     *,
     measure: str | Measure | Iterable[str | Measure] = "final(*)",
     output: str | Path | None = None,
@@ -51,8 +51,8 @@ def sweep(
     Parameters
     ----------
     system : System, path-like or callable
-        The system, its file, or a function at module level that makes it.
-    samples : iterable of mapping of str to value
+        The system, its TOML file or SSP archive, or a function at module level that makes it.
+    samples : iterable of mapping of str to value, or of ParameterSet
         A parameter set for each run: start values "part.port", and settings of the experiment (``start``, ``stop``,
         ``step``, ``master``, ``decimate``, ``tolerance``, ``extrapolation``).
         See `grid`, `latin_hypercube`, `sobol`, `read_samples`.
@@ -87,12 +87,13 @@ def sweep(
     HarnessError
         If a name is unknown, or the system cannot be made.
     """
-    parameter_sets = checked_samples(samples)
-    types = column_types(parameter_sets)
     with ExitStack() as stack:
         if isinstance(system, (str, Path)):
-            system = stack.enter_context(System.from_toml(system, resolve))
+            archive = Path(system).suffix == ".ssp"
+            system = stack.enter_context(System.from_ssp(system) if archive else System.from_toml(system, resolve))
         model = system if isinstance(system, System) else stack.enter_context(system())
+        parameter_sets = checked_samples(samples, model)
+        types = column_types(parameter_sets)
         units = _check_names(model, parameter_sets)
         job = _make_job(system, model, measure, experiment, keep)
         if output is None:
@@ -117,7 +118,7 @@ def sweep(
 
 def _drive(
     job: Job,
-    samples: Sequence[ParameterSet],
+    samples: Sequence[Sample],
     queue: Queue,
     pool: Pool,
     files: SweepFolder,
@@ -142,7 +143,7 @@ def _drive(
             progress.update(len(files.done), len(samples))
 
 
-def _check_names(model: System, samples: Iterable[ParameterSet]) -> dict[str, str]:
+def _check_names(model: System, samples: Iterable[Sample]) -> dict[str, str]:
     """Units of the swept start values; each set of names is tried once, values are left to the runs."""
     tried: set[frozenset[str]] = set()
     for sample in samples:

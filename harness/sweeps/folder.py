@@ -17,7 +17,7 @@ import xarray as xr
 from harness.atomic import atomic_path
 from harness.errors import OutputError, SweepError
 from harness.part import PortType
-from harness.sweeps.samples import ParameterSet
+from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Outcome
 
 MANIFEST: Final = "_sweep.json"
@@ -90,7 +90,7 @@ class SweepFolder:
             left.unlink(missing_ok=True)
         self.done = {run for file in self._files() for run in self._read(file, ["run"])["run"].to_pylist()}
 
-    def add(self, outcomes: Sequence[Outcome], samples: Sequence[ParameterSet]) -> None:
+    def add(self, outcomes: Sequence[Outcome], samples: Sequence[Sample]) -> None:
         """Write the outcomes of some runs, as one file that is complete or not there.
 
         Parameters

@@ -13,12 +13,12 @@ from harness.fmu import FmuPart
 from harness.part import Part
 from harness.series import SeriesPart
 from harness.sweeps.measures import label
-from harness.sweeps.samples import ParameterSet
+from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Job
 from harness.system import System
 
 
-def description(system: System, job: Job, samples: Sequence[ParameterSet]) -> dict[str, Any]:
+def description(system: System, job: Job, samples: Sequence[Sample]) -> dict[str, Any]:
     """A sweep as JSON, the large pieces as hashes.
 
     Parameters

@@ -16,10 +16,10 @@ from types import ModuleType
 from typing import Any, Protocol, TypeAlias
 
 from harness.errors import SweepError
-from harness.sweeps.samples import ParameterSet
+from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Job, Outcome, close_runners, run_chunk
 
-Chunk: TypeAlias = Sequence[tuple[int, ParameterSet]]
+Chunk: TypeAlias = Sequence[tuple[int, Sample]]
 Outcomes: TypeAlias = "Future[list[Outcome]]"
 
 

@@ -15,8 +15,14 @@ from numpy.typing import ArrayLike
 from harness.archive import parse_value
 from harness.errors import SweepError
 from harness.part import PortType, StartValue
+from harness.ssp import Parameter, ParameterSet, read_ssv
+from harness.system import System
 
-ParameterSet: TypeAlias = Mapping[str, StartValue]
+Sample: TypeAlias = Mapping[str, StartValue]
+WithUnits: TypeAlias = Mapping[str, StartValue | Parameter]
+Given: TypeAlias = WithUnits | ParameterSet
+"""A parameter set as it may be given: with units, or as it was read from an SSV file."""
+
 Bounds: TypeAlias = Mapping[str, tuple[float, float]]
 
 
@@ -128,11 +134,16 @@ def read_csv_samples(path: Path) -> list[dict[str, StartValue]]:
     return [{name: _parsed(cell) for name, cell in zip(names, line, strict=True) if cell.strip()} for line in lines[1:]]
 
 
-READERS: Final[dict[str, Callable[[Path], Sequence[ParameterSet]]]] = {".csv": read_csv_samples}
+def read_ssv_samples(path: Path) -> list[WithUnits]:
+    """The one parameter set of an SSV file, with its units."""
+    return [read_ssv(path).parameters]
+
+
+READERS: Final[dict[str, Callable[[Path], Sequence[WithUnits]]]] = {".csv": read_csv_samples, ".ssv": read_ssv_samples}
 """Readers of parameter sets by the ending of the file."""
 
 
-def read_samples(paths: Iterable[Path]) -> list[ParameterSet]:
+def read_samples(paths: Iterable[Path]) -> list[WithUnits]:
     """The parameter sets of several files, one after the other.
 
     Raises
@@ -140,7 +151,7 @@ def read_samples(paths: Iterable[Path]) -> list[ParameterSet]:
     SweepError
         If a file cannot be read, or nothing here reads its format.
     """
-    sets: list[ParameterSet] = []
+    sets: list[WithUnits] = []
     for path in paths:
         if path.suffix not in READERS:
             raise SweepError(f"{path} is of no known format: give parameter sets as {', '.join(READERS)}")
@@ -148,21 +159,23 @@ def read_samples(paths: Iterable[Path]) -> list[ParameterSet]:
     return sets
 
 
-def checked_samples(samples: Iterable[ParameterSet]) -> list[dict[str, StartValue]]:
-    """Parameter sets with plain Python values.
+def checked_samples(samples: Iterable[Given], system: System) -> list[dict[str, StartValue]]:
+    """Parameter sets with plain Python values, in the units of the system.
 
     Raises
     ------
     SweepError
         If there are none, or a value is no number, truth value or text.
     """
-    plain = [{str(name): _plain(value, str(name)) for name, value in sample.items()} for sample in samples]
+    plain = [
+        {str(name): _plain(value, str(name)) for name, value in _in_units(sample, system).items()} for sample in samples
+    ]
     if not plain:
         raise SweepError("the sweep has no runs: give at least one parameter set")
     return plain
 
 
-def column_types(samples: Sequence[ParameterSet]) -> dict[str, PortType]:
+def column_types(samples: Sequence[Sample]) -> dict[str, PortType]:
     """Type of each swept name over all parameter sets, in the order in which they appear.
 
     Raises
@@ -182,6 +195,14 @@ def column_types(samples: Sequence[ParameterSet]) -> dict[str, PortType]:
             raise SweepError(f"the values of {name} are of types {given}: give values of one type")
         found[name] = types.get(tuple(kind), "Real")
     return found
+
+
+def _in_units(given: Given, system: System) -> Sample:
+    """Values of parameters that have a unit, in the units of the system."""
+    values = given.parameters if isinstance(given, ParameterSet) else given
+    with_unit = {name: value for name, value in values.items() if isinstance(value, Parameter)}
+    start = system.with_parameters(with_unit).start if with_unit else {}
+    return {name: start[name] if isinstance(value, Parameter) else value for name, value in values.items()}
 
 
 def _plain(value: object, name: str = "") -> StartValue:

@@ -17,7 +17,7 @@ from harness.part import StartValue
 from harness.result import Result
 from harness.run import run
 from harness.sweeps.measures import Measure, label
-from harness.sweeps.samples import ParameterSet
+from harness.sweeps.samples import Sample
 from harness.system import System
 
 SETTINGS: Final = ("start", "stop", "step", "master", "decimate", "tolerance", "extrapolation")
@@ -97,7 +97,7 @@ class Runner:
         self._probed = not self._fmus
         self._reuse(True)
 
-    def run(self, number: int, values: ParameterSet) -> Outcome:
+    def run(self, number: int, values: Sample) -> Outcome:
         """One run; whatever goes wrong in it becomes its error."""
         outcome = Outcome(number)
         with _collected_warnings() as messages:
@@ -121,7 +121,7 @@ class Runner:
         self._reuse(False)
         self.system.close()
 
-    def _result(self, values: ParameterSet, experiment: Experiment) -> Result:
+    def _result(self, values: Sample, experiment: Experiment) -> Result:
         settings: dict[str, Any] = {name: value for name, value in values.items() if name in SETTINGS}
         start: dict[str, StartValue] = {name: value for name, value in values.items() if name not in SETTINGS}
         return run(self.system.with_start(start), replace(experiment, **settings))
@@ -139,7 +139,7 @@ class Runner:
             numbers |= given
         return numbers
 
-    def _probe(self, values: ParameterSet) -> None:
+    def _probe(self, values: Sample) -> None:
         """Make new instances for every run if those that were reset do not behave like new ones.
 
         An FMU may answer fmi2Reset with fmi2OK and keep a state; what it does after the first run shows that.
@@ -165,7 +165,7 @@ class Runner:
         else:
             _LOG.info("fmi2Reset does not bring all FMUs back to their start: every run gets new instances")
 
-    def _outputs(self, values: ParameterSet, experiment: Experiment) -> list[bytes] | str:
+    def _outputs(self, values: Sample, experiment: Experiment) -> list[bytes] | str:
         """The recorded values to the last bit, or why there are none."""
         try:
             result = self._result(values, experiment)
@@ -182,7 +182,7 @@ _runners: dict[tuple[str, int], Runner] = {}
 
 
 def run_chunk(
-    job: Job, runs: Sequence[tuple[int, ParameterSet]], stopped: Callable[[], bool] = lambda: False
+    job: Job, runs: Sequence[tuple[int, Sample]], stopped: Callable[[], bool] = lambda: False
 ) -> list[Outcome]:
     """Some runs of a sweep, with the system of this thread.
 

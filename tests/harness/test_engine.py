@@ -118,10 +118,10 @@ def test_integer_wire_that_carries_a_fraction_is_refused(make_fmu: Callable[...,
 def test_keyboard_interrupt_ends_the_run(build_fmu: BuildFmu) -> None:
     """Ctrl-C arrives although the ticks run in C."""
     with servo(build_fmu) as system:
-        timer = threading.Timer(0.5, lambda: signal.raise_signal(signal.SIGINT))
-        timer.start()
+        timer = threading.Timer(0.3, lambda: signal.raise_signal(signal.SIGINT))
+        tap = Tap(lambda t, values: timer.start() if t == 0.0 else None, ("mass.x",), every=10**9)
         with pytest.raises(KeyboardInterrupt):
-            system.run(stop=2000.0, step=1e-3, decimate=1000)
+            system.run(stop=2000.0, step=1e-3, decimate=1000, taps=[tap])
 
 
 def test_other_threads_run_beside_the_engine(build_fmu: BuildFmu) -> None:

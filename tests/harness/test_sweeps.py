@@ -24,15 +24,19 @@ from harness import (
     Experiment,
     FmuPart,
     OutputError,
+    Parameter,
+    ParameterSet,
     SweepError,
     System,
     UnknownNameError,
     grid,
     latin_hypercube,
     read_samples,
+    read_ssv,
     read_sweep,
     sobol,
     sweep,
+    write_ssv,
 )
 
 BuildFmu = Callable[..., Path]
@@ -109,6 +113,21 @@ def test_parameter_sets_from_files(tmp_path: Path) -> None:
         read_samples([tmp_path / "b.csv"])
     with pytest.raises(SweepError, match="no known format"):
         read_samples([tmp_path / "a.xlsx"])
+
+
+def test_parameter_sets_with_units_are_converted(build_fmu: BuildFmu, tmp_path: Path) -> None:
+    for name, m in (("light", 500.0), ("heavy", 4000.0)):
+        parameters = {"mass.m": Parameter(m, "g"), "mass.F_drive": Parameter(3.0)}
+        write_ssv(ParameterSet(name, parameters), tmp_path / f"{name}.ssv")
+    samples = [*read_samples([tmp_path / "light.ssv", tmp_path / "heavy.ssv"]), read_ssv(tmp_path / "light.ssv")]
+    start = {"mass.F_drive": 0.0, "mass.F_friction": 0.0}
+    with System([FmuPart("mass", build_fmu("Mass"))], start=start, experiment=ONE_TICK) as system:
+        result = sweep(system, samples, measure="final(mass.v)", executor="serial")
+        system.to_ssp(tmp_path / "system.ssp")
+    np.testing.assert_allclose(result["mass.m"], [0.5, 4.0, 0.5], rtol=1e-15)
+    np.testing.assert_allclose(result["final(mass.v)"], [6.0, 0.75, 6.0], rtol=1e-12)
+    archived = sweep(tmp_path / "system.ssp", samples, measure="final(mass.v)", executor="serial", experiment=ONE_TICK)
+    np.testing.assert_array_equal(archived["final(mass.v)"], result["final(mass.v)"])
 
 
 # ---- results ------------------------------------------------------------------------------------------------------

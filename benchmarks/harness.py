@@ -7,15 +7,19 @@ and the median of the ratios of the rounds. The errors of the masters are agains
 
 from __future__ import annotations
 
-import logging
-import tempfile
+import sys
 from pathlib import Path
 
-from linear_loops import linear_rows
-from rows import arguments, report
-from sampled_loop import sampled_rows
-from step_cost import step_cost_rows
-from stick_slip_errors import period_rows, stiff_rows
+sys.path[0] = str(Path(__file__).parents[1])  # in this folder harness.py would hide the package
+
+import logging
+import tempfile
+
+from benchmarks.linear_loops import linear_rows
+from benchmarks.rows import arguments, report
+from benchmarks.sampled_loop import sampled_rows
+from benchmarks.step_cost import step_cost_rows
+from benchmarks.stick_slip_errors import period_rows, stiff_rows
 
 
 def main() -> None:

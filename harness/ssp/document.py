@@ -1,0 +1,121 @@
+"""The XML of System Structure and Parameterization (SSP) 1.0: names, checked reading, writing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+import fmpy
+from lxml import etree
+
+from harness.errors import SystemFileError
+
+SSD: Final = "http://ssp-standard.org/SSP1/SystemStructureDescription"
+SSC: Final = "http://ssp-standard.org/SSP1/SystemStructureCommon"
+SSV: Final = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
+SSM: Final = "http://ssp-standard.org/SSP1/SystemStructureParameterMapping"
+
+# libcosim and ecos look for these very prefixes instead of the namespaces
+SPACES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "ssd": SSD,
+        "ssc": SSC,
+        "ssv": SSV,
+        "ssm": SSM,
+        "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
+        "harness": "urn:friction-fmus:harness",
+    }
+)
+
+#: What files say that they are written by.
+TOOL: Final = "friction-fmus"
+
+_ROOTS: Final = MappingProxyType({SSD: "SystemStructureDescription", SSV: "ParameterSet", SSM: "ParameterMapping"})
+_SCHEMAS: Final = MappingProxyType(
+    {
+        SSD: "SystemStructureDescription.xsd",
+        SSV: "SystemStructureParameterValues.xsd",
+        SSM: "SystemStructureParameterMapping.xsd",
+    }
+)
+
+
+def parse_document(data: bytes, space: str, where: str) -> etree._Element:
+    """Parse and validate a document.
+
+    Parameters
+    ----------
+    data : bytes
+        The XML.
+    space : {SSD, SSV, SSM}
+        What it has to be.
+    where : str
+        Its name, for messages.
+
+    Raises
+    ------
+    SystemFileError
+        If it is not XML, or not valid against the schema of SSP 1.0.
+    """
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
+    try:
+        root = etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        raise SystemFileError(f"{where} is not XML: {error.msg}; export it again") from error
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise SystemFileError(f"{where} has a document type with definitions of its own: remove its DOCTYPE")
+    return check_element(root, space, where)
+
+
+def check_element(element: etree._Element, space: str, where: str) -> etree._Element:
+    """Validate an element that stands in another document; see `parse_document`."""
+    expected = f"{{{space}}}{_ROOTS[space]}"
+    if element.tag != expected:
+        raise SystemFileError(f"{where} starts with {element.tag}: give one that starts with {expected}")
+    version = element.get("version", "")
+    if version and not version.startswith("1."):
+        raise SystemFileError(f"{where} is of version {version}: export it as SSP 1.0")
+    try:
+        _schema(space).assertValid(element)
+    except etree.DocumentInvalid as error:
+        raise SystemFileError(f"{where} is not valid SSP 1.0: {error}; correct it there") from error
+    return element
+
+
+def sub(parent: etree._Element, tag: str, **attributes: str | None) -> etree._Element:
+    """Append an element ``prefix:name``; attributes that are None are left out.
+
+    Raises
+    ------
+    SystemFileError
+        If an attribute contains characters that XML cannot carry.
+    """
+    prefix, name = tag.split(":")
+    element = etree.SubElement(parent, f"{{{SPACES[prefix]}}}{name}")
+    for key, value in attributes.items():
+        if value is not None:
+            set_text(element, key, value)
+    return element
+
+
+def set_text(element: etree._Element, key: str, value: str) -> None:
+    """Set an attribute; see `sub`."""
+    try:
+        element.set(key, value)
+    except ValueError as error:
+        raise SystemFileError(
+            f"the text {value!r} cannot be written to XML: take out its control characters"
+        ) from error
+
+
+def to_bytes(root: etree._Element) -> bytes:
+    """The document as UTF-8, the same bytes for the same content."""
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+
+
+@cache
+def _schema(space: str) -> etree.XMLSchema:
+    return etree.XMLSchema(etree.parse(Path(fmpy.__file__).parent / "ssp" / "schema" / _SCHEMAS[space]))

@@ -1,0 +1,147 @@
+"""Wires from the connections of an SSD, through the connectors of nested systems."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from harness.errors import SystemFileError, UnitError
+from harness.part import Part, Port
+from harness.ssp.annotations import read_wire
+from harness.ssp.ssv import Parameter
+from harness.ssp.structure import Edge, Node, Path, Structure
+from harness.ssp.transformation import Linear
+from harness.ssp.units import Signal, known_unit
+from harness.units import BaseUnit
+from harness.wire import Wire
+
+
+class Network:
+    """The connections of all systems as one graph.
+
+    Parameters
+    ----------
+    structure : Structure
+        The elements of the file.
+    parts : mapping of Path to Part
+        The part made of each component.
+    where : str
+        The file, for messages.
+
+    Raises
+    ------
+    SystemFileError
+        If two connections drive one connector.
+    UnitError
+        If the file and an FMU disagree about a unit.
+    """
+
+    def __init__(self, structure: Structure, parts: Mapping[Path, Part], where: str) -> None:
+        """Sort the connections by target and by source."""
+        self.structure = structure
+        self.parts = parts
+        self.where = where
+        self._settable = {
+            Node(path, port.name): port for path, part in parts.items() for port in (*part.inputs, *part.parameters)
+        }
+        outputs = {Node(path, port.name): port for path, part in parts.items() for port in part.outputs}
+        self._ports = outputs | self._settable
+        self._into: dict[Node, Edge] = {}
+        self._out_of: dict[Node, list[Edge]] = {}
+        for edge in structure.edges:
+            if edge.target in self._into:
+                raise SystemFileError(f"{where} drives '{edge.target}' twice: remove one of the connections")
+            self._into[edge.target] = edge
+            self._out_of.setdefault(edge.source, []).append(edge)
+        for node in structure.connectors:
+            self._check_connector(node)
+
+    def wires(self) -> list[Wire]:
+        """One wire for each input of an FMU that is driven by an output of an FMU.
+
+        Raises
+        ------
+        SystemFileError
+            If a connection does what a wire cannot do.
+        UnitError
+            If a connection joins different quantities.
+        """
+        chains = (self._chain(edge) for edge in self.structure.edges if edge.target.path in self.parts)
+        return [self._wire(chain) for chain in chains if chain[0].source.path in self.parts]
+
+    def spread(self, node: Node, parameter: Parameter) -> dict[Node, Parameter]:
+        """The variables of FMUs that get the value of a parameter of this connector or variable, converted.
+
+        Raises
+        ------
+        UnitError
+            If the units measure different quantities.
+        StartValueError
+            If the value cannot be transformed.
+        """
+        if node in self._settable:
+            return {node: parameter}
+        landed: dict[Node, Parameter] = {}
+        for edge in self._out_of.get(node, ()):
+            passed = parameter.landed(
+                self.unit(edge.target), str(edge), suppress=edge.suppress, transformation=edge.transformation
+            )
+            landed |= self.spread(edge.target, passed)
+        return landed
+
+    def settable(self, node: Node) -> Port | None:
+        """The variable of an FMU that accepts a start value, if that is what the node is."""
+        return self._settable.get(node)
+
+    def unit(self, node: Node) -> BaseUnit | None:
+        """The unit of a connector or variable: that of the FMU, else that of the file."""
+        own = self._own_unit(node)
+        connector = self.structure.connectors.get(node)
+        return own or (connector.unit if connector else None)
+
+    def _own_unit(self, node: Node) -> BaseUnit | None:
+        port = self._ports.get(node)
+        return known_unit(port.unit, port.base) if port else None
+
+    def _check_connector(self, node: Node) -> None:
+        own, stated = self._own_unit(node), self.structure.connectors[node].unit
+        if own is not None and stated is not None and not own.agrees(stated):
+            raise UnitError(f"'{node}' is in [{stated}] in {self.where} but in [{own}] in its FMU: correct one of them")
+
+    def _chain(self, edge: Edge) -> list[Edge]:
+        """The connections on the way to a target, from where the value comes."""
+        chain = [edge]
+        while chain[0].source in self._into:
+            chain.insert(0, self._into[chain[0].source])
+            if chain[0] in chain[1:]:
+                raise SystemFileError(f"{chain[0]} in {self.where} goes round in a circle: remove it")
+        return chain
+
+    def _wire(self, chain: list[Edge]) -> Wire:
+        source, target = chain[0].source, chain[-1].target
+        if self.structure.connectors[target].kind == "parameter":
+            raise SystemFileError(
+                f"{self.where} connects '{source}' to the parameter '{target}', which is not supported: "
+                "give the parameter a value instead"
+            )
+        signal, delay = Signal(self.unit(source), self.unit(source)), 0
+        for edge in chain:
+            if not isinstance(edge.transformation, Linear):
+                raise SystemFileError(
+                    f"{edge} in {self.where} maps values by a table, which is not supported: put a part in its place"
+                )
+            before, unit = signal, self.unit(edge.target)
+            factor, offset = edge.transformation.factor, edge.transformation.offset
+            signal = before.passed(unit, factor, offset, edge.suppress, str(edge))
+            ticks, written = read_wire(edge.element, str(edge))
+            delay += ticks
+            # what was written is exact, but only as long as nobody has changed the transformation
+            if written and edge.suppress and len(chain) == 1:
+                exact = Signal(before.unit, unit, *written)
+                signal = exact if exact.number(str(edge)) == (factor, offset) else signal
+        # a wire between known units converts by itself, any other one has to be told
+        converts = self._own_unit(source) is not None and self._own_unit(target) is not None
+        gain, offset = (signal.gain, signal.offset) if converts else signal.number(str(chain[-1]))
+        return Wire(self._name(source), self._name(target), gain, offset, delay)
+
+    def _name(self, node: Node) -> str:
+        return f"{self.parts[node.path].name}.{node.name}"

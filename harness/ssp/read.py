@@ -1,0 +1,78 @@
+"""Systems from .ssp archives."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from pathlib import Path
+
+from harness.errors import SystemFileError
+from harness.fmu import FmuPart
+from harness.part import Part, StartValue
+from harness.ssp.annotations import read_experiment, read_part
+from harness.ssp.bindings import bound_values
+from harness.ssp.document import SSD, parse_document
+from harness.ssp.flatten import Network
+from harness.ssp.package import SSD_NAME, Package, TemporaryFolder, member_name
+from harness.ssp.structure import Structure, read_structure
+from harness.ssp.units import read_units
+from harness.system_file import SystemDescription
+
+_LOG = logging.getLogger("harness")
+
+
+def read_ssp(path: Path, folder: Path | None) -> SystemDescription:
+    """Read an archive; see `System.from_ssp`.
+
+    Raises
+    ------
+    SystemFileError
+        If the file cannot be read, or has what the harness has no place for.
+    HarnessError
+        If what it describes is wrong.
+    """
+    with Package(path) as package:
+        root = parse_document(package.read(SSD_NAME, str(path)), SSD, f"{SSD_NAME} in {path}")
+        structure = read_structure(root, read_units(root, "ssd:Units"), str(path))
+        parts = _parts(package, structure, folder)
+        network = Network(structure, parts, str(path))
+        wires = tuple(network.wires())
+        start = bound_values(package, structure, network)
+    driven = {wire.target for wire in wires}
+    for name in sorted(driven & start.keys()):
+        _LOG.info("%s: %s is connected, its start value is not used", path, name)
+        del start[name]
+    return SystemDescription(
+        parts=tuple(parts.values()),
+        wires=wires,
+        start=start | _unconnected(parts.values(), driven | start.keys()),
+        experiment=read_experiment(root, str(path)),
+        name=root.get("name", ""),
+    )
+
+
+def _parts(package: Package, structure: Structure, folder: Path | None) -> dict[tuple[str, ...], Part]:
+    """A part for each component, its FMU unpacked."""
+    temporary = None
+    if folder is None:
+        temporary = TemporaryFolder()
+        folder = temporary.path
+    parts: dict[tuple[str, ...], Part] = {}
+    taken: dict[str, str] = {}
+    for path, element in structure.components.items():
+        # a part's name has no dot, for a dot stands between part and variable
+        name, shown = "_".join(path).replace(".", "_"), ".".join(path)
+        where = f"component '{shown}' in {package.path}"
+        if name in taken:
+            raise SystemFileError(f"{where} would be called '{name}' like '{taken[name]}': rename one of them")
+        taken[name] = shown
+        fmu = package.unpack(member_name(element.get("source"), where), folder, where)
+        part = parts[path] = FmuPart(name, fmu, **read_part(element, where))
+        part.keep = temporary
+    return parts
+
+
+def _unconnected(parts: Iterable[Part], driven: set[str]) -> dict[str, StartValue]:
+    """The inputs that nothing drives: in SSP they keep the start value that the FMU states."""
+    inputs = ((f"{part.name}.{port.name}", port) for part in parts for port in part.inputs if not port.optional)
+    return {name: port.start for name, port in inputs if name not in driven and port.start is not None}

@@ -1,0 +1,51 @@
+"""Parameter mappings: SSM of SSP 1.0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lxml import etree
+
+from harness.errors import SystemFileError
+from harness.ssp.document import SPACES, SSM, check_element
+from harness.ssp.transformation import Transformation, flag, read_transformation
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What becomes of a parameter of the source: the variable that gets it, and how.
+
+    Parameters
+    ----------
+    target : str
+        Name of the variable.
+    transformation : Linear or Table
+        What is done to the value, after its conversion.
+    suppress : bool
+        The number is not converted.
+    """
+
+    target: str
+    transformation: Transformation
+    suppress: bool
+
+
+def parse_ssm(root: etree._Element, where: str) -> dict[str, list[Entry]]:
+    """The entries of an element ParameterMapping, by the name of the source.
+
+    Raises
+    ------
+    SystemFileError
+        If it is not valid, or two parameters are mapped to one name.
+    """
+    check_element(root, SSM, where)
+    entries: dict[str, list[Entry]] = {}
+    targets: set[str] = set()
+    for element in root.iterfind("ssm:MappingEntry", SPACES):
+        target = element.get("target", "")
+        if target in targets:
+            raise SystemFileError(f"{where} maps two parameters to '{target}': remove one")
+        targets.add(target)
+        entry = Entry(target, read_transformation(element), flag(element, "suppressUnitConversion"))
+        entries.setdefault(element.get("source", ""), []).append(entry)
+    return entries

@@ -1,0 +1,183 @@
+"""The elements of an SSD, nested systems included (SSP 1.0, chapter 5)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+from lxml import etree
+
+from harness.errors import SystemFileError
+from harness.ssp.document import SPACES
+from harness.ssp.transformation import Transformation, flag, read_transformation
+from harness.ssp.units import known_unit
+from harness.units import BaseUnit
+
+#: Names from the outermost system to an element; () is the outermost system.
+Path: TypeAlias = tuple[str, ...]
+
+_FMU: Final = "application/x-fmu-sharedlibrary"
+
+
+@dataclass(frozen=True)
+class Node:
+    """A connector, or a variable without one, of an element."""
+
+    path: Path
+    name: str
+
+    def __str__(self) -> str:
+        """Its name in the file."""
+        return ".".join((*self.path, self.name))
+
+
+@dataclass(frozen=True)
+class Connector:
+    """What the file says about a connector.
+
+    Parameters
+    ----------
+    kind : str
+        ``input``, ``output``, ``parameter`` or ``calculatedParameter``.
+    unit : BaseUnit or None
+        Its unit, where it is stated and known.
+    """
+
+    kind: str
+    unit: BaseUnit | None
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A connection, in the direction in which values go.
+
+    Parameters
+    ----------
+    source, target : Node
+        Its ends.
+    transformation : Linear or Table
+        What is done to a value, after its conversion.
+    suppress : bool
+        Numbers are not converted.
+    element : lxml element
+        The connection, with its annotations.
+    """
+
+    source: Node
+    target: Node
+    transformation: Transformation
+    suppress: bool
+    element: etree._Element
+
+    def __str__(self) -> str:
+        """Its ends."""
+        return f"the connection {self.source} -> {self.target}"
+
+
+@dataclass(frozen=True)
+class Structure:
+    """All elements of an SSD.
+
+    Parameters
+    ----------
+    systems : mapping of Path to lxml element
+        All systems, an outer one before what is in it.
+    components : mapping of Path to lxml element
+        All FMUs, in the order of the file.
+    connectors : mapping of Node to Connector
+        All connectors.
+    edges : tuple of Edge
+        All connections.
+    """
+
+    systems: Mapping[Path, etree._Element]
+    components: Mapping[Path, etree._Element]
+    connectors: Mapping[Node, Connector]
+    edges: tuple[Edge, ...]
+
+
+def read_structure(root: etree._Element, units: Mapping[str, BaseUnit], where: str) -> Structure:
+    """Find all elements.
+
+    Parameters
+    ----------
+    root : lxml element
+        The valid SystemStructureDescription.
+    units : mapping of str to BaseUnit
+        The units that it defines.
+    where : str
+        The file, for messages.
+
+    Raises
+    ------
+    SystemFileError
+        If there is something that the harness has no place for.
+    """
+    outermost = root.find("ssd:System", SPACES)
+    assert outermost is not None  # the document is valid
+    systems: dict[Path, etree._Element] = {}
+    components: dict[Path, etree._Element] = {}
+    for path, element in _walk((), outermost):
+        kind = etree.QName(element).localname
+        if kind == "SignalDictionaryReference" or element.find("ssd:SignalDictionaries", SPACES) is not None:
+            raise SystemFileError(f"{where} has signal dictionaries: connect the signals directly instead")
+        if kind == "Component":
+            _check_component(element, f"component '{'.'.join(path)}' in {where}")
+        found = components if kind == "Component" else systems
+        if path in components or path in systems:
+            raise SystemFileError(f"{where} has two elements '{'.'.join(path)}': rename one")
+        found[path] = element
+    connectors: dict[Node, Connector] = {}
+    for path, element in (*systems.items(), *components.items()):
+        for item in element.iterfind("ssd:Connectors/ssd:Connector", SPACES):
+            unit = next((typed.get("unit") for typed in item.iterfind("ssc:Real", SPACES)), None)
+            base = known_unit(unit, units.get(unit) if unit else None)
+            connectors[Node(path, item.get("name", ""))] = Connector(item.get("kind", ""), base)
+    edges = [
+        _edge(path, element, connectors, where)
+        for path, system in systems.items()
+        for element in system.iterfind("ssd:Connections/ssd:Connection", SPACES)
+    ]
+    return Structure(systems, components, connectors, tuple(edges))
+
+
+def _walk(path: Path, element: etree._Element) -> Iterator[tuple[Path, etree._Element]]:
+    yield path, element
+    for inner in element.iterfind("ssd:Elements/*", SPACES):
+        yield from _walk((*path, inner.get("name", "")), inner)
+
+
+def _check_component(element: etree._Element, where: str) -> None:
+    kind = element.get("type", _FMU)
+    if kind != _FMU:
+        raise SystemFileError(f"{where} is of type {kind}: put its content into the system instead")
+    if element.get("implementation") == "ModelExchange":
+        raise SystemFileError(f"{where} is for model exchange: export it as FMI 2.0 for co-simulation")
+
+
+def _edge(path: Path, element: etree._Element, connectors: Mapping[Node, Connector], where: str) -> Edge:
+    """A connection in the system at the path; the file may name its ends in either order."""
+    ends = []
+    for end in ("start", "end"):
+        inner = element.get(f"{end}Element")
+        node = Node(path if inner is None else (*path, inner), element.get(f"{end}Connector", ""))
+        if node not in connectors:
+            raise SystemFileError(f"{where} connects '{node}', but there is no such connector: correct the connection")
+        ends.append(node)
+    first, second = ends
+    forward = _gives(path, first, connectors)
+    if forward == _gives(path, second, connectors):
+        raise SystemFileError(
+            f"{where} connects '{first}' and '{second}', of which {'both give' if forward else 'none gives'} a value: "
+            "connect outputs to inputs"
+        )
+    source, target = (first, second) if forward else (second, first)
+    transformation, suppress = read_transformation(element), flag(element, "suppressUnitConversion")
+    return Edge(source, target, transformation, suppress, element)
+
+
+def _gives(path: Path, node: Node, connectors: Mapping[Node, Connector]) -> bool:
+    """Whether a connector gives values to the inside of the system at the path."""
+    given = {"input", "parameter"} if node.path == path else {"output", "calculatedParameter"}
+    return connectors[node].kind in given

@@ -1,0 +1,164 @@
+"""Systems to .ssp archives."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from lxml import etree
+
+from harness.assembly import Assembly
+from harness.errors import SystemFileError
+from harness.fmu import FmuPart
+from harness.part import Port, StartValue
+from harness.ssp.annotations import annotate, write_experiment, write_part
+from harness.ssp.document import SPACES, SSD, TOOL, set_text, sub, to_bytes
+from harness.ssp.package import SSD_NAME, write_package
+from harness.ssp.ssv import Parameter, ParameterSet, ssv_element
+from harness.ssp.units import known_unit, write_units
+from harness.units import BaseUnit, units_agree
+from harness.wire import Wire, split_name, wire_map
+
+#: Name of the parameter set of every component; ecos asks for it.
+SET_NAME = "start"
+
+
+def write_ssp(system: Assembly, path: Path) -> None:
+    """Write an archive; see `System.to_ssp`."""
+    fmus = {name: part for name, part in system.parts.items() if isinstance(part, FmuPart)}
+    for name in system.parts:
+        if name not in fmus:
+            raise SystemFileError(f"part '{name}' cannot be written to {path}: only FMUs have a place in it")
+    sources = _sources(fmus)
+    members: dict[str, bytes | Path] = {SSD_NAME: to_bytes(_document(system, fmus, sources))}
+    members |= {source: fmus[name].path for name, source in sources.items()}
+    write_package(path, members)
+
+
+def _sources(fmus: Mapping[str, FmuPart]) -> dict[str, str]:
+    """The member of the archive for each part; equal FMUs are packed once."""
+    sources: dict[str, str] = {}
+    packed: dict[bytes, str] = {}
+    for name, part in fmus.items():
+        try:
+            data = part.path.read_bytes()
+        except OSError as error:
+            raise SystemFileError(f"cannot read {part.path}: {error.strerror}; build the FMU again") from error
+        if data not in packed:
+            # not all tools decode what is escaped in a URI
+            stem = re.sub(r"[^A-Za-z0-9_-]", "_", part.path.stem)
+            names = (f"resources/{stem}{suffix}.fmu" for suffix in ("", *(f"_{k}" for k in range(2, len(fmus) + 1))))
+            packed[data] = next(source for source in names if source not in packed.values())
+        sources[name] = packed[data]
+    return sources
+
+
+def _document(system: Assembly, fmus: Mapping[str, FmuPart], sources: Mapping[str, str]) -> etree._Element:
+    # all declared here, for libcosim takes a declaration further down for an attribute
+    root = etree.Element(f"{{{SSD}}}SystemStructureDescription", nsmap=dict(SPACES))
+    for key, text in {"version": "1.0", "name": system.name, "generationTool": TOOL}.items():
+        set_text(root, key, text)
+    element = sub(root, "ssd:System", name=system.name)
+    units: dict[str, BaseUnit] = {}
+    wired = {end for wire in system.wires for end in (wire.source, wire.target)}
+    if fmus:
+        elements = sub(element, "ssd:Elements")
+        for name, part in fmus.items():
+            ends = ((split_name(dotted), value) for dotted, value in system.start.items())
+            start = {port: value for (owner, port), value in ends if owner == name}
+            _component(sub(elements, "ssd:Component", name=name, source=sources[name]), part, wired, start, units)
+    if system.wires:
+        connections = sub(element, "ssd:Connections")
+        ports = {f"{name}.{port.name}": port for name, part in fmus.items() for port in (*part.inputs, *part.outputs)}
+        for wire in system.wires:
+            _connection(connections, wire, ports[wire.source], ports[wire.target])
+    write_units(root, "ssd:Units", units)
+    if system.experiment is not None:
+        write_experiment(root, system.experiment)
+    return root
+
+
+def _component(
+    element: etree._Element,
+    part: FmuPart,
+    wired: set[str],
+    start: Mapping[str, StartValue],
+    units: dict[str, BaseUnit],
+) -> None:
+    # fmpy connects an input that has a connector but no connection to anything
+    ports = [
+        *((port, "input") for port in part.inputs if f"{part.name}.{port.name}" in wired),
+        # libcosim cannot read connectors of enumerations
+        *((port, "output") for port in part.outputs if not port.items or f"{part.name}.{port.name}" in wired),
+    ]
+    if ports:
+        connectors = sub(element, "ssd:Connectors")
+        for port, kind in ports:
+            connector = sub(connectors, "ssd:Connector", name=port.name, kind=kind)
+            if not port.items:  # the type of a connector that states none is that of the variable
+                typed = sub(connector, f"ssc:{port.type}")
+                unit = _shared_unit(port, units)
+                if unit is not None:
+                    typed.set("unit", unit)
+    if start:
+        by_name = {port.name: port for port in (*part.inputs, *part.parameters)}
+        parameters = {name: _parameter(part.name, by_name[name], value) for name, value in start.items()}
+        binding = sub(sub(element, "ssd:ParameterBindings"), "ssd:ParameterBinding")
+        ssv_element(ParameterSet(SET_NAME, parameters), sub(binding, "ssd:ParameterValues"))
+    write_part(element, part)
+
+
+def _shared_unit(port: Port, units: dict[str, BaseUnit]) -> str | None:
+    """The unit of a port, entered into the units of the file; None if it has none that the file can define."""
+    base = known_unit(port.unit, port.base)
+    if port.unit is None or base is None or not units.setdefault(port.unit, base).agrees(base):
+        return None
+    return port.unit
+
+
+def _parameter(part: str, port: Port, value: StartValue) -> Parameter:
+    """A start value with the type and the unit of its variable."""
+    where = f"start value {value!r} of {part}.{port.name}"
+    try:
+        if port.type == "String":
+            return Parameter(str(value))
+        if port.type == "Real":
+            unit = port.unit if known_unit(port.unit, port.base) is not None else None
+            return Parameter(float(value), unit, port.base)
+        number = int(value)
+        if number != value:
+            raise ValueError(value)
+        if port.items:
+            return Parameter({number: item for item, number in port.items}[number], item=True)
+        return Parameter(bool(number) if port.type == "Boolean" else number)
+    except (KeyError, ValueError) as error:
+        raise SystemFileError(f"{where} is not of its type: give {_expected(port)}") from error
+
+
+def _expected(port: Port) -> str:
+    return f"one of {', '.join(str(number) for _, number in port.items)}" if port.items else f"a {port.type}"
+
+
+def _connection(connections: etree._Element, wire: Wire, output: Port, input_: Port) -> None:
+    """A wire; where it converts units, the conversion is written as well, for most tools know nothing of units."""
+    converts = units_agree(output.unit, output.base, input_.unit, input_.base) is False
+    (start, start_connector), (end, end_connector) = wire.ends
+    element = sub(
+        connections,
+        "ssd:Connection",
+        startElement=start,
+        startConnector=start_connector,
+        endElement=end,
+        endConnector=end_connector,
+        suppressUnitConversion="true" if converts else None,
+    )
+    if converts or (wire.gain, wire.offset) != (1.0, 0.0):
+        factor, offset = wire_map(wire, output, input_)
+        # both always: ecos takes 0 for a factor that is left out
+        sub(element, "ssc:LinearTransformation", factor=repr(float(factor)), offset=repr(float(offset)))
+    settings = {"delay": str(wire.delay)} if wire.delay else {}
+    if converts:
+        settings |= {"gain": repr(float(wire.gain)), "offset": repr(float(wire.offset))}
+    if settings:
+        annotate(element, "harness:Wire", **settings)

@@ -1,0 +1,5 @@
+#!/usr/bin/env bash
+# Installs the Debian packages that some tests need and are skipped without.
+set -euo pipefail
+apt-get update -q
+apt-get install -q -y --no-install-recommends libtbb12
