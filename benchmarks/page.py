@@ -53,10 +53,10 @@ which this feedforward does not have, and the order hardly matters.
     "sweep": """## A sweep
 
 1000 closed loops (a profile, a PID controller, a mass and LuGre friction) of 1 s in steps of 0.1 ms, 3 ms each: the
-whole sweep, with the start of its workers and its files. The time of two workers over that of one is what the machine
-had to spare while others used it; the overhead is the whole time of the workers over that in their runs, two over one:
-with 1.0, two processors do twice the runs. The loop over fmpy takes the same steps of the same FMUs, with instances
-that are reset too; every value and every step of it is a call from Python.
+whole sweep, with the start of its workers and its files. What two workers gain depends on what others do on the
+machine, as it does for two plain processes. The overhead, the whole time of the workers over that in their runs, two
+workers over one, depends on it less. The loop over fmpy takes the same steps of the same FMUs, with instances that are
+reset too; every value and every step of it is a call from Python.
 """,
 }
 

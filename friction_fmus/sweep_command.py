@@ -47,7 +47,7 @@ class _Bar:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    parser.add_argument("system", type=Path, metavar="SYSTEM.toml")
+    parser.add_argument("system", type=Path, metavar="SYSTEM", help="system file (.toml) or archive (.ssp)")
     parser.add_argument(
         "-o", "--output", type=Path, required=True, metavar="DIR", help="folder; an interrupted sweep goes on"
     )
@@ -95,7 +95,9 @@ def sweep_system(options: argparse.Namespace) -> None:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
     with ExitStack() as stack:
         executor: Any = stack.enter_context(_client(options.scheduler)) if options.scheduler else options.executor
-        system = stack.enter_context(System.from_toml(options.system, resolve=resolve))
+        archive = options.system.suffix == ".ssp"
+        opened = System.from_ssp(options.system) if archive else System.from_toml(options.system, resolve=resolve)
+        system = stack.enter_context(opened)
         bar = stack.enter_context(
             Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal, speed_estimate_period=60)
         )
