@@ -16,7 +16,7 @@ from rich.table import Table
 from friction_fmus import sweep_command
 from friction_fmus.errors import FrictionError
 from friction_fmus.run_command import add_run_options, run_system
-from friction_fmus.terminal import RunBar, console, progress_bar
+from friction_fmus.terminal import RunBar, console, parse_assignment, progress_bar
 from friction_fmus.version import VERSION
 from harness import HarnessError
 
@@ -77,26 +77,6 @@ def build_blocks(options: argparse.Namespace) -> None:
         for name in bar.track(names, description="building"):
             path = build(name, options.output, start, options.name, domain=options.domain)
             bar.console.print(path) if bar.console.is_terminal else print(path)
-
-
-def parse_assignment(text: str) -> tuple[str, float | bool]:
-    """``NAME=VALUE`` -> name and number or truth value.
-
-    Raises
-    ------
-    FrictionError
-        If it is neither.
-    """
-    name, equals, value = text.partition("=")
-    if equals and value.strip().lower() in ("true", "false"):
-        return name.strip(), value.strip().lower() == "true"
-    try:
-        number = float(value)
-    except ValueError:
-        equals = ""
-    if not equals:
-        raise FrictionError(f"--set {text!r} is not NAME=VALUE with a number, true or false as VALUE")
-    return name.strip(), number
 
 
 def check_files(options: argparse.Namespace) -> int:
@@ -182,8 +162,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         print(f"friction-fmus: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("friction-fmus: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as error:
+        print(f"friction-fmus: {error or 'interrupted'}", file=sys.stderr)
         return 130
 
 

@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.text import Text
 
 from friction_fmus.errors import FrictionError
+from friction_fmus.run_command import open_system
 from harness import Experiment, System, grid, latin_hypercube, read_samples, sobol, sweep
 from harness.sweeps import WithUnits
 
@@ -88,16 +89,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def sweep_system(options: argparse.Namespace) -> None:
     """Many runs of a system, into a folder of Parquet files with a row for each run."""
-    from friction_fmus.package import resolve
-
     samples = _samples(options)
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
     with ExitStack() as stack:
         executor: Any = stack.enter_context(_client(options.scheduler)) if options.scheduler else options.executor
-        archive = options.system.suffix == ".ssp"
-        opened = System.from_ssp(options.system) if archive else System.from_toml(options.system, resolve=resolve)
-        system = stack.enter_context(opened)
+        system = stack.enter_context(open_system(options.system))
         bar = stack.enter_context(
             Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal, speed_estimate_period=60)
         )

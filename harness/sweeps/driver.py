@@ -89,7 +89,7 @@ def sweep(
     """
     with ExitStack() as stack:
         if isinstance(system, (str, Path)):
-            archive = Path(system).suffix == ".ssp"
+            archive = Path(system).suffix.lower() == ".ssp"
             system = stack.enter_context(System.from_ssp(system) if archive else System.from_toml(system, resolve))
         model = system if isinstance(system, System) else stack.enter_context(system())
         parameter_sets = checked_samples(samples, model)
