@@ -13,6 +13,7 @@ from pathlib import Path
 
 from rich.table import Table
 
+from friction_fmus import sweep_command
 from friction_fmus.errors import FrictionError
 from friction_fmus.run_command import add_run_options, run_system
 from friction_fmus.terminal import RunBar, console, parse_assignment, progress_bar
@@ -136,6 +137,8 @@ def parser() -> argparse.ArgumentParser:
     checking.add_argument("files", nargs="+", type=Path, metavar="FILE")
     running = command("run", run_system, "run a system of FMUs")
     add_run_options(running)
+    sweeping = command("sweep", sweep_command.sweep_system, "run a system of FMUs with many parameter sets")
+    sweep_command.add_arguments(sweeping)
     studying = command("study", study, "identify a measured axis, co-simulate it, and see what compensation gains")
     studying.add_argument("axis", choices=["emps"], help="which record")
     studying.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the results")

@@ -78,6 +78,10 @@ class OutputError(HarnessError):
     """A result cannot be written."""
 
 
+class SweepError(HarnessError):
+    """A sweep makes no sense, does not belong to its folder, or its workers cannot be started."""
+
+
 class ResultFileError(HarnessError):
     """A file cannot be read as a result."""
 
