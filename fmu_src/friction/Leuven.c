@@ -275,7 +275,7 @@ static bool follow_motion(Model *m, Motion motion)
         p.remembers = b.depth > 0;
         p.backwards = b.zeta < 0.0;
         p.flat = !p.backwards && piece_ratio(&p, s, b.zeta) < flat_until(n) - 0.5 * behind_flat;
-        const double next = s + stribeck_piece(velocity(&p.motion, s), slope, vs, delta);
+        const double next = s + stribeck_piece(velocity(&p.motion, s), slope, Fc, Fs, vs, delta);
         const double end = next < arrival && next > s ? next : arrival;
         const bool near = slope != 0.0 && !p.remembers && curve(m, b.zeta) > 0.9 * level &&
                           1.01 * fmax(level, piece_level(&p, end)) < A;

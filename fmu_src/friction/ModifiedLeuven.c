@@ -248,7 +248,7 @@ static bool follow_motion(Model *m, Motion motion)
     for (int pieces = 0; side != 0.0 && s < arrival; pieces++) {
         if (pieces > 1000)
             return false;
-        const double next = s + stribeck_piece(velocity(&p.motion, s), slope, vs, delta),
+        const double next = s + stribeck_piece(velocity(&p.motion, s), slope, Fc, Fs, vs, delta),
                      end = next < arrival && next > s ? next : arrival;
         if (!begin(&p, side, s, end)) {
             s = end;

@@ -133,22 +133,6 @@ static int follow(const Model *m, const Law *law, double *s, double *y, double e
     return ENDED;
 }
 
-/* The time from which, for a velocity that changes, the Stribeck curve g may be of another size than up to there: the
-   powers of two of (v/vs)^delta. Between them g is smooth enough for an error estimate to be trusted. */
-static double stribeck_piece(double v, double slope, double vs, double delta)
-{
-    if (slope == 0.0)
-        return INF;
-    const double speed = fabs(v), rate = v == 0.0 ? fabs(slope) : sign(v) * slope;
-    const double power = delta * log2(speed / vs), last = 6.0, first = delta > 2.0 ? -16.0 : 0.0;
-    if (rate > 0.0) {
-        const double next = fmax(floor(power + 1e-6) + 1.0, first);
-        return next > last ? INF : (vs * exp2(next / delta) - speed) / rate;
-    }
-    const double next = fmin(ceil(power - 1e-6) - 1.0, last);
-    return next < first ? INF : (vs * exp2(next / delta) - speed) / rate;
-}
-
 /* sign(r) |r|^n, limited so that it is finite. */
 static inline double signed_power(double r, double n)
 {
