@@ -240,11 +240,11 @@ static bool follow_motion(Model *m, Motion motion)
     }
     if (strongest < (1.0 - 1e-9) * fmax(Fs, Fc))
         m->run.warning = true;
-    const double size = stiffest > 0.0 ? fmax(Fs, Fc) / stiffest : 1e-5;
-    struct piece p = {m, motion, S, 0.0, 0.0, 0.0, 0.0, size, 0.0, false, false};
+    struct piece p = {m, motion, S, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, false, false};
     p.slack = 10.0 * relaxation_tolerance(m);
     const double arrival = motion.end;
     double s = motion.start;
+    int budget = BUDGET;
     for (int pieces = 0; side != 0.0 && s < arrival; pieces++) {
         if (pieces > 1000)
             return false;
@@ -254,6 +254,7 @@ static bool follow_motion(Model *m, Motion motion)
             s = end;
             continue;
         }
+        p.size = stiffest > 0.0 ? fmin(piece_level(&p, s), piece_level(&p, end)) / stiffest : 1e-5;
         const double x = fabs(v) * (arrival - s), highest = falls_to(n) * piece_level(&p, s);
         double zeta = 0.0;
         if (fabs(p.force) > highest * (1.0 + 1e-9) && p.stiffness > 0.0) {
@@ -271,11 +272,11 @@ static bool follow_motion(Model *m, Motion motion)
             }
         } else {
             const bool near = slope != 0.0 && p.stiffness > 0.0 && p.force > 0.9 * piece_level(&p, s);
-            const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p, slope == 0.0};
-            const int how = follow(m, &law, &s, &zeta, end, size, size * (p.flat ? 1.0 : sharpness(n)));
+            const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p, slope == 0.0, &budget};
+            const int how = follow(m, &law, &s, &zeta, end, p.size, p.size * (p.flat ? 1.0 : sharpness(n)));
             if (how == FAILED)
                 return false;
-            if (how == REACHED && zeta >= p.reach - 1e-14 * size)
+            if (how == REACHED && zeta >= p.reach - 1e-14 * p.size)
                 zeta = p.reach;
         }
         move(m, side * p.way, zeta, p.reach);
