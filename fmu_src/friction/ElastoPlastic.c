@@ -180,11 +180,18 @@ static double path_between(const Ramp *r, double s, double end)
     return 0.5 * (end - s) * (speed_at(r, s) + speed_at(r, end));
 }
 
-/* What relaxation.h follows: dz/dt, z_max, and where z comes from below or from above to z_max. */
+/* What relaxation.h follows: dz/dt as a whole, for z < z_ba and for z > z_max, z_max, and where z comes from below or
+   from above to z_max. */
 static double stretching(double s, double z, const void *law)
 {
     const Ramp *const r = (const Ramp *)law;
     return speed_at(r, s) * (1.0 - plastic(z, level_at(r, s) / r->m->sigma0, r->m->z_ba));
+}
+
+static double gliding(double s, double z, const void *law)
+{
+    (void)z;
+    return speed_at((const Ramp *)law, s);
 }
 
 static double z_max_at(double s, double z, const void *law)
@@ -194,16 +201,21 @@ static double z_max_at(double s, double z, const void *law)
     return level_at(r, s) / r->m->sigma0;
 }
 
+static double slipping(double s, double z, const void *law)
+{
+    return speed_at((const Ramp *)law, s) * (1.0 - z / z_max_at(s, z, law));
+}
+
 static double over_z_max(double s, double z, const void *law) { return z - z_max_at(s, z, law); }
 static double below_z_max(double s, double z, const void *law) { return z_max_at(s, z, law) - z; }
 
-/* Follows dz/dt to `end` or to the goal. */
-static bool stretch(Ramp *r, double end, Curve *goal)
+/* Follows the rate to `end` or to the goal. */
+static bool stretch(Ramp *r, double end, Curve *rate, Curve *goal)
 {
     GIVEN(r->m)
     const double z_max = z_max_at(end, 0.0, r), smallest = fmin(fmin(Fs, Fc), r->S_end) / sigma0;
     const double size = fmax(smallest / r->sensitivity, 0.01 * z_max); /* beyond, rounding decides */
-    const Law law = {stretching, goal, r->deflection > 0.9 * z_max_at(r->t, 0.0, r) ? z_max_at : NULL, r, false, &r->budget};
+    const Law law = {rate, goal, rate != gliding && r->deflection > 0.9 * z_max_at(r->t, 0.0, r) ? z_max_at : NULL, r, false, &r->budget};
     const double detail = fmax(0.25 * fabs(z_max - z_ba), 1e-6 * z_max);
     return follow(r->m, &law, &r->t, &r->deflection, end, size, detail) != FAILED;
 }
@@ -265,9 +277,9 @@ static bool piece_of(Ramp *r, double end)
     if (r->deflection >= z_max && falls)
         return slip(r);
     if (r->deflection > z_max)
-        return stretch(r, end, below_z_max);
+        return stretch(r, end, slipping, below_z_max);
     if (yields && falls)
-        return stretch(r, end, over_z_max);
+        return stretch(r, end, gliding, over_z_max);
     if (yields)
         ride(r, end);
     else if (r->deflection < z_ba) {
@@ -275,7 +287,7 @@ static bool piece_of(Ramp *r, double end)
         r->deflection = arrival < end ? z_ba : r->deflection + path_between(r, r->t, end);
         r->t = arrival < end ? arrival : end;
     } else
-        return stretch(r, end, falls ? over_z_max : NULL);
+        return stretch(r, end, stretching, falls ? over_z_max : NULL);
     return true;
 }
 

@@ -232,6 +232,8 @@ static bool follow_motion(Model *m, Motion motion)
 {
     GIVEN(m)
     const double slope = motion.slope, side = sign(m->v != 0.0 ? m->v : slope), S = stribeck(v, Fc, Fs, vs, delta);
+    const double v_end = fabs(velocity(&motion, motion.end)), S_end = stribeck(v_end, Fc, Fs, vs, delta);
+    const double sensitivity = 1.0 + n * sigma1 * v_end / S_end; /* of F to Fh at the end, where it slides */
     double strongest = 0.0, stiffest = 0.0;
     for (int i = 0; i < N; i++) {
         m->Fi[i] = limited(Fi[i], W[i]);
@@ -255,6 +257,7 @@ static bool follow_motion(Model *m, Motion motion)
             continue;
         }
         p.size = stiffest > 0.0 ? fmin(piece_level(&p, s), piece_level(&p, end)) / stiffest : 1e-5;
+        const double fine = p.size / fmin(sensitivity, 100.0); /* beyond, rounding decides */
         const double x = fabs(v) * (arrival - s), highest = falls_to(n) * piece_level(&p, s);
         double zeta = 0.0;
         if (fabs(p.force) > highest * (1.0 + 1e-9) && p.stiffness > 0.0) {
@@ -273,7 +276,7 @@ static bool follow_motion(Model *m, Motion motion)
         } else {
             const bool near = slope != 0.0 && p.stiffness > 0.0 && p.force > 0.9 * piece_level(&p, s);
             const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p, slope == 0.0, &budget};
-            const int how = follow(m, &law, &s, &zeta, end, p.size, p.size * (p.flat ? 1.0 : sharpness(n)));
+            const int how = follow(m, &law, &s, &zeta, end, fine, p.size * (p.flat ? 1.0 : sharpness(n)));
             if (how == FAILED)
                 return false;
             if (how == REACHED && zeta >= p.reach - 1e-14 * p.size)
