@@ -263,8 +263,9 @@ static bool follow_motion(Model *m, Motion motion)
             continue;
         }
         p.size = stiffest > 0.0 ? fmin(piece_level(&p, s), piece_level(&p, end)) / stiffest : 1e-5;
-        const double fine = p.size / fmin(sensitivity, 100.0); /* beyond, rounding decides */
-        const double x = fabs(v) * (arrival - s), highest = falls_to(n) * piece_level(&p, s);
+        const double fine = p.size / fmin(sensitivity, 10.0); /* beyond, rounding decides */
+        const double soon = s + 1e-12 * (end - s), level = fmax(piece_level(&p, s), piece_level(&p, soon));
+        const double x = fabs(v) * (arrival - s), highest = falls_to(n) * level;
         double zeta = 0.0;
         if (fabs(p.force) > highest * (1.0 + 1e-9) && p.stiffness > 0.0) {
             zeta = fmin((fabs(p.force) - highest) * (1.0 + grain) / p.stiffness, p.reach);
@@ -280,8 +281,9 @@ static bool follow_motion(Model *m, Motion motion)
                 s = arrival;
             }
         } else {
-            p.near = slope != 0.0 && p.stiffness > 0.0 && (p.backwards ? -p.force : p.force) > 0.999 * nearness * piece_level(&p, s);
-            const Law law = {piece_rate, piece_goal, p.near ? piece_place : NULL, &p, slope == 0.0, &budget};
+            p.near = slope != 0.0 && (p.backwards ? -p.force : p.force) > 0.999 * nearness * piece_level(&p, s);
+            Curve *const place = p.near && p.stiffness > 0.0 ? piece_place : NULL;
+            const Law law = {piece_rate, piece_goal, place, &p, slope == 0.0, &budget};
             const int how = follow(m, &law, &s, &zeta, end, fine, p.size * (p.flat ? 1.0 : sharpness(n)));
             if (how == FAILED)
                 return false;
