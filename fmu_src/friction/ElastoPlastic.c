@@ -215,7 +215,8 @@ static bool stretch(Ramp *r, double end, Curve *rate, Curve *goal)
     GIVEN(r->m)
     const double z_max = z_max_at(end, 0.0, r), smallest = fmin(fmin(Fs, Fc), r->S_end) / sigma0;
     const double size = fmax(smallest / r->sensitivity, 0.01 * z_max); /* beyond, rounding decides */
-    const Law law = {rate, goal, rate != gliding && r->deflection > 0.9 * z_max_at(r->t, 0.0, r) ? z_max_at : NULL, r, false, &r->budget};
+    const Law law = {rate, goal,  rate != gliding && r->deflection > 0.9 * z_max_at(r->t, 0.0, r) ? z_max_at : NULL,
+                     r,    false, &r->budget};
     const double detail = fmax(0.25 * fabs(z_max - z_ba), 1e-6 * z_max);
     return follow(r->m, &law, &r->t, &r->deflection, end, size, detail) != FAILED;
 }
@@ -297,7 +298,8 @@ static bool ramp(Model *m, double h)
     const double direction = sign(slide(m, h)), growth = direction * SLOPE(v);
     const double v_start = direction * v, v_end = fmax(v_start + growth * h, 0.0);
     const double S_start = stribeck(v_start, Fc, Fs, vs, delta), S_end = stribeck(v_end, Fc, Fs, vs, delta);
-    Ramp r = {m, v_start, growth, h, S_end, 1.0 + fading(sigma1, v_end, v_d) * v_end / S_end, 0.0, direction * z, BUDGET};
+    Ramp r = {m,   v_start,       growth, h, S_end, 1.0 + fading(sigma1, v_end, v_d) * v_end / S_end,
+              0.0, direction * z, BUDGET};
 
     /* Of a long path only the end counts, as the distance between any two deflections shrinks as exp(-path/z_max). */
     const double memory = fabs(z) + fmax(z_ba, 0.0) + 45.0 * fmax(S_start, S_end) / sigma0;

@@ -14,8 +14,8 @@
 /* All is told in the direction of motion, where speeds are not negative. */
 typedef struct {
     double strength;
-    bool by_path;              /* a = strength |v|, else a = strength */
-    double Fc, Fs, vs, delta;  /* of S */
+    bool by_path;             /* a = strength |v|, else a = strength */
+    double Fc, Fs, vs, delta; /* of S */
     double tolerance;
 } Attraction;
 
