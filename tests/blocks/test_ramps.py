@@ -16,6 +16,7 @@ import pytest
 from fmi.instance import OK, Instance, Library, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 reproducibly = settings(max_examples=60, deadline=20_000, derandomize=True, database=None)
 
@@ -167,6 +168,29 @@ def test_gms_is_exact_for_flat_and_sharp_curves_and_fast_attraction(
     F = ramp(block("GMS"), v, slope, h, "Fi[1]", C=C, sigma2=0.0, N=1, **{"Fi[1]": 1.1 * max(1.0, ratio)}, **p)[0]
     expected = attracted(1.1 * max(1.0, ratio), v, slope, h, lambda w: np.full_like(w, C), p)
     assert abs(F - expected) < 1e-8 * p["Fs"]
+
+
+@pytest.mark.parametrize("delta", [0.02, 0.05, 0.1, 0.5, 1.0, 3.0])
+@pytest.mark.parametrize("start", [0.5, 1.2, 1.4])
+@pytest.mark.parametrize("k", [1e3, 1e7])
+def test_gms_slips_where_the_force_meets_a_level_that_falls_steeply(
+    block: Callable[[str], Library], delta: float, start: float, k: float
+) -> None:
+    """From rest, and without attraction: the force stays as it is when k path + F(0) = S, even after 1e-30 s."""
+    p = {"Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "delta": delta}
+    slope, h = 20.0, 1e-3
+
+    def force(logarithm: float) -> float:
+        return start + k * 0.5 * slope * math.exp(2.0 * logarithm)
+
+    def excess(logarithm: float) -> float:
+        return force(logarithm) - float(level(slope * math.exp(logarithm), p))
+
+    expected = (
+        force(brentq(excess, -300.0, math.log(h), xtol=1e-13)) if excess(math.log(h)) > 0.0 else force(math.log(h))
+    )
+    F = ramp(block("GMS"), 0.0, slope, h, "Fi[1]", C=0.0, sigma2=0.0, N=1, **{"Fi[1]": start, "k[1]": k}, **p)[0]
+    assert abs(F - expected) < 1e-9
 
 
 @pytest.mark.parametrize("delta", [0.7, 1.0, 2.0, 11.0])
