@@ -214,7 +214,9 @@ static bool stretch(Ramp *r, double end, Curve *rate, Curve *goal)
 {
     GIVEN(r->m)
     const double z_max = z_max_at(end, 0.0, r), smallest = fmin(fmin(Fs, Fc), r->S_end) / sigma0;
-    const double size = fmax(smallest / r->sensitivity, 0.01 * z_max); /* beyond, rounding decides */
+    /* beyond a hundredth rounding decides; the law is smooth enough for any tolerance of the experiment */
+    const double coarser = fmax(quadrature_tolerance(r->m) / relaxation_tolerance(r->m), 1.0);
+    const double size = coarser * fmax(smallest / r->sensitivity, 0.01 * z_max);
     const Law law = {rate, goal,  rate != gliding && r->deflection > 0.9 * z_max_at(r->t, 0.0, r) ? z_max_at : NULL,
                      r,    false, &r->budget};
     const double detail = fmax(0.25 * fabs(z_max - z_ba), 1e-6 * z_max);

@@ -94,7 +94,8 @@ static bool ramp(Model *m, double h)
     const Attraction slip = asymmetric && backward
                                 ? (Attraction){sigma0, true, Fc_neg, Fs_neg, vs_neg, delta_neg, tolerance}
                                 : (Attraction){sigma0, true, Fc, Fs, vs, delta, tolerance};
-    const double sensitivity = 1.0 + fading(sigma1, v_end, v_d) * v_end / level(m, v_end, backward);
+    const double sensitivity = 1.0 + fmax(fading(sigma1, v, v_d) * fabs(v) / level(m, fabs(v), backward),
+                                          fading(sigma1, v_end, v_d) * v_end / level(m, v_end, backward));
     double kept, gained;
     if (!attract(&slip, fabs(v), growth, h, fabs(y), sensitivity, &kept, &gained))
         return false;

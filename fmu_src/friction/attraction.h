@@ -29,10 +29,8 @@ static inline double pull_of(const Attraction *a, double speed)
     return a->by_path ? a->strength * speed : a->strength;
 }
 
-static inline double quadrature_tolerance(const Model *m)
-{
-    return m->run.tolerance > 0.0 ? m->run.tolerance : DEFAULT_TOLERANCE;
-}
+/* Of y; finer than that of F, as later steps may magnify an error of y. */
+static inline double quadrature_tolerance(const Model *m) { return m->run.tolerance > 0.0 ? m->run.tolerance : 1e-11; }
 
 /* Five nodes on [0, 1], and the integrals from 0 to each node of the polynomials that are 1 at one node: order 8. The
    last row are the weights. */
@@ -123,7 +121,7 @@ static bool attract(const Attraction *a, double first, double growth, double h, 
         /* Simpson's error e goes with the fifth power of the step, that of the result with the ninth: about e^(9/5),
            where S is smooth */
         const bool smooth = smooth_at_rest || 2.0 * fmin(speed, now.speed) >= fmax(speed, now.speed);
-        const double limit = smooth ? fmin(cbrt(square(allowed / weight)), 1e-3) : fmin(allowed / weight, 1e-3);
+        const double limit = smooth ? fmin(0.1 * cbrt(square(allowed / weight)), 0.1) : fmin(allowed / weight, 0.1);
         double error;
         const Course next = piece_of_ramp(a, &now, speed, taken, largest, &error);
         const bool accepted = error <= fmax(limit, DBL_EPSILON) || shortest;
