@@ -136,13 +136,13 @@ static void evaluate(Model *m)
    sums, because each addition waits for the one before it. */
 static bool results_finite(const Model *m)
 {
-    const double *value = (const double *)(const void *)m;
+    const size_t count = VALUES - AT(time), fours = count - count % 4;
+    const double *const value = (const double *)(const void *)m + AT(time);
     double sum[4] = {0.0, 0.0, 0.0, 0.0};
-    size_t i = AT(time);
-    for (; i + 4 <= VALUES; i += 4)
+    for (size_t i = 0; i < fours; i += 4)
         for (size_t k = 0; k < 4; k++)
             sum[k] += 0.0 * value[i + k];
-    for (; i < VALUES; i++)
+    for (size_t i = fours; i < count; i++)
         sum[0] += 0.0 * value[i];
     return (sum[0] + sum[1]) + (sum[2] + sum[3]) == 0.0;
 }
