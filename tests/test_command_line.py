@@ -9,7 +9,6 @@ import re
 import signal
 import subprocess
 import sys
-import threading
 import zipfile
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from rich.console import Console
 from friction_fmus.__main__ import main, parser
 from friction_fmus.catalogue import catalogue
 from friction_fmus.package import resolve
+from friction_fmus.terminal import RunBar
 from harness import Parameter, ParameterSet, System, load_result, masters, write_ssv
 
 ROOT = Path(__file__).parent.parent
@@ -156,13 +156,16 @@ def test_run_goes_on_from_a_checkpoint_with_parameters_and_an_archive(tmp_path: 
     assert (soft["mass.x"].to_numpy() == frames[0]["mass.x"].to_numpy()).all()
 
 
-def test_ctrl_c_keeps_what_was_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_ctrl_c_keeps_what_was_recorded(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def press(_bar: RunBar, done: int, _total: int) -> None:
+        if done:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(RunBar, "update", press)
     path = tmp_path / "a.parquet"
-    common = ["run", str(STICK_SLIP), "-o", str(path), "--stop"]
-    assert main([*common, "0.1"]) == 0  # the FMUs are now built
-    threading.Timer(3.0, lambda: signal.raise_signal(signal.SIGINT)).start()
-    capsys.readouterr()
-    assert main([*common, "60", "--pace", "1"]) == 130
+    assert main(["run", str(STICK_SLIP), "-o", str(path), "--stop", "60"]) == 130
     assert "friction-fmus: interrupted; what was recorded until then is in " in capsys.readouterr().err
     result = load_result(path)
     assert result.attrs["incomplete"] == "interrupted"

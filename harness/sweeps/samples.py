@@ -146,6 +146,16 @@ READERS: Final[dict[str, Callable[[Path], Sequence[WithUnits]]]] = {".csv": read
 def read_samples(paths: Iterable[Path]) -> list[WithUnits]:
     """The parameter sets of several files, one after the other.
 
+    Parameters
+    ----------
+    paths : iterable of Path
+        A .csv file has a parameter set in each row below the names, an .ssv file is one parameter set.
+
+    Returns
+    -------
+    list of mappings
+        Values by name, those of an .ssv file with their units.
+
     Raises
     ------
     SweepError
