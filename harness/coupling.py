@@ -108,7 +108,8 @@ class Coupling:
                     alternating,
                 )
         for pair in self._pair_data:
-            made = pair.made / pair.passed if pair.passed > 0.0 else 0.0
+            passed = pair.passed + pair.flow
+            made = pair.made / passed if passed > 0.0 else 0.0
             worst["energy_defect"] = max(worst["energy_defect"], made)
             fed = pair.unstable / pair.windows if pair.windows else 0.0
             worst["feeding"] = max(worst["feeding"], fed)

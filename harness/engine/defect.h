@@ -17,6 +17,7 @@ static void end_window(Pair *p)
 {
     p->unstable += fabs(p->fed) > FED * p->flow && fabs(p->fed) > 0.5 * fabs(p->net);
     p->windows++;
+    p->passed += p->flow;
     p->fed = p->net = p->flow = 0.0;
     p->ticks = 0;
 }
@@ -31,7 +32,6 @@ static void measure_defects(Engine *e)
         const double made = (e->signals[force->input] * v - e->signals[velocity->input] * F) * e->step;
         const double passed = F * v * e->step;
         p->made += fabs(made);
-        p->passed += fabs(passed);
         p->fed += made;
         p->net += passed;
         p->flow += fabs(passed);

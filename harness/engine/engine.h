@@ -58,7 +58,8 @@ typedef struct {
 /* The power that leaves one part and enters another one over a force and a velocity between them. */
 typedef struct {
     int64_t force, velocity; /* which defects */
-    double made, passed;     /* [J] sum of the sizes of what the coupling makes, and of what passes */
+    double made, passed;     /* [J] sum of the sizes of what the coupling makes, and of what has passed before
+                                this window */
     double fed, net, flow;   /* [J] of this window: what the coupling makes and what passes, with their signs, and the
                                 sum of the sizes of what passes */
     int64_t ticks, windows, unstable; /* in this window; windows so far, and those in which the coupling feeds */
