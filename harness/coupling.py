@@ -38,7 +38,7 @@ class Defect(ctypes.Structure):
 
     _fields_ = (
         ("input", _INT),
-        *((name, _REAL) for name in ("before", "flips", "squares", "value", "values", "value_squares")),
+        *((name, _REAL) for name in ("before", "flips", "squares", "value", "mean", "values", "value_squares")),
     )
 
 

@@ -24,31 +24,28 @@ static void end_window(Pair *p)
 
 static void measure_defects(Engine *e)
 {
-    for (int64_t i = 0; i < e->pair_count; i++) {
-        Pair *const p = &e->pairs[i];
-        const Defect *const force = &e->defects[p->force], *const velocity = &e->defects[p->velocity];
-        const double F = 0.5 * (force->value + arriving(e, force->input));
-        const double v = 0.5 * (velocity->value + arriving(e, velocity->input));
-        const double made = (e->signals[force->input] * v - e->signals[velocity->input] * F) * e->step;
-        const double passed = F * v * e->step;
-        p->made += fabs(made);
-        p->fed += made;
-        p->net += passed;
-        p->flow += fabs(passed);
-        if (++p->ticks == WINDOW)
-            end_window(p);
-    }
-    for (int64_t i = 0; i < e->defect_count; i++) {
-        Defect *const d = &e->defects[i];
+    for (Defect *d = e->defects; d < e->defects + e->defect_count; d++) {
         const double end = arriving(e, d->input), defect = end - e->signals[d->input];
         const double lasting = fmin(fabs(defect), fabs(d->before));
         if (defect * d->before < 0.0)
             d->flips += lasting;
         d->squares += lasting * lasting;
         d->before = defect;
+        d->mean = 0.5 * (d->value + end);
         d->value = end;
         d->values += fabs(end);
         d->value_squares += end * end;
+    }
+    for (Pair *p = e->pairs; p < e->pairs + e->pair_count; p++) {
+        const Defect *const force = &e->defects[p->force], *const velocity = &e->defects[p->velocity];
+        const double F = force->mean, v = velocity->mean, passed = F * v * e->step;
+        const double made = (e->signals[force->input] * v - e->signals[velocity->input] * F) * e->step;
+        p->made += fabs(made);
+        p->fed += made;
+        p->net += passed;
+        p->flow += fabs(passed);
+        if (++p->ticks == WINDOW)
+            end_window(p);
     }
 }
 

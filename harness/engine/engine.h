@@ -52,7 +52,7 @@ typedef struct {
     double before;  /* defect of the last step                                                         */
     double flips;   /* sum of the defects that alternate in sign                                       */
     double squares; /* sum of the squares of the defects that last, the smaller of two steps          */
-    double value, values, value_squares; /* at the end of the last step; sum of the sizes, the squares */
+    double value, mean, values, value_squares; /* at the end of the last step, mean over it; sums of sizes, squares */
 } Defect;
 
 /* The power that leaves one part and enters another one over a force and a velocity between them. */
