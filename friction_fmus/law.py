@@ -25,6 +25,7 @@ from typing import Any
 from casadi import SX, Function, vertcat
 
 from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.law_conditions import Conditions, Relation, conditions_of
 from friction_fmus.law_variables import (
     ACCELERATION,
     ANGLE,
@@ -99,6 +100,8 @@ class Law:
         (named ``<state>_next``).
     path : Path
         The file that defines it.
+    conditions : Conditions
+        What must hold between its parameters.
     """
 
     name: str
@@ -108,6 +111,7 @@ class Law:
     variables: tuple[Variable, ...]
     function: Function
     path: Path
+    conditions: Conditions
 
     def select(self, *kinds: Kind) -> tuple[Variable, ...]:
         """The variables of these kinds."""
@@ -183,7 +187,13 @@ Equations = Callable[..., Mapping[str, Any]]
 
 
 def law(
-    name: str, summary: str, *, source: str, Ts: float, outputs: Mapping[str, Variable]
+    name: str,
+    summary: str,
+    *,
+    source: str,
+    Ts: float,
+    outputs: Mapping[str, Variable],
+    conditions: Mapping[str, Relation] | None = None,
 ) -> Callable[[Equations], Law]:
     """Make a function of casadi expressions a `Law`.
 
@@ -197,6 +207,9 @@ def law(
         Start value of the fixed parameter ``Ts``, the sample time, in seconds.
     outputs : mapping of str to Variable
         Made by `Output`.
+    conditions : mapping of str to callable, optional
+        Relations without which the law is singular: ``{"u_min <= u_max": lambda u_min, u_max: u_min <= u_max}``; the
+        arguments are parameters of these names. Values that violate one are refused, and the message has its text.
 
     Returns
     -------
@@ -233,6 +246,7 @@ def law(
             variables,
             _function(where, name, equations, declared, variables),
             path,
+            conditions_of(where, conditions or {}, variables),
         )
 
     return decorate

@@ -70,6 +70,7 @@ class Kind(Enum):
     OPTIONAL = "OPTIONAL"
     COMMAND = "COMMAND"
     OUTPUT = "OUTPUT"
+    FLAG = "OUTPUT_FLAG"
     STATE = "STATE"
     PARAMETER = "PARAMETER"
     VECTOR = "PARAMETERS"
@@ -165,6 +166,12 @@ def Output(unit: Unit | str, text: str) -> Variable:  # noqa: N802
     return Variable(Kind.OUTPUT, _unit(unit), 0.0, text)
 
 
+FAULT = Variable(
+    Kind.FLAG, NO_UNIT, 0.0, "true: an input is NaN or infinite, outputs and states are held", name="fault"
+)
+"""The output that every law gets from what surrounds it."""
+
+
 # ---- names ----------------------------------------------------------------------------------------------------------
 
 # Names that are taken in C, in <math.h>, in the C runtimes' headers, or by block.h.
@@ -180,10 +187,12 @@ _RESERVED = {
     "scalb finite exception matherr div abs index signal time clock remove rename",
     "Windows or compiler headers": "near far small hyper interface huge pascal cdecl min max linux unix i386 vax",
     "block.h": "time slope memory run given model rows states inputs nominals square sign clip value_of sample "
-    "equations advance evaluate relax Model Memory Run Row Instance INPUT COMMAND OUTPUT LOCAL FLAG "
-    "OPTIONAL LOCALS FLAGS TALLY STATES PARAMETER SWITCH FIXED COUNT PARAMETERS STATE STATE_OUTPUT "
+    "equations advance evaluate relax fault violated relations holds Model Memory Run Row Instance INPUT COMMAND "
+    "OUTPUT LOCAL FLAG OPTIONAL OUTPUT_FLAG LOCALS FLAGS TALLY STATES PARAMETER SWITCH "
+    "FIXED COUNT PARAMETERS STATE STATE_OUTPUT "
     "SCALAR VECTOR DYNAMIC DYNAMICS GIVEN VARIABLES IDENTITY "
-    "MODEL SUMMARY SOURCE SAMPLED MEMORY STEPS_BY INF COUNTS INPUTS STATES VALUES ROWS AT SLOPE UNWRAP "
+    "MODEL SUMMARY SOURCE SAMPLED GUARDED REQUIRES "
+    "MEMORY STEPS_BY INF COUNTS INPUTS STATES VALUES ROWS AT SLOPE UNWRAP "
     "LENGTH VELOCITY ACCELERATION JERK FORCE MASS STIFFNESS DAMPING TIME FREQUENCY ANGLE NO_UNIT "
     "ROTATIONAL PASTE QUOTE ENTER REQUIRE MODE SET GET NAN NULL INFINITY HUGE_VAL EOF BUFSIZ RAND_MAX",
     "casadi": "null jac hess",
