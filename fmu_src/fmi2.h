@@ -289,7 +289,11 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
             m->run.stop)
 
     const char *const relation = m->run.stale ? violated(m) : NULL;
-    REQUIRE(!relation, "fmi2DoStep: the parameters of \"%s\" must satisfy %s; no step is made", c->name, relation)
+    if (relation) {
+        MODE(c) = STEP_FAILED;
+        return report(c, fmi2Discard, LOG_DISCARD, "fmi2DoStep: the parameters of \"%s\" must satisfy %s", c->name,
+                      relation);
+    }
 
     keep(c);
     if (m->run.slopes_used)
