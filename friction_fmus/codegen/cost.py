@@ -126,7 +126,7 @@ def measure(export: Export, core: Core) -> Cost:
             flash=linked[0] + linked[1],
             instance=_sizes(folder, "instance.o")[2],
             static=linked[1] + linked[2],
-            frame=own[f"{p}_step"] + own.get("sample", 0),
+            frame=max(own[f"{p}_init"], own[f"{p}_step"] + own.get("sample", 0)),
         )
         if EMULATOR in missing():
             return cost

@@ -11,11 +11,12 @@ import sys
 import casadi as ca
 import numpy as np
 import pytest
+from laws.draws import random_arguments
 
 from friction_fmus.catalogue import laws_folder
 from friction_fmus.emit import _OPERATIONS, DOUBLE, FLOAT, _graph, kernel
 from friction_fmus.errors import FrictionError
-from friction_fmus.law import BOOLEANS, Kind, Law
+from friction_fmus.law import Kind
 from friction_fmus.law_block import block_source
 from friction_fmus.law_files import discover_laws
 
@@ -51,23 +52,6 @@ def everything() -> ca.Function:
 def special_pairs() -> np.ndarray:
     special = [0.0, -0.0, 1.0, -1.0, math.inf, -math.inf, math.nan, 5e-324, -5e-324, 1.7e308, -1.7e308, 2.5, -0.5]
     return np.array([(a, b) for a in special for b in special])
-
-
-def random_arguments(law: Law, n: int, seed: int) -> np.ndarray:
-    """Arguments of a law about its start values, Booleans at random, with zeros and coarse values among them."""
-    random = np.random.default_rng(seed)
-    columns = []
-    for variable in law.given:
-        for start in variable.starts:
-            if variable.kind in BOOLEANS:
-                columns.append(random.integers(0, 2, n).astype(float))
-                continue
-            size = abs(start) or variable.nominal
-            column = start + size * random.normal(size=n) * 10.0 ** random.uniform(-4, 1, n)
-            column[random.random(n) < 0.1] = start
-            column[random.random(n) < 0.05] = 0.0
-            columns.append(np.clip(column, variable.min, variable.max))
-    return np.array(columns).T
 
 
 def test_the_synthetic_function_uses_every_operation():
