@@ -89,9 +89,7 @@ def make_export(
 def _law(model: str | Path) -> Law:
     block = find(model)
     if block.kind != "law" and block.path.suffix != ".py":
-        raise FrictionError(
-            f"{block.name} is a {block.kind}, written in C: {block.path.name}; C is generated for laws only"
-        )
+        raise FrictionError(f"{block.name} is not a law but written in C, in {block.path.name}; take it from there")
     return next(law for law in discover_laws(block.path) if law.name == block.name)
 
 

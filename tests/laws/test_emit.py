@@ -146,6 +146,14 @@ def test_literals_read_back_exactly():
     assert FLOAT.literal(0.5) == "0.5f"
 
 
+def test_a_guard_against_zero_stays_above_zero_in_float():
+    for guard in (1e-300, -1e-300, 1e-45):
+        literal = np.float32(FLOAT.literal(guard).strip("()f"))
+        assert abs(literal) == np.finfo(np.float32).tiny
+        assert np.sign(literal) == np.sign(guard)
+    assert FLOAT.literal(0.0) == "0.0f"
+
+
 def test_float_code_uses_float_only(workshop, by_casadi):
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     decision = ca.if_else(x < y, ca.tanh(x), 0.1 * y)
