@@ -1,4 +1,4 @@
-/* What `cosimulation.py` compares the engine with: two FMUs stepped one after the other, by hand, through their fmi2
+/* What `harness.py` compares the engine with: two FMUs stepped one after the other, by hand, through their fmi2
    functions, with their outputs recorded in every row. No checks but the status, nothing that is not needed. */
 
 #include <dlfcn.h>

@@ -13,10 +13,11 @@ from pathlib import Path
 
 from rich.table import Table
 
+from friction_fmus import sweep_command
 from friction_fmus.codegen.command import add_codegen_options, codegen
 from friction_fmus.errors import FrictionError
 from friction_fmus.run_command import add_run_options, run_system
-from friction_fmus.terminal import RunBar, console, progress_bar
+from friction_fmus.terminal import RunBar, console, parse_assignment, progress_bar
 from friction_fmus.version import VERSION
 from harness import HarnessError
 
@@ -79,26 +80,6 @@ def build_blocks(options: argparse.Namespace) -> None:
             bar.console.print(path) if bar.console.is_terminal else print(path)
 
 
-def parse_assignment(text: str) -> tuple[str, float | bool]:
-    """``NAME=VALUE`` -> name and number or truth value.
-
-    Raises
-    ------
-    FrictionError
-        If it is neither.
-    """
-    name, equals, value = text.partition("=")
-    if equals and value.strip().lower() in ("true", "false"):
-        return name.strip(), value.strip().lower() == "true"
-    try:
-        number = float(value)
-    except ValueError:
-        equals = ""
-    if not equals:
-        raise FrictionError(f"--set {text!r} is not NAME=VALUE with a number, true or false as VALUE")
-    return name.strip(), number
-
-
 def check_files(options: argparse.Namespace) -> int:
     """Findings in FMUs; status 1 if there are any."""
     from friction_fmus.check import check
@@ -159,6 +140,8 @@ def parser() -> argparse.ArgumentParser:
     add_run_options(running)
     generating = command("codegen", codegen, "write a law as C for an embedded target, with its cost")
     add_codegen_options(generating)
+    sweeping = command("sweep", sweep_command.sweep_system, "run a system of FMUs with many parameter sets")
+    sweep_command.add_arguments(sweeping)
     studying = command("study", study, "identify a measured axis, co-simulate it, and see what compensation gains")
     studying.add_argument("axis", choices=["emps"], help="which record")
     studying.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the results")
@@ -182,8 +165,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         print(f"friction-fmus: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("friction-fmus: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as error:
+        print(f"friction-fmus: {error or 'interrupted'}", file=sys.stderr)
         return 130
 
 

@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 
 from friction_fmus.errors import FrictionError
-from friction_fmus.terminal import RunBar, console, progress_bar
-from harness import HarnessError, Result, System, masters, plot, save_result
+from friction_fmus.terminal import RunBar, console, parse_assignment, progress_bar
+from harness import HarnessError, Interrupted, Result, System, masters, plot, save_result
 from harness.results import FORMATS
 
 _PICTURES = (".png", ".svg", ".pdf")
@@ -15,38 +15,66 @@ _PICTURES = (".png", ".svg", ".pdf")
 
 def add_run_options(parser: argparse.ArgumentParser) -> None:
     """The options of the command."""
-    parser.add_argument("system", type=Path, metavar="SYSTEM.toml")
+    parser.add_argument("system", type=Path, metavar="SYSTEM", help="system file: .toml or .ssp")
     parser.add_argument(
         "-o", "--output", type=Path, required=True, metavar="FILE", help=f"result: {_listed(tuple(FORMATS))}"
     )
     parser.add_argument("--step", type=float, metavar="H", help="communication step [s]")
     parser.add_argument("--stop", type=float, metavar="T", help="end time [s]")
     parser.add_argument("--master", metavar="NAME", help=_listed(tuple(masters())))
+    parser.add_argument("--set", action="append", metavar="PART.NAME=VALUE", help="start value; may be repeated")
+    parser.add_argument("--parameters", type=Path, metavar="FILE", help="parameter set: .ssv")
+    parser.add_argument("--record", action="append", metavar="PATTERN", help="what is recorded; may be repeated")
+    parser.add_argument("--resume", type=Path, metavar="FILE", help="go on from the state in this file")
+    parser.add_argument("--checkpoint", type=Path, metavar="FILE", help="write the state at the end")
+    parser.add_argument("--pace", type=float, metavar="FACTOR", help="simulated seconds a second, 1 is real time")
     parser.add_argument("--plot", type=Path, metavar="FILE", help=f"also draw the result: {_listed(_PICTURES)}")
 
 
 def run_system(options: argparse.Namespace) -> None:
     """A system file, run to a result file; of a run that fails, what was recorded until then."""
-    from friction_fmus.package import resolve
-
     if options.output.suffix.lower() not in FORMATS:
         raise FrictionError(f"{options.output} has no known format; end the name in {_listed(tuple(FORMATS))}")
     if options.plot and options.plot.suffix not in _PICTURES:
         raise FrictionError(f"{options.plot} has no known picture format; end the name in {_listed(_PICTURES)}")
-    with System.from_toml(options.system, resolve=resolve) as system, progress_bar() as bar:
+    with open_system(options.system) as opened, progress_bar() as bar:
+        system = opened.with_parameters(options.parameters) if options.parameters else opened
+        system = system.with_start(dict(parse_assignment(text) for text in options.set or ()))
         try:
             result = system.run(
-                step=options.step, stop=options.stop, master=options.master, progress=RunBar(bar, system.name)
+                step=options.step,
+                stop=options.stop,
+                master=options.master,
+                record=options.record,
+                progress=RunBar(bar, system.name),
+                resume=options.resume,
+                checkpoint=options.checkpoint,
+                pace=options.pace,
             )
-        except HarnessError as error:
+        except (HarnessError, Interrupted) as error:
             if error.result is None:
                 raise
-            raise FrictionError(f"{error}; {_keep(error.result, str(error), options.output)}") from error
+            message = str(error) or "interrupted"
+            kind = FrictionError if isinstance(error, HarnessError) else Interrupted
+            raise kind(f"{message}; {_keep(error.result, message, options.output)}") from error
     _save(result, options.output)
     if options.plot:
         options.plot.parent.mkdir(parents=True, exist_ok=True)
         plot(result, options.plot)
     console.print(f"{options.output}: {_size(result)}", highlight=False, soft_wrap=True)
+
+
+def open_system(path: Path) -> System:
+    """The system in a .toml or .ssp file.
+
+    Raises
+    ------
+    HarnessError
+        If there is none.
+    """
+    from friction_fmus.package import resolve
+
+    return System.from_ssp(path) if path.suffix.lower() == ".ssp" else System.from_toml(path, resolve=resolve)
 
 
 def _keep(result: Result, message: str, path: Path) -> str:

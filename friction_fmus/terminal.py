@@ -1,9 +1,11 @@
-"""What the commands show: text on stdout, a progress bar on stderr."""
+"""What the commands share: text on stdout, a progress bar on stderr, options of the form NAME=VALUE."""
 
 from __future__ import annotations
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from friction_fmus.errors import FrictionError
 
 console = Console()
 
@@ -26,3 +28,23 @@ class RunBar:
     def update(self, done: int, total: int) -> None:
         """Called by the harness."""
         self._bar.update(self._task, completed=done, total=total)
+
+
+def parse_assignment(text: str) -> tuple[str, float | bool]:
+    """``NAME=VALUE`` -> name and number or truth value.
+
+    Raises
+    ------
+    FrictionError
+        If it is neither.
+    """
+    name, equals, value = text.partition("=")
+    if equals and value.strip().lower() in ("true", "false"):
+        return name.strip(), value.strip().lower() == "true"
+    try:
+        number = float(value)
+    except ValueError:
+        equals = ""
+    if not equals:
+        raise FrictionError(f"--set {text!r} is not NAME=VALUE with a number, true or false as VALUE")
+    return name.strip(), number

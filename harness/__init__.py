@@ -11,11 +11,13 @@ from harness.errors import (
     ExperimentError,
     FmuError,
     HarnessError,
+    Interrupted,
     OutputError,
     PartError,
     ResultFileError,
     SeriesError,
     StartValueError,
+    SweepError,
     SystemFileError,
     UnconnectedError,
     UnitError,
@@ -33,6 +35,7 @@ from harness.result import Result, select
 from harness.results import load_result, save_result, to_csv, to_mat, to_netcdf, to_parquet
 from harness.series import SeriesPart
 from harness.ssp import Parameter, ParameterSet, read_ssv, write_ssv
+from harness.sweeps import grid, latin_hypercube, read_samples, read_sweep, sobol, sweep
 from harness.system import System
 from harness.tap import Progress, Tap
 from harness.units import BaseUnit, parse_unit
@@ -52,6 +55,7 @@ __all__ = [
     "FmuPart",
     "Freeze",
     "HarnessError",
+    "Interrupted",
     "Manipulator",
     "Noise",
     "OutputError",
@@ -68,6 +72,7 @@ __all__ = [
     "SeriesError",
     "SeriesPart",
     "StartValueError",
+    "SweepError",
     "System",
     "SystemFileError",
     "Tap",
@@ -76,14 +81,20 @@ __all__ = [
     "UnknownNameError",
     "Wire",
     "WireError",
+    "grid",
+    "latin_hypercube",
     "load_result",
     "masters",
     "open_archive",
     "parse_unit",
     "plot",
+    "read_samples",
     "read_ssv",
+    "read_sweep",
     "save_result",
     "select",
+    "sobol",
+    "sweep",
     "to_csv",
     "to_mat",
     "to_netcdf",

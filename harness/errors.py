@@ -22,6 +22,18 @@ class HarnessError(Exception):
     result: xr.Dataset | None = None
 
 
+class Interrupted(KeyboardInterrupt):
+    """A run was ended by Ctrl-C.
+
+    Attributes
+    ----------
+    result : xarray.Dataset or None
+        What it had recorded, as in `HarnessError`.
+    """
+
+    result: xr.Dataset | None = None
+
+
 class FmuError(HarnessError):
     """A file cannot be used as an FMI 2.0 co-simulation FMU on this machine."""
 
@@ -64,6 +76,10 @@ class SeriesError(HarnessError):
 
 class OutputError(HarnessError):
     """A result cannot be written."""
+
+
+class SweepError(HarnessError):
+    """A sweep makes no sense, does not belong to its folder, or its workers cannot be started."""
 
 
 class ResultFileError(HarnessError):

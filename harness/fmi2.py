@@ -6,6 +6,7 @@ import ctypes
 import logging
 import os
 import tempfile
+import threading
 import weakref
 from collections.abc import Callable
 from pathlib import Path
@@ -27,6 +28,9 @@ _NATIVE = (
     *("SetReal", "SetInteger", "SetBoolean", "GetReal", "GetInteger", "GetBoolean", "DoStep"),
     *("GetFMUstate", "SetFMUstate", "FreeFMUstate", "SetRealInputDerivatives"),
 )
+
+_LOADING = threading.Lock()
+"""The working folder, which fmpy changes while it loads a library, belongs to all threads."""
 
 _POINTER = ctypes.c_void_p
 _REAL = ctypes.c_double
@@ -56,23 +60,24 @@ class Library:
     def __init__(self, archive: Archive, name: str) -> None:
         """Unpack and load."""
         folder = tempfile.TemporaryDirectory(prefix="harness-", ignore_cleanup_errors=True)
-        here = Path.cwd()
-        try:
-            fmpy.extract(archive.path, folder.name)
-            self.slave = fmpy.fmi2.FMU2Slave(
-                instanceName=name,
-                guid=archive.description.guid,
-                modelIdentifier=archive.description.coSimulation.modelIdentifier,
-                unzipDirectory=folder.name,
-            )
-        except BaseException as error:
-            folder.cleanup()
-            if not isinstance(error, Exception):
-                raise
-            reason = " ".join(str(error).split())
-            raise FmuError(f"cannot load {archive.path}: {reason}; export it again for this platform") from error
-        finally:
-            os.chdir(here)  # fmpy changes to the folder of the library and stays there when loading fails
+        with _LOADING:
+            here = Path.cwd()
+            try:
+                fmpy.extract(archive.path, folder.name)
+                self.slave = fmpy.fmi2.FMU2Slave(
+                    instanceName=name,
+                    guid=archive.description.guid,
+                    modelIdentifier=archive.description.coSimulation.modelIdentifier,
+                    unzipDirectory=folder.name,
+                )
+            except BaseException as error:
+                folder.cleanup()
+                if not isinstance(error, Exception):
+                    raise
+                reason = " ".join(str(error).split())
+                raise FmuError(f"cannot load {archive.path}: {reason}; export it again for this platform") from error
+            finally:
+                os.chdir(here)  # fmpy changes to the folder of the library and stays there when loading fails
         self.set_ = {
             kind: _pointer(self.slave.dll, f"fmi2Set{kind}", _EXCHANGE) for kind in ("Real", "Integer", "Boolean")
         }
@@ -124,6 +129,7 @@ class Instance:
         self.last_message = ""
         self.running = False
         self._released = False
+        self._failed = False
         self._fatal = False
         self._log = logging.getLogger(f"harness.{name}")
         callbacks = fmpy.fmi2.fmi2CallbackFunctions()
@@ -138,9 +144,8 @@ class Instance:
             raise PartError(name, "fmi2Instantiate", reason) from error
         self.component: int = self.slave.component
         declared = {category.name for category in archive.description.logCategories}
-        wanted = [category for category in _CATEGORIES if category in declared]
-        if wanted:
-            self.call("SetDebugLogging", 1, len(wanted), (ctypes.c_char_p * len(wanted))(*map(str.encode, wanted)))
+        self._categories = [category.encode() for category in _CATEGORIES if category in declared]
+        self._choose_categories()
 
     def call(self, function: str, *arguments: object) -> None:
         """Call fmi2<function> with the instance as first argument.
@@ -156,10 +161,32 @@ class Instance:
 
     def failure(self, function: str, status: int, time: float | None = None) -> PartError:
         """The error for a call that returned more than Warning, with the last log message as reason."""
+        self._failed = True
         self._fatal = self._fatal or status == FATAL
         self.running = False
         label = _STATUS[status] if 0 <= status < len(_STATUS) else f"the illegal status {status}"
         return PartError(self.name, function, f"it returned {label} and logged {self._quoted_message()}", time)
+
+    def reset(self) -> bool:
+        """Back to what it was when instantiated, with fmi2Reset.
+
+        Returns
+        -------
+        bool
+            False if the FMU cannot, or has failed in the run before: it is then to be released.
+        """
+        if self._failed:
+            return False
+        self.last_message = ""
+        try:
+            if self.running:
+                self.running = False
+                self.call("Terminate")
+            self.call("Reset")
+            self._choose_categories()
+        except PartError:
+            return False
+        return True
 
     def release(self) -> None:
         """Free the instance; harmless if done twice."""
@@ -171,6 +198,11 @@ class Instance:
         if self.running:
             self.slave.dll.fmi2Terminate(self.component)
         self.slave.dll.fmi2FreeInstance(self.component)
+
+    def _choose_categories(self) -> None:
+        names = self._categories
+        if names:
+            self.call("SetDebugLogging", 1, len(names), (ctypes.c_char_p * len(names))(*names))
 
     def _quoted_message(self) -> str:
         return f"'{self.last_message}'" if self.last_message else "nothing"

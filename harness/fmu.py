@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,8 @@ class FmuPart(Part):
     ----------
     keep : object
         Kept as long as the part: the temporary folder with the file in it, if it is in one.
+    reuse : bool
+        Whether the next run gets the same instance, after fmi2Reset, instead of a new one; false at first.
 
     Raises
     ------
@@ -84,9 +87,11 @@ class FmuPart(Part):
         self.path = Path(path)
         self.model = model
         self.every = every
+        self.reuse = False
         self._archive = open_archive(self.path)
         self._library: Library | None = None
         self._instance: Instance | None = None
+        self._idle: Instance | None = None
         self._states: list[_State] = []
         ports, variables = self._archive.ports, self._archive.variables
         numeric = [name for name in ports if ports[name].type != "String"]
@@ -103,11 +108,12 @@ class FmuPart(Part):
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
     ) -> None:
-        """Instantiate the FMU, set its start values and enter initialisation mode."""
+        """Instantiate or reset the FMU, set its start values and enter initialisation mode."""
         self.terminate()
         if self._library is None:
             self._library = Library(self._archive, self.name)
-        instance = self._instance = Instance(self._library, self._archive, self.name)
+        instance = self._instance = self._idle or Instance(self._library, self._archive, self.name)
+        self._idle = None
         for name, value in values.items():
             self._set_start(instance, self._archive.ports[name], value)
         known = math.isfinite(stop)
@@ -195,20 +201,33 @@ class FmuPart(Part):
         self._states.remove(state)
 
     def terminate(self) -> None:
-        """Free the instance and its saved states."""
+        """Free the saved states, and the instance unless the next run is to get it."""
         if self._instance is not None:
             for state in self._states:
                 self._instance.slave.dll.fmi2FreeFMUstate(self._instance.component, ctypes.byref(state.pointer))
-            self._instance.release()
+            if self.reuse and self._instance.reset():
+                self._idle = self._instance
+            else:
+                self._instance.release()
+        elif self._idle is not None and not self.reuse:
+            self._idle.release()
+            self._idle = None
         self._states.clear()
         self._instance = None
 
     def close(self) -> None:
         """Free the instance, unload the library and remove the temporary folder."""
+        self.reuse, reuse = False, self.reuse
         self.terminate()
+        self.reuse = reuse
         if self._library is not None:
             self._library.close()
             self._library = None
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """A part in another process is made anew from the same file."""
+        make = partial(FmuPart, every=self.every, model=self.model, isolate=self.isolate, timeout=self.timeout)
+        return make, (self.name, self.path.absolute())
 
     def _started(self) -> Instance:
         if self._instance is None:

@@ -13,7 +13,7 @@ import numpy as np
 from harness.assembly import Assembly
 from harness.checkpoint import read_checkpoint, write_checkpoint
 from harness.coupling import Coupling
-from harness.errors import ExperimentError, HarnessError
+from harness.errors import ExperimentError, HarnessError, Interrupted
 from harness.experiment import Experiment
 from harness.graph import check_loops
 from harness.initialisation import start_parts
@@ -133,9 +133,12 @@ def run(system: Assembly, experiment: Experiment, options: Options | None = None
         if options.progress is not None:
             options.progress.update(plan.ticks, plan.ticks)
     except HarnessError as error:
-        if recorder.filled:
-            error.result = recorder.result(attributes)
+        error.result = recorder.result(attributes) if recorder.filled else None
         raise
+    except KeyboardInterrupt as signal:
+        interrupted = Interrupted()
+        interrupted.result = recorder.result(attributes) if recorder.filled else None
+        raise interrupted from signal
     finally:
         for part in plan.parts:
             part.terminate()

@@ -267,6 +267,10 @@ class System:
         for part in self.parts.values():
             part.close()
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """A copy has parts of its own, so that it can run at the same time in another thread or process."""
+        return System, (tuple(self.parts.values()), self.wires, self.start, self.experiment, self.name)
+
     def __enter__(self) -> Self:
         """Return the system; leaving the block closes it."""
         return self

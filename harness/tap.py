@@ -101,9 +101,11 @@ class Recorder:
                 "record less or raise decimate"
             ) from error
         self.columns = [plan.columns[name] for name in self.names]
-        self.read = self._reader(self.columns)
 
-    def _reader(self, columns: list[int]) -> Reader:
+    @property
+    def read(self) -> Reader:
+        """Records one row. It is made when asked for: kept here, the two would keep each other and the table alive."""
+        columns = self.columns
         width = len(columns)
         if width and columns == list(range(columns[0], columns[0] + width)):
             # Side by side, as in a run that records everything: a plain copy is five times as fast.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 from harness.errors import UnitError, UnknownNameError, WireError, nearest
 from harness.part import TYPE_ORDER, Part, Port
@@ -31,7 +32,7 @@ class Wire:
     offset: float = 0.0
     delay: int = 0
 
-    @property
+    @cached_property
     def ends(self) -> tuple[tuple[str, str], tuple[str, str]]:
         """((part, output), (part, input))."""
         return split_name(self.source), split_name(self.target)
@@ -41,6 +42,7 @@ class Wire:
         return f"{self.source} -> {self.target}"
 
 
+@lru_cache(maxsize=10_000)  # the same few names in every run
 def split_name(dotted: str) -> tuple[str, str]:
     """Part and port of ``"part.port"``.
 

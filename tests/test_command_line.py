@@ -6,6 +6,7 @@ import itertools
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 import zipfile
@@ -17,7 +18,9 @@ from rich.console import Console
 
 from friction_fmus.__main__ import main, parser
 from friction_fmus.catalogue import catalogue
-from harness import load_result, masters
+from friction_fmus.package import resolve
+from friction_fmus.terminal import RunBar
+from harness import Parameter, ParameterSet, System, load_result, masters, write_ssv
 
 ROOT = Path(__file__).parent.parent
 STICK_SLIP = ROOT / "examples" / "stick_slip.toml"
@@ -132,6 +135,41 @@ def test_run_writes_what_it_also_writes_as_parquet(suffix: str, tmp_path: Path) 
     for path in (tmp_path / "a.parquet", tmp_path / f"a{suffix}"):
         assert main(["run", str(STICK_SLIP), "--stop", "0.05", "-o", str(path)]) == 0
     assert load_result(tmp_path / f"a{suffix}").identical(load_result(tmp_path / "a.parquet"))
+
+
+def test_run_goes_on_from_a_checkpoint_with_parameters_and_an_archive(tmp_path: Path) -> None:
+    """A run in two parts of an .ssp archive, with a parameter set and a value: the same as in one part of the .toml."""
+    write_ssv(ParameterSet("soft", {"friction.sigma0": Parameter(20.0, "N/mm")}), tmp_path / "soft.ssv")
+    with System.from_toml(STICK_SLIP, resolve=resolve) as system:
+        system.to_ssp(tmp_path / "system.ssp")
+    options = ["--parameters", str(tmp_path / "soft.ssv"), "--set", "mass.k=3", "--record", "mass.*"]
+    whole, first, second = (str(tmp_path / f"{name}.parquet") for name in ("whole", "first", "second"))
+    state, archive = str(tmp_path / "state"), str(tmp_path / "system.ssp")
+    assert main(["run", str(STICK_SLIP), "--stop", "0.2", "-o", whole, *options]) == 0
+    assert main(["run", archive, "--stop", "0.1", "-o", first, "--checkpoint", state, *options]) == 0
+    assert main(["run", archive, "--stop", "0.2", "-o", second, "--resume", state, "--pace", "10", *options]) == 0
+    frames = [pd.read_parquet(path) for path in (whole, first, second)]
+    assert {name.partition(".")[0] for name in frames[0]} == {"time", "mass"}
+    assert (pd.concat([frames[1], frames[2].iloc[1:]]).to_numpy() == frames[0].to_numpy()).all()
+    with System.from_toml(STICK_SLIP, resolve=resolve) as system:
+        soft = system.with_start({"friction.sigma0": 2e4, "mass.k": 3.0}).run(stop=0.2)
+    assert (soft["mass.x"].to_numpy() == frames[0]["mass.x"].to_numpy()).all()
+
+
+def test_ctrl_c_keeps_what_was_recorded(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def press(_bar: RunBar, done: int, _total: int) -> None:
+        if done:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(RunBar, "update", press)
+    path = tmp_path / "a.parquet"
+    assert main(["run", str(STICK_SLIP), "-o", str(path), "--stop", "60"]) == 130
+    assert "friction-fmus: interrupted; what was recorded until then is in " in capsys.readouterr().err
+    result = load_result(path)
+    assert result.attrs["incomplete"] == "interrupted"
+    assert 1 < len(result["time"]) < 4000
 
 
 def test_help_of_run_names_every_master_and_format(capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,8 +17,8 @@ from friction_fmus.catalogue import Block, catalogue
 from friction_fmus.documentation import notes_as_html
 from friction_fmus.models_page import models_page
 from friction_fmus.notes import paragraphs
-from friction_fmus.package import build
-from harness import System
+from friction_fmus.package import build, resolve
+from harness import DropOut, System
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -76,6 +76,30 @@ def test_python_of_the_readme_gives_the_published_stick_slip(tmp_path: Path) -> 
     assert unit == "m"
     # x(20 s) = 1.272596 m (benchmark B5), and one slip of 2 x (1.507988 - 0.741239) N / (2 N/m) more
     assert float(position) == pytest.approx(1.272596 + 0.63627, abs=2e-3)
+
+
+def test_program_of_the_harness_page(tmp_path: Path) -> None:
+    """Gauss-Seidel misses what it hands over, and is wrong by a quarter of a metre, as the page says."""
+    (program,) = blocks(ROOT / "docs" / "harness.md", "python")
+    (tmp_path / "program.py").write_text(program, encoding="utf-8")
+    defect, error = (float(word) for word in run(f"{sys.executable} program.py", tmp_path).split())
+    assert defect > 0.05
+    assert error == pytest.approx(0.26, abs=0.01)
+
+
+def test_manipulators_of_the_harness_page_are_read(tmp_path: Path) -> None:
+    """The tables of the page, in a system file."""
+    page = (ROOT / "docs" / "harness.md").read_text(encoding="utf-8")
+    (table,) = re.findall(r"^```toml\n(.*?)^```$", page, re.S | re.M)
+    (wire,) = re.findall(r"`(\{ wire = [^`]*\})`", page.replace("\n", " "))
+    shown = wire.replace("a.y", "mass.v").replace("b.u", "friction.v")
+    text = (ROOT / "examples" / "stick_slip.toml").read_text(encoding="utf-8")
+    path = tmp_path / "system.toml"
+    path.write_text(text.replace('"mass.v -> friction.v"', shown) + "\n" + table, encoding="utf-8")
+    with System.from_toml(path, resolve=resolve) as system:
+        assert (system.wires[0].gain, system.wires[0].offset, system.wires[0].delay) == (2.0, 1.0, 1)
+        assert system.experiment is not None
+        assert system.experiment.manipulators == (DropOut("friction.v", 0.2, seed=1, start=5.0, stop=6.0),)
 
 
 def test_system_shown_in_the_readme_is_the_example(tmp_path: Path) -> None:

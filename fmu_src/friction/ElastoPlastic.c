@@ -21,8 +21,8 @@
 
    The elastic part of a step is z + x, the rest, at constant velocity, a differential equation in the path alone: a
    Taylor series between z_ba and z_max, an exponential beyond. At linear velocity the same holds where S is flat;
-   where it is not the equation is integrated numerically with error control, from the arrival at z_ba, by the method
-   of order 5 of Dormand and Prince, Journal of Computational and Applied Mathematics 6(1), 1980.
+   where it is not the equation is integrated numerically with error control, from the arrival at z_ba (relaxation.h),
+   and beyond z_max is linear and solved by quadrature (attraction.h).
 
    Use it where a joint is held by friction under vibration or small loads and must not creep away, else as LuGre. It
    needs one number more than LuGre, z_ba.
@@ -64,6 +64,8 @@
 #include "block.h"
 #include "presliding.h"
 #include "stribeck.h"
+#include "attraction.h"
+#include "relaxation.h"
 
 static const double pi = 3.14159265358979323846;
 
@@ -155,90 +157,171 @@ static double slid(double z, double u, double z_max, double z_ba)
     return z_max - width * approach((z_max - z) / width, width / z_max, u / width);
 }
 
-/* Speed of the deflection at a speed of the contact, both in the direction of motion */
-static double stretching(const Model *m, double deflection, double speed)
+/* A ramp of the velocity and where it is now, in the direction of motion. */
+typedef struct {
+    const Model *m;
+    double speed, growth; /* at its start */
+    double h, S_end;
+    double sensitivity; /* of F to sigma0 z at its end */
+    double t, deflection;
+    int budget; /* of inner steps */
+} Ramp;
+
+static double speed_at(const Ramp *r, double s) { return fmax(r->speed + r->growth * s, 0.0); }
+
+static double level_at(const Ramp *r, double s)
 {
-    GIVEN(m)
-    return speed * (1.0 - plastic(deflection, stribeck(speed, Fc, Fs, vs, delta) / sigma0, z_ba));
+    GIVEN(r->m)
+    return stribeck(speed_at(r, s), Fc, Fs, vs, delta);
 }
 
-/* Dormand and Prince: the last row is the solution, and where the next step begins. */
-/* clang-format off */
-enum { STAGES_5 = 7 };
-static const double node[STAGES_5] = {0.0, 1.0/5, 3.0/10, 4.0/5, 8.0/9, 1.0, 1.0};
-static const double weight[STAGES_5][STAGES_5 - 1] = {
-    {0.0},
-    {1.0/5},
-    {3.0/40,       9.0/40},
-    {44.0/45,      -56.0/15,      32.0/9},
-    {19372.0/6561, -25360.0/2187, 64448.0/6561, -212.0/729},
-    {9017.0/3168,  -355.0/33,     46732.0/5247, 49.0/176,  -5103.0/18656},
-    {35.0/384,     0.0,           500.0/1113,   125.0/192, -2187.0/6784,  11.0/84}};
-static const double error_weight[STAGES_5] = {71.0/57600, 0.0, -71.0/16695, 71.0/1920, -17253.0/339200, 22.0/525, -1.0/40};
-/* clang-format on */
-
-/* The deflection after a time dt in which the speed grows by `rise`; `error` over the steady deflection. */
-static double dormand_prince(const Model *m, double deflection, double speed, double rise, double dt, double *error)
+static double path_between(const Ramp *r, double s, double end)
 {
-    double rate[STAGES_5], moved = deflection, sum = 0.0;
-    for (int i = 0; i < STAGES_5; i++) {
-        moved = deflection;
-        for (int j = 0; j < i; j++)
-            moved += dt * weight[i][j] * rate[j];
-        rate[i] = stretching(m, moved, fmax(speed + node[i] * rise, 0.0));
-        sum += error_weight[i] * rate[i];
+    return 0.5 * (end - s) * (speed_at(r, s) + speed_at(r, end));
+}
+
+/* What relaxation.h follows: dz/dt as a whole, for z < z_ba and for z > z_max, z_max, and where z comes from below or
+   from above to z_max. */
+static double stretching(double s, double z, const void *law)
+{
+    const Ramp *const r = (const Ramp *)law;
+    return speed_at(r, s) * (1.0 - plastic(z, level_at(r, s) / r->m->sigma0, r->m->z_ba));
+}
+
+static double gliding(double s, double z, const void *law)
+{
+    (void)z;
+    return speed_at((const Ramp *)law, s);
+}
+
+static double z_max_at(double s, double z, const void *law)
+{
+    const Ramp *const r = (const Ramp *)law;
+    (void)z;
+    return level_at(r, s) / r->m->sigma0;
+}
+
+static double slipping(double s, double z, const void *law)
+{
+    return speed_at((const Ramp *)law, s) * (1.0 - z / z_max_at(s, z, law));
+}
+
+static double over_z_max(double s, double z, const void *law) { return z - z_max_at(s, z, law); }
+static double below_z_max(double s, double z, const void *law) { return z_max_at(s, z, law) - z; }
+
+/* Follows the rate to `end` or to the goal. */
+static bool stretch(Ramp *r, double end, Curve *rate, Curve *goal)
+{
+    GIVEN(r->m)
+    const double z_max = z_max_at(end, 0.0, r), smallest = fmin(fmin(Fs, Fc), r->S_end) / sigma0;
+    /* beyond a hundredth rounding decides; the law is smooth enough for any tolerance of the experiment */
+    const double coarser = fmax(quadrature_tolerance(r->m) / relaxation_tolerance(r->m), 1.0);
+    const double size = coarser * fmax(smallest / r->sensitivity, 0.01 * z_max);
+    const Law law = {rate, goal,  rate != gliding && r->deflection > 0.9 * z_max_at(r->t, 0.0, r) ? z_max_at : NULL,
+                     r,    false, &r->budget};
+    const double detail = fmax(0.25 * fabs(z_max - z_ba), 1e-6 * z_max);
+    return follow(r->m, &law, &r->t, &r->deflection, end, size, detail) != FAILED;
+}
+
+/* Where z_ba > z_max, and z_max rises: z follows the motion, but not beyond z_max. That is exact over pieces in which
+   z_max always rises faster than z could, or always slower. */
+static void ride(Ramp *r, double end)
+{
+    enum { PARTS = 16 };
+    const double begin = r->t;
+    for (int i = 1; i <= PARTS; i++) {
+        const double next = i == PARTS ? end : begin + (end - begin) * i / (double)PARTS;
+        const double tiny = 1e-5 * (next - r->t);
+        double low = r->t, high = next; /* of the moment at which one overtakes the other */
+        const bool slower = z_max_at(low + tiny, 0.0, r) - z_max_at(low, 0.0, r) < path_between(r, low, low + tiny);
+        for (int halvings = 0; halvings < 20; halvings++) {
+            const double s = 0.5 * (low + high);
+            if ((z_max_at(s + tiny, 0.0, r) - z_max_at(s, 0.0, r) < path_between(r, s, s + tiny)) == slower)
+                low = s;
+            else
+                high = s;
+        }
+        const double stops[] = {high, next};
+        for (int k = 0; k < 2; k++) {
+            r->deflection = fmin(r->deflection + path_between(r, r->t, stops[k]), z_max_at(stops[k], 0.0, r));
+            r->t = stops[k];
+        }
     }
-    *error = fabs(dt * sum) * m->sigma0 / fmin(m->Fc, m->Fs);
-    return moved;
 }
 
-/* Pieces of a ramp: up to the arrival at z_ba exactly, over the flat part of S exactly, elsewhere numerically. */
+/* z >= z_max, and z_max does not rise, so it stays so: alpha = 1, and sigma0 z is attracted to S. */
+static bool slip(Ramp *r)
+{
+    GIVEN(r->m)
+    const Attraction law = {sigma0, true, Fc, Fs, vs, delta, quadrature_tolerance(r->m)};
+    const double y = sigma0 * r->deflection;
+    double kept, gained;
+    if (!attract(&law, speed_at(r, r->t), r->growth, r->h - r->t, y, r->sensitivity, &kept, &gained))
+        return false;
+    r->deflection = (kept * y + gained) / sigma0;
+    r->t = r->h;
+    return true;
+}
+
+/* The time at which z_max passes z_ba, INF if it does not. */
+static double time_of_z_ba(const Ramp *r)
+{
+    GIVEN(r->m)
+    const double part = (sigma0 * z_ba - Fc) / (Fs - Fc);
+    return part > 0.0 && part < 1.0 ? (vs * pow(-log(part), 1.0 / delta) - r->speed) / r->growth : INF;
+}
+
+/* One piece of the ramp, at the longest to `end`. */
+static bool piece_of(Ramp *r, double end)
+{
+    GIVEN(r->m)
+    const double S = level_at(r, r->t), z_max = S / sigma0;
+    const bool falls = r->S_end < S, yields = sigma0 * z_ba >= level_at(r, 0.5 * (r->t + end));
+    if (r->deflection >= z_max && falls)
+        return slip(r);
+    if (r->deflection > z_max)
+        return stretch(r, end, slipping, below_z_max);
+    if (yields && falls)
+        return stretch(r, end, gliding, over_z_max);
+    if (yields)
+        ride(r, end);
+    else if (r->deflection < z_ba) {
+        const double arrival = r->t + time_to_slide(z_ba - r->deflection, speed_at(r, r->t), r->growth);
+        r->deflection = arrival < end ? z_ba : r->deflection + path_between(r, r->t, end);
+        r->t = arrival < end ? arrival : end;
+    } else
+        return stretch(r, end, stretching, falls ? over_z_max : NULL);
+    return true;
+}
+
 static bool ramp(Model *m, double h)
 {
     GIVEN(m)
-    const double tolerance = m->run.tolerance > 0.0 ? m->run.tolerance : DEFAULT_TOLERANCE;
     const double direction = sign(slide(m, h)), growth = direction * SLOPE(v);
     const double v_start = direction * v, v_end = fmax(v_start + growth * h, 0.0);
-    const double S_end = stribeck(v_end, Fc, Fs, vs, delta);
-    double now = direction * z, dt = h;
+    const double S_start = stribeck(v_start, Fc, Fs, vs, delta), S_end = stribeck(v_end, Fc, Fs, vs, delta);
+    Ramp r = {m,   v_start,       growth, h, S_end, 1.0 + fading(sigma1, v_end, v_d) * v_end / S_end,
+              0.0, direction * z, BUDGET};
 
     /* Of a long path only the end counts, as the distance between any two deflections shrinks as exp(-path/z_max). */
-    const double S_most = fmax(S_end, stribeck(v_start, Fc, Fs, vs, delta));
-    const double memory = fabs(z) + fmax(z_ba, 0.0) + 45.0 * S_most / sigma0;
-    double t = 0.5 * h * (v_start + v_end) > memory ? h - fmin(h, time_back(memory, v_end, growth)) : 0.0;
+    const double memory = fabs(z) + fmax(z_ba, 0.0) + 45.0 * fmax(S_start, S_end) / sigma0;
+    if (0.5 * h * (v_start + v_end) > memory)
+        r.t = h - fmin(h, time_back(memory, v_end, growth));
+    const double passes = time_of_z_ba(&r);
 
-    for (int tries = 0; t < h; tries++) {
-        const double speed = fmax(v_start + growth * t, 0.0), rest = h - t, path = 0.5 * rest * (speed + v_end);
-        const double S = stribeck(speed, Fc, Fs, vs, delta);
-        if (tries > 100000)
+    for (int pieces = 0; r.t < h; pieces++) {
+        if (pieces > 1000)
             return false;
-        if (S == S_end) {
-            now = slid(now, path, S / sigma0, z_ba);
+        if (level_at(&r, r.t) == S_end) {
+            r.deflection = slid(r.deflection, path_between(&r, r.t, h), S_end / sigma0, z_ba);
             break;
         }
-        dt = fmin(dt, fmin(rest, time_in_sight(speed, growth, vs)));
-        if (sigma0 * z_ba >= fmin(S, S_end)) { /* not meant by the model: S is held over short pieces */
-            dt = fmin(rest, time_in_sight(speed, growth, vs) / 64.0);
-            const double middle = stribeck(speed + 0.5 * dt * growth, Fc, Fs, vs, delta);
-            now = slid(now, dt * (speed + 0.5 * dt * growth), middle / sigma0, z_ba);
-            t = dt < rest ? t + dt : h;
-        } else if (now < z_ba) {
-            const double arrival = time_to_slide(z_ba - now, speed, growth);
-            now = arrival < rest ? z_ba : now + path;
-            t = arrival < rest ? t + arrival : h;
-        } else {
-            double error;
-            const bool last = dt >= rest;
-            const double next = dormand_prince(m, now, speed, growth * dt, dt, &error);
-            if (error <= tolerance) {
-                now = next;
-                t = last ? h : t + dt;
-            }
-            if (!last || error > tolerance)
-                dt *= clip(0.9 * pow(error / tolerance + 1e-9, -0.2), 0.1, error <= tolerance ? 5.0 : 0.9);
-        }
+        double end = r.t + stribeck_piece(speed_at(&r, r.t), growth, Fc, Fs, vs, delta);
+        end = end < h && end > r.t ? end : h;
+        if (!piece_of(&r, passes > r.t && passes < end ? passes : end))
+            return false;
     }
-    m->z = direction * now;
+    m->z = direction * r.deflection;
     return true;
 }
 

@@ -25,7 +25,7 @@
    Start values: the levels of Table I of the LuGre paper, with elements that come near to its stiffness (ours).
 
    Exact for constant v, the start of slip included; for linear v, stick and the start of slip are located to rounding
-   and slip is integrated to the tolerance.
+   and slip is an integral that is found by quadrature with error control (attraction.h).
 
    Use it where presliding and slow sliding both matter, as in precise positioning with reversals: simulation of an axis
    and compensation. It needs the Stribeck curve from steady velocities, and the elements from a presliding loop.
@@ -76,7 +76,7 @@ struct slip_memory {
 #include "block.h"
 #include "presliding.h"
 #include "stribeck.h"
-#include "relaxation.h"
+#include "attraction.h"
 
 /* Factor that makes shares of alpha. */
 static double share(const Model *m)
@@ -142,19 +142,21 @@ static double level_at(const Model *m, double s)
     return stribeck(v + SLOPE(v) * s, Fc, Fs, vs, delta);
 }
 
-/* The first time in (0, h) at which a stuck element reaches its level, or h if it does not: its force only rises and
-   S is monotonic, so the values at the ends of an interval can exclude it. */
-static double arrival(const Model *m, double force, double stiffness, double level, double h)
+/* The first time in (0, h) at which a stuck element reaches its level, and its force there, or h if it does not: its
+   force only rises and S is monotonic, so the values at the ends of an interval can exclude it. */
+static double arrival(const Model *m, double force, double stiffness, double level, double h, double *reached)
 {
-    double a = 0.0, S_a = level_at(m, 0.0), width = h;
+    double a = 0.0, S_a = level_at(m, 0.0), force_a = force, width = h;
     for (int tries = 0; a < h; tries++) {
         const double b = a + 1.000001 * width >= h ? h : a + width;
         const double S_b = level_at(m, b), force_b = force + stiffness * fabs(slide(m, b));
         if (force_b < level * fmin(S_a, S_b)) {
             a = b;
             S_a = S_b;
+            force_a = force_b;
             width *= 2.0;
         } else if (b - a <= 4.0 * DBL_EPSILON * b || tries > 1000) {
+            *reached = clip(level * S_b, force_a, force_b); /* one of the two may jump */
             return b;
         } else {
             width = (b - a) / 2.0;
@@ -163,40 +165,17 @@ static double arrival(const Model *m, double force, double stiffness, double lev
     return h;
 }
 
-static double attraction(double s, double P, const void *law)
-{
-    const Model *const m = (const Model *)law;
-    return m->C * (1.0 - P / level_at(m, s));
-}
-
-static double decline(double s, double E, const void *law)
-{
-    const Model *const m = (const Model *)law;
-    return -m->C * E / level_at(m, s);
-}
-
 /* Slip from time s to h is linear in the force: afterwards it is E force + P level. */
 static bool slip(const Model *m, double s, double h, double *E, double *P)
 {
     GIVEN(m)
-    *E = 1.0;
-    *P = 0.0;
-    while (s < h) {
-        double end = s + stribeck_piece(v + SLOPE(v) * s, SLOPE(v), vs, delta), again = s;
-        end = end < h && end > s ? end : h;
-        const double S = level_at(m, s);
-        if (S == level_at(m, end)) { /* and so in between */
-            const double decay = C * (end - s) / S;
-            *P = relax(*P, S, decay);
-            *E *= exp(-decay);
-            s = end;
-        } else if (follow(m, &(Law){.rate = attraction, .data = m}, &again, P, end, fmax(Fc, Fs),
-                          0.25 * fmax(Fc, Fs)) == FAILED ||
-                   follow(m, &(Law){.rate = decline, .data = m}, &s, E, end, 1.0, 0.25) == FAILED) {
-            return false;
-        }
-    }
-    return true;
+    const Attraction slips = {C, false, Fc, Fs, vs, delta, quadrature_tolerance(m)};
+    const double growth = sign(slide(m, h)) * SLOPE(v);
+    double softest = INF; /* sigma times the speed of the elements counts in F, too */
+    for (int i = 0; i < N; i++)
+        softest = k[i] > 0.0 ? fmin(softest, k[i]) : softest;
+    const double sensitivity = 1.0 + sigma * C / (softest * level_at(m, h));
+    return attract(&slips, fabs(v + SLOPE(v) * s), growth, h - s, fmax(Fc, Fs), sensitivity, E, P);
 }
 
 static bool ramp_step(Model *m, double h, double direction, double unit)
@@ -212,13 +191,13 @@ static bool ramp_step(Model *m, double h, double direction, double unit)
             m->Fi[i] = direction * (E * force + P * level);
             continue;
         }
-        const double start = arrival(m, force, k[i], level, h);
+        double reached = 0.0, E_rest, P_rest;
+        const double start = arrival(m, force, k[i], level, h, &reached);
         if (start < h) {
-            double E_rest, P_rest;
             m->memory.slips[i] = 1.0;
             if (!slip(m, start, h, &E_rest, &P_rest))
                 return false;
-            m->Fi[i] = direction * level * (E_rest * level_at(m, start) + P_rest);
+            m->Fi[i] = direction * (E_rest * reached + P_rest * level);
         } else {
             m->Fi[i] = Fi[i] + direction * k[i] * fabs(slide(m, h));
         }

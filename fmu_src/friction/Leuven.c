@@ -260,6 +260,7 @@ static bool follow_motion(Model *m, Motion motion)
     struct piece p = {m, motion, S, 0.0, 0.0, false, false, false};
     const double arrival = motion.end;
     double s = motion.start;
+    int budget = BUDGET;
     for (int pieces = 0; s < arrival; pieces++) {
         if (pieces > 1000)
             return false;
@@ -275,12 +276,12 @@ static bool follow_motion(Model *m, Motion motion)
         p.remembers = b.depth > 0;
         p.backwards = b.zeta < 0.0;
         p.flat = !p.backwards && piece_ratio(&p, s, b.zeta) < flat_until(n) - 0.5 * behind_flat;
-        const double next = s + stribeck_piece(velocity(&p.motion, s), slope, vs, delta);
+        const double next = s + stribeck_piece(velocity(&p.motion, s), slope, Fc, Fs, vs, delta);
         const double end = next < arrival && next > s ? next : arrival;
         const bool near = slope != 0.0 && !p.remembers && curve(m, b.zeta) > 0.9 * level &&
                           1.01 * fmax(level, piece_level(&p, end)) < A;
         const double size = zc * (p.remembers ? level - b.base : fmax(Fs, Fc)) / A; /* of zeta where r = 1 */
-        const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p, slope == 0.0};
+        const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p, slope == 0.0, &budget};
         const int how = follow(m, &law, &s, &b.zeta, end, size, size * (p.flat ? 1.0 : sharpness(n)));
         if (how == FAILED)
             return false;

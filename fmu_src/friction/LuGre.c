@@ -11,7 +11,7 @@
        sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d > 0, else sigma1
 
    For constant v the step is the exact solution, for v that changes linearly an integral that is found by quadrature
-   with error control (bristles.h). With asymmetric, v < 0 has its own set of parameters.
+   with error control (attraction.h). With asymmetric, v < 0 has its own set of parameters.
 
    Use it as the first model of a servo axis with presliding: one state gives stiffness at rest, break-away that depends
    on the rate of the force, the Stribeck effect with lag, and stick-slip, for simulation and for friction observers. It
@@ -60,7 +60,7 @@
 #include "block.h"
 #include "presliding.h"
 #include "stribeck.h"
-#include "bristles.h"
+#include "attraction.h"
 
 /* g of a speed in the direction of motion, backward or not */
 static double level(const Model *m, double speed, bool backward)
@@ -83,14 +83,31 @@ static void contact(Model *m, double rate)
 
 static void equations(Model *m) { contact(m, m->sigma0 * fabs(m->v) / level(m, m->v, m->v < 0.0)); }
 
+/* On a ramp y = sigma0 z is attracted to g: dy/dt = sigma0 |v| (1 - y/g). An error of y counts as often in F as
+   sensitivity says. */
+static bool ramp(Model *m, double h)
+{
+    GIVEN(m)
+    const double direction = sign(slide(m, h)), growth = direction * SLOPE(v), y = direction * sigma0 * z;
+    const double v_end = fmax(fabs(v) + growth * h, 0.0), tolerance = quadrature_tolerance(m);
+    const bool backward = direction < 0.0;
+    const Attraction slip = asymmetric && backward
+                                ? (Attraction){sigma0, true, Fc_neg, Fs_neg, vs_neg, delta_neg, tolerance}
+                                : (Attraction){sigma0, true, Fc, Fs, vs, delta, tolerance};
+    const double sensitivity = 1.0 + fmax(fading(sigma1, v, v_d) * fabs(v) / level(m, fabs(v), backward),
+                                          fading(sigma1, v_end, v_d) * v_end / level(m, v_end, backward));
+    double kept, gained;
+    if (!attract(&slip, fabs(v), growth, h, fabs(y), sensitivity, &kept, &gained))
+        return false;
+    m->z = direction * (kept * y + gained) / sigma0;
+    return true;
+}
+
 static bool step(Model *m, double h)
 {
     GIVEN(m)
-    if (SLOPE(v) != 0.0) {
-        const bool backward = slide(m, h) < 0.0;
-        const Bristles bristles = {level, m, backward, sigma0, asymmetric && backward ? vs_neg : vs};
-        return slide(m, h) == 0.0 || bristles_over_ramp(&bristles, h, &m->z);
-    }
+    if (SLOPE(v) != 0.0)
+        return slide(m, h) == 0.0 || ramp(m, h);
     /* at constant velocity z relaxes to sign(v) g/sigma0 at the rate sigma0 |v| / g */
     const double g = level(m, v, v < 0.0), rate = sigma0 * fabs(v) / g;
     m->z = relax(z, sign(v) * g / sigma0, rate * h);

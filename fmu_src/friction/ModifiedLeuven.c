@@ -103,6 +103,8 @@ static void equations(Model *m)
     contact(m, stribeck(v, Fc, Fs, vs, delta));
 }
 
+static const double nearness = 0.9; /* of the force to the level, as r */
+
 static const double grain = 1e-14; /* relative; forces that are closer count as equal */
 
 /* A piece of the step in which z moves one way and no element starts or ends to slip: the force along v is
@@ -116,6 +118,7 @@ struct piece {
     double slack;   /* of r around 1                          */
     bool backwards; /* r < 0                                  */
     bool flat;      /* |r|^n is nothing                       */
+    bool near;      /* the force may follow the level         */
 };
 
 static double piece_level(const struct piece *p, double s)
@@ -139,15 +142,16 @@ static double piece_rate(double s, double zeta, const void *law)
     return p->way * speed * (1.0 - signed_power(p->backwards ? fmin(r, 0.0) : fmax(r, 0.0), p->m->n));
 }
 
-/* Where the force is at the level. */
+/* Where the force is at the level, or at the opposite one. */
 static double piece_place(double s, double zeta, const void *law)
 {
     const struct piece *const p = (const struct piece *)law;
     (void)zeta;
-    return p->way * (piece_level(p, s) - p->force) / p->stiffness;
+    return p->way * ((p->backwards ? -1.0 : 1.0) * piece_level(p, s) - p->force) / p->stiffness;
 }
 
-/* Not negative where z turns, an element starts to slip or |r|^n to count; all as lengths. */
+/* Not negative where z turns, an element starts to slip, |r|^n starts to count or the force comes near to the level;
+   all as lengths. */
 static double piece_goal(double s, double zeta, const void *law)
 {
     const struct piece *const p = (const struct piece *)law;
@@ -157,7 +161,8 @@ static double piece_goal(double s, double zeta, const void *law)
     if (p->motion.slope == 0.0)
         return zeta - p->reach;
     const double turns = p->way * (r - 1.0) - p->slack, flattens = flat_until(n) - behind_flat - r;
-    return fmax(zeta - p->reach, fmax(turns, p->backwards ? turns : flattens) * p->size);
+    const double comes_near = p->near || p->backwards ? -INF : r - nearness;
+    return fmax(zeta - p->reach, fmax(fmax(turns, comes_near), p->backwards ? turns : flattens) * p->size);
 }
 
 /* zeta after the path x at constant v: with r = force / S and q = stiffness x / S, dr/dq = 1 - sgn(r) |r|^n has a
@@ -232,6 +237,8 @@ static bool follow_motion(Model *m, Motion motion)
 {
     GIVEN(m)
     const double slope = motion.slope, side = sign(m->v != 0.0 ? m->v : slope), S = stribeck(v, Fc, Fs, vs, delta);
+    const double v_end = fabs(velocity(&motion, motion.end)), S_end = stribeck(v_end, Fc, Fs, vs, delta);
+    const double sensitivity = 1.0 + n * sigma1 * v_end / S_end; /* of F to Fh at the end, where it slides */
     double strongest = 0.0, stiffest = 0.0;
     for (int i = 0; i < N; i++) {
         m->Fi[i] = limited(Fi[i], W[i]);
@@ -240,21 +247,25 @@ static bool follow_motion(Model *m, Motion motion)
     }
     if (strongest < (1.0 - 1e-9) * fmax(Fs, Fc))
         m->run.warning = true;
-    const double size = stiffest > 0.0 ? fmax(Fs, Fc) / stiffest : 1e-5;
-    struct piece p = {m, motion, S, 0.0, 0.0, 0.0, 0.0, size, 0.0, false, false};
+    struct piece p = {m, motion, S, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, false, false, false};
     p.slack = 10.0 * relaxation_tolerance(m);
     const double arrival = motion.end;
     double s = motion.start;
-    for (int pieces = 0; side != 0.0 && s < arrival; pieces++) {
+    int budget = BUDGET;
+    const double instant = 1e-18 * (arrival - s); /* in which nothing moves */
+    for (int pieces = 0; side != 0.0 && s < arrival - instant; pieces++) {
         if (pieces > 1000)
             return false;
-        const double next = s + stribeck_piece(velocity(&p.motion, s), slope, vs, delta),
+        const double next = s + fmax(stribeck_piece(velocity(&p.motion, s), slope, Fc, Fs, vs, delta), instant),
                      end = next < arrival && next > s ? next : arrival;
         if (!begin(&p, side, s, end)) {
             s = end;
             continue;
         }
-        const double x = fabs(v) * (arrival - s), highest = falls_to(n) * piece_level(&p, s);
+        p.size = stiffest > 0.0 ? fmin(piece_level(&p, s), piece_level(&p, end)) / stiffest : 1e-5;
+        const double fine = p.size / fmin(sensitivity, 10.0); /* beyond, rounding decides */
+        const double soon = s + 1e-12 * (end - s), level = fmax(piece_level(&p, s), piece_level(&p, soon));
+        const double x = fabs(v) * (arrival - s), highest = falls_to(n) * level;
         double zeta = 0.0;
         if (fabs(p.force) > highest * (1.0 + 1e-9) && p.stiffness > 0.0) {
             zeta = fmin((fabs(p.force) - highest) * (1.0 + grain) / p.stiffness, p.reach);
@@ -270,12 +281,13 @@ static bool follow_motion(Model *m, Motion motion)
                 s = arrival;
             }
         } else {
-            const bool near = slope != 0.0 && p.stiffness > 0.0 && p.force > 0.9 * piece_level(&p, s);
-            const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p, slope == 0.0};
-            const int how = follow(m, &law, &s, &zeta, end, size, size * (p.flat ? 1.0 : sharpness(n)));
+            p.near = slope != 0.0 && (p.backwards ? -p.force : p.force) > 0.999 * nearness * piece_level(&p, s);
+            Curve *const place = p.near && p.stiffness > 0.0 ? piece_place : NULL;
+            const Law law = {piece_rate, piece_goal, place, &p, slope == 0.0, &budget};
+            const int how = follow(m, &law, &s, &zeta, end, fine, p.size * (p.flat ? 1.0 : sharpness(n)));
             if (how == FAILED)
                 return false;
-            if (how == REACHED && zeta >= p.reach - 1e-14 * size)
+            if (how == REACHED && zeta >= p.reach - 1e-14 * p.size)
                 zeta = p.reach;
         }
         move(m, side * p.way, zeta, p.reach);

@@ -22,11 +22,4 @@ static inline double time_to_slide(double path, double speed, double growth)
 }
 static inline double time_back(double path, double speed, double growth) { return time_to_slide(path, speed, -growth); }
 
-/* Time over which the nodes of a quadrature see a Stribeck curve of width vs, at a speed that changes by `growth` a
-   second. Over more of it they may all lie in the flat part. */
-static inline double time_in_sight(double speed, double growth, double vs)
-{
-    return growth > 0.0 ? (2.0 * vs + speed) / growth : (vs + 0.5 * speed) / -growth;
-}
-
 #endif

@@ -11,7 +11,9 @@ static inline double stribeck(double v, double Fc, double Fs, double vs, double 
 {
     const double ratio = fabs(v) / vs;
     const double power = delta == 2.0 ? ratio * ratio : delta == 1.0 ? ratio : pow(ratio, delta);
-    return Fc + (Fs - Fc) * exp(-power);
+    /* sums of positive terms: exact also where one level is tiny beside the other; from 708 on exp underflows, which
+       takes it three times as long */
+    return Fs < Fc ? Fs - (Fc - Fs) * expm1(-power) : Fc + (Fs - Fc) * (power < 708.0 ? exp(-power) : 0.0);
 }
 
 /* The Lorentzian curve. Hess, Soom: Journal of Tribology 112, 1990.
@@ -21,7 +23,26 @@ static inline double stribeck_lorentzian(double v, double Fc, double Fs, double 
 {
     const double ratio = fabs(v) / vs;
     const double power = delta == 2.0 ? ratio * ratio : delta == 1.0 ? ratio : pow(ratio, delta);
-    return Fc + (Fs - Fc) / (1.0 + power);
+    return Fs < Fc && power < 1.0 ? Fs + (Fc - Fs) * (power / (1.0 + power)) : Fc + (Fs - Fc) / (1.0 + power);
+}
+
+/* The time from which, for a velocity that changes, the Stribeck curve g may be of another size than up to there: the
+   powers of two of (v/vs)^delta, from where g leaves Fs to where it has reached Fc. Between them g is smooth enough for
+   an error estimate to be trusted. */
+static inline double stribeck_piece(double v, double slope, double Fc, double Fs, double vs, double delta)
+{
+    if (slope == 0.0)
+        return INF;
+    const double speed = fabs(v), rate = v == 0.0 ? fabs(slope) : sign(v) * slope;
+    const double power = delta * log2(speed / vs), contrast = log2(Fs / Fc);
+    const double first = delta > 2.0 || contrast < -3.0 ? -16.0 + fmin(contrast, 0.0) : 0.0;
+    const double last = contrast > 30.0 ? 8.0 : 6.0;
+    if (rate > 0.0) {
+        const double next = fmax(floor(power + 1e-6) + 1.0, first);
+        return next > last ? INF : (vs * exp2(next / delta) - speed) / rate;
+    }
+    const double next = fmin(ceil(power - 1e-6) - 1.0, last);
+    return next < first ? INF : (vs * exp2(next / delta) - speed) / rate;
 }
 
 #endif

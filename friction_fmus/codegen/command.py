@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from friction_fmus.terminal import console
+from friction_fmus.terminal import console, parse_assignment
 
 
 def add_codegen_options(parser: argparse.ArgumentParser) -> None:
@@ -19,7 +19,6 @@ def add_codegen_options(parser: argparse.ArgumentParser) -> None:
 
 def codegen(options: argparse.Namespace) -> None:
     """A law as C with a struct of parameters, no allocation, and its cost on two microcontrollers."""
-    from friction_fmus.__main__ import parse_assignment
     from friction_fmus.codegen.cost import PACKAGES, missing
     from friction_fmus.codegen.export import export_law
 

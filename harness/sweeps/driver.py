@@ -1,0 +1,231 @@
+"""A sweep: many runs of one system, on many workers, into a folder."""
+
+from __future__ import annotations
+
+import pickle
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, wait
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import xarray as xr
+
+from harness.errors import SweepError, nearest
+from harness.experiment import Experiment
+from harness.graph import stepping_order
+from harness.layout import recorded_names
+from harness.sweeps.folder import SweepFolder, read_sweep, sole_writer
+from harness.sweeps.identity import description
+from harness.sweeps.measures import Builtin, Measure, find_measures, label
+from harness.sweeps.pools import Outcomes, Pool, ProcessPool, SerialPool, make_pool
+from harness.sweeps.queue import Queue
+from harness.sweeps.samples import Given, Sample, checked_samples, column_types
+from harness.sweeps.worker import SETTINGS, Job, Outcome
+from harness.system import System
+from harness.tap import Progress
+
+_MOST_BYTES = 32e6
+"""Of the trajectories in one file."""
+
+
+def sweep(
+    system: System | str | Path | Callable[[], System],
+    samples: Iterable[Given],
+    *,
+    measure: str | Measure | Iterable[str | Measure] = "final(*)",
+    output: str | Path | None = None,
+    executor: Any = "processes",
+    workers: int | None = None,
+    experiment: Experiment | None = None,
+    keep: Sequence[str] = (),
+    resolve: Callable[[str], Path] | None = None,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """Run a system with many parameter sets.
+
+    Parameters
+    ----------
+    system : System, path-like or callable
+        The system, its TOML file or SSP archive, or a function at module level that makes it.
+    samples : iterable of mapping of str to value, or of ParameterSet
+        A parameter set for each run: start values "part.port", and settings of the experiment (``start``, ``stop``,
+        ``step``, ``master``, ``decimate``, ``tolerance``, ``extrapolation``).
+        See `grid`, `latin_hypercube`, `sobol`, `read_samples`.
+    measure : str, callable, or several of them
+        What is kept of each run: ``final``, ``min``, ``max``, ``max_abs``, ``mean`` or ``rms`` of the recorded rows
+        of a variable, ``rms(part.port)`` with ``*`` and ``?`` for any outputs, or functions at module level of the
+        result of a run that return a mapping of names to numbers.
+    output : path-like or None
+        Folder for the results; a sweep that was interrupted there goes on where it stopped. None keeps no files.
+    executor : {"processes", "threads", "serial"} or distributed.Client
+        Where the runs are done.
+    workers : int or None
+        How many processes or threads; None: one for each processor.
+    experiment : Experiment or None
+        How each run is done; None: as the system says. Functions are given what it records.
+    keep : sequence of str
+        Variables whose trajectories are stored in the folder too, with ``*`` and ``?`` for any outputs.
+    resolve : callable or None
+        As in `System.from_toml`.
+    progress : Progress or None
+        Told how many runs are done.
+
+    Returns
+    -------
+    xarray.Dataset
+        See `read_sweep`. A run that failed has its error there.
+
+    Raises
+    ------
+    SweepError
+        If the sweep makes no sense or the folder holds another one.
+    HarnessError
+        If a name is unknown, or the system cannot be made.
+    """
+    with ExitStack() as stack:
+        if isinstance(system, (str, Path)):
+            archive = Path(system).suffix.lower() == ".ssp"
+            system = stack.enter_context(System.from_ssp(system) if archive else System.from_toml(system, resolve))
+        model = system if isinstance(system, System) else stack.enter_context(system())
+        parameter_sets = checked_samples(samples, model)
+        types = column_types(parameter_sets)
+        units = _check_names(model, parameter_sets)
+        job = _make_job(system, model, measure, experiment, keep)
+        if output is None:
+            if keep:
+                raise SweepError("trajectories are to be kept but there is no folder: give an output folder")
+            output = stack.enter_context(tempfile.TemporaryDirectory(prefix="harness-sweep-"))
+        folder = Path(output)
+        stack.enter_context(sole_writer(folder))
+        files = SweepFolder(folder, description(model, job, parameter_sets), types, units)
+        pending = [run for run in range(len(parameter_sets)) if run not in files.done]
+        if progress is not None:
+            progress.update(len(files.done), len(parameter_sets))
+        if pending:
+            pool = make_pool(executor, workers)
+            try:
+                _check_portable(job, pool)
+                _drive(job, parameter_sets, Queue(pending, _most_runs(job)), pool, files, progress)
+            finally:
+                pool.close(job)
+        return read_sweep(folder)
+
+
+def _drive(
+    job: Job,
+    samples: Sequence[Sample],
+    queue: Queue,
+    pool: Pool,
+    files: SweepFolder,
+    progress: Progress | None,
+) -> None:
+    """Hand out chunks and write what comes back, until all runs are done."""
+    under_way: dict[Outcomes, list[int]] = {}
+    while under_way or queue.left:
+        while queue.left and len(under_way) < pool.capacity():
+            chunk = queue.take(pool.capacity())
+            under_way[pool.submit(job, [(run, samples[run]) for run in chunk])] = chunk
+        finished, _ = wait(under_way, return_when=FIRST_COMPLETED)
+        for future in finished:
+            chunk = under_way.pop(future)
+            try:
+                outcomes: Sequence[Outcome] = future.result()
+                queue.note(outcomes)
+            except pool.losses:
+                outcomes = queue.give_back(chunk)
+            files.add(outcomes, samples)
+        if progress is not None:
+            progress.update(len(files.done), len(samples))
+
+
+def _check_names(model: System, samples: Iterable[Sample]) -> dict[str, str]:
+    """Units of the swept start values; each set of names is tried once, values are left to the runs."""
+    tried: set[frozenset[str]] = set()
+    for sample in samples:
+        names = frozenset(sample)
+        if names in tried:
+            continue
+        tried.add(names)
+        for name in names:
+            if "." not in name and name not in SETTINGS:
+                raise SweepError(
+                    f"'{name}' is neither part.port nor a setting of the experiment: {nearest(name, SETTINGS)}"
+                )
+        model.with_start({name: value for name, value in sample.items() if name not in SETTINGS})
+    swept = set().union(*tried)
+    ports = {
+        f"{owner}.{port.name}": port for owner, part in model.parts.items() for port in (*part.inputs, *part.parameters)
+    }
+    units = {name: ports[name].unit for name in swept if name in ports}
+    seconds = {name: "s" for name in ("start", "stop", "step") if name in swept}
+    return {name: unit for name, unit in units.items() if unit} | seconds
+
+
+def _make_job(
+    system: System | Callable[[], System],
+    model: System,
+    measure: str | Measure | Iterable[str | Measure],
+    experiment: Experiment | None,
+    keep: Sequence[str],
+) -> Job:
+    base = experiment or model.experiment
+    if base is None:
+        raise SweepError(f"the system '{model.name}' has no experiment: give one, with stop and step")
+    measures = find_measures(measure, model.parts)
+    kept = recorded_names(model.parts, keep)
+    names = [one.name for one in measures if isinstance(one, Builtin)]
+    if len(names) < len(measures):
+        names += recorded_names(model.parts, base.record)
+    record = tuple(dict.fromkeys((*names, *kept)))
+    # found once, not once in every run
+    order = base.order or tuple(stepping_order(model.parts, model.wires))
+    return Job(uuid4().hex, _opener(system), replace(base, record=record, order=order), measures, tuple(kept))
+
+
+def _opener(system: System | Callable[[], System]) -> Callable[[], System]:
+    """What makes a system for one worker."""
+    if not isinstance(system, System):
+        return system
+    try:
+        return partial(pickle.loads, pickle.dumps(system))
+    except Exception:  # whatever a user's function has in it
+        return partial(_itself, system)
+
+
+def _itself(system: System) -> System:
+    """A system that cannot be copied; one thread can use it."""
+    return system
+
+
+def _check_portable(job: Job, pool: Pool) -> None:
+    """Everything a worker needs must get there."""
+    if isinstance(pool, SerialPool):
+        return
+    if isinstance(job.open, partial) and job.open.func is _itself:
+        raise SweepError(
+            "the system cannot be copied for several workers, as a part of it is made of functions that are not at "
+            "module level: give a function that makes the system, or use the executor 'serial'"
+        )
+    if not isinstance(pool, ProcessPool):
+        return
+    what: Mapping[str, object] = {"function that makes the system": job.open} | {
+        f"measure {label(measure)}": measure for measure in job.measures
+    }
+    for name, thing in what.items():
+        try:
+            pickle.dumps(thing)
+        except Exception as error:
+            raise SweepError(
+                f"the {name} cannot be sent to another process: put it at module level or use the executor 'threads'"
+            ) from error
+
+
+def _most_runs(job: Job) -> int:
+    """How many runs go into a chunk, so that their trajectories fit into the memory."""
+    size = 8 * (1 + len(job.keep)) * (job.experiment.ticks // job.experiment.decimate + 1)
+    return max(1, int(_MOST_BYTES / size)) if job.keep else 100_000

@@ -1,0 +1,276 @@
+"""The folder of a sweep: its description and the Parquet files of the runs that are done."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.dataset as pds
+import pyarrow.parquet as pq
+import xarray as xr
+
+from harness.atomic import atomic_path
+from harness.errors import OutputError, SweepError
+from harness.part import PortType
+from harness.sweeps.samples import Sample
+from harness.sweeps.worker import Outcome
+
+MANIFEST: Final = "_sweep.json"
+"""Readers of Parquet datasets leave out what begins with an underscore."""
+
+TRAJECTORIES: Final = "_trajectories"
+FORMAT: Final = 1
+
+_TYPES: Final[dict[PortType, Any]] = {
+    "Real": pa.float64(),
+    "Integer": pa.int64(),
+    "Boolean": pa.bool_(),
+    "String": pa.string(),
+}
+_OWN = ("run", "wall_time", "error", "warnings")
+
+
+class SweepFolder:
+    """A sweep on disk.
+
+    Parameters
+    ----------
+    path : Path
+        The folder, see `sole_writer`.
+    description : mapping
+        What the sweep is, as JSON; a folder that holds something else is refused.
+    parameters : mapping of str to PortType
+        The swept names.
+    units : mapping of str to str
+        Their units, where there are any.
+
+    Attributes
+    ----------
+    done : set of int
+        Numbers of the runs whose outcome is there.
+
+    Raises
+    ------
+    SweepError
+        If the folder holds another sweep or other files.
+    OutputError
+        If it cannot be written.
+    """
+
+    def __init__(
+        self, path: Path, description: Mapping[str, Any], parameters: Mapping[str, PortType], units: Mapping[str, str]
+    ) -> None:
+        """Begin a sweep or find out how far it is."""
+        self.path = path
+        self._parameters = parameters
+        self._units = units
+        description = json.loads(json.dumps({"format": FORMAT, **description}))
+        self._description = description
+        self._measures: list[str] | None = None
+        manifest = path / MANIFEST
+        if manifest.is_file() and self._files():
+            found = read_manifest(path)
+            self._measures = found.pop("measured")
+            found.pop("parameters")
+            different = sorted(key for key in {*found, *description} if found.get(key) != description.get(key))
+            if different:
+                raise SweepError(
+                    f"{path} holds another sweep, with other {', '.join(different)}: give another folder or remove it"
+                )
+        elif not manifest.is_file() and any(not entry.name.startswith(".") for entry in path.iterdir()):
+            raise SweepError(f"{path} holds files but no sweep: give a new or an empty folder")
+        else:  # a sweep of which no run is done can become another one
+            self._write_manifest()
+        for left in path.rglob(".*.parquet"):  # of a process that was killed while it wrote
+            left.unlink(missing_ok=True)
+        self.done = {run for file in self._files() for run in self._read(file, ["run"])["run"].to_pylist()}
+
+    def add(self, outcomes: Sequence[Outcome], samples: Sequence[Sample]) -> None:
+        """Write the outcomes of some runs, as one file that is complete or not there.
+
+        Parameters
+        ----------
+        outcomes : sequence of Outcome
+            The runs; those whose measures have other names than earlier ones get an error.
+        samples : sequence of mapping
+            The parameter sets of the whole sweep.
+        """
+        if not outcomes:
+            return
+        first = next((list(outcome.measures) for outcome in outcomes if outcome.measures), None)
+        if self._measures is None and first is not None:
+            self._begin_measures(first)
+        self._check_measures(outcomes)
+        name = f"runs-{outcomes[0].run:08d}-{len(outcomes)}.parquet"
+        kept = [outcome for outcome in outcomes if outcome.kept is not None]
+        if kept:
+            (self.path / TRAJECTORIES).mkdir(exist_ok=True)
+            self._write(_trajectories(kept), self.path / TRAJECTORIES / name)
+        columns = {
+            "run": pa.array([outcome.run for outcome in outcomes], pa.int64()),
+            **{
+                parameter: pa.array([samples[outcome.run].get(parameter) for outcome in outcomes], _TYPES[kind])
+                for parameter, kind in self._parameters.items()
+            },
+            **{
+                # what was not measured is null, what was measured as NaN stays that
+                measure: pa.array([outcome.measures.get(measure) for outcome in outcomes], pa.float64())
+                for measure in self._measures or ()
+            },
+            "wall_time": pa.array([outcome.wall_time for outcome in outcomes], pa.float64()),
+            "error": pa.array([outcome.error for outcome in outcomes], pa.string()),
+            "warnings": pa.array([outcome.warnings for outcome in outcomes], pa.string()),
+        }
+        units = {**self._units, "wall_time": "s"}
+        fields = [
+            pa.field(column, array.type, metadata={"units": units[column]} if column in units else None)
+            for column, array in columns.items()
+        ]
+        self._write(pa.Table.from_arrays(list(columns.values()), schema=pa.schema(fields)), self.path / name)
+        self.done.update(outcome.run for outcome in outcomes)
+
+    def _begin_measures(self, names: list[str]) -> None:
+        """The first run that was measured says which columns there are; files of failed runs get them too."""
+        for name in names:
+            if name in _OWN or name in self._parameters:
+                raise SweepError(f"a measure cannot be called '{name}', as another column is: rename it")
+        self._measures = names
+        for file in self._files():
+            table = self._read(file)
+            place = 1 + len(self._parameters)
+            for name in names:
+                table = table.add_column(place, name, pa.nulls(len(table), pa.float64()))
+                place += 1
+            self._write(table, file)
+        self._write_manifest()
+
+    def _check_measures(self, outcomes: Sequence[Outcome]) -> None:
+        for outcome in outcomes:
+            if outcome.measures and outcome.measures.keys() != set(self._measures or ()):
+                outcome.error = (
+                    f"the measures are called {', '.join(outcome.measures)} but were {', '.join(self._measures or ())} "
+                    "in an earlier run: give every run the same names"
+                )
+                outcome.measures = {}
+
+    def _write_manifest(self) -> None:
+        content = {**self._description, "parameters": list(self._parameters), "measured": self._measures}
+        with atomic_path(self.path / MANIFEST) as temporary:
+            temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+
+    def _write(self, table: Any, path: Path) -> None:
+        with atomic_path(path) as temporary:
+            pq.write_table(table, temporary)
+
+    def _files(self) -> list[Path]:
+        return sorted(self.path.glob("runs-*.parquet"))
+
+    def _read(self, path: Path, columns: list[str] | None = None) -> Any:
+        try:
+            return pq.ParquetFile(path).read(columns)
+        except (OSError, pa.ArrowException) as error:
+            raise SweepError(f"cannot read {path}: {error}; remove it, and its runs are done again") from error
+
+
+def read_manifest(path: Path) -> dict[str, Any]:
+    """The description of the sweep in a folder.
+
+    Raises
+    ------
+    SweepError
+        If there is none.
+    """
+    try:
+        content = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise SweepError(f"{path} holds no sweep: {error}; give the folder of a sweep") from error
+    assert isinstance(content, dict)
+    return content
+
+
+def read_sweep(folder: str | Path) -> xr.Dataset:
+    """The runs of a sweep that are done so far.
+
+    Parameters
+    ----------
+    folder : path-like
+        The folder of the sweep.
+
+    Returns
+    -------
+    xarray.Dataset
+        Along ``run``: the parameters as coordinates, and as variables the measures (NaN where there are none),
+        ``wall_time`` [s], ``error`` and ``warnings`` (empty where there are none).
+
+    Raises
+    ------
+    SweepError
+        If the folder holds no sweep.
+    """
+    path = Path(folder)
+    parameters = read_manifest(path)["parameters"]
+    files = sorted(str(file) for file in path.glob("runs-*.parquet"))
+    if not files:
+        return xr.Dataset(coords={"run": np.array([], dtype=np.int64)})
+    table = pds.dataset(files, format="parquet").to_table().sort_by("run")
+    columns = {}
+    for field in table.schema:
+        column = table[field.name]
+        if field.type == pa.string():
+            column = column.fill_null("")
+        units = (field.metadata or {}).get(b"units", b"").decode()
+        columns[field.name] = ("run", column.to_numpy(), {"units": units} if units else {})
+    coordinates = {name: columns.pop(name) for name in ("run", *parameters)}
+    return xr.Dataset(columns, coordinates)
+
+
+def _trajectories(outcomes: Sequence[Outcome]) -> Any:
+    """Trajectories one below the other, with the number of the run in the first column."""
+    tables = []
+    fields = None
+    for outcome in outcomes:
+        assert outcome.kept is not None
+        columns = {str(name): outcome.kept[name] for name in ["time", *outcome.kept.data_vars]}
+        arrays = [pa.array(column.to_numpy()) for column in columns.values()]
+        if fields is None:
+            metadata = [{str(k): str(v) for k, v in column.attrs.items()} for column in columns.values()]
+            types = [array.type for array in arrays]
+            fields = [
+                pa.field(name, kind, metadata=about) for name, kind, about in zip(columns, types, metadata, strict=True)
+            ]
+        run = pa.array(np.full(len(arrays[0]), outcome.run), pa.int64())
+        tables.append(pa.Table.from_arrays([run, *arrays], schema=pa.schema([pa.field("run", pa.int64()), *fields])))
+    return pa.concat_tables(tables)
+
+
+@contextmanager
+def sole_writer(path: Path) -> Iterator[None]:
+    """Make a folder, and refuse one to which another process writes; the lock ends with its process in any case.
+
+    Raises
+    ------
+    SweepError
+        If it is taken.
+    OutputError
+        If it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot make the folder {path}: {error.strerror}; give another one") from error
+    try:
+        import fcntl
+    except ImportError:  # Windows has another kind of lock
+        yield
+        return
+    with (path / ".lock").open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise SweepError(f"another process is doing the sweep in {path}: wait for it or end it") from error
+        yield

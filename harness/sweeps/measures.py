@@ -1,0 +1,100 @@
+"""Measures: what is kept of a run, as numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from harness.errors import SweepError, UnknownNameError, nearest
+from harness.layout import recorded_names
+from harness.part import Part, Values
+from harness.result import Result
+
+Measure: TypeAlias = Callable[[Result], Mapping[str, float]]
+
+KINDS: Final[Mapping[str, Callable[[Values], float]]] = {
+    "final": lambda y: y[-1],
+    "min": np.min,
+    "max": np.max,
+    "max_abs": lambda y: np.max(np.abs(y)),
+    "mean": np.mean,
+    "rms": lambda y: np.sqrt(np.mean(np.square(y))),
+}
+"""The built-in measures, over all recorded rows of a variable."""
+
+_PATTERN = re.compile(r"\s*(?P<kind>\w+)\((?P<name>.+)\)\s*")
+
+
+@dataclass(frozen=True)
+class Builtin:
+    """A built-in measure of one variable, for example ``rms(pid.u)``.
+
+    Parameters
+    ----------
+    kind : str
+        Key of `KINDS`.
+    name : str
+        ``part.port``.
+    """
+
+    kind: str
+    name: str
+
+    def __str__(self) -> str:
+        """Heading of its column."""
+        return f"{self.kind}({self.name})"
+
+    def __call__(self, result: Result) -> Mapping[str, float]:
+        """The number, under its heading."""
+        return {str(self): KINDS[self.kind](result[self.name].to_numpy().astype(np.float64))}
+
+
+def find_measures(measure: str | Measure | Iterable[str | Measure], parts: Mapping[str, Part]) -> tuple[Measure, ...]:
+    """The measures that were asked for.
+
+    Parameters
+    ----------
+    measure : str, callable, or several of them
+        ``kind(part.port)`` with ``*`` and ``?`` for any outputs, or a function of the result of a run.
+    parts : mapping of str to Part
+        The parts of the system.
+
+    Returns
+    -------
+    tuple of callable
+        One for each function and for each variable of a built-in measure.
+
+    Raises
+    ------
+    SweepError
+        If a text is not of that form.
+    UnknownNameError
+        If there is no such measure or variable.
+    """
+    wanted = [measure] if isinstance(measure, str) or callable(measure) else list(measure)
+    found: dict[Measure, None] = {}
+    for one in wanted:
+        if not isinstance(one, str):
+            found[one] = None
+            continue
+        match = _PATTERN.fullmatch(one)
+        if not match:
+            raise SweepError(f"'{one}' is not a measure: write for example rms(part.port), or give a function")
+        if match["kind"] not in KINDS:
+            raise UnknownNameError(f"there is no measure '{match['kind']}': {nearest(match['kind'], KINDS)}")
+        found.update({Builtin(match["kind"], name): None for name in recorded_names(parts, [match["name"]])})
+    if not found:
+        raise SweepError("the sweep measures nothing: give a measure such as final(part.port)")
+    return tuple(found)
+
+
+def label(measure: object) -> str:
+    """Name of a measure, or of any function, in messages and in the description of a sweep."""
+    if isinstance(measure, Builtin):
+        return str(measure)
+    named = measure if hasattr(measure, "__qualname__") else type(measure)
+    return f"{named.__module__}.{named.__qualname__}"

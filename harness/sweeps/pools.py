@@ -1,0 +1,258 @@
+"""Where the runs of a sweep are done: in processes, threads, this thread, or on a dask cluster."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import shutil
+import signal
+import sys
+import tempfile
+import threading
+from collections.abc import Sequence
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing.context import BaseContext
+from types import ModuleType
+from typing import Any, Protocol, TypeAlias
+
+from harness.errors import SweepError
+from harness.sweeps.samples import Sample
+from harness.sweeps.worker import Job, Outcome, close_runners, run_chunk
+
+Chunk: TypeAlias = Sequence[tuple[int, Sample]]
+Outcomes: TypeAlias = "Future[list[Outcome]]"
+
+
+class Pool(Protocol):
+    """Does chunks of runs; a chunk whose future fails with one of the ``losses`` was lost with its worker."""
+
+    losses: tuple[type[BaseException], ...]
+
+    def capacity(self) -> int:
+        """How many chunks it is worth while to have under way."""
+
+    def submit(self, job: Job, chunk: Chunk) -> Outcomes:
+        """Begin a chunk; only while fewer than `capacity` are under way."""
+
+    def close(self, job: Job) -> None:
+        """End all work, also what is under way."""
+
+
+class SerialPool:
+    """One chunk after the other, in this thread."""
+
+    losses: tuple[type[BaseException], ...] = ()
+
+    def capacity(self) -> int:
+        """One."""
+        return 1
+
+    def submit(self, job: Job, chunk: Chunk) -> Outcomes:
+        """Do the chunk."""
+        future: Outcomes = Future()
+        future.set_result(run_chunk(job, chunk))
+        return future
+
+    def close(self, job: Job) -> None:
+        """Close the system."""
+        close_runners(job.key)
+
+
+class ThreadPool:
+    """Threads of this process, each with its own system.
+
+    Parameters
+    ----------
+    workers : int
+        How many.
+    """
+
+    losses: tuple[type[BaseException], ...] = ()
+
+    def __init__(self, workers: int) -> None:
+        """Make the threads."""
+        self._workers = workers
+        self._executor = ThreadPoolExecutor(workers, "sweep")
+        self._stop = threading.Event()
+
+    def capacity(self) -> int:
+        """One chunk for every thread."""
+        return self._workers
+
+    def submit(self, job: Job, chunk: Chunk) -> Outcomes:
+        """Give the chunk to a free thread."""
+        return self._executor.submit(run_chunk, job, chunk, self._stop.is_set)
+
+    def close(self, job: Job) -> None:
+        """Wait for the runs under way."""
+        self._stop.set()
+        self._executor.shutdown(cancel_futures=True)
+        close_runners(job.key)
+
+
+class ProcessPool:
+    """Processes of this machine. One that dies takes no other along: each has an executor of its own.
+
+    Parameters
+    ----------
+    workers : int
+        How many.
+    """
+
+    losses: tuple[type[BaseException], ...] = (BrokenExecutor,)
+
+    def __init__(self, workers: int) -> None:
+        """Start the processes."""
+        # not fork, which copies the locks of other threads in whatever state they are
+        able = multiprocessing.get_all_start_methods()
+        context = multiprocessing.get_context("forkserver" if "forkserver" in able else "spawn")
+        if "forkserver" in able:
+            context.set_forkserver_preload(["__main__", "harness.sweeps.preload", *_imported_by_main()])
+        self._scratch = tempfile.mkdtemp(prefix="harness-sweep-")
+        try:
+            self._slots = [_Slot(context, self._scratch) for _ in range(workers)]
+        except BaseException:
+            shutil.rmtree(self._scratch, ignore_errors=True)
+            raise
+        self._failed_starts = 0
+
+    def capacity(self) -> int:
+        """One chunk for every process."""
+        return len(self._slots)
+
+    def submit(self, job: Job, chunk: Chunk) -> Outcomes:
+        """Give the chunk to a free process, to a new one where it has died."""
+        index, slot = next((i, slot) for i, slot in enumerate(self._slots) if slot.free)
+        if slot.lost:
+            self._failed_starts = 0 if slot.started else self._failed_starts + 1
+            if self._failed_starts == 2:
+                raise SweepError(
+                    "the worker processes of the sweep die while they start: run the script's sweep below "
+                    "if __name__ == '__main__', or use the executor 'threads'"
+                )
+            slot.end()
+            slot = self._slots[index] = _Slot(slot.context, self._scratch)
+        return slot.submit(job, chunk)
+
+    def close(self, job: Job) -> None:
+        """End the processes and remove what they unpacked."""
+        for slot in self._slots:
+            slot.end()
+        shutil.rmtree(self._scratch, ignore_errors=True)
+
+
+class _Slot:
+    """The place of one worker process."""
+
+    def __init__(self, context: BaseContext, scratch: str) -> None:
+        self.context = context
+        self._executor = ProcessPoolExecutor(1, context, _prepare_process, (scratch,))
+        self._id = self._executor.submit(os.getpid)
+        self._future: Outcomes | None = None
+
+    @property
+    def free(self) -> bool:
+        """Whether nothing is under way."""
+        return self._future is None or self._future.done()
+
+    @property
+    def started(self) -> bool:
+        """Whether the process has come to work."""
+        return self._id.done() and self._id.exception() is None
+
+    @property
+    def lost(self) -> bool:
+        """Whether the process has died."""
+        return self._future is not None and self._future.done() and isinstance(self._future.exception(), BrokenExecutor)
+
+    def submit(self, job: Job, chunk: Chunk) -> Outcomes:
+        """Begin a chunk; a process that died while it had nothing to do shows that only now."""
+        try:
+            self._future = self._executor.submit(run_chunk, job, chunk)
+        except BrokenExecutor as error:
+            self._future = Future()
+            self._future.set_exception(error)
+        return self._future
+
+    def end(self) -> None:
+        """End the process at once if it is at work: what is under way is not wanted any more."""
+        if not self.free and self._id.exception() is None:
+            os.kill(self._id.result(), signal.SIGTERM if sys.platform == "win32" else signal.SIGKILL)
+        self._executor.shutdown(cancel_futures=True)
+
+
+class DaskPool:
+    """The workers of a dask cluster.
+
+    Parameters
+    ----------
+    client : distributed.Client
+        Connected to its scheduler.
+    """
+
+    def __init__(self, client: Any) -> None:
+        """Keep the client, which stays open afterwards."""
+        from distributed.scheduler import KilledWorker
+
+        self.losses: tuple[type[BaseException], ...] = (KilledWorker,)
+        self._client = client
+        self._executor = client.get_executor(pure=False)
+
+    def capacity(self) -> int:
+        """Two chunks for every thread that there is now, so that none waits for the way to here and back."""
+        return max(2, 2 * int(sum(self._client.nthreads().values())))
+
+    def submit(self, job: Job, chunk: Chunk) -> Outcomes:
+        """Give the chunk to the scheduler, which gives it to another worker if one dies."""
+        future: Outcomes = self._executor.submit(run_chunk, job, chunk)
+        return future
+
+    def close(self, job: Job) -> None:
+        """Cancel what is under way and close the systems of the workers."""
+        self._executor.shutdown(wait=False)
+        self._client.run(close_runners, job.key, on_error="ignore")  # a worker may just have died
+
+
+def make_pool(executor: Any, workers: int | None) -> Pool:
+    """The pool that was asked for.
+
+    Raises
+    ------
+    SweepError
+        If there is no such executor, or fewer than one worker.
+    """
+    if workers is not None and workers < 1:
+        raise SweepError(f"{workers} workers were asked for: give 1 or more")
+    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if executor == "serial":
+        return SerialPool()
+    if executor == "threads":
+        return ThreadPool(workers or available)
+    if executor == "processes":
+        return ProcessPool(workers or available)
+    if hasattr(executor, "get_executor"):
+        return DaskPool(executor)
+    raise SweepError(f"{executor!r} does not run sweeps: use 'processes', 'threads', 'serial' or a dask client")
+
+
+def _imported_by_main() -> list[str]:
+    """What the script imports: every worker runs it once more, which is quick where these are there already."""
+    values = vars(sys.modules["__main__"]).values()
+    names = {value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", "") for value in values}
+    return sorted(str(name) for name in names if name in sys.modules and name not in {"__main__", "builtins"})
+
+
+def _prepare_process(scratch: str) -> None:
+    """First thing in a worker process: nothing of it is to outlive its sweep."""
+    if hasattr(os, "setpgrp"):
+        os.setpgrp()  # Ctrl-C is for the sweep, which ends its workers
+    tempfile.tempdir = scratch
+    threading.Thread(target=_end_with_parent, args=(scratch,), daemon=True).start()
+
+
+def _end_with_parent(scratch: str) -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        shutil.rmtree(scratch, ignore_errors=True)
+        os._exit(1)

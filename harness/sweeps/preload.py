@@ -1,0 +1,13 @@
+"""What a process does of which the workers are forked: load all that a run needs, so that none of them has to."""
+
+from contextlib import suppress
+
+from harness.callable_part import CallablePart
+from harness.errors import HarnessError
+from harness.sweeps.worker import Runner
+from harness.system import System
+
+with suppress(HarnessError, OSError):  # a run says what is wrong
+    System([CallablePart("preload", lambda t, u, x: t, outputs=["t"])]).run(stop=1.0, step=1.0)
+
+__all__ = ["Runner"]

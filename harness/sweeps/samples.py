@@ -1,0 +1,257 @@
+"""What is swept: lists of parameter sets."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import math
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harness.archive import parse_value
+from harness.errors import SweepError
+from harness.part import PortType, StartValue
+from harness.ssp import Parameter, ParameterSet, read_ssv
+from harness.system import System
+
+Sample: TypeAlias = Mapping[str, StartValue]
+WithUnits: TypeAlias = Mapping[str, StartValue | Parameter]
+Given: TypeAlias = WithUnits | ParameterSet
+"""A parameter set as it may be given: with units, or as it was read from an SSV file."""
+
+Bounds: TypeAlias = Mapping[str, tuple[float, float]]
+
+
+def grid(values: Mapping[str, ArrayLike]) -> list[dict[str, StartValue]]:
+    """All combinations of values; the last name varies fastest.
+
+    Parameters
+    ----------
+    values : mapping of str to array_like, shape (n_k,)
+        The values of each name: ``part.port``, or a setting of the experiment such as ``step``.
+
+    Returns
+    -------
+    list of dict, length n_1 n_2 ...
+        The parameter sets.
+    """
+    columns = [[_plain(value) for value in np.atleast_1d(np.asarray(v, dtype=object))] for v in values.values()]
+    return [dict(zip(values, point, strict=True)) for point in itertools.product(*columns)]
+
+
+def latin_hypercube(bounds: Bounds, n: int, seed: int, *, log: Collection[str] = ()) -> list[dict[str, StartValue]]:
+    """Random points of which each of n equal strata of every parameter holds exactly one.
+
+    McKay, Beckman, Conover, Technometrics 21(2), 1979.
+
+    Parameters
+    ----------
+    bounds : mapping of str to (float, float)
+        Least and largest value of each name.
+    n : int
+        Number of points.
+    seed : int
+        Equal seeds give equal points.
+    log : collection of str
+        Names whose logarithm is sampled.
+
+    Returns
+    -------
+    list of dict, length n
+        The parameter sets.
+
+    Raises
+    ------
+    SweepError
+        If bounds or n make no sense.
+    """
+    if n < 1:
+        raise SweepError(f"a Latin hypercube of {n} points was asked for: give 1 or more")
+    from scipy.stats import qmc  # takes longer to load than all else here
+
+    sampler = qmc.LatinHypercube(_dimensions(bounds, log), seed=seed)
+    return _scaled(sampler.random(n), bounds, log)
+
+
+def sobol(bounds: Bounds, n: int, seed: int, *, log: Collection[str] = ()) -> list[dict[str, StartValue]]:
+    """Points of a scrambled Sobol sequence, more even than random ones.
+
+    Sobol, USSR Computational Mathematics and Mathematical Physics 7(4), 1967; Owen, Journal of Complexity 14(4), 1998.
+
+    Parameters
+    ----------
+    bounds : mapping of str to (float, float)
+        Least and largest value of each name.
+    n : int
+        Number of points, a power of 2: others lose what the sequence is for (Owen, 2020).
+    seed : int
+        Equal seeds give equal points.
+    log : collection of str
+        Names whose logarithm is sampled.
+
+    Returns
+    -------
+    list of dict, length n
+        The parameter sets.
+
+    Raises
+    ------
+    SweepError
+        If bounds or n make no sense.
+    """
+    power = max(0, round(math.log2(n))) if n > 0 else 0
+    if 2**power != n:
+        raise SweepError(f"a Sobol sequence of {n} points is not even: give a power of 2 such as {2**power}")
+    from scipy.stats import qmc
+
+    sampler = qmc.Sobol(_dimensions(bounds, log), seed=seed)
+    return _scaled(sampler.random_base2(power), bounds, log)
+
+
+def read_csv_samples(path: Path) -> list[dict[str, StartValue]]:
+    """Parameter sets from a table: names in the heading, one set in each row; an empty cell leaves a value as it is.
+
+    Raises
+    ------
+    SweepError
+        If the file cannot be read as such a table.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            lines = [line for line in csv.reader(file) if line]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise SweepError(f"cannot read the parameter sets {path}: {error}; give a CSV file") from error
+    if len(lines) < 2:
+        raise SweepError(f"{path} holds no parameter sets: give a heading with names and a row for each run")
+    names = [name.strip() for name in lines[0]]
+    for number, line in enumerate(lines[1:], start=2):
+        if len(line) != len(names):
+            raise SweepError(f"row {number} of {path} has {len(line)} cells instead of {len(names)}: repair it")
+    return [{name: _parsed(cell) for name, cell in zip(names, line, strict=True) if cell.strip()} for line in lines[1:]]
+
+
+def read_ssv_samples(path: Path) -> list[WithUnits]:
+    """The one parameter set of an SSV file, with its units."""
+    return [read_ssv(path).parameters]
+
+
+READERS: Final[dict[str, Callable[[Path], Sequence[WithUnits]]]] = {".csv": read_csv_samples, ".ssv": read_ssv_samples}
+"""Readers of parameter sets by the ending of the file."""
+
+
+def read_samples(paths: Iterable[Path]) -> list[WithUnits]:
+    """The parameter sets of several files, one after the other.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+        A .csv file has a parameter set in each row below the names, an .ssv file is one parameter set.
+
+    Returns
+    -------
+    list of mappings
+        Values by name, those of an .ssv file with their units.
+
+    Raises
+    ------
+    SweepError
+        If a file cannot be read, or nothing here reads its format.
+    """
+    sets: list[WithUnits] = []
+    for path in paths:
+        if path.suffix not in READERS:
+            raise SweepError(f"{path} is of no known format: give parameter sets as {', '.join(READERS)}")
+        sets += READERS[path.suffix](path)
+    return sets
+
+
+def checked_samples(samples: Iterable[Given], system: System) -> list[dict[str, StartValue]]:
+    """Parameter sets with plain Python values, in the units of the system.
+
+    Raises
+    ------
+    SweepError
+        If there are none, or a value is no number, truth value or text.
+    """
+    plain = [
+        {str(name): _plain(value, str(name)) for name, value in _in_units(sample, system).items()} for sample in samples
+    ]
+    if not plain:
+        raise SweepError("the sweep has no runs: give at least one parameter set")
+    return plain
+
+
+def column_types(samples: Sequence[Sample]) -> dict[str, PortType]:
+    """Type of each swept name over all parameter sets, in the order in which they appear.
+
+    Raises
+    ------
+    SweepError
+        If the values of a name are of types that do not go together.
+    """
+    kinds: dict[str, set[type]] = {}
+    for sample in samples:
+        for name, value in sample.items():
+            kinds.setdefault(name, set()).add(type(value))
+    types: dict[tuple[type, ...], PortType] = {(bool,): "Boolean", (int,): "Integer", (str,): "String"}
+    found: dict[str, PortType] = {}
+    for name, kind in kinds.items():
+        if len(kind) > 1 and not kind <= {int, float}:
+            given = " and ".join(sorted(one.__name__ for one in kind))
+            raise SweepError(f"the values of {name} are of types {given}: give values of one type")
+        found[name] = types.get(tuple(kind), "Real")
+    return found
+
+
+def _in_units(given: Given, system: System) -> Sample:
+    """Values of parameters that have a unit, in the units of the system."""
+    values = given.parameters if isinstance(given, ParameterSet) else given
+    with_unit = {name: value for name, value in values.items() if isinstance(value, Parameter)}
+    start = system.with_parameters(with_unit).start if with_unit else {}
+    return {name: start[name] if isinstance(value, Parameter) else value for name, value in values.items()}
+
+
+def _plain(value: object, name: str = "") -> StartValue:
+    """A value as Python has it: numpy's own types would be strange in a file."""
+    value = value.item() if isinstance(value, np.generic) else value
+    if isinstance(value, (bool, int, float, str)):
+        return value
+    raise SweepError(f"the value {value!r} {f'of {name} ' if name else ''}cannot be swept: give numbers or texts")
+
+
+def _parsed(cell: str) -> StartValue:
+    cell = cell.strip()
+    if cell.lower() in ("true", "false"):
+        return parse_value("Boolean", cell.lower())
+    for kind in ("Integer", "Real"):
+        try:
+            return parse_value(kind, cell)
+        except ValueError:
+            continue
+    return cell
+
+
+def _dimensions(bounds: Bounds, log: Collection[str]) -> int:
+    if not bounds:
+        raise SweepError("nothing is varied: give bounds for at least one name")
+    for name in log:
+        if name not in bounds:
+            raise SweepError(f"{name} is to have a logarithmic scale but no bounds: give its bounds")
+    for name, (low, high) in bounds.items():
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise SweepError(f"the bounds of {name} are {low} and {high}: give two finite numbers that increase")
+        if name in log and low <= 0.0:
+            raise SweepError(f"{name} has a logarithmic scale from {low}: give positive bounds")
+    return len(bounds)
+
+
+def _scaled(points: np.ndarray, bounds: Bounds, log: Collection[str]) -> list[dict[str, StartValue]]:
+    columns = []
+    for (name, (low, high)), column in zip(bounds.items(), points.T, strict=True):
+        scaled = low * (high / low) ** column if name in log else low + (high - low) * column
+        columns.append(np.clip(scaled, low, high).tolist())
+    return [dict(zip(bounds, point, strict=True)) for point in zip(*columns, strict=True)]

@@ -1,0 +1,256 @@
+"""What a worker does: chunks of runs of a system of its own, whose FMUs are reset from run to run."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from time import perf_counter
+from typing import Any, Final
+
+from harness.errors import HarnessError, SweepError
+from harness.experiment import Experiment
+from harness.fmu import FmuPart
+from harness.part import StartValue
+from harness.result import Result
+from harness.run import run
+from harness.sweeps.measures import Measure, label
+from harness.sweeps.samples import Sample
+from harness.system import System
+
+SETTINGS: Final = ("start", "stop", "step", "master", "decimate", "tolerance", "extrapolation")
+"""Settings of the experiment that can be swept; a start value has a dot in its name."""
+
+_PROBED: Final = 1000
+"""Ticks over which a reset FMU is compared with a new one."""
+
+_LOG = logging.getLogger("harness")
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is common to all runs of a sweep.
+
+    Parameters
+    ----------
+    key : str
+        Names the sweep: workers keep a system for each.
+    open : callable
+        Makes a system that nobody else uses.
+    experiment : Experiment
+        How each run is done, with what is recorded in full names.
+    measures : tuple of callable
+        What is made of its result.
+    keep : tuple of str
+        Variables whose whole trajectories are handed back.
+    """
+
+    key: str
+    open: Callable[[], System]
+    experiment: Experiment
+    measures: tuple[Measure, ...]
+    keep: tuple[str, ...] = ()
+
+
+@dataclass
+class Outcome:
+    """What became of a run.
+
+    Attributes
+    ----------
+    run : int
+        Its number.
+    wall_time : float
+        What it took [s].
+    measures : dict of str to float
+        Empty if it failed.
+    error, warnings : str or None
+        What went wrong, and what was logged about it.
+    kept : xarray.Dataset or None
+        Trajectories.
+    """
+
+    run: int
+    wall_time: float = 0.0
+    measures: dict[str, float] = field(default_factory=dict)
+    error: str | None = None
+    warnings: str | None = None
+    kept: Result | None = None
+
+
+class Runner:
+    """A system with which one worker does its runs.
+
+    Parameters
+    ----------
+    job : Job
+        The sweep.
+    """
+
+    def __init__(self, job: Job) -> None:
+        """Open the system."""
+        self.job = job
+        self.system = job.open()
+        self._fmus = [part for part in self.system.parts.values() if isinstance(part, FmuPart)]
+        self._probed = not self._fmus
+        self._reuse(True)
+
+    def run(self, number: int, values: Sample) -> Outcome:
+        """One run; whatever goes wrong in it becomes its error."""
+        outcome = Outcome(number)
+        with _collected_warnings() as messages:
+            begin = perf_counter()
+            try:
+                result = self._result(values, self.job.experiment)
+                outcome.measures = self._measured(result)
+                outcome.kept = result[list(self.job.keep)] if self.job.keep else None
+            except HarnessError as error:
+                outcome.error = str(error)
+            except Exception as error:
+                outcome.error = f"{type(error).__name__}: {error}"
+            outcome.wall_time = perf_counter() - begin
+            outcome.warnings = "; ".join(messages) or None
+            if not (self._probed or outcome.error):
+                self._probe(values)
+        return outcome
+
+    def close(self) -> None:
+        """Give the system back."""
+        self._reuse(False)
+        self.system.close()
+
+    def _result(self, values: Sample, experiment: Experiment) -> Result:
+        settings: dict[str, Any] = {name: value for name, value in values.items() if name in SETTINGS}
+        start: dict[str, StartValue] = {name: value for name, value in values.items() if name not in SETTINGS}
+        return run(self.system.with_start(start), replace(experiment, **settings))
+
+    def _measured(self, result: Result) -> dict[str, float]:
+        numbers: dict[str, float] = {}
+        for measure in self.job.measures:
+            try:
+                given = {str(name): float(value) for name, value in measure(result).items()}
+            except Exception as error:
+                raise SweepError(f"the measure {label(measure)} failed with {type(error).__name__}: {error}") from error
+            for name in given:
+                if name in numbers:
+                    raise SweepError(f"two measures are called '{name}': rename the one of {label(measure)}")
+            numbers |= given
+        return numbers
+
+    def _probe(self, values: Sample) -> None:
+        """Make new instances for every run if those that were reset do not behave like new ones.
+
+        An FMU may answer fmi2Reset with fmi2OK and keep a state; what it does after the first run shows that.
+        """
+        self._probed = True
+        names = [
+            f"{name}.{port.name}"
+            for name, part in self.system.parts.items()
+            for port in (*part.outputs, *part.observables)
+        ]
+        whole = self.job.experiment
+        settings = {name: float(values[name]) for name in ("start", "step") if name in values}
+        begin, step = settings.get("start", whole.start), settings.get("step", whole.step)
+        stop = float(values.get("stop", whole.stop))
+        ticks = min(_PROBED, round((stop - begin) / step))
+        short = {**values, "stop": begin + ticks * step, "decimate": 1}
+        probe = replace(whole, record=tuple(names))
+        was_reset = self._outputs(short, probe)
+        self._reuse(False)
+        new = self._outputs(short, probe)
+        if was_reset == new:
+            self._reuse(True)
+        else:
+            _LOG.info("fmi2Reset does not bring all FMUs back to their start: every run gets new instances")
+
+    def _outputs(self, values: Sample, experiment: Experiment) -> list[bytes] | str:
+        """The recorded values to the last bit, or why there are none."""
+        try:
+            result = self._result(values, experiment)
+        except Exception as error:
+            return str(error)
+        return [column.to_numpy().tobytes() for column in result.data_vars.values()]
+
+    def _reuse(self, reuse: bool) -> None:
+        for part in self._fmus:
+            part.reuse = reuse
+
+
+_runners: dict[tuple[str, int], Runner] = {}
+
+
+def run_chunk(
+    job: Job, runs: Sequence[tuple[int, Sample]], stopped: Callable[[], bool] = lambda: False
+) -> list[Outcome]:
+    """Some runs of a sweep, with the system of this thread.
+
+    Parameters
+    ----------
+    job : Job
+        The sweep.
+    runs : sequence of (int, mapping)
+        Number and values of each run.
+    stopped : callable
+        Asked before every run whether to leave the others out.
+
+    Returns
+    -------
+    list of Outcome
+        One for each run that was done.
+    """
+    key = (job.key, threading.get_ident())
+    if key not in _runners:
+        _runners[key] = Runner(job)
+    outcomes: list[Outcome] = []
+    for number, values in runs:
+        if stopped():
+            break
+        outcomes.append(_runners[key].run(number, values))
+    return outcomes
+
+
+def close_runners(sweep: str) -> None:
+    """Close the systems of a sweep in this process."""
+    for key in [key for key in _runners if key[0] == sweep]:
+        _runners.pop(key).close()
+
+
+class _Collector(logging.Handler):
+    """Keeps the different messages of one thread."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self._thread = threading.get_ident()
+        self.messages: dict[str, None] = {}
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep the message; a run that goes wrong at every step would have many."""
+        if record.thread == self._thread and len(self.messages) < 10:
+            self.messages[record.getMessage()] = None
+
+
+_collecting = threading.Lock()
+_collectors: list[_Collector] = []
+_propagated: list[bool] = []
+
+
+@contextmanager
+def _collected_warnings() -> Iterator[Mapping[str, None]]:
+    """The warnings of this thread's run, which would otherwise go to the screen thousands of times."""
+    collector = _Collector()
+    with _collecting:
+        if not _collectors:
+            _propagated.append(_LOG.propagate)
+            _LOG.propagate = False
+        _collectors.append(collector)
+        _LOG.addHandler(collector)
+    try:
+        yield collector.messages
+    finally:
+        with _collecting:
+            _LOG.removeHandler(collector)
+            _collectors.remove(collector)
+            if not _collectors:
+                _LOG.propagate = _propagated.pop()
