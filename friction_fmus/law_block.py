@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Sequence
 
 from friction_fmus.emit import kernel
-from friction_fmus.law import BOOLEANS, Kind, Law, Variable
+from friction_fmus.law import BOOLEANS, VECTORS, Kind, Law, Variable
 from friction_fmus.law_variables import c_string
 
 
@@ -24,16 +24,12 @@ def block_source(law: Law) -> str:
     str
         Text that depends on nothing but the law.
     """
-    reads = [
-        f"{variable.name}[{i}]" if variable.kind is Kind.VECTOR else variable.name
-        for variable in law.given
-        for i in range(len(variable.starts))
-    ]
+    reads = [name for variable in law.given for name in _elements(variable)]
     scalars = [variable for variable in law.given for _ in variable.starts]
     body = kernel(
         law.function,
         reads,
-        [f"model->{variable.name}" for variable in law.results],
+        [f"model->{name}" for variable in law.results for name in _elements(variable)],
         conditions=[i for i, variable in enumerate(scalars) if variable.kind in BOOLEANS],
         taken=[variable.name for variable in law.variables],
     )
@@ -64,6 +60,13 @@ def block_source(law: Law) -> str:
     )
 
 
+def _elements(variable: Variable) -> list[str]:
+    """C names of its scalars."""
+    if variable.kind in VECTORS:
+        return [f"{variable.name}[{i}]" for i in range(len(variable.starts))]
+    return [variable.name]
+
+
 def _comment(text: str) -> str:
     harmless = text.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
     return f"/* {textwrap.indent(harmless, '   ').lstrip()} */"
@@ -92,7 +95,7 @@ def _row(variable: Variable) -> tuple[str, list[str], str]:
     kind = variable.kind
     unit = "" if kind in BOOLEANS else variable.unit.c
     count = low = high = ""
-    if kind is Kind.VECTOR:
+    if kind in VECTORS:
         count, start = str(len(variable.starts)), f"({', '.join(map(_limit, variable.starts))})"
     elif kind in BOOLEANS:
         start = str(int(variable.starts[0]))
@@ -100,7 +103,7 @@ def _row(variable: Variable) -> tuple[str, list[str], str]:
         start = "" if kind is Kind.OUTPUT else _limit(variable.starts[0])
     if kind in (Kind.PARAMETER, Kind.VECTOR, Kind.SAMPLE_TIME):
         low, high = _limit(variable.min), _limit(variable.max)
-    elif kind is Kind.STATE:
+    elif kind in (Kind.STATE, Kind.STATES):
         low = _limit(variable.nominal)
     cells = [f"{cell}," if cell else "" for cell in (variable.name, count, unit, start, low, high)]
     return kind.value, cells, c_string(variable.text)
