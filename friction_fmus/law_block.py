@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from casadi import Function
 
 from friction_fmus.emit import kernel
-from friction_fmus.law import BOOLEANS, Kind, Law, Variable
+from friction_fmus.law import BOOLEANS, VECTORS, Kind, Law, Variable
 from friction_fmus.law_variables import FAULT, c_string
 
 
@@ -27,7 +27,8 @@ def block_source(law: Law) -> str:
     str
         Text that depends on nothing but the law.
     """
-    body = _statements(law.function, law.given, [f"model->{variable.name}" for variable in law.results])
+    writes = [f"model->{name}" for variable in law.results for name in _elements(variable)]
+    body = _statements(law.function, law.given, writes)
     last_output = max(i for i, variable in enumerate(law.variables) if variable.kind is Kind.OUTPUT)
     table = (*law.variables[: last_output + 1], FAULT, *law.variables[last_output + 1 :])
     texts = law.conditions.texts
@@ -63,11 +64,7 @@ def block_source(law: Law) -> str:
 
 def _statements(function: Function, given: Sequence[Variable], writes: Sequence[str]) -> tuple[str, ...]:
     """The C of a function of these variables, which stand there as constants of their names."""
-    reads = [
-        f"{variable.name}[{i}]" if variable.kind is Kind.VECTOR else variable.name
-        for variable in given
-        for i in range(len(variable.starts))
-    ]
+    reads = [name for variable in given for name in _elements(variable)]
     scalars = [variable for variable in given for _ in variable.starts]
     booleans = [i for i, variable in enumerate(scalars) if variable.kind in BOOLEANS]
     taken = [*(variable.name for variable in given), *(re.findall(r"\w+", " ".join(writes)))]
@@ -89,6 +86,13 @@ def _relations(law: Law) -> list[str]:
         "    return NULL;",
         "}",
     ]
+
+
+def _elements(variable: Variable) -> list[str]:
+    """C names of its scalars."""
+    if variable.kind in VECTORS:
+        return [f"{variable.name}[{i}]" for i in range(len(variable.starts))]
+    return [variable.name]
 
 
 def _comment(text: str) -> str:
@@ -119,7 +123,7 @@ def _row(variable: Variable) -> tuple[str, list[str], str]:
     kind = variable.kind
     unit = "" if kind in (*BOOLEANS, Kind.FLAG) else variable.unit.c
     count = low = high = ""
-    if kind is Kind.VECTOR:
+    if kind in VECTORS:
         count, start = str(len(variable.starts)), f"({', '.join(map(_limit, variable.starts))})"
     elif kind in BOOLEANS:
         start = str(int(variable.starts[0]))
@@ -127,7 +131,7 @@ def _row(variable: Variable) -> tuple[str, list[str], str]:
         start = "" if kind in (Kind.OUTPUT, Kind.FLAG) else _limit(variable.starts[0])
     if kind in (Kind.PARAMETER, Kind.VECTOR, Kind.SAMPLE_TIME):
         low, high = _limit(variable.min), _limit(variable.max)
-    elif kind is Kind.STATE:
+    elif kind in (Kind.STATE, Kind.STATES):
         low = _limit(variable.nominal)
     cells = [f"{cell}," if cell else "" for cell in (variable.name, count, unit, start, low, high)]
     return kind.value, cells, c_string(variable.text)

@@ -72,11 +72,15 @@ class Kind(Enum):
     OUTPUT = "OUTPUT"
     FLAG = "OUTPUT_FLAG"
     STATE = "STATE"
+    STATES = "STATES"
     PARAMETER = "PARAMETER"
     VECTOR = "PARAMETERS"
     SWITCH = "SWITCH"
     SAMPLE_TIME = "FIXED"
 
+
+VECTORS = (Kind.VECTOR, Kind.STATES)
+"""Kinds whose value is a tuple of numbers, read as ``k[0]``, ``k[1]``, ... in expressions."""
 
 BOOLEANS = (Kind.COMMAND, Kind.SWITCH)
 """Kinds whose value is true or false, 1 or 0 in expressions."""
@@ -93,7 +97,7 @@ class Variable:
     unit : Unit
         Unit in SI.
     start : float or tuple of float
-        Start value; a tuple for a vector parameter, 0 or 1 for a Boolean.
+        Start value; a tuple for a vector, 0 or 1 for a Boolean.
     text : str
         One line that says what it is.
     min, max, nominal : float
@@ -137,8 +141,15 @@ def Command(start: bool, text: str) -> Any:  # noqa: N802
     return Variable(Kind.COMMAND, NO_UNIT, float(start), text)
 
 
-def State(unit: Unit | str, start: float, text: str, *, nominal: float = 1.0) -> Any:  # noqa: N802
-    """A state: the law receives its value and returns the next one under the same name."""
+def State(  # noqa: N802
+    unit: Unit | str, start: float | tuple[float, ...], text: str, *, nominal: float = 1.0
+) -> Any:
+    """A state: the law receives its value and returns the next one under the same name.
+
+    With a tuple of start values it is a vector, read as ``z[0]``, ``z[1]``, ... and returned as a list.
+    """
+    if isinstance(start, tuple):
+        return Variable(Kind.STATES, _unit(unit), tuple(map(float, start)), text, nominal=nominal)
     return Variable(Kind.STATE, _unit(unit), float(start), text, nominal=nominal)
 
 

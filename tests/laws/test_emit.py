@@ -93,11 +93,11 @@ def test_every_law_keeps_casadis_bits_over_a_long_run(law, workshop, different_b
     n = 100_000
     rows = random_arguments(law, n, seed=3)
     labels = [variable for variable in law.given for _ in variable.starts]
-    states = [i for i, variable in enumerate(labels) if variable.kind is Kind.STATE]
+    states = [i for i, variable in enumerate(labels) if variable.kind in (Kind.STATE, Kind.STATES)]
     fixed = [
         i
         for i, variable in enumerate(labels)
-        if variable.kind not in (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND, Kind.STATE)
+        if variable.kind not in (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND, Kind.STATE, Kind.STATES)
     ]
     starts = np.array([start for variable in law.given for start in variable.starts])
     rows[:, fixed] = starts[fixed]
