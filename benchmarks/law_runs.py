@@ -12,8 +12,8 @@ import fmpy
 import numpy as np
 
 from friction_fmus import build
-from friction_fmus.codegen.sources import INPUTS, Export, header, implementation
-from friction_fmus.law import BOOLEANS, Kind, Law, Variable
+from friction_fmus.codegen.sources import INPUTS, STATES, Export, header, implementation
+from friction_fmus.law import BOOLEANS, VECTORS, Kind, Law, Variable
 from harness.toolchain import FLAGS, compiler, header_folder
 
 Columns = Mapping[str, np.ndarray]
@@ -67,7 +67,11 @@ class LawFmu:
         inputs = self.law.select(*INPUTS)
         reals = [v.name for v in inputs if v.kind not in BOOLEANS]
         booleans = [v.name for v in inputs if v.kind in BOOLEANS]
-        results = [v.name for v in self.law.results]
+        results = [
+            f"{v.name}[{i + 1}]" if v.kind in VECTORS else v.name
+            for v in self.law.results
+            for i in range(len(v.starts))
+        ]
         n = len(next(iter(given.values())))
         real_rows = np.ascontiguousarray(np.array([given[name] for name in reals], dtype=float).reshape(-1, n).T)
         boolean_rows = np.ascontiguousarray(
@@ -110,7 +114,7 @@ def _driver(export: Export) -> str:
     ]
     results = [
         f"            results[{i}] = (double){text};"
-        for i, text in enumerate(text for v in export.law.results for text in place(v))
+        for i, text in enumerate(text.replace("->", ".") for text in export.results)
     ]
     arguments = f"const {p}_parameters *, {p}_states *, const {p}_inputs *, {p}_outputs *"
     return "\n".join(
@@ -177,7 +181,7 @@ class LawC:
             The states go on from sample to sample, parameters stay at their start.
         """
         rows = np.ascontiguousarray(rows, dtype=float)
-        found = np.full((len(rows), len(self.export.law.results)), np.nan)
+        found = np.full((len(rows), len(self.export.results)), np.nan)
         total = self._run(ctypes.c_long(len(rows)), int(feeds_back), _pointer(rows), _pointer(found))
         return found, float(total)
 
@@ -203,7 +207,7 @@ def run_casadi(law: Law, rows: np.ndarray) -> np.ndarray:
     for i in range(result.size):
         buffer.set_res(i, memoryview(result[i : i + 1]))
     labels = [variable for variable in law.given for _ in variable.starts]
-    states = [i for i, variable in enumerate(labels) if variable.kind is Kind.STATE]
+    states = [i for i, variable in enumerate(labels) if variable.kind in STATES]
     first_next = len(law.select(Kind.OUTPUT))
     found = np.empty((len(rows), result.size))
     state = given[states]
@@ -220,7 +224,7 @@ def casadi_by_rows(law: Law, rows: np.ndarray) -> tuple[np.ndarray, float]:
     """The rows by casadi's virtual machine as they are: results of every sample, and the seconds, without Python."""
     buffer, evaluate = law.function.map(len(rows)).buffer()
     columns = [np.ascontiguousarray(column) for column in rows.T]
-    results = [np.zeros(len(rows)) for _ in law.results]
+    results = [np.zeros(len(rows)) for _ in range(law.function.n_out())]
     for i, column in enumerate(columns):
         buffer.set_arg(i, memoryview(column))
     for i, column in enumerate(results):

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from friction_fmus.codegen.program import program, results, samples
+from friction_fmus.codegen.program import program, samples
 from friction_fmus.codegen.sources import Export, header, implementation
 from friction_fmus.errors import FrictionError
 
@@ -168,7 +168,7 @@ def run(export: Export, core: Core, given: dict[str, np.ndarray]) -> tuple[np.nd
         lines = _run(folder, EMULATOR, "-cpu", _CPU, "./program").splitlines()
     kind = "<f4" if export.real.suffix else "<f8"
     rows = [[np.frombuffer(bytes.fromhex(word), kind)[0] for word in line.split()] for line in lines[:-1]]
-    return np.array(rows).reshape(-1, len(results(export))), int.from_bytes(bytes.fromhex(lines[-1]), "little")
+    return np.array(rows).reshape(-1, len(export.results)), int.from_bytes(bytes.fromhex(lines[-1]), "little")
 
 
 def assembly(export: Export, core: Core) -> str:

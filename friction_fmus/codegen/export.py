@@ -13,7 +13,7 @@ from friction_fmus.codegen.readme import readme
 from friction_fmus.codegen.sources import Export, example, header, implementation
 from friction_fmus.emit import DOUBLE, FLOAT
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
-from friction_fmus.law import BOOLEANS, Kind, Law
+from friction_fmus.law import BOOLEANS, VECTORS, Law
 from friction_fmus.law_files import discover_laws
 from friction_fmus.law_variables import check_identifier
 
@@ -97,7 +97,7 @@ def _set(law: Law, values: dict[str, tuple[float, ...]], name: str, value: float
     element = re.fullmatch(r"(\w+)\[(\d+)\]", name)
     plain = element[1] if element else name
     variable = next((v for v in law.given if v.name == plain), None)
-    if variable is None or (variable.kind is Kind.VECTOR) != bool(element):
+    if variable is None or (variable.kind in VECTORS) != bool(element):
         names = [v.name for v in law.given]
         raise UnknownNameError(f"{law.name} has no variable {name!r} with a start value{nearest(plain, names)}")
     place = int(element[2]) - 1 if element else 0

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from friction_fmus.codegen.sources import INPUTS, Export, number, unit_text
-from friction_fmus.law import BOOLEANS, Kind, Variable
+from friction_fmus.law import BOOLEANS, Variable
 
 _SIZES = {"m": 1e-3, "m/s": 1e-2, "m/s2": 1.0, "rad": 1e-3, "rad/s": 1e-2}
 """Size of the samples by unit: where friction and control are neither at rest nor saturated."""
@@ -39,11 +39,6 @@ def samples(export: Export, n: int, seed: int = 1) -> dict[str, np.ndarray]:
     return {variable.name: draw(variable) for variable in export.law.select(*INPUTS)}
 
 
-def results(export: Export) -> list[Variable]:
-    """What the program writes of every sample, in this order."""
-    return [*export.law.select(Kind.OUTPUT), *export.law.select(Kind.STATE)]
-
-
 def program(export: Export, given: dict[str, np.ndarray]) -> str:
     """The text of the program: for every sample it writes a line with the bytes of the results, at the end the depth of
     the stack in bytes. With the macro QUIET it runs and writes nothing.
@@ -51,10 +46,7 @@ def program(export: Export, given: dict[str, np.ndarray]) -> str:
     p, inputs = export.prefix, export.law.select(*INPUTS)
     n = len(next(iter(given.values()))) if given else 1
     rows = ["    {" + ", ".join(number(export, v, float(given[v.name][k])) for v in inputs) + "}," for k in range(n)]
-    write = [
-        f"            hex(&{'states' if v.kind is Kind.STATE else 'outputs'}.{v.name}, sizeof({export.real.name}));"
-        for v in results(export)
-    ]
+    write = [f"            hex(&{place.replace('->', '.')}, sizeof({export.real.name}));" for place in export.results]
     return "\n".join(
         [
             f'#include "{p}.h"',

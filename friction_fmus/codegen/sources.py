@@ -12,12 +12,13 @@ from casadi import Function
 
 from friction_fmus.catalogue import source_folder
 from friction_fmus.emit import Kernel, Real, kernel
-from friction_fmus.law import BOOLEANS, Kind, Law, Variable
+from friction_fmus.law import BOOLEANS, VECTORS, Kind, Law, Variable
 from friction_fmus.law_conditions import PARAMETERS
 from friction_fmus.law_variables import FAULT
 from friction_fmus.version import VERSION
 
 INPUTS = (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND)
+STATES = (Kind.STATE, Kind.STATES)
 
 Values = Mapping[str, tuple[float, ...]]
 
@@ -54,7 +55,7 @@ class Export:
         """Members of the structs by the struct's name, in the order of the arguments of ``step``."""
         return {
             "parameters": self.law.select(*PARAMETERS),
-            "states": self.law.select(Kind.STATE),
+            "states": self.law.select(*STATES),
             "inputs": self.law.select(*INPUTS),
             "outputs": (*self.law.select(Kind.OUTPUT), FAULT),
         }
@@ -62,11 +63,12 @@ class Export:
     @property
     def kernel(self) -> Kernel:
         """One sample, as statements on the structs."""
-        writes = [
-            f"{'states' if variable.kind is Kind.STATE else 'outputs'}->{variable.name}"
-            for variable in self.law.results
-        ]
-        return self.statements(self.law.function, self.law.given, writes)
+        return self.statements(self.law.function, self.law.given, self.results)
+
+    @property
+    def results(self) -> list[str]:
+        """C expressions of the scalars that a sample writes, in the order of the law's function."""
+        return [place for variable in self.law.results for place in self.places(variable)]
 
     def statements(self, function: Function, given: Sequence[Variable], writes: Sequence[str]) -> Kernel:
         """A function of variables of the structs, as statements."""
@@ -83,12 +85,12 @@ class Export:
         """C expressions of its scalars, behind pointers with the names of the structs."""
         group = next(name for name, members in self.groups.items() if variable in members)
         name = f"{group}->{variable.name}"
-        return [f"{name}[{i}]" for i in range(len(variable.starts))] if variable.kind is Kind.VECTOR else [name]
+        return [f"{name}[{i}]" for i in range(len(variable.starts))] if variable.kind in VECTORS else [name]
 
     def member(self, variable: Variable) -> str:
         """Declaration of a member."""
         kind = "int" if variable.kind in (*BOOLEANS, Kind.FLAG) else self.real.name
-        return f"{kind} {variable.name}{f'[{len(variable.starts)}]' if variable.kind is Kind.VECTOR else ''}"
+        return f"{kind} {variable.name}{f'[{len(variable.starts)}]' if variable.kind in VECTORS else ''}"
 
 
 def si_units() -> dict[str, str]:

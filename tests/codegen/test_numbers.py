@@ -17,6 +17,7 @@ from friction_fmus.catalogue import laws_folder
 from friction_fmus.codegen.cost import CORES, assembly, missing, run
 from friction_fmus.codegen.export import make_export
 from friction_fmus.codegen.program import samples
+from friction_fmus.codegen.sources import STATES
 from friction_fmus.law import Kind
 from friction_fmus.law_files import discover_laws
 
@@ -60,7 +61,7 @@ def test_float_is_near_casadi(name: str, tmp_path: Path) -> None:
     law = export.law
     rows = rows_of(export, samples(export, LONG, seed=3)).astype(np.float32).astype(float)
     labels = [variable for variable in law.given for _ in variable.starts]
-    states = [i for i, variable in enumerate(labels) if variable.kind is Kind.STATE]
+    states = [i for i, variable in enumerate(labels) if variable.kind in STATES]
     whole = run_casadi(law, rows)
     rows[1:, states] = whole[:-1, len(law.select(Kind.OUTPUT)) :].astype(np.float32)
     expected, _ = casadi_by_rows(law, rows)
