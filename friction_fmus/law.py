@@ -222,8 +222,9 @@ def law(
     outputs : mapping of str to Variable
         Made by `Output`.
     conditions : mapping of str to callable, optional
-        Relations without which the law is singular: ``{"u_min <= u_max": lambda u_min, u_max: u_min <= u_max}``; the
-        arguments are parameters of these names. Values that violate one are refused, and the message has its text.
+        Relations without which the law is singular: ``{"w Ts < 2": lambda w, Ts: w * Ts < 2.0}``; the arguments are
+        parameters of these names. Values that violate one are refused, and the message has its text. That u_min must
+        not exceed u_max need not be said.
 
     Returns
     -------

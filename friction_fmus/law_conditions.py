@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from casadi import SX, Function, vertcat
@@ -16,6 +17,9 @@ PARAMETERS = (Kind.PARAMETER, Kind.VECTOR, Kind.SWITCH, Kind.SAMPLE_TIME)
 """Kinds whose values a relation may use: those that are set before the first sample."""
 
 Relation = Callable[..., Any]
+
+LIMITS: Mapping[str, Relation] = MappingProxyType({"u_min <= u_max": lambda u_min, u_max: u_min <= u_max})
+"""What every law with these two parameters needs, which are the limits of its output by convention."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +64,8 @@ def conditions_of(where: str, relations: Mapping[str, Relation], variables: tupl
     where : str
         Beginning of messages.
     relations : mapping of str to callable
-        What it says -> function of SX parameters, chosen by the names of its arguments.
+        What it says -> function of SX parameters, chosen by the names of its arguments. `LIMITS` is added to a law
+        with these parameters.
     variables : tuple of Variable
         Of the law.
 
@@ -72,6 +77,7 @@ def conditions_of(where: str, relations: Mapping[str, Relation], variables: tupl
     parameters = tuple(variable for variable in variables if variable.kind in PARAMETERS)
     elements = {variable.name: [SX.sym(scalar) for scalar in variable.scalars] for variable in parameters}
     results = []
+    relations = {**(LIMITS if {"u_min", "u_max"} <= elements.keys() else {}), **relations}
     for text, relation in relations.items():
         check_line(where, "text of a condition", text)
         names = list(inspect.signature(relation).parameters)

@@ -33,7 +33,6 @@ from friction_fmus.law import (
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
-    conditions={"u_min <= u_max": lambda u_min, u_max: u_min <= u_max},
 )
 def pid(
     r: SX = Input(LENGTH, 0.0, "reference position"),

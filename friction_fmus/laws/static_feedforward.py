@@ -31,7 +31,6 @@ from friction_fmus.law import (
         "F_hat": Output(FORCE, "friction that is compensated, times gain"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
-    conditions={"u_min <= u_max": lambda u_min, u_max: u_min <= u_max},
 )
 def static_feedforward(
     rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
