@@ -52,3 +52,24 @@ def feedforward(inertia: SX, friction: SX, enable: SX, u_min: SX, u_max: SX) -> 
 def when(enable: SX, **values: SX | float) -> dict[str, SX]:
     """The values while enabled, else 0, which is where the states of these laws start."""
     return {name: if_else(enable, value, 0.0) for name, value in values.items()}
+
+
+def reference_shift(force: SX, shift: SX, integral: SX, Kp: SX, Kd: SX, Ki: SX, Ts: SX) -> tuple[SX, SX, SX]:
+    """What a PID controller must see as a shift of its reference to give a force.
+
+    Parameters
+    ----------
+    force : SX
+        To be given in this sample.
+    shift, integral : SX
+        Shift of the position in this sample and sum of those before, times Ts.
+    Kp, Kd, Ki, Ts : SX
+        Of the controller.
+
+    Returns
+    -------
+    rate, shift, integral : SX
+        Shift of the velocity in this sample; the other two in the next.
+    """
+    rate = (force - Kp * shift - Ki * integral) / Kd
+    return rate, shift + Ts * rate, integral + Ts * shift
