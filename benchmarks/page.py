@@ -29,6 +29,12 @@ but the force. What an FMU adds is 6 to 9 ns: the checks of the time, the copy t
 check that all results are finite. A law that is itself done in 5 ns is therefore several times slower as an FMU, one of
 30 ns or more hardly.
 """,
+    "controllers": """## A sample of a law
+
+A compensator law as FMU, with all inputs set and all results read around its `fmi2DoStep`; as the C that
+`friction-fmus codegen` writes, in double and in float; and in casadi's virtual machine, called from C++. Random inputs,
+the same compiler flags, all in turn in one process. The FMU and the exported C give the same bits.
+""",
     "harness": """## Co-simulation
 
 Two pairs of FMUs, in steps of 0.1 ms: in the engine, in a loop by hand in C over the same `fmi2` functions

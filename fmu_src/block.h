@@ -17,7 +17,11 @@
      STEPS_BY   the name of its own exact step `static bool f(Model *m, double h)` in place of `integrate`; if it
                 has also computed the outputs, at the end of the step, it says so by m->run.outputs_done = true
      WARNING    the text of a warning that is given once, when it sets m->run.warning = true
-     SAMPLED    `sample(Model *m)` is called at start + k Ts; the table then has FIXED(Ts, ...)          */
+     SAMPLED    `sample(Model *m)` is called at start + k Ts; the table then has FIXED(Ts, ...)
+     GUARDED    of a SAMPLED block whose table begins with its inputs and has OUTPUT_FLAG(fault, ...): inputs may be
+                NaN or infinite; `fault` is then true and the sample is not taken, so outputs and states are held
+     REQUIRES   the name of `static const char *f(const Model *m)`: the relation of parameters that does not hold, as
+                text, or NULL; with one that does not hold the block is not initialised and makes no step   */
 
 #ifndef BLOCK_H
 #define BLOCK_H
@@ -69,6 +73,7 @@ enum type { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN };
 #define OPTIONAL(name, unit, start, text)                 INPUT(name, unit, start, "optional: " text)
 #define COMMAND(name, start, text)                        SCALAR(name, ROLE_INPUT, TYPE_BOOLEAN, "", start, 0.0, 1.0, "optional: " text)
 #define OUTPUT(name, unit, text)                          SCALAR(name, ROLE_OUTPUT, TYPE_REAL, unit, 0.0, -INF, INF, text)
+#define OUTPUT_FLAG(name, text)                           SCALAR(name, ROLE_OUTPUT, TYPE_BOOLEAN, "", 0.0, 0.0, 1.0, text)
 #define LOCAL(name, unit, text)                           SCALAR(name, ROLE_LOCAL, TYPE_REAL, unit, 0.0, -INF, INF, text)
 #define LOCALS(name, n, unit, text)                       VECTOR(name, n, ROLE_LOCAL, TYPE_REAL, unit, (0.0), -INF, INF, text)
 #define FLAG(name, text)                                  SCALAR(name, ROLE_LOCAL, TYPE_BOOLEAN, "", 0.0, 0.0, 1.0, text)
@@ -286,6 +291,10 @@ static void equations(Model *m);
 #define STEPS_BY integrate
 #else
 static bool STEPS_BY(Model *m, double h);
+#endif
+
+#ifdef REQUIRES
+static const char *REQUIRES(const Model *m);
 #endif
 
 #ifdef KEEPS_BY

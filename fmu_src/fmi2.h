@@ -95,6 +95,8 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component component)
 fmi2Status fmi2ExitInitializationMode(fmi2Component component)
 {
     ENTER("ExitInitializationMode", MAY_ExitInitializationMode)
+    const char *const relation = violated(&c->model);
+    REQUIRE(!relation, "fmi2ExitInitializationMode: the parameters of \"%s\" must satisfy %s", c->name, relation)
     REQUIRE(refresh(c), "fmi2ExitInitializationMode: the start values of \"%s\" give outputs that are not finite",
             c->name)
     MODE(c) = STEP_COMPLETE;
@@ -144,6 +146,10 @@ static fmi2Status check_set(Instance *c, fmi2ValueReference reference, double va
     REQUIRE(row->role == ROLE_INPUT || row->role == ROLE_PARAMETER ||
                 (early && (row->role == ROLE_FIXED || row->role == ROLE_STATE)),
             "fmi2Set%s: %s cannot be set in the mode \"%s\"", type_names[type], row->name, mode_name(MODE(c)))
+#ifdef GUARDED
+    if (row->role == ROLE_INPUT)
+        return fmi2OK;
+#endif
     if (!isfinite(value))
         return report(c, fmi2Discard, LOG_DISCARD, "fmi2Set%s: %s = %g is not finite", type_names[type], row->name,
                       value);
@@ -226,7 +232,7 @@ static bool advance(Model *m, double t, double h)
             *value_of(m, inputs[i]) =
                 ((const double *)(const void *)&begin)[inputs[i]] + begin.slope[i] * fmax(at - t, 0.0);
         m->time = at;
-        sample(m);
+        take_sample(m);
         m->run.tick++;
     }
     for (int i = 0; i < INPUTS; i++)
@@ -282,6 +288,13 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     REQUIRE(t + h <= m->run.stop + slack, "fmi2DoStep: the step to %.17g s passes the stop time %.17g s", t + h,
             m->run.stop)
 
+    const char *const relation = m->run.stale ? violated(m) : NULL;
+    if (relation) {
+        MODE(c) = STEP_FAILED;
+        return report(c, fmi2Discard, LOG_DISCARD, "fmi2DoStep: the parameters of \"%s\" must satisfy %s", c->name,
+                      relation);
+    }
+
     keep(c);
     if (m->run.slopes_used)
         memset(m->slope, 0, sizeof m->slope);
@@ -297,6 +310,15 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     m->run.stale = false;
     m->run.slopes_used = true;
     m->run.last_step = h;
+#ifdef GUARDED
+    if (m->fault != 0.0 && !m->run.warned) {
+        const int bad = bad_input(m);
+        m->run.warned = true;
+        return report(c, fmi2Warning, LOG_WARNING,
+                      "%s at t = %g s: %s is not finite; outputs and states are held until all inputs are finite again",
+                      c->name, t, bad < INPUTS ? c->row_of[inputs[bad]]->name : "an input");
+    }
+#endif
 #ifdef WARNING
     if (m->run.warning && !m->run.warned) {
         m->run.warned = true;

@@ -121,23 +121,60 @@ static void initialise_states(Model *m)
                 *value_of(m, rows[i].index) = *value_of(m, rows[i].from);
 }
 
+#ifdef GUARDED
+enum { FIRST_CHECKED = AT(time) + 1 + INPUTS }; /* the inputs stand behind the time */
+
+/* The first input that is not finite, INPUTS if all are. */
+static int bad_input(const Model *m)
+{
+    const double *value = (const double *)(const void *)m;
+    int i = 0;
+    while (i < INPUTS && isfinite(value[inputs[i]]))
+        i++;
+    return i;
+}
+
+static void take_sample(Model *m)
+{
+    m->fault = bad_input(m) < INPUTS;
+    if (m->fault == 0.0)
+        sample(m);
+}
+#elif defined SAMPLED
+static void take_sample(Model *m) { sample(m); }
+#endif
+#ifndef GUARDED
+enum { FIRST_CHECKED = AT(time) };
+#endif
+
 /* One evaluation of the block on a model that may be spoilt. */
 static void evaluate(Model *m)
 {
     initialise_states(m);
 #ifdef SAMPLED
-    sample(m);
+    take_sample(m);
 #else
     equations(m);
 #endif
 }
 
-/* Whether time, inputs, states and outputs are finite. The sum of NaN and anything, and of INF times 0, is NaN; four
-   sums, because each addition waits for the one before it. */
+/* The relation of parameters that does not hold, NULL if all do. */
+static const char *violated(const Model *m)
+{
+#ifdef REQUIRES
+    return REQUIRES(m);
+#else
+    (void)m;
+    return NULL;
+#endif
+}
+
+/* Whether time, inputs (unless guarded), states and outputs are finite. The sum of NaN and anything, and of INF times
+   0, is NaN; four sums, because each addition waits for the one before it. */
 static bool results_finite(const Model *m)
 {
-    const size_t count = VALUES - AT(time), fours = count - count % 4;
-    const double *const value = (const double *)(const void *)m + AT(time);
+    const size_t count = VALUES - FIRST_CHECKED, fours = count - count % 4;
+    const double *const value = (const double *)(const void *)m + FIRST_CHECKED;
     double sum[4] = {0.0, 0.0, 0.0, 0.0};
     for (size_t i = 0; i < fours; i += 4)
         for (size_t k = 0; k < 4; k++)

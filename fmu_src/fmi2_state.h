@@ -339,7 +339,13 @@ PACKAGER_EXPORT void block_evaluate(double *values, int initializing)
     memcpy(&m, values, VALUES * sizeof(double));
     m.run.mode = initializing ? INITIALIZING : STEP_COMPLETE;
     m.run.tick = initializing ? 0 : 1;
+#ifdef GUARDED
+    initialise_states(&m);
+    sample(&m); /* in spite of NaN, which shows what depends on what; `fault` depends on each input */
+    m.fault = bad_input(&m) < INPUTS;
+#else
     evaluate(&m);
+#endif
     memcpy(values, &m, VALUES * sizeof(double));
 }
 #endif

@@ -14,6 +14,7 @@ from pathlib import Path
 from rich.table import Table
 
 from friction_fmus import sweep_command
+from friction_fmus.codegen.command import add_codegen_options, codegen
 from friction_fmus.errors import FrictionError
 from friction_fmus.run_command import add_run_options, run_system
 from friction_fmus.terminal import RunBar, console, parse_assignment, progress_bar
@@ -137,6 +138,8 @@ def parser() -> argparse.ArgumentParser:
     checking.add_argument("files", nargs="+", type=Path, metavar="FILE")
     running = command("run", run_system, "run a system of FMUs")
     add_run_options(running)
+    generating = command("codegen", codegen, "write a law as C for an embedded target, with its cost")
+    add_codegen_options(generating)
     sweeping = command("sweep", sweep_command.sweep_system, "run a system of FMUs with many parameter sets")
     sweep_command.add_arguments(sweeping)
     studying = command("study", study, "identify a measured axis, co-simulate it, and see what compensation gains")

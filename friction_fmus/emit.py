@@ -30,12 +30,15 @@ class Real:
         Its infinity.
     largest : float
         Its largest finite number.
+    smallest : float
+        What constants nearer to zero become: a guard against division by zero must not become zero.
     """
 
     name: str
     suffix: str
     infinity: str
     largest: float
+    smallest: float
 
     def literal(self, value: float) -> str:
         """The shortest literal that reads back as this number."""
@@ -45,12 +48,14 @@ class Real:
             return f"(-{self.infinity})" if value < 0.0 else self.infinity
         if abs(value) > self.largest:
             raise FrictionError(f"The constant {value!r} is too large for the C type {self.name}")
+        if 0.0 < abs(value) < self.smallest:
+            value = math.copysign(self.smallest, value)
         text = repr(float(value)) + self.suffix
         return f"({text})" if math.copysign(1.0, value) < 0.0 else text
 
 
-DOUBLE = Real("double", "", "HUGE_VAL", math.inf)
-FLOAT = Real("float", "f", "HUGE_VALF", 3.4028234e38)
+DOUBLE = Real("double", "", "HUGE_VAL", math.inf, 0.0)
+FLOAT = Real("float", "f", "HUGE_VALF", 3.4028234e38, 1.1754944e-38)
 
 
 @dataclass(frozen=True)

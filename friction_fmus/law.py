@@ -25,6 +25,7 @@ from typing import Any
 from casadi import SX, Function, vertcat
 
 from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.law_conditions import Conditions, Relation, conditions_of
 from friction_fmus.law_variables import (
     ACCELERATION,
     ANGLE,
@@ -38,6 +39,7 @@ from friction_fmus.law_variables import (
     NO_UNIT,
     STIFFNESS,
     TIME,
+    VECTORS,
     VELOCITY,
     Command,
     Input,
@@ -66,6 +68,7 @@ __all__ = [
     "NO_UNIT",
     "STIFFNESS",
     "TIME",
+    "VECTORS",
     "VELOCITY",
     "Command",
     "Input",
@@ -96,9 +99,11 @@ class Law:
         In declaration order, the outputs after the last input, the sample time at the end.
     function : casadi.Function
         One sample: scalar SX arguments, the scalars of `given`, to the outputs and then the next states
-        (named ``<state>_next``).
+        (named ``<state>_next``, of a vector ``<state>_1_next``, ...).
     path : Path
         The file that defines it.
+    conditions : Conditions
+        What must hold between its parameters.
     """
 
     name: str
@@ -108,6 +113,7 @@ class Law:
     variables: tuple[Variable, ...]
     function: Function
     path: Path
+    conditions: Conditions
 
     def select(self, *kinds: Kind) -> tuple[Variable, ...]:
         """The variables of these kinds."""
@@ -121,7 +127,7 @@ class Law:
     @property
     def results(self) -> tuple[Variable, ...]:
         """What a sample writes, in the order of the function's results."""
-        return self.select(Kind.OUTPUT) + self.select(Kind.STATE)
+        return self.select(Kind.OUTPUT) + self.select(Kind.STATE, Kind.STATES)
 
     def dependencies(self, result: str) -> tuple[str, ...]:
         """What an output or the next value of a state is computed from, exactly, decisions included.
@@ -139,12 +145,16 @@ class Law:
         names = [variable.name for variable in self.results]
         if result not in names:
             raise FrictionError(f"{self.name} has no result {result!r}{nearest(result, names)}")
-        owners = [variable.name for variable in self.given for _ in variable.starts]
-        column = names.index(result)
-        used = {owner for i, owner in enumerate(owners) if self.function.sparsity_jac(i, column).nnz()}
+        owners = [variable.name for variable in _by_scalar(self.given)]
+        columns = [i for i, variable in enumerate(_by_scalar(self.results)) if variable.name == result]
+        used = {
+            owner
+            for i, owner in enumerate(owners)
+            if any(self.function.sparsity_jac(i, column).nnz() for column in columns)
+        }
         return tuple(variable.name for variable in self.given if variable.name in used)
 
-    def evaluate(self, values: Mapping[str, float | tuple[float, ...]]) -> dict[str, float]:
+    def evaluate(self, values: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any]:
         """One sample, by casadi.
 
         Parameters
@@ -154,7 +164,7 @@ class Law:
 
         Returns
         -------
-        dict of str to float
+        dict of str to float or tuple of float
             Outputs, and states for the next sample.
 
         Raises
@@ -175,15 +185,29 @@ class Law:
                     f"{self.name}: {variable.name} takes {len(variable.starts)} numbers, not {len(elements)}"
                 )
             arguments += map(float, elements)
-        found = self.function.call(arguments)
-        return {variable.name: float(value) for variable, value in zip(self.results, found, strict=True)}
+        found = iter(map(float, self.function.call(arguments)))
+        return {
+            variable.name: tuple(next(found) for _ in variable.starts) if variable.kind in VECTORS else next(found)
+            for variable in self.results
+        }
+
+
+def _by_scalar(variables: tuple[Variable, ...]) -> list[Variable]:
+    """Every variable as often as it has scalars."""
+    return [variable for variable in variables for _ in variable.starts]
 
 
 Equations = Callable[..., Mapping[str, Any]]
 
 
 def law(
-    name: str, summary: str, *, source: str, Ts: float, outputs: Mapping[str, Variable]
+    name: str,
+    summary: str,
+    *,
+    source: str,
+    Ts: float,
+    outputs: Mapping[str, Variable],
+    conditions: Mapping[str, Relation] | None = None,
 ) -> Callable[[Equations], Law]:
     """Make a function of casadi expressions a `Law`.
 
@@ -197,6 +221,10 @@ def law(
         Start value of the fixed parameter ``Ts``, the sample time, in seconds.
     outputs : mapping of str to Variable
         Made by `Output`.
+    conditions : mapping of str to callable, optional
+        Relations without which the law is singular: ``{"w Ts < 2": lambda w, Ts: w * Ts < 2.0}``; the arguments are
+        parameters of these names. Values that violate one are refused, and the message has its text. That u_min must
+        not exceed u_max need not be said.
 
     Returns
     -------
@@ -233,6 +261,7 @@ def law(
             variables,
             _function(where, name, equations, declared, variables),
             path,
+            conditions_of(where, conditions or {}, variables),
         )
 
     return decorate
@@ -284,10 +313,13 @@ def _check_variables(where: str, variables: tuple[Variable, ...]) -> None:
         if not (math.isfinite(variable.nominal) and variable.nominal > 0.0):
             raise FrictionError(f"{where}: the nominal value of {name} must be positive, not {variable.nominal!r}")
     for variable in variables:
-        if variable.kind is Kind.STATE and f"{variable.name}_next" in seen:
-            raise FrictionError(
-                f"{where}: {variable.name}_next is the next value of the state {variable.name}; rename that variable"
-            )
+        if variable.kind not in (Kind.STATE, Kind.STATES):
+            continue
+        for scalar in variable.scalars:
+            if f"{scalar}_next" in seen:
+                raise FrictionError(
+                    f"{where}: {scalar}_next is the next value of the state {variable.name}; rename that variable"
+                )
 
 
 def _function(
@@ -308,20 +340,22 @@ def _function(
     if not isinstance(returned, Mapping):
         raise FrictionError(f"{where} returns a {type(returned).__name__}; return a dict of outputs and next states")
 
-    results = {variable.name: variable for variable in variables if variable.kind in (Kind.OUTPUT, Kind.STATE)}
+    results = {
+        variable.name: variable for variable in variables if variable.kind in (Kind.OUTPUT, Kind.STATE, Kind.STATES)
+    }
     for key in returned:
         if key not in results:
             raise FrictionError(
                 f"{where} returns {key!r}, which is neither a declared output nor a state{nearest(str(key), results)}"
             )
     expressions, names = [], []
-    for variable in (v for kind in (Kind.OUTPUT, Kind.STATE) for v in variables if v.kind is kind):
-        state = variable.kind is Kind.STATE
+    for variable in sorted(results.values(), key=lambda v: v.kind is not Kind.OUTPUT):
+        state = variable.kind is not Kind.OUTPUT
         if variable.name not in returned:
             what = f"a next value of the state {variable.name}" if state else f"the output {variable.name}"
             raise FrictionError(f"{where} does not return {what}")
-        expressions.append(_scalar(where, variable.name, returned[variable.name]))
-        names.append(f"{variable.name}_next" if state else variable.name)
+        expressions += _scalars(where, variable, returned[variable.name])
+        names += [f"{scalar}_next" if state else scalar for scalar in variable.scalars]
 
     arguments = [symbol for variable in given for symbol in elements[variable.name]]
     labels = [scalar for variable in given for scalar in variable.scalars]
@@ -333,6 +367,16 @@ def _function(
             "declare them as arguments"
         )
     return function
+
+
+def _scalars(where: str, variable: Variable, value: Any) -> list[SX]:
+    """What the equations return for a variable, element by element."""
+    if variable.kind is not Kind.STATES:
+        return [_scalar(where, variable.name, value)]
+    elements = list(value) if isinstance(value, list | tuple) else None
+    if elements is None or len(elements) != len(variable.starts):
+        raise FrictionError(f"{where}: return the next {variable.name} as a list of {len(variable.starts)} expressions")
+    return [_scalar(where, scalar, element) for scalar, element in zip(variable.scalars, elements, strict=True)]
 
 
 def _scalar(where: str, name: str, value: Any) -> SX:

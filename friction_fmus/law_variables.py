@@ -70,12 +70,17 @@ class Kind(Enum):
     OPTIONAL = "OPTIONAL"
     COMMAND = "COMMAND"
     OUTPUT = "OUTPUT"
+    FLAG = "OUTPUT_FLAG"
     STATE = "STATE"
+    STATES = "STATES"
     PARAMETER = "PARAMETER"
     VECTOR = "PARAMETERS"
     SWITCH = "SWITCH"
     SAMPLE_TIME = "FIXED"
 
+
+VECTORS = (Kind.VECTOR, Kind.STATES)
+"""Kinds whose value is a tuple of numbers, read as ``k[0]``, ``k[1]``, ... in expressions."""
 
 BOOLEANS = (Kind.COMMAND, Kind.SWITCH)
 """Kinds whose value is true or false, 1 or 0 in expressions."""
@@ -92,7 +97,7 @@ class Variable:
     unit : Unit
         Unit in SI.
     start : float or tuple of float
-        Start value; a tuple for a vector parameter, 0 or 1 for a Boolean.
+        Start value; a tuple for a vector, 0 or 1 for a Boolean.
     text : str
         One line that says what it is.
     min, max, nominal : float
@@ -136,8 +141,15 @@ def Command(start: bool, text: str) -> Any:  # noqa: N802
     return Variable(Kind.COMMAND, NO_UNIT, float(start), text)
 
 
-def State(unit: Unit | str, start: float, text: str, *, nominal: float = 1.0) -> Any:  # noqa: N802
-    """A state: the law receives its value and returns the next one under the same name."""
+def State(  # noqa: N802
+    unit: Unit | str, start: float | tuple[float, ...], text: str, *, nominal: float = 1.0
+) -> Any:
+    """A state: the law receives its value and returns the next one under the same name.
+
+    With a tuple of start values it is a vector, read as ``z[0]``, ``z[1]``, ... and returned as a list.
+    """
+    if isinstance(start, tuple):
+        return Variable(Kind.STATES, _unit(unit), tuple(map(float, start)), text, nominal=nominal)
     return Variable(Kind.STATE, _unit(unit), float(start), text, nominal=nominal)
 
 
@@ -165,6 +177,12 @@ def Output(unit: Unit | str, text: str) -> Variable:  # noqa: N802
     return Variable(Kind.OUTPUT, _unit(unit), 0.0, text)
 
 
+FAULT = Variable(
+    Kind.FLAG, NO_UNIT, 0.0, "true: an input is NaN or infinite, outputs and states are held", name="fault"
+)
+"""The output that every law gets from what surrounds it."""
+
+
 # ---- names ----------------------------------------------------------------------------------------------------------
 
 # Names that are taken in C, in <math.h>, in the C runtimes' headers, or by block.h.
@@ -180,10 +198,12 @@ _RESERVED = {
     "scalb finite exception matherr div abs index signal time clock remove rename",
     "Windows or compiler headers": "near far small hyper interface huge pascal cdecl min max linux unix i386 vax",
     "block.h": "time slope memory run given model rows states inputs nominals square sign clip value_of sample "
-    "equations advance evaluate relax Model Memory Run Row Instance INPUT COMMAND OUTPUT LOCAL FLAG "
-    "OPTIONAL LOCALS FLAGS TALLY STATES PARAMETER SWITCH FIXED COUNT PARAMETERS STATE STATE_OUTPUT "
+    "equations advance evaluate relax fault violated relations holds Model Memory Run Row Instance INPUT COMMAND "
+    "OUTPUT LOCAL FLAG OPTIONAL OUTPUT_FLAG LOCALS FLAGS TALLY STATES PARAMETER SWITCH "
+    "FIXED COUNT PARAMETERS STATE STATE_OUTPUT "
     "SCALAR VECTOR DYNAMIC DYNAMICS GIVEN VARIABLES IDENTITY "
-    "MODEL SUMMARY SOURCE SAMPLED MEMORY STEPS_BY INF COUNTS INPUTS STATES VALUES ROWS AT SLOPE UNWRAP "
+    "MODEL SUMMARY SOURCE SAMPLED GUARDED REQUIRES "
+    "MEMORY STEPS_BY INF COUNTS INPUTS STATES VALUES ROWS AT SLOPE UNWRAP "
     "LENGTH VELOCITY ACCELERATION JERK FORCE MASS STIFFNESS DAMPING TIME FREQUENCY ANGLE NO_UNIT "
     "ROTATIONAL PASTE QUOTE ENTER REQUIRE MODE SET GET NAN NULL INFINITY HUGE_VAL EOF BUFSIZ RAND_MAX",
     "casadi": "null jac hess",

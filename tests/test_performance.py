@@ -18,7 +18,17 @@ BENCHMARKS = re.findall(r"^\$ python benchmarks/(\w+)\.py --json", PAGE, flags=r
 
 
 def test_the_page_names_every_benchmark() -> None:
-    helpers = {"rows", "page", "pairs", "peers", "step_cost", "stick_slip_errors", "sampled_loop", "linear_loops"}
+    helpers = {
+        "rows",
+        "page",
+        "pairs",
+        "peers",
+        "step_cost",
+        "stick_slip_errors",
+        "sampled_loop",
+        "linear_loops",
+        "law_runs",
+    }
     assert set(BENCHMARKS) == {path.stem for path in (ROOT / "benchmarks").glob("*.py")} - helpers
 
 

@@ -11,11 +11,12 @@ import sys
 import casadi as ca
 import numpy as np
 import pytest
+from laws.draws import random_arguments
 
 from friction_fmus.catalogue import laws_folder
 from friction_fmus.emit import _OPERATIONS, DOUBLE, FLOAT, _graph, kernel
 from friction_fmus.errors import FrictionError
-from friction_fmus.law import BOOLEANS, Kind, Law
+from friction_fmus.law import Kind
 from friction_fmus.law_block import block_source
 from friction_fmus.law_files import discover_laws
 
@@ -51,23 +52,6 @@ def everything() -> ca.Function:
 def special_pairs() -> np.ndarray:
     special = [0.0, -0.0, 1.0, -1.0, math.inf, -math.inf, math.nan, 5e-324, -5e-324, 1.7e308, -1.7e308, 2.5, -0.5]
     return np.array([(a, b) for a in special for b in special])
-
-
-def random_arguments(law: Law, n: int, seed: int) -> np.ndarray:
-    """Arguments of a law about its start values, Booleans at random, with zeros and coarse values among them."""
-    random = np.random.default_rng(seed)
-    columns = []
-    for variable in law.given:
-        for start in variable.starts:
-            if variable.kind in BOOLEANS:
-                columns.append(random.integers(0, 2, n).astype(float))
-                continue
-            size = abs(start) or variable.nominal
-            column = start + size * random.normal(size=n) * 10.0 ** random.uniform(-4, 1, n)
-            column[random.random(n) < 0.1] = start
-            column[random.random(n) < 0.05] = 0.0
-            columns.append(np.clip(column, variable.min, variable.max))
-    return np.array(columns).T
 
 
 def test_the_synthetic_function_uses_every_operation():
@@ -109,11 +93,11 @@ def test_every_law_keeps_casadis_bits_over_a_long_run(law, workshop, different_b
     n = 100_000
     rows = random_arguments(law, n, seed=3)
     labels = [variable for variable in law.given for _ in variable.starts]
-    states = [i for i, variable in enumerate(labels) if variable.kind is Kind.STATE]
+    states = [i for i, variable in enumerate(labels) if variable.kind in (Kind.STATE, Kind.STATES)]
     fixed = [
         i
         for i, variable in enumerate(labels)
-        if variable.kind not in (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND, Kind.STATE)
+        if variable.kind not in (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND, Kind.STATE, Kind.STATES)
     ]
     starts = np.array([start for variable in law.given for start in variable.starts])
     rows[:, fixed] = starts[fixed]
@@ -160,6 +144,14 @@ def test_literals_read_back_exactly():
         assert re.search(r"[.e]", DOUBLE.literal(number))
     assert DOUBLE.literal(-0.0) == "(-0.0)"
     assert FLOAT.literal(0.5) == "0.5f"
+
+
+def test_a_guard_against_zero_stays_above_zero_in_float():
+    for guard in (1e-300, -1e-300, 1e-45):
+        literal = np.float32(FLOAT.literal(guard).strip("()f"))
+        assert abs(literal) == np.finfo(np.float32).tiny
+        assert np.sign(literal) == np.sign(guard)
+    assert FLOAT.literal(0.0) == "0.0f"
 
 
 def test_float_code_uses_float_only(workshop, by_casadi):

@@ -10,7 +10,7 @@ import pytest
 
 from friction_fmus.catalogue import laws_folder
 from friction_fmus.describe import describe
-from friction_fmus.law import BOOLEANS, Kind, Law, Unit
+from friction_fmus.law import BOOLEANS, VECTORS, Kind, Law, Unit, Variable
 from friction_fmus.law_block import block_source
 from friction_fmus.law_files import discover_laws
 from friction_fmus.units import base_unit
@@ -27,18 +27,24 @@ def elements(
     k: SX = Parameter(STIFFNESS, (5e4, 3e4, 0.1), "stiffness of the elements", min=0.0),
     z: SX = State(LENGTH, 0.0, "memory"),
     w: SX = State(LENGTH, 1.0, "memory of the memory"),
+    line: SX = State(LENGTH, (2.0, 3.0), "a line of values", nominal=1e-3),
     m: SX = Parameter(MASS, 1.0, "a name that C code likes to use"),
     t1: SX = Parameter(TIME, 1.0, "a name that the emitter likes to use"),
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """Elements /* in a comment */ of a ??/ C file.
 
-        u = k1 x + k2 x + k3 x
+        u = k1 x + k2 z + k3 w + line2
 
     That is all.
     """
-    return {"u": on * (k[0] * x + k[1] * z + k[2] * w) + m * t1 * Ts, "z": w, "w": z}
+    return {"u": on * (k[0] * x + k[1] * z + k[2] * w) + m * t1 * Ts + line[1], "z": w, "w": z, "line": [x, line[0]]}
 '''
+
+
+def element(variable: Variable, i: int) -> str:
+    """Name of a scalar in the block."""
+    return f"{variable.name}[{i + 1}]" if variable.kind in VECTORS else variable.name
 
 
 def check(law: Law, workshop, different_bits) -> None:
@@ -58,10 +64,9 @@ def check(law: Law, workshop, different_bits) -> None:
                     float(rng.integers(0, 2)) if boolean else start + (abs(start) or variable.nominal) * rng.normal()
                 )
                 arguments.append(min(max(value, variable.min), variable.max))
-                name = f"{variable.name}[{i + 1}]" if variable.kind is Kind.VECTOR else variable.name
-                values[reference[name]] = arguments[-1]
+                values[reference[element(variable, i)]] = arguments[-1]
         evaluate(values.ctypes.data_as(ctypes.POINTER(ctypes.c_double)), 0)
-        found = values[[reference[variable.name] for variable in law.results]]
+        found = values[[reference[element(v, i)] for v in law.results for i in range(len(v.starts))]]
         expected = np.array([float(value) for value in law.function.call(arguments)])
         assert not different_bits(found, expected).any()
 
@@ -78,11 +83,14 @@ def test_vectors_swapped_states_and_awkward_texts(workshop, different_bits, tmp_
     check(law, workshop, different_bits)
     rows = {variable.name: variable for variable in describe(workshop.library(block_source(law))).variables}
     assert [rows[f"k[{i}]"].start for i in (1, 2, 3)] == [5e4, 3e4, 0.1]
-    assert law.evaluate({"k": (1.0, 2.0, 3.0), "x": 1.0, "z": 10.0, "w": 100.0}) == {
-        "u": 321.001,
+    assert rows["line[2]"].start == 3.0
+    assert law.evaluate({"k": (1.0, 2.0, 3.0), "x": 1.0, "z": 10.0, "w": 100.0, "line": (5.0, 9.0)}) == {
+        "u": 330.001,
         "z": 100.0,
         "w": 10.0,
+        "line": (1.0, 5.0),
     }
+    assert law.dependencies("line") == ("x", "line")
 
 
 SI = {
@@ -99,12 +107,14 @@ def si_name(unit: Unit) -> str:
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 def test_the_table_says_what_the_law_says(law, workshop):
     rows = describe(workshop.library(block_source(law))).variables[1:]
-    assert [row.name for row in rows] == [variable.name for variable in law.variables]
-    for row, variable in zip(rows, law.variables, strict=True):
+    rows = [row for row in rows if row.name != "fault"]
+    variables = [(variable, i) for variable in law.variables for i in range(len(variable.starts))]
+    assert [row.name for row in rows] == [element(*pair) for pair in variables]
+    for row, (variable, i) in zip(rows, variables, strict=True):
         optional = variable.kind in (Kind.OPTIONAL, Kind.COMMAND)
         assert row.text == ("optional: " if optional else "") + variable.text
-        assert (row.unit, row.start) == (si_name(variable.unit), variable.start)
-        if variable.kind in (Kind.PARAMETER, Kind.SAMPLE_TIME):
+        assert (row.unit, row.start) == (si_name(variable.unit), variable.starts[i])
+        if variable.kind in (Kind.PARAMETER, Kind.VECTOR, Kind.SAMPLE_TIME):
             assert (row.min, row.max) == (variable.min, variable.max)
         if row.unit:
             base_unit(row.unit)

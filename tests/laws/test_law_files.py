@@ -140,6 +140,11 @@ BAD = {
         'last_next: SX = Switch(True, "a"), Kp: SX',
         "last_next is the next value of the state last",
     ),
+    "a vector state without its elements": (
+        "Kp: SX",
+        'line: SX = State("m", (0.0, 0.0), "a"), Kp: SX',
+        "does not return a next value of the state line",
+    ),
     "Ts as parameter": (
         "Kp: SX",
         'Ts: SX = Switch(True, "a"), Kp: SX',
@@ -163,6 +168,13 @@ def test_bad_files_get_one_sentence(old, new, message, tmp_path):
     assert message in text
     assert text.startswith("p.py")
     assert "\n" not in text
+
+
+@pytest.mark.parametrize("returned", ["r - x", "[r - x]", "[r, x, r]"])
+def test_the_next_value_of_a_vector_is_a_list_of_its_length(returned, tmp_path):
+    text = GOOD.replace('LENGTH, 0.0, "error', 'LENGTH, (0.0, 1.0), "error').replace("+ last", "+ last[0]")
+    with pytest.raises(FrictionError, match=r"law P: return the next last as a list of 2 expressions"):
+        load(tmp_path, text.replace('"last": r - x', f'"last": {returned}'))
 
 
 def test_missing_and_foreign_files(tmp_path):

@@ -1,0 +1,34 @@
+"""The command ``codegen``: a law as C for an embedded target."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from friction_fmus.terminal import console, parse_assignment
+
+
+def add_codegen_options(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    parser.add_argument("law", metavar="LAW", help="name of a law, or its .py file")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the files")
+    parser.add_argument("--real", choices=["float", "double"], default="double", help="type of all numbers")
+    parser.add_argument("--set", action="append", metavar="NAME=VALUE", help="other start value; may be repeated")
+    parser.add_argument("--prefix", default="law", metavar="NAME", help="of files, types and functions, else law")
+
+
+def codegen(options: argparse.Namespace) -> None:
+    """A law as C with a struct of parameters, no allocation, and its cost on two microcontrollers."""
+    from friction_fmus.codegen.cost import PACKAGES, missing
+    from friction_fmus.codegen.export import export_law
+
+    start = dict(parse_assignment(text) for text in options.set or ())
+    for path in export_law(options.law, options.output, real=options.real, start=start, prefix=options.prefix):
+        console.print(path, highlight=False, soft_wrap=True)
+    if lacking := missing():
+        packages = " ".join(PACKAGES[tool] for tool in lacking)
+        console.print(
+            f"Not all costs were measured: {' and '.join(lacking)} not found; apt-get install {packages}",
+            highlight=False,
+            soft_wrap=True,
+        )

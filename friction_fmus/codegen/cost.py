@@ -1,0 +1,233 @@
+"""What an exported law costs on a microcontroller: sizes from the cross compiler, instructions counted by QEMU."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from friction_fmus.codegen.program import program, samples
+from friction_fmus.codegen.sources import Export, header, implementation
+from friction_fmus.errors import FrictionError
+
+COMPILER = "arm-none-eabi-gcc"
+EMULATOR = "qemu-arm"
+PACKAGES = {COMPILER: "gcc-arm-none-eabi libnewlib-arm-none-eabi", EMULATOR: "qemu-user"}
+"""Tool -> Debian packages that have it."""
+
+FLAGS = ("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections")
+"""How the law is compiled for the measurement."""
+
+_CPU = "cortex-a15"  # has all instructions of both cores; qemu-arm cannot run the M profile itself in all versions
+_COUNTED = 50  # samples, each instruction of which is one line of QEMU's log
+
+
+@dataclass(frozen=True)
+class Core:
+    """A processor core.
+
+    Attributes
+    ----------
+    name : str
+        What people call it.
+    flags : tuple of str
+        Of the compiler.
+    """
+
+    name: str
+    flags: tuple[str, ...]
+
+
+CORES = (
+    Core("Cortex-M4F", ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")),
+    Core("Cortex-M0+", ("-mcpu=cortex-m0plus", "-mthumb", "-mfloat-abi=soft")),
+)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a law costs on one core.
+
+    Attributes
+    ----------
+    core : Core
+        The core.
+    code : int
+        Bytes of flash of initialising and stepping: instructions and constants.
+    flash : int
+        Bytes of flash with the library functions that initialising and stepping it draw in.
+    instance : int
+        Bytes of RAM of the four structs.
+    static : int
+        Bytes of RAM of variables; the law has none, what there is belongs to the C library.
+    frame : int
+        Bytes of stack of its own functions, their sum.
+    stack : int or None
+        Bytes of stack that were used, library functions included; None without QEMU, as the next two.
+    mean, most : float or None
+        Instructions of a step, library functions included.
+    """
+
+    core: Core
+    code: int
+    flash: int
+    instance: int
+    static: int
+    frame: int
+    stack: int | None = None
+    mean: float | None = None
+    most: int | None = None
+
+
+def missing() -> list[str]:
+    """The tools that are not installed."""
+    return [tool for tool in PACKAGES if not shutil.which(tool)]
+
+
+def measure(export: Export, core: Core) -> Cost:
+    """Compile for a core, and run if QEMU is there.
+
+    Raises
+    ------
+    FrictionError
+        Without the cross compiler, or if a tool fails.
+    """
+    if COMPILER in missing():
+        raise FrictionError(f"{COMPILER} is missing; apt-get install {PACKAGES[COMPILER]}")
+    p = export.prefix
+    with tempfile.TemporaryDirectory(prefix="friction-fmus-") as scratch:
+        folder = Path(scratch)
+        (folder / f"{p}.h").write_text(header(export), encoding="utf-8")
+        (folder / f"{p}.c").write_text(implementation(export), encoding="utf-8")
+        members = "".join(f"char instance_{group}[sizeof({p}_{group})];\n" for group in export.groups)
+        (folder / "instance.c").write_text(f'#include "{p}.h"\n{members}', encoding="utf-8")
+        compile_ = (COMPILER, *core.flags, *FLAGS)
+        _run(folder, *compile_, "-fstack-usage", "-c", f"{p}.c")
+        _run(folder, *compile_, "-fno-common", "-c", "instance.c")
+        roots = ("-Wl,--gc-sections", f"-Wl,-e,{p}_step", f"-Wl,-u,{p}_init")
+        _run(folder, *compile_, "-nostartfiles", "--specs=nosys.specs", *roots, f"{p}.o", "-lm", "-o", "law.elf")
+        sections = _run(folder, "arm-none-eabi-size", "-A", f"{p}.o")
+        optional = rf"^\.text\.(?:{p}_check|relations)\s+(\d+)"
+        text, data, bss = _sizes(folder, f"{p}.o")
+        if data + bss:
+            raise FrictionError(f"{p}.c has {data + bss} bytes of variables; a law must have none")
+        linked = _sizes(folder, "law.elf")
+        frames = (folder / f"{p}.su").read_text(encoding="utf-8").splitlines()
+        own = {line.split("\t")[0].split(":")[-1]: int(line.split("\t")[1]) for line in frames}
+        cost = Cost(
+            core,
+            code=text - sum(map(int, re.findall(optional, sections, re.M))),
+            flash=linked[0] + linked[1],
+            instance=_sizes(folder, "instance.o")[2],
+            static=linked[1] + linked[2],
+            frame=max(own[f"{p}_init"], own[f"{p}_step"] + own.get("sample", 0)),
+        )
+        if EMULATOR in missing():
+            return cost
+        _, stack = run(export, core, samples(export, 10 * _COUNTED))
+        counts = _counts(export, core, folder)
+        return Cost(
+            *(core, cost.code, cost.flash, cost.instance, cost.static, cost.frame),
+            stack=stack,
+            mean=sum(counts) / len(counts),
+            most=max(counts),
+        )
+
+
+def run(export: Export, core: Core, given: dict[str, np.ndarray]) -> tuple[np.ndarray, int]:
+    """Run the law for a core under QEMU.
+
+    Parameters
+    ----------
+    export : Export
+        The law.
+    core : Core
+        For which it is compiled.
+    given : dict of str to array, shape (n,)
+        Inputs of n samples.
+
+    Returns
+    -------
+    tuple of array, shape (n, results) and int
+        Outputs and next states of every sample, and the bytes of stack that were used.
+
+    Raises
+    ------
+    FrictionError
+        If a tool fails.
+    """
+    with tempfile.TemporaryDirectory(prefix="friction-fmus-") as scratch:
+        folder = Path(scratch)
+        _build(export, core, folder, given)
+        lines = _run(folder, EMULATOR, "-cpu", _CPU, "./program").splitlines()
+    kind = "<f4" if export.real.suffix else "<f8"
+    rows = [[np.frombuffer(bytes.fromhex(word), kind)[0] for word in line.split()] for line in lines[:-1]]
+    return np.array(rows).reshape(-1, len(export.results)), int.from_bytes(bytes.fromhex(lines[-1]), "little")
+
+
+def assembly(export: Export, core: Core) -> str:
+    """The assembly of the law for a core."""
+    with tempfile.TemporaryDirectory(prefix="friction-fmus-") as scratch:
+        folder = Path(scratch)
+        (folder / f"{export.prefix}.h").write_text(header(export), encoding="utf-8")
+        (folder / f"{export.prefix}.c").write_text(implementation(export), encoding="utf-8")
+        return _run(folder, COMPILER, *core.flags, *FLAGS, "-S", f"{export.prefix}.c", "-o", "-")
+
+
+def _build(export: Export, core: Core, folder: Path, given: dict[str, np.ndarray], *flags: str) -> None:
+    p = export.prefix
+    (folder / f"{p}.h").write_text(header(export), encoding="utf-8")
+    (folder / f"{p}.c").write_text(implementation(export), encoding="utf-8")
+    (folder / "program.c").write_text(program(export, given), encoding="utf-8")
+    link = ("-nostartfiles", "--specs=nosys.specs", "-Wl,--gc-sections", "-Wl,-e,start")
+    sources = (f"{p}.c", "program.c", "-lm", "-o", "program")
+    _run(folder, COMPILER, *core.flags, *FLAGS, *flags, *link, *sources)
+
+
+def _counts(export: Export, core: Core, folder: Path) -> list[int]:
+    """Instructions of each step, from entry to return: one line of the log is one instruction."""
+    _build(export, core, folder, samples(export, _COUNTED), "-DQUIET")
+    symbols = _run(folder, "arm-none-eabi-nm", "program")
+    entry = int(str(re.search(rf"^(\w+) T {export.prefix}_step$", symbols, re.M)[1]), 16)  # type: ignore[index]
+    usage = _run(folder, EMULATOR, "--help")
+    single = "-one-insn-per-tb" if "one-insn-per-tb" in usage else "-singlestep"
+    _run(folder, EMULATOR, "-cpu", _CPU, single, "-d", "exec,nochain", "-D", "log", "./program")
+    counts: list[int] = []
+    home, last = -1, 0
+    with (folder / "log").open(encoding="utf-8") as log:
+        for line in log:
+            address = re.search(r"\[[0-9a-f]+/([0-9a-f]+)/", line)
+            if not address:
+                continue
+            here = int(address[1], 16)
+            if here == entry:
+                home = last + 4  # the call is a BL of four bytes
+                counts.append(0)
+            elif here == home:
+                home = -1
+            if home != -1:
+                counts[-1] += 1
+            last = here
+    if len(counts) != _COUNTED:
+        raise FrictionError(f"{EMULATOR} logged {len(counts)} steps instead of {_COUNTED}")
+    return counts
+
+
+def _sizes(folder: Path, name: str) -> tuple[int, int, int]:
+    """Bytes of text, data and bss."""
+    text, data, bss = _run(folder, "arm-none-eabi-size", name).splitlines()[1].split()[:3]
+    return int(text), int(data), int(bss)
+
+
+def _run(folder: Path, *command: str) -> str:
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode:
+        reason: Sequence[str] = done.stderr.strip().splitlines()[:1] or [f"status {done.returncode}"]
+        raise FrictionError(f"{command[0]} fails: {reason[0]}")
+    return done.stdout

@@ -1,0 +1,124 @@
+"""A program that runs an exported law on given samples under qemu-arm, which stands for the microcontroller.
+
+It needs no C runtime: Linux calls write the results. What is measured are the instructions of the law and of the
+library functions it calls; they are the same on every core with that instruction set.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from friction_fmus.codegen.sources import INPUTS, Export, number, unit_text
+from friction_fmus.law import BOOLEANS, Variable
+
+_SIZES = {"m": 1e-3, "m/s": 1e-2, "m/s2": 1.0, "rad": 1e-3, "rad/s": 1e-2}
+"""Size of the samples by unit: where friction and control are neither at rest nor saturated."""
+
+STACK = 4096
+"""Bytes of stack that are watched."""
+
+
+def samples(export: Export, n: int, seed: int = 1) -> dict[str, np.ndarray]:
+    """Inputs of n samples, at random about their start values, with zeros; Booleans mostly at their start.
+
+    Returns
+    -------
+    dict of str to float64 array, shape (n,)
+        By input, rounded to the type of the export.
+    """
+    random = np.random.default_rng(seed)
+
+    def draw(variable: Variable) -> np.ndarray:
+        start = export.start[variable.name][0]
+        if variable.kind in BOOLEANS:
+            return np.where(random.random(n) < 0.1, 1.0 - start, start)
+        column = start + _SIZES.get(unit_text(variable), 1.0) * random.normal(size=n)
+        column[random.random(n) < 0.1] = 0.0
+        return column.astype(np.float32).astype(float) if export.real.suffix else column
+
+    return {variable.name: draw(variable) for variable in export.law.select(*INPUTS)}
+
+
+def program(export: Export, given: dict[str, np.ndarray]) -> str:
+    """The text of the program: for every sample it writes a line with the bytes of the results, at the end the depth of
+    the stack in bytes. With the macro QUIET it runs and writes nothing.
+    """
+    p, inputs = export.prefix, export.law.select(*INPUTS)
+    n = len(next(iter(given.values()))) if given else 1
+    rows = ["    {" + ", ".join(number(export, v, float(given[v.name][k])) for v in inputs) + "}," for k in range(n)]
+    write = [f"            hex(&{place.replace('->', '.')}, sizeof({export.real.name}));" for place in export.results]
+    return "\n".join(
+        [
+            f'#include "{p}.h"',
+            "",
+            f"static const {export.real.name} given[{n}][{max(len(inputs), 1)}] = {{",
+            *(rows if inputs else ["    {0},"]),
+            "};",
+            _CALLS,
+            *(f"static {p}_{group} {group};" for group in export.groups),
+            "",
+            "static volatile unsigned char *stack; /* of the step */",
+            "",
+            "static void run(int writes)",
+            "{",
+            "    unsigned k;",
+            '    __asm__ volatile("mov %0, sp" : "=r"(stack));',
+            f"    {p}_init(&parameters, &states, &inputs, &outputs);",
+            f"    for (k = 0; k < {n}; k++) {{",
+            *(
+                f"        inputs.{v.name} = {'(int)' if v.kind in BOOLEANS else ''}given[k][{i}];"
+                for i, v in enumerate(inputs)
+            ),
+            f"        {p}_step(&parameters, &states, &inputs, &outputs);",
+            "        if (writes) {",
+            *write,
+            '            linux(4, 1, "\\n", 1);',
+            "        }",
+            "    }",
+            "}",
+            "",
+            "void start(void);",
+            "void start(void)",
+            "{",
+            "#ifdef QUIET",
+            "    run(0);",
+            "#else",
+            "    unsigned depth;",
+            "    run(0);",
+            f"    for (depth = 1; depth <= {STACK}; depth++)",
+            "        *(stack - depth) = 0xA5;",
+            "    run(0);",
+            f"    for (depth = {STACK}; depth > 0 && *(stack - depth) == 0xA5; depth--)",
+            "        ;",
+            "    run(1);",
+            "    hex(&depth, sizeof depth);",
+            "#endif",
+            "    linux(1, 0, 0, 0);",
+            "}",
+            "",
+        ]
+    )
+
+
+_CALLS = """
+static void linux(long number, long a, const void *b, long c)
+{
+    register long r7 __asm__("r7") = number;
+    register long r0 __asm__("r0") = a;
+    register const void *r1 __asm__("r1") = b;
+    register long r2 __asm__("r2") = c;
+    __asm__ volatile("svc 0" : "+r"(r0) : "r"(r7), "r"(r1), "r"(r2) : "memory");
+}
+
+static void hex(const void *bytes, unsigned n)
+{
+    const unsigned char *byte = bytes;
+    char text[2];
+    for (unsigned i = 0; i < n; i++) {
+        text[0] = "0123456789abcdef"[byte[i] >> 4];
+        text[1] = "0123456789abcdef"[byte[i] & 15];
+        linux(4, 1, text, 2);
+    }
+    linux(4, 1, " ", 1);
+}
+"""

@@ -1,0 +1,1 @@
+"""Expressions that groups of laws share."""

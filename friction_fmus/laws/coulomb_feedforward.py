@@ -1,0 +1,65 @@
+"""Feedforward of inertia and Coulomb friction from the reference."""
+
+from __future__ import annotations
+
+from casadi import SX, if_else, logic_and, sign
+
+from friction_fmus.law import (
+    ACCELERATION,
+    FORCE,
+    MASS,
+    NO_UNIT,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    Switch,
+    law,
+)
+from friction_fmus.law_parts.feedforward import feedforward
+
+
+@law(
+    "CoulombFeedforward",
+    "Feedforward of inertia and Coulomb friction computed from the reference",
+    source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "feedforward force, within u_min and u_max"),
+        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def coulomb_feedforward(
+    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
+    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    enable: SX = Command(True, "false: u = 0 and F_hat = 0"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0),
+    asymmetric: SX = Switch(False, "rd < 0 has its own parameter, Fc_neg"),
+    Fc_neg: SX = Parameter(FORCE, 1.0, "Coulomb friction for rd < 0", min=0.0),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+) -> dict[str, SX]:
+    """The force that moves an exactly known mass with Coulomb friction along the reference.
+
+        F_hat = gain Fc sgn(rd),   sgn(0) = 0
+        u     = clip(m rdd + F_hat, u_min, u_max)
+
+    Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey). The friction is that of the friction
+    block Coulomb in motion. The number Fc is half the difference of the forces of two slow motions, one each way.
+
+    Use it as the first compensation to try: one number, no state, nothing to tune. StaticFeedforward adds the Stribeck
+    and the viscous part.
+
+    u goes to the input f of a position controller, whose own m must then be 0. While enable is false u, F_hat and
+    u_sat are 0. Feedforward does not change the stability of the loop.
+
+    Limits: u jumps by 2 Fc where the reference reverses, while presliding friction turns over gradually: for movements
+    within the presliding range (some micrometres) it can be worse than none. At rest nothing is compensated. u_min
+    must not exceed u_max.
+    """
+    F_hat = gain * sign(rd) * if_else(logic_and(asymmetric, rd < 0.0), Fc_neg, Fc)
+    return feedforward(m * rdd, F_hat, enable, u_min, u_max)

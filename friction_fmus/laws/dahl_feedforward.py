@@ -1,0 +1,99 @@
+"""Feedforward of inertia and Dahl friction from the reference."""
+
+from __future__ import annotations
+
+from casadi import SX, expm1, fabs, if_else, log1p, logic_and, sign
+
+from friction_fmus.law import (
+    ACCELERATION,
+    DAMPING,
+    FORCE,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    STIFFNESS,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    State,
+    law,
+)
+from friction_fmus.law_parts.feedforward import feedforward, increment, when
+
+
+def closed(gap: SX, path: SX, n: SX) -> SX:
+    """Part of the gap 1 - sgn sigma z / Fc > 0 to steady sliding that closes over the path sigma |dr| / Fc > 0."""
+    above = n - 1.0
+    power = above * path * gap**above
+    arrives = power <= -1.0  # n < 1
+    exact = if_else(above == 0.0, path, log1p(if_else(arrives, 0.0, power)) / if_else(above == 0.0, 1.0, above))
+    return if_else(arrives, 1.0, -expm1(-exact))
+
+
+@law(
+    "DahlFeedforward",
+    "Feedforward of inertia and Dahl friction computed from the reference",
+    source="Lampaert, Swevers, Al-Bender, American Control Conference, 2004; Dahl, AIAA Journal 14(12), 1976",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "feedforward force, within u_min and u_max"),
+        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "z_hat": Output(LENGTH, "deflection of the contact, z at this sample"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def dahl_feedforward(
+    r: SX = Input(LENGTH, 0.0, "reference position"),
+    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
+    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the states at their start"),
+    reset: SX = Command(False, "true: the states at their start"),
+    z: SX = State(LENGTH, 0.0, "deflection of the contact", nominal=1e-5),
+    last: SX = State(LENGTH, 0.0, "reference of the sample before"),
+    started: SX = State(NO_UNIT, 0.0, "1 if there was a sample before"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    sigma: SX = Parameter(STIFFNESS, 1e5, "stiffness at zero force", min=1e-9),
+    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=1e-9),
+    n: SX = Parameter(NO_UNIT, 1.0, "exponent of the softening, ductile above 1", min=0.0, max=100.0),
+    Fv: SX = Parameter(DAMPING, 0.0, "viscous coefficient", min=0.0),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+) -> dict[str, SX]:
+    """The force that moves an exactly known mass with Dahl friction along the reference.
+
+        dr = r - last,   last: the reference of the sample before
+        w  = 1 - sgn(dr) sigma z / Fc
+        n = 1:   w becomes w exp(-sigma |dr| / Fc)
+        n /= 1:  |w|^(1-n) becomes |w|^(1-n) - (1 - n) sigma |dr| / Fc
+        F_hat = gain (sigma z + Fv rd),   z of the new w
+        u     = clip(m rdd + F_hat, u_min, u_max)
+
+    Dahl friction depends on the path only, so the step over the displacement dr is exact however the reference moved in
+    between, if it did not turn. The friction is that of the friction block Dahl, with the same parameters. Lampaert,
+    Swevers, Al-Bender, American Control Conference, 2004, compare it in feedforward with the LuGre, Leuven and GMS
+    models (the paper was not read).
+
+    Use it for small motions of bearings and guides, where friction turns over within micrometres after a reversal and
+    the sign of the velocity is too much of a jump: two numbers, the level Fc and the stiffness sigma after a reversal.
+
+    The first sample, and one with reset, takes r as where the axis stands: dr = 0 and z = 0 there. While enable is
+    false u, F_hat, u_sat and the states are 0; coming back, dr is 0 again, however far r has gone. u goes to the input
+    f of a position controller, whose own m must then be 0. Feedforward does not change the stability of the loop.
+
+    Limits: those of the model: no Stribeck effect; under a bias with vibration z drifts. z is the deflection of a
+    contact that moves like the reference, so after a long time at rest it keeps what the last motion left. A reversal
+    between two samples is not seen. u_min must not exceed u_max.
+    """
+    dr = increment(r, last, started, reset)
+    before = if_else(reset, 0.0, z)
+    gap = sign(dr) * Fc / sigma - before  # to the deflection of steady sliding
+    size, path = fabs(gap) * sigma / Fc, fabs(dr) * sigma / Fc
+    moves = logic_and(path != 0.0, size != 0.0)
+    now = before + if_else(moves, gap * closed(if_else(moves, size, 1.0), path, n), 0.0)
+    return {
+        **feedforward(m * rdd, gain * (sigma * now + Fv * rd), enable, u_min, u_max),
+        **when(enable, z_hat=now, z=now, last=r, started=1.0),
+    }

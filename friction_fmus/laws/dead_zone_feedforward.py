@@ -1,0 +1,77 @@
+"""Feedforward of friction with a dead zone of the motor's force."""
+
+from __future__ import annotations
+
+from casadi import SX, fabs, if_else, logic_or, sign
+
+from friction_fmus.expressions import clip
+from friction_fmus.law import (
+    ACCELERATION,
+    DAMPING,
+    FORCE,
+    MASS,
+    NO_UNIT,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    law,
+)
+from friction_fmus.law_parts.feedforward import feedforward
+
+
+@law(
+    "DeadZoneFeedforward",
+    "Feedforward of friction with a dead-zone torque (interpretation)",
+    source="Interpretation of a description without an identified source",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "linear and friction force, within u_min and u_max"),
+        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def dead_zone_feedforward(
+    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
+    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    f: SX = Input(FORCE, 0.0, "force of the linear controller", optional=True),
+    enable: SX = Command(True, "false: u = 0 and F_hat = 0"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0),
+    T_dz: SX = Parameter(FORCE, 1.5, "force, of a rotating axis torque, up to which friction balances u_lin", min=0.0),
+    Fv: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
+    DV: SX = Parameter(VELOCITY, 1e-3, "velocity below which the dead zone holds", min=0.0),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+) -> dict[str, SX]:
+    """Below a small velocity of the reference the force that the linear part wants is added once more, up to T_dz.
+
+        u_lin = m rdd + f
+        |rd| <  DV:  F_hat = gain sgn(u_lin) min(|u_lin|, T_dz)
+        |rd| >= DV:  F_hat = gain (Fc sgn(rd) + Fv rd)
+        u = clip(u_lin + F_hat, u_min, u_max)
+
+    Our interpretation of a description, not a published equation: a comparison of compensators mentions a torque-based
+    friction model in feedforward, similar to Karnopp's, with a dead-zone torque for friction below the stiction torque;
+    its source could not be identified.
+
+    F_hat is the force of the friction block DeadZoneTorque whose external force is u_lin, but for one case: in the band
+    and with |u_lin| > T_dz the block gives sliding friction, this law T_dz. Without f it is KarnoppFeedforward with
+    Fs = T_dz.
+
+    Use it where the torque of the drive is known and the controller's force is at hand: the force at rest is then
+    decided by what the controller wants and not by the sign of the reference. u goes to the plant, or without f to the
+    input f of a position controller, whose own m must then be 0.
+
+    While enable is false u, F_hat and u_sat are 0; there is no state.
+
+    Limits: an interpretation. With f from a feedback controller this is no feedforward: in the band it multiplies the
+    gains of that controller by 1 + gain, which its stability margin must allow. F_hat jumps at |rd| = DV. No
+    presliding. u_min must not exceed u_max.
+    """
+    u_lin = m * rdd + f
+    rest = logic_or(fabs(rd) < DV, rd == 0.0)
+    F_hat = gain * if_else(rest, clip(u_lin, -T_dz, T_dz), sign(rd) * Fc + Fv * rd)
+    return feedforward(u_lin, F_hat, enable, u_min, u_max)

@@ -1,0 +1,124 @@
+"""Inverse of a sampled plant with one zero outside the unit circle, by preview."""
+
+from __future__ import annotations
+
+from casadi import SX, floor, if_else, logic_and, logic_not
+
+from friction_fmus.expressions import clip, limits
+from friction_fmus.law import (
+    FORCE,
+    LENGTH,
+    NO_UNIT,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    State,
+    Switch,
+    law,
+)
+
+LONGEST = 32  # samples of preview
+POLES = 4
+ZEROS = 2
+
+
+@law(
+    "DiscreteInverse",
+    "Inverse of a sampled plant, a zero outside the unit circle by preview or zero-phase (ZPETC)",
+    source="Gross, Tomizuka, Messner, ASME JDSMC 116(1), 1994; Tomizuka, ASME JDSMC 109(1), 1987",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "feedforward force, within u_min and u_max"),
+        "r_now": Output(LENGTH, "what the plant follows: r of preview + 1 samples before"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def discrete_inverse(
+    r: SX = Input(LENGTH, 0.0, "reference position, preview + 1 samples early"),
+    enable: SX = Command(True, "false: u = 0 and the states at their start"),
+    reset: SX = Command(False, "true: as if r had always been what it is now"),
+    line: SX = State(LENGTH, (0.0,) * (LONGEST + 1), "references of the samples before, the latest first"),
+    w: SX = State(LENGTH, (0.0,) * POLES, "previewed references of the samples before, the latest first"),
+    force: SX = State(FORCE, (0.0,) * ZEROS, "u before its limits, of the samples before, the latest first"),
+    started: SX = State(NO_UNIT, 0.0, "1 if there was a sample before"),
+    K: SX = Parameter(LENGTH + "/(" + FORCE + ")", 1.25e-7, "gain of the plant", min=1e-30),
+    zero: SX = Parameter(NO_UNIT, -5.82842712474619, "zero outside the unit circle, 0: none"),
+    b: SX = Parameter(NO_UNIT, (0.1715728752538099, 0.0), "coefficients b1, b2 of the zeros inside the unit circle"),
+    a: SX = Parameter(NO_UNIT, (-2.0, 1.0, 0.0, 0.0), "coefficients a1 to a4 of the poles"),
+    preview: SX = Parameter(NO_UNIT, 12.0, "samples N of preview", min=1.0, max=float(LONGEST)),
+    zero_phase: SX = Switch(False, "ZPETC in place of the truncated series"),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+) -> dict[str, SX | list[SX]]:
+    """The force that makes the position x of a sampled linear plant follow a reference which is known N samples ahead.
+
+        plant: A(q) x[k+1] = K B(q) (u[k] - zero u[k-1])
+        A(q)  = 1 + a1 q + a2 q^2 + a3 q^3 + a4 q^4,   q x[k] = x[k-1]
+        B(q)  = 1 + b1 q + b2 q^2
+        s[k]  = r_now[k+1],   r_now[k] = r[k-N-1]
+        w[k]  = -(s[k+1]/zero + s[k+2]/zero^2 + ... + s[k+N]/zero^N)
+        w[k]  = (s[k] - zero s[k+1]) / (1 - zero)^2    if zero_phase
+        w[k]  = s[k]                                   if zero = 0
+        u[k]  = A(q) w[k] / K - b1 u[k-1] - b2 u[k-2]
+
+    A zero outside the unit circle has no stable inverse that is causal, but one that looks ahead. Truncated after N
+    samples it leaves exactly the error
+
+        r_now[k] - x[k] = r_now[k+N] / zero^N
+
+    Gross, Tomizuka, Messner, ASME Journal of Dynamic Systems, Measurement, and Control 116(1), 1994 (the series);
+    Tomizuka, same journal 109(1), 1987 (zero phase error tracking controller, ZPETC; both from memory of the papers).
+    ZPETC needs one sample of preview only, and has no lag at any frequency, but the gain |1 - zero z^-1|^2 / (1 -
+    zero)^2, which for a negative zero falls towards high frequencies.
+
+    The start values are a mass of 1 kg behind a hold with a delay of half a sample of 1 ms: zeros -3 -/+ 2 sqrt(2).
+
+    Use it for plants with delays of a part of a sample, with more than two poles above the zeros, or with an inverse
+    response, where derivatives of the reference are not enough. The other controllers follow r_now, not r. An error of
+    1e-6 needs N = 14 / ln|zero| samples.
+
+    In the first sample, and one with reset, the plant is taken to rest at r: u is the force that holds it there. While
+    enable is false u, u_sat, r_now and the states are 0. The limits do not act on the states. N is rounded down.
+    Feedforward does not change the stability of the loop.
+
+    Limits: all zeros of B must lie inside the unit circle, and zero outside, real and of any sign (|zero| > 1); near
+    the circle N grows. Two zeros outside have to be approximated. Friction needs a law of its own. The plant's model
+    has to be right up to the frequencies of r. u_min must not exceed u_max.
+    """
+    N = floor(preview)
+    fresh = logic_not(logic_and(started, logic_not(reset)))
+    past = [r, *(if_else(fresh, r, line[j]) for j in range(LONGEST + 1))]
+    back = if_else(zero == 0.0, 0.0, 1.0 / if_else(zero == 0.0, 1.0, zero))
+
+    def delayed(count: SX) -> SX:
+        chosen = past[0]
+        for j in range(1, LONGEST + 2):
+            chosen = if_else(count == j, past[j], chosen)
+        return chosen
+
+    series = SX(0.0)
+    for j in range(LONGEST):
+        series = if_else(j < N, series * back + past[j], series)
+    gap = if_else(zero == 1.0, 1.0, 1.0 - zero)
+    now, ahead = delayed(N), delayed(N - 1.0)
+    w_now = if_else(zero_phase, (now - zero * ahead) / gap**2, if_else(zero == 0.0, now, -back * series))
+    w_past = [if_else(fresh, w_now, w[i]) for i in range(POLES)]
+
+    inner = 1.0 + b[0] + b[1]
+    hold = (1.0 + a[0] + a[1] + a[2] + a[3]) / if_else(inner == 0.0, 1.0, inner) * w_now / K
+    u_past = [if_else(fresh, hold, force[i]) for i in range(ZEROS)]
+    wanted = (w_now + sum(a[i] * w_past[i] for i in range(POLES))) / K - sum(b[i] * u_past[i] for i in range(ZEROS))
+
+    def kept(values: list[SX]) -> list[SX]:
+        return [if_else(enable, value, 0.0) for value in values]
+
+    return {
+        "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
+        "u_sat": if_else(enable, limits(wanted, u_min, u_max), 0.0),
+        "r_now": if_else(enable, delayed(N + 1.0), 0.0),
+        "line": kept(past[: LONGEST + 1]),
+        "w": kept([w_now, *w_past[: POLES - 1]]),
+        "force": kept([wanted, *u_past[: ZEROS - 1]]),
+        "started": if_else(enable, 1.0, 0.0),
+    }

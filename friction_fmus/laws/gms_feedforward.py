@@ -1,0 +1,130 @@
+"""Feedforward of inertia and generalised Maxwell slip friction from the reference."""
+
+from __future__ import annotations
+
+from casadi import SX, exp, fabs, if_else, logic_and, logic_or, sign
+
+from friction_fmus.expressions import stribeck_level
+from friction_fmus.law import (
+    ACCELERATION,
+    DAMPING,
+    FORCE,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    STIFFNESS,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    law,
+)
+from friction_fmus.law_parts.feedforward import feedforward, increment, when
+
+ELEMENTS = 10
+
+
+@law(
+    "GMSFeedforward",
+    "Feedforward of inertia and generalised Maxwell slip friction computed from the reference",
+    source="Lampaert, Swevers, Al-Bender, ACC 2004; Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "feedforward force, within u_min and u_max"),
+        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_pre": Output(FORCE, "sum of the forces Fi of the elements"),
+        "slips": Output(NO_UNIT, "number of elements that slip"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def gms_feedforward(
+    r: SX = Input(LENGTH, 0.0, "reference position"),
+    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
+    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the states at their start"),
+    reset: SX = Command(False, "true: the states at their start"),
+    Fi: SX = State(FORCE, (0.0,) * ELEMENTS, "force of the element", nominal=0.1),
+    slipping: SX = State(NO_UNIT, (0.0,) * ELEMENTS, "1 if the element slips"),
+    way: SX = State(NO_UNIT, 0.0, "sign of the last motion"),
+    last: SX = State(LENGTH, 0.0, "reference of the sample before"),
+    started: SX = State(NO_UNIT, 0.0, "1 if there was a sample before"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    k: SX = Parameter(
+        STIFFNESS,
+        (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3),
+        "stiffness of the element",
+        min=0.0,
+    ),
+    alpha: SX = Parameter(
+        NO_UNIT, (0.1,) * ELEMENTS, "share of the element in the Stribeck level, 0: not used", min=0.0
+    ),
+    C: SX = Parameter(FORCE + "/s", 100.0, "attraction to the Stribeck level", min=0.0),
+    sigma2: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
+    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=1e-9),
+    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=1e-9),
+    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
+    delta: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    Ts: SX = SampleTime(),
+) -> dict[str, SX | list[SX]]:
+    """The force that moves an exactly known mass with generalised Maxwell slip (GMS) friction along the reference.
+
+        S(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta)
+        dr   = r - last,   w = dr / Ts,   last: the reference of the sample before
+        dr = 0 or a reversal:  all elements stick
+        stick:  Fi becomes Fi + ki dr; if sgn(dr) Fi reaches alpha_i S(w),
+                it is that, and the element slips
+        slip:   Fi becomes t + (Fi - t) exp(-C Ts / S(w)),
+                t = sgn(dr) alpha_i S(w)
+        F_hat = gain (F1 + ... + F10 + sigma2 rd)
+        u     = clip(m rdd + F_hat, u_min, u_max)
+
+    Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (the model); Lampaert, Swevers, Al-Bender, American Control
+    Conference, 2004, where it is the best of Dahl, LuGre, Leuven and GMS in feedforward about presliding (from a
+    summary, the papers were not read). Parameters as in the friction block GMS, without its damping sigma; alpha_i are
+    used as alpha_i / (alpha_1 + ... + alpha_10). The start values are those of the block.
+
+    F_hat is the force of the block GMS at the end of a step with the velocity w, if rd is w. An element that reaches
+    its level within a sample is put there: left to the attraction C alone, as the equations of the model sampled by
+    Euler's method have it, it would lie far below its level at a coarse Ts.
+
+    Use it for precise positioning with reversals and small strokes: of the friction models with a state it is the one
+    that remembers all reversal points. It needs the Stribeck curve from steady velocities, and the elements from a
+    presliding loop.
+
+    The first sample, and one with reset, takes r as where the axis stands: dr = 0 and Fi = 0 there. While enable is
+    false u, F_hat, u_sat and the states are 0; coming back, dr is 0 again, however far r has gone. u goes to the input
+    f of a position controller, whose own m must then be 0. Feedforward does not change the stability of the loop.
+
+    Limits: a reversal between two samples is not seen. Noise in r makes the elements stick and slip: r must be the
+    reference, not a measurement. The alpha_i must not all be 0. u_min must not exceed u_max.
+    """
+    dr = increment(r, last, started, reset)
+    side = sign(dr)
+    S = stribeck_level(fabs(dr / Ts), Fc, Fs, vs, delta)
+    total = sum(alpha[i] for i in range(ELEMENTS))
+    unit = S / if_else(total > 0.0, total, 1.0)
+    decay = exp(-C * Ts / S)
+    before_way = if_else(reset, 0.0, way)
+
+    forces, slips = [], []
+    for i in range(ELEMENTS):
+        level, before = alpha[i] * unit, if_else(reset, 0.0, Fi[i])
+        along = side * before
+        slipped = logic_or(logic_and(side == before_way, slipping[i]), along >= level)
+        stuck = along + k[i] * fabs(dr)
+        moved = if_else(slipped, level + (along - level) * decay, if_else(stuck < level, stuck, level))
+        forces.append(if_else(side == 0.0, before, side * moved))
+        slips.append(logic_and(side != 0.0, logic_or(slipped, stuck >= level)))
+    F_pre = sum(forces)
+    return {
+        **feedforward(m * rdd, gain * (F_pre + sigma2 * rd), enable, u_min, u_max),
+        **when(enable, F_pre=F_pre, slips=sum(slips), way=if_else(side == 0.0, before_way, side), last=r, started=1.0),
+        "Fi": [if_else(enable, force, 0.0) for force in forces],
+        "slipping": [if_else(enable, slip, 0.0) for slip in slips],
+    }

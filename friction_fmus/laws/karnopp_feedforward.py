@@ -1,0 +1,72 @@
+"""Feedforward of inertia and of Karnopp's friction from the reference."""
+
+from __future__ import annotations
+
+from casadi import SX, fabs, if_else, logic_or, sign
+
+from friction_fmus.expressions import clip
+from friction_fmus.law import (
+    ACCELERATION,
+    DAMPING,
+    FORCE,
+    MASS,
+    NO_UNIT,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    law,
+)
+from friction_fmus.law_parts.feedforward import feedforward
+
+
+@law(
+    "KarnoppFeedforward",
+    "Feedforward of inertia and of Karnopp's friction computed from the reference",
+    source="Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985; Johnson, Lorenz, 1992",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "feedforward force, within u_min and u_max"),
+        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def karnopp_feedforward(
+    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
+    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    enable: SX = Command(True, "false: u = 0 and F_hat = 0"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "mass, of the inertia feedforward and of the force at rest", min=0.0),
+    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0),
+    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=0.0),
+    Fv: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
+    DV: SX = Parameter(VELOCITY, 1e-3, "half width of the band of velocity that counts as rest", min=0.0),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+) -> dict[str, SX]:
+    """The inertia force of the reference and the friction that Karnopp's model has along it.
+
+        |rd| <  DV:  F_hat = gain clip(m rdd, -Fs, Fs)
+        |rd| >= DV:  F_hat = gain (Fc sgn(rd) + Fv rd)
+        u = clip(m rdd + F_hat, u_min, u_max)
+
+    The friction is that of the friction block Karnopp (Karnopp, ASME Journal of Dynamic Systems, Measurement, and
+    Control 107(1), 1985) whose external force is the inertia force m rdd: in the band, friction is what balances it, up
+    to Fs. A band is also what rd = 0 with DV = 0 is. Johnson and Lorenz (IEEE Transactions on Industry Applications
+    28(6), 1992) compensate with this model in feedforward and in feedback (from a summary, the paper was not read).
+
+    Use it where the reference starts and stops and friction at rest is not to be compensated by a sign: F_hat follows
+    the force that the start needs, and does not jump at rd = 0, but at the edges of the band.
+
+    u goes to the input f of a position controller, whose own m must then be 0. While enable is false u, F_hat and
+    u_sat are 0; there is no state. Feedforward does not change the stability of the loop.
+
+    Limits: F_hat jumps at |rd| = DV by Fc + Fv DV minus the force in the band. In the band, at constant velocity,
+    nothing is compensated, so DV must be below the slowest motion that matters. No presliding. u_min must not exceed
+    u_max.
+    """
+    force = m * rdd
+    rest = logic_or(fabs(rd) < DV, rd == 0.0)
+    F_hat = gain * if_else(rest, clip(force, -Fs, Fs), sign(rd) * Fc + Fv * rd)
+    return feedforward(force, F_hat, enable, u_min, u_max)

@@ -1,0 +1,120 @@
+"""Feedforward of inertia and LuGre friction from the reference."""
+
+from __future__ import annotations
+
+from casadi import SX, fabs, if_else, logic_and, sign
+
+from friction_fmus.expressions import stribeck_level
+from friction_fmus.law import (
+    ACCELERATION,
+    DAMPING,
+    FORCE,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    STIFFNESS,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    Switch,
+    law,
+)
+from friction_fmus.law_parts.feedforward import fading, feedforward, increment, relax, when
+
+
+@law(
+    "LuGreFeedforward",
+    "Feedforward of inertia and LuGre friction computed from the reference",
+    source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995; Lampaert, Swevers, Al-Bender, ACC 2004",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "feedforward force, within u_min and u_max"),
+        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "z_hat": Output(LENGTH, "mean bristle deflection, z at this sample"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def lugre_feedforward(
+    r: SX = Input(LENGTH, 0.0, "reference position"),
+    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
+    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the states at their start"),
+    reset: SX = Command(False, "true: the states at their start"),
+    z: SX = State(LENGTH, 0.0, "mean bristle deflection", nominal=1e-5),
+    last: SX = State(LENGTH, 0.0, "reference of the sample before"),
+    started: SX = State(NO_UNIT, 0.0, "1 if there was a sample before"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    sigma0: SX = Parameter(STIFFNESS, 1e5, "bristle stiffness", min=1e-9),
+    sigma1: SX = Parameter(DAMPING, 316.22776601683796, "bristle damping", min=0.0),
+    sigma2: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
+    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=1e-9),
+    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=1e-9),
+    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
+    delta: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0),
+    v_d: SX = Parameter(VELOCITY, 0.0, "speed at which the bristle damping fades, 0: never", min=0.0),
+    asymmetric: SX = Switch(False, "backward motion has its own parameters, the ones named _neg"),
+    sigma2_neg: SX = Parameter(DAMPING, 0.4, "viscous coefficient for rd < 0", min=0.0),
+    Fc_neg: SX = Parameter(FORCE, 1.0, "Coulomb friction backward", min=1e-9),
+    Fs_neg: SX = Parameter(FORCE, 1.5, "static friction backward", min=1e-9),
+    vs_neg: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity backward", min=1e-12),
+    delta_neg: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent backward", min=1e-3, max=100.0),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    Ts: SX = SampleTime(),
+) -> dict[str, SX]:
+    """The force that moves an exactly known mass with LuGre friction along the reference.
+
+        g(v)  = Fc + (Fs - Fc) exp(-|v/vs|^delta)
+        dr    = r - last,   w = dr / Ts,   last: the reference of the sample before
+        t     = sgn(dr) g(w) / sigma0
+        z     becomes t + (z - t) exp(-sigma0 |dr| / g(w))
+        F_hat = gain (sigma0 z + sigma1(rd) (rd - sigma0 |rd| z / g(rd)) + sigma2 rd)
+        sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d > 0, else sigma1
+        u     = clip(m rdd + F_hat, u_min, u_max)
+
+    Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995 (the model, start values from its Table I);
+    Lampaert, Swevers, Al-Bender, American Control Conference, 2004, compare it in feedforward with the Dahl, Leuven and
+    GMS models (the paper was not read). Parameters as in the friction block LuGre.
+
+    z advances by the displacement of the reference since the sample before, exactly as if its velocity had been
+    constant, so F_hat is the force of the block LuGre at the end of a step with the velocity w, if rd is w. It belongs
+    to the time of the sample: a law that advanced z by Ts rd would be one sample ahead or behind.
+
+    Use it where an axis reverses, or moves by micrometres, and a sign of the velocity is too much of a jump. Sliding
+    friction has to be known to a few per cent, the stiffness much less well.
+
+    The first sample, and one with reset, takes r as where the axis stands: dr = 0 and z = 0 there. While enable is
+    false u, F_hat, u_sat and the states are 0; coming back, dr is 0 again, however far r has gone. u goes to the input
+    f of a position controller, whose own m must then be 0. Feedforward does not change the stability of the loop.
+
+    Limits: those of the model: z drifts under a bias with vibration, there is no memory of reversal points, and F_hat
+    jumps with a jump of rd by sigma1 times the jump; with the start values it may even push (F_hat < 0 for rd > 0),
+    which v_d < 4 sqrt(2 e) Fc / sigma1 prevents. GMSFeedforward is better in presliding. A reversal between two samples
+    is not seen. u_min must not exceed u_max.
+    """
+
+    def level(v: SX) -> SX:
+        own = logic_and(asymmetric, v < 0.0)
+        return stribeck_level(
+            fabs(v),
+            if_else(own, Fc_neg, Fc),
+            if_else(own, Fs_neg, Fs),
+            if_else(own, vs_neg, vs),
+            if_else(own, delta_neg, delta),
+        )
+
+    dr = increment(r, last, started, reset)
+    g = level(dr / Ts)
+    now = relax(if_else(reset, 0.0, z), sign(dr) * g / sigma0, sigma0 * fabs(dr) / g)
+    stretching = rd - sigma0 * fabs(rd) / level(rd) * now
+    viscous = if_else(logic_and(asymmetric, rd < 0.0), sigma2_neg, sigma2)
+    friction = sigma0 * now + fading(sigma1, rd, v_d) * stretching + viscous * rd
+    return {
+        **feedforward(m * rdd, gain * friction, enable, u_min, u_max),
+        **when(enable, z_hat=now, z=now, last=r, started=1.0),
+    }

@@ -1,0 +1,106 @@
+"""Prefilter of the reference with derivatives by a non-causal filter."""
+
+from __future__ import annotations
+
+from casadi import SX, if_else, logic_and, logic_not
+
+from friction_fmus.law import (
+    ACCELERATION,
+    DAMPING,
+    FORCE,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    STIFFNESS,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    law,
+)
+from friction_fmus.law_parts.feedforward import reference_shift, when
+
+PREVIEW = 4
+# weights of f(j) - f(-j) and of f(j) - 2 f(0) + f(-j), j = 1 ... 4
+FIRST = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
+SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
+
+
+@law(
+    "PreviewPrefilter",
+    "Prefilter R = 1 + F/C that needs the reference position only, four samples early",
+    source="Identity C R r = C r + F r; Fornberg, Mathematics of Computation 51(184), 1988 (differences)",
+    Ts=1e-3,
+    outputs={
+        "r_out": Output(LENGTH, "reference position for the controller"),
+        "rd_out": Output(VELOCITY, "reference velocity for the controller"),
+        "u_hat": Output(FORCE, "feedforward force that it stands for"),
+        "r_now": Output(LENGTH, "r of four samples before"),
+        "rd_now": Output(VELOCITY, "its velocity"),
+        "rdd_now": Output(ACCELERATION, "its acceleration"),
+    },
+)
+def preview_prefilter(
+    r: SX = Input(LENGTH, 0.0, "reference position, four samples early"),
+    f: SX = Input(FORCE, 0.0, "feedforward force of r_now, added to the inertia force", optional=True),
+    enable: SX = Command(True, "false: r_now and rd_now pass, what is added at its start"),
+    reset: SX = Command(False, "true: as if r had always been what it is now"),
+    line: SX = State(LENGTH, (0.0,) * (2 * PREVIEW), "references of the samples before, the latest first"),
+    started: SX = State(NO_UNIT, 0.0, "1 if there was a sample before"),
+    shift: SX = State(LENGTH, 0.0, "what is added to r_now", nominal=1e-4),
+    integral: SX = State(LENGTH + ".s", 0.0, "integral of what was added to r_now", nominal=1e-6),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the force that is replaced", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain of the controller", min=0.0),
+    Kd: SX = Parameter(DAMPING, 190.0, "derivative gain of the controller", min=1e-9),
+    Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain of the controller, 0: PD", min=0.0),
+    Ts: SX = SampleTime(),
+) -> dict[str, SX | list[SX]]:
+    """Prefilter with velocity and acceleration from a non-causal FIR filter of the reference position.
+
+        r_now[k]   = r[k-4]
+        rd_now[k]  = sum over j = 1 ... 4 of p_j (r[k-4+j] - r[k-4-j]) / Ts
+        rdd_now[k] = sum over j = 1 ... 4 of q_j (r[k-4+j] - 2 r[k-4] + r[k-4-j]) / Ts^2
+        p = 4/5, -1/5, 4/105, -1/280;   q = 8/5, -1/5, 8/315, -1/560
+        u_hat  = gain (m rdd_now + f)
+        rd_out = rd_now + d',   Kp d + Kd d' + Ki D = u_hat
+        r_out  = r_now + d,     d_next = d + Ts d',   D_next = D + Ts d
+
+    The differences are those of the eighth order (Fornberg, Mathematics of Computation 51(184), 1988): exact for
+    polynomials up to the eighth (p) and ninth degree (q). They have no lag, as the reference is known four samples
+    ahead; that is what makes the improper F/C of R = 1 + F/C realisable. All else is as in Prefilter.
+
+    Use it where a table of positions is all there is, for a controller whose only input is a reference. What is
+    compared with the measured position is r_now.
+
+    In the first sample, and one with reset, r is taken to have rested. While enable is false r_now and rd_now pass and
+    d is 0; the line of references goes on.
+
+    Limits: as of Prefilter. Noise of r, and its rounding, comes into rdd_now with the factor 3.5 / Ts^2. Corners of r
+    ring over four samples. f must belong to r_now.
+    """
+    fresh = logic_not(logic_and(started, logic_not(reset)))
+    past = [r, *(if_else(fresh, r, line[j]) for j in range(2 * PREVIEW))]
+    now = past[PREVIEW]
+    rd = sum((p * (past[PREVIEW - j] - past[PREVIEW + j]) for j, p in enumerate(FIRST, 1)), SX(0.0)) / Ts
+    rdd = (
+        sum((q * (past[PREVIEW - j] - 2.0 * now + past[PREVIEW + j]) for j, q in enumerate(SECOND, 1)), SX(0.0)) / Ts**2
+    )
+
+    u_hat = gain * (m * rdd + f)
+    moved = if_else(reset, 0.0, shift)
+    rate, shift_next, integral_next = reference_shift(u_hat, moved, if_else(reset, 0.0, integral), Kp, Kd, Ki, Ts)
+    added = when(enable, r_out=moved, rd_out=rate)
+    return {
+        "r_now": now,
+        "rd_now": rd,
+        "rdd_now": rdd,
+        "r_out": now + added["r_out"],
+        "rd_out": rd + added["rd_out"],
+        **when(enable, u_hat=u_hat, shift=shift_next, integral=integral_next),
+        "line": past[: 2 * PREVIEW],
+        "started": SX(1.0),
+    }

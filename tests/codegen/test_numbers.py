@@ -1,0 +1,114 @@
+"""The exported C, the FMU and casadi compute the same numbers, on this machine and on the target."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from laws.draws import random_arguments
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from benchmarks.law_runs import LawC, LawFmu, casadi_by_rows, rows_of, run_casadi
+from friction_fmus.catalogue import laws_folder
+from friction_fmus.codegen.cost import CORES, assembly, missing, run
+from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.program import samples
+from friction_fmus.codegen.sources import STATES
+from friction_fmus.law import Kind
+from friction_fmus.law_files import discover_laws
+
+LAWS = [law.name for law in discover_laws(laws_folder())]
+LONG = 100_000
+on_target = pytest.mark.skipif(bool(missing()), reason=f"{' and '.join(missing())} not installed")
+
+
+def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
+    return bool((np.ascontiguousarray(a).view(np.int64) == np.ascontiguousarray(b).view(np.int64)).all())
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_double_has_the_bits_of_the_fmu_and_of_casadi(name: str, tmp_path: Path) -> None:
+    export = make_export(name)
+    given = samples(export, LONG, seed=2)
+    rows = rows_of(export, given)
+    expected = run_casadi(export.law, rows)
+    assert np.isfinite(expected).all()
+    assert np.ptp(expected[:, 0]) > 0.0
+    assert same_bits(LawC(export, tmp_path / "c").run(rows, feeds_back=True)[0], expected)
+    assert same_bits(LawFmu(export.law, tmp_path).run(given)[0], expected)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_double_has_casadis_bits_for_any_parameters(name: str, tmp_path: Path) -> None:
+    export = make_export(name)
+    rows = random_arguments(export.law, 20_000, seed=5)
+    expected, _ = casadi_by_rows(export.law, rows)
+    assert same_bits(LawC(export, tmp_path).run(rows, feeds_back=False)[0], expected)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_float_is_near_casadi(name: str, tmp_path: Path) -> None:
+    """Every sample of a long run from states that float can hold: within 1e-5.
+
+    Where a law decides, rounding may decide otherwise, or a difference of large numbers is lost: then the result must
+    be one that the law has for arguments moved by the rounding of float.
+    """
+    export = make_export(name, real="float")
+    law = export.law
+    rows = rows_of(export, samples(export, LONG, seed=3)).astype(np.float32).astype(float)
+    labels = [variable for variable in law.given for _ in variable.starts]
+    states = [i for i, variable in enumerate(labels) if variable.kind in STATES]
+    whole = run_casadi(law, rows)
+    rows[1:, states] = whole[:-1, len(law.select(Kind.OUTPUT)) :].astype(np.float32)
+    expected, _ = casadi_by_rows(law, rows)
+    found, _ = LawC(export, tmp_path).run(rows, feeds_back=False)
+    assert np.isfinite(found).all()
+
+    allowed = 1e-5 * np.maximum(np.abs(expected), np.sqrt(np.mean(expected**2, axis=0)))
+    (doubtful,) = np.nonzero((np.abs(found - expected) > allowed).any(axis=1))
+    low, high = expected[doubtful].copy(), expected[doubtful].copy()
+    random = np.random.default_rng(4)
+    for _ in range(200 if len(doubtful) else 0):
+        moved = rows[doubtful] * (1.0 + random.choice((-1.0, 0.0, 1.0), rows[doubtful].shape) * 2.0**-22)
+        nearby, _ = casadi_by_rows(law, moved)
+        low, high = np.minimum(low, nearby), np.maximum(high, nearby)
+    assert (found[doubtful] >= low - allowed[doubtful]).all()
+    assert (found[doubtful] <= high + allowed[doubtful]).all()
+    assert len(doubtful) < 0.01 * LONG
+
+
+@on_target
+@pytest.mark.parametrize("core", CORES, ids=lambda core: core.name)
+@pytest.mark.parametrize("real", ["float", "double"])
+@pytest.mark.parametrize("name", LAWS)
+def test_the_target_computes_the_same(name: str, real: str, core, tmp_path: Path) -> None:
+    """Bit by bit, but for another C library's exp and pow."""
+    export = make_export(name, real=real)
+    given = samples(export, 200)
+    found, stack = run(export, core, given)
+    expected, _ = LawC(export, tmp_path).run(rows_of(export, given), feeds_back=True)
+    assert 0 < stack < 1000
+    if export.kernel.functions:
+        scale = np.maximum(np.abs(expected), np.sqrt(np.mean(expected**2, axis=0)))
+        assert (np.abs(found - expected) <= (1e-5 if real == "float" else 1e-12) * scale).all()
+    else:
+        assert same_bits(found.astype(float), expected)
+
+
+@on_target
+@pytest.mark.parametrize("name", LAWS)
+def test_the_float_build_has_no_double_in_it(name: str) -> None:
+    export = make_export(name, real="float")
+    assert all(function.endswith("f") for function in export.kernel.functions)
+    for core in CORES:
+        text = assembly(export, core)
+        # __aeabi_dadd and the like, conversions from and to double, the double unit's registers
+        assert not re.search(r"__aeabi_(d|f2d|cd|i2d|ui2d|l2d)|\.f64|_?_ieee754_(?!.*f\b)", text)
+        called = set(re.findall(r"^\s+blx?\s+(\w+)", text, re.M))
+        own = {f"{export.prefix}_{word}" for word in ("init", "check", "step")} | {"sample", "relations"}
+        runtime = {name for name in called if name.startswith("__aeabi_")}
+        assert called - runtime - own <= export.kernel.functions
