@@ -1,0 +1,75 @@
+"""Condition of iterative learning and repetitive control."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from friction_fmus.conditions.condition import Condition
+
+Response: TypeAlias = NDArray[np.complex128]
+
+
+def process_sensitivity(
+    frequency: NDArray[np.float64], m: float, s2: float, Kp: float, Kd: float, Ki: float = 0.0
+) -> Response:
+    """Frequency response of P/(1 + P C), from a force to the position of a mass under PID [m/N].
+
+    Parameters
+    ----------
+    frequency : float64 array, shape (n,)
+        Above 0 [Hz].
+    m, s2, Kp, Kd, Ki : float
+        Mass [kg], viscous friction [N.s/m] and gains [N/m, N.s/m, N/(m.s)].
+
+    Returns
+    -------
+    complex128 array, shape (n,)
+        1/(m s^2 + (Kd + s2) s + Kp + Ki/s) at s = 2 pi j frequency.
+    """
+    s = 2j * np.pi * np.asarray(frequency, dtype=np.float64)
+    return np.asarray(1.0 / (m * s**2 + (Kd + s2) * s + Kp + Ki / s), dtype=np.complex128)
+
+
+def contraction(
+    frequency: NDArray[np.float64],
+    sensitivity: Response,
+    learning: Response,
+    lowpass: Response | float = 1.0,
+    gamma: float = 1.0,
+) -> Condition:
+    """Errors shrink from trial to trial, or from period to period: |Q| |1 - gamma L P/(1 + P C)| < 1.
+
+    Parameters
+    ----------
+    frequency : float64 array, shape (n,)
+        Where the responses are known [Hz]; dense enough for their peaks, up to half the sample rate.
+    sensitivity : complex128 array, shape (n,)
+        P/(1 + P C) of the real loop, see `process_sensitivity`.
+    learning : complex128 array, shape (n,)
+        The learning filter L.
+    lowpass : complex128 array, shape (n,), or float
+        The filter Q.
+    gamma : float
+        Learning gain.
+
+    Returns
+    -------
+    Condition
+        Its value is the largest ratio of consecutive errors.
+    """
+    ratio = np.abs(lowpass) * np.abs(1.0 - gamma * learning * sensitivity)
+    worst = int(np.argmax(ratio))
+    value, at = float(ratio[worst]), float(frequency[worst])
+    return Condition(
+        name="learning",
+        ok=value < 1.0,
+        value=value,
+        bound=1.0,
+        wrong=f"|Q| |1 - gamma L S| is {value:.4g} at {at:.4g} Hz, not below 1",
+        why=f"errors of {at:.4g} Hz grow from trial to trial, even if they shrink at first",
+        change=f"put the corner of Q below {at:.4g} Hz, correct the model in L, or lower gamma",
+        source="Bristow, Tharayil, Alleyne, IEEE Control Systems 26(3), 2006",
+    )
