@@ -49,8 +49,8 @@ def disturbance_observer(
     m: SX = Parameter(MASS, 1.0, "moving mass", min=0.0),
     fq: SX = Parameter(FREQUENCY, 30.0, "corner frequency of the low-pass", min=0.0),
     second_order: SX = Switch(False, "low-pass of order 2, damping 1/sqrt(2)"),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = Parameter(FORCE, -100.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 100.0, "upper limit of u"),
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """What a mass was kept from by, low-pass filtered.

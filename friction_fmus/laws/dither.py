@@ -37,11 +37,11 @@ def dither(
     reset: SX = Command(False, "true: the phase at its start"),
     phase: SX = State(NO_UNIT, 0.0, "phase in periods, from 0 to below 1"),
     gain: SX = Parameter(NO_UNIT, 1.0, "share of the dither that is added; 0 passes f alone", min=0.0, max=1.0),
-    Ad: SX = Parameter(FORCE, 50.0, "amplitude"),
+    Ad: SX = Parameter(FORCE, 50.0, "amplitude", min=0.0),
     frequency: SX = Parameter(FREQUENCY, 200.0, "frequency, below 1/(2 Ts)", min=0.0),
     shape: SX = Parameter(NO_UNIT, 0.0, "0 sine, 1 square, 2 triangle", min=0.0, max=2.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = Parameter(FORCE, -60.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 60.0, "upper limit of u"),
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """A fast oscillation on top of a force, so that friction is met averaged.

@@ -42,8 +42,8 @@ def predictive_filter(
     m: SX = Parameter(MASS, 1.0, "moving mass", min=1e-12),
     v_noise: SX = Parameter(VELOCITY, 1e-3, "standard deviation of the measured velocity, R = v_noise^2", min=0.0),
     F_size: SX = Parameter(FORCE, 0.5, "size of the model error, its weight is W = 1/F_size^2", min=1e-12),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = Parameter(FORCE, -100.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 100.0, "upper limit of u"),
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """The friction force that best explains the last sampling interval, weighed against its size.

@@ -7,19 +7,16 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_discrete_are
 from scipy.signal import cont2discrete
 
 from friction_fmus.catalogue import laws_folder
-from friction_fmus.design import kalman_friction_gains
-from friction_fmus.errors import FrictionError
 from friction_fmus.law import Kind, Law
 from friction_fmus.law_files import discover_laws
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 KALMAN, PREDICTIVE, OBSERVER = LAWS["KalmanFriction"], LAWS["PredictiveFilter"], LAWS["DisturbanceObserver"]
 ESTIMATORS = [KALMAN, PREDICTIVE, OBSERVER]
-GAINS = ("K_x", "K_v", "K_F"), ("L_x", "L_v", "L_F")
 
 
 def run(law: Law, samples: Iterable[dict[str, float]], **parameters: float) -> list[dict[str, float]]:
@@ -53,62 +50,84 @@ def of(law: Law, samples: Sequence[dict[str, float]]) -> list[dict[str, float]]:
 # ---- Kalman filter ---------------------------------------------------------------------------------------------------
 
 
-def covariances(m, Ts, position_noise, force_step, velocity_noise=None, n=4000):
-    """Filter gain by iterating the covariance recursion, not by the algebraic equation."""
-    A = expm(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0 / m], [0.0, 0.0, 0.0]]) * Ts)
-    C = np.eye(3)[: 1 if velocity_noise is None else 2]
-    R = np.diag([position_noise**2] + ([] if velocity_noise is None else [velocity_noise**2]))
-    Q = np.diag([0.0, 0.0, force_step**2])
-    P = np.diag([position_noise**2, 1e-4, 1.0])
-    for _ in range(n):
-        P = A @ P @ A.T + Q
-        K = P @ C.T @ np.linalg.inv(C @ P @ C.T + R)
-        I_KC = np.eye(3) - K @ C
-        P = I_KC @ P @ I_KC.T + K @ R @ K.T
-    return A, K
+def model(m: float, Ts: float) -> tuple[np.ndarray, np.ndarray]:
+    """Transition and input matrix of position, velocity and force."""
+    whole = expm(np.array([[0, 1, 0, 0], [0, 0, -1 / m, 1 / m], [0, 0, 0, 0], [0, 0, 0, 0]]) * Ts)
+    return whole[:3, :3], whole[:3, 3]
 
 
-@pytest.mark.parametrize("velocity_noise", [None, 1e-3])
-@pytest.mark.parametrize("m", [0.2, 1.0, 40.0])
-def test_gains_are_the_limit_of_the_covariance_recursion(m, velocity_noise):
-    noise = (m, 5e-4, 1e-6 / math.sqrt(12.0), 0.05 * m, velocity_noise)
-    found = kalman_friction_gains(*noise)
-    _, K = covariances(*noise)
-    for column, expected in zip(GAINS, K.T, strict=False):
-        assert [found[name] for name in column] == pytest.approx(expected, rel=1e-6)
-    if velocity_noise is None:
-        assert [found[name] for name in GAINS[1]] == [0.0, 0.0, 0.0]
+def steady_gain(m: float, Ts: float, x_noise: float, F_step: float, v_noise: float | None = None) -> np.ndarray:
+    """Of the algebraic Riccati equation, in units that make its matrices numbers near 1."""
+    units = np.array([Ts**2 / m, Ts / m, 1.0]) * F_step
+    A = model(m, Ts)[0] * units / units[:, None]
+    C = np.eye(3)[: 1 if v_noise is None else 2]
+    R = np.diag((np.array([x_noise, v_noise or 0.0])[: len(C)] / units[: len(C)]) ** 2)
+    P = solve_discrete_are(A.T, C.T, np.diag([0.0, 0.0, 1.0]), R)
+    return P @ C.T @ np.linalg.inv(C @ P @ C.T + R) * units[:, None] / units[: len(C)]
 
 
-def test_the_start_values_are_the_helpers():
-    found = kalman_friction_gains(1.0, 1e-3, 1e-6 / math.sqrt(12.0), 0.03)
-    assert {v.name: v.start for v in KALMAN.given if v.name in found} == pytest.approx(found, rel=1e-9)
+@pytest.mark.parametrize("v_noise", [None, 1e-4])
+@pytest.mark.parametrize(("m", "F_step"), [(2.0, 0.1), (0.1, 0.001), (40.0, 0.1)])
+def test_the_gain_tends_to_that_of_the_riccati_equation(m, F_step, v_noise):
+    """The law's next states differ by K times the difference of two measurements."""
+    Ts, x_noise = 1e-3, 1e-6
+    parameters = {"m": m, "x_noise": x_noise, "F_step": F_step}
+    if v_noise is not None:
+        parameters |= {"v_noise": v_noise, "use_v": 1.0}
+    last = run(KALMAN, [{"x": 0.0, "v": 0.0, "u_prev": 0.0}] * 400, **parameters)[-1]
+    states = {variable.name: last[variable.name] for variable in KALMAN.select(Kind.STATE)}
+
+    def after(**measured: float) -> np.ndarray:
+        found = KALMAN.evaluate({**parameters, **states, **measured})
+        return np.array([found["x_hat"], found["v_hat"], found["F_hat"]])
+
+    names = ["x"] if v_noise is None else ["x", "v"]
+    found = np.array([after(**{name: 1.0}) - after() for name in names]).T
+    np.testing.assert_allclose(found, steady_gain(m, Ts, x_noise, F_step, v_noise), rtol=1e-6)
 
 
-def test_the_law_is_the_filter_in_matrices():
-    m, Ts = 2.0, 1e-3
-    gains = kalman_friction_gains(m, Ts, 1e-6, 0.1, 1e-4)
-    A, K = covariances(m, Ts, 1e-6, 0.1, 1e-4)
-    B = np.array([Ts**2 / (2.0 * m), Ts / m, 0.0])
+@pytest.mark.parametrize("use_v", [0.0, 1.0])
+def test_the_law_is_the_filter_in_matrices(use_v):
+    """The information form of the filter, from the same start."""
+    m, Ts, x_noise, v_noise, F_step = 2.0, 1e-3, 1e-6, 1e-4, 0.1
+    A, B = model(m, Ts)
+    C = np.eye(3)[: 2 if use_v else 1]
+    R = np.diag([x_noise**2, v_noise**2][: len(C)])
     random = np.random.default_rng(1)
-    x, v, u = random.normal(size=(3, 200)) * [[1e-4], [1e-2], [5.0]]
-    found = run(KALMAN, [{"x": a, "v": b, "u_prev": c} for a, b, c in zip(x, v, u, strict=True)], **gains)
+    x, v, u = random.normal(size=(3, 200)) * [[1e-6], [1e-4], [5.0]]
+    samples = [{"x": a, "v": b, "u_prev": c} for a, b, c in zip(x, v, u, strict=True)]
+    found = run(KALMAN, samples, m=m, x_noise=x_noise, v_noise=v_noise, F_step=F_step, use_v=use_v)
     state = np.array([x[0], v[0], 0.0])
-    for k in range(1, 200):
-        state = A @ state + B * u[k]
-        state = state + K @ (np.array([x[k], v[k]]) - state[:2])
-        # of the size of what is corrected
-        assert found[k]["F_hat"] == pytest.approx(state[2], rel=1e-5, abs=1e-4)
-        assert (found[k]["x_hat"], found[k]["v_hat"]) == pytest.approx(state[:2], rel=1e-5, abs=1e-7)
+    P = np.diag([x_noise**2, 2.0 * (x_noise / Ts) ** 2, F_step**2])
+    for k in range(200):
+        if k:
+            state = A @ state + B * u[k]
+            P = A @ P @ A.T + np.diag([0.0, 0.0, F_step**2])
+        P = np.linalg.inv(np.linalg.inv(P) + C.T @ np.linalg.inv(R) @ C)
+        state = state + P @ C.T @ np.linalg.inv(R) @ (np.array([x[k], v[k]])[: len(C)] - C @ state)
+        assert found[k]["F_hat"] == pytest.approx(state[2], rel=1e-6, abs=1e-6)
+        assert (found[k]["x_hat"], found[k]["v_hat"]) == pytest.approx(state[:2], rel=1e-6, abs=1e-10)
 
 
 @pytest.mark.parametrize("m", [1.0, 4.0])
 def test_kalman_lags_on_a_ramp_by_the_closed_form(m):
     Ts, c = 1e-3, 20.0
-    gains = kalman_friction_gains(m, Ts, 1e-6, 0.05)
-    F_hat = estimates(KALMAN, ramp(400, c, m, Ts), **gains)
-    lag = c * Ts * np.arange(400) - F_hat
-    assert lag[-1] == pytest.approx(c * (m * abs(gains["K_v"] / gains["K_F"]) - Ts / 2.0), rel=1e-6)
+    F_hat = estimates(KALMAN, ramp(600, c, m, Ts), m=m, x_noise=1e-6, F_step=0.05)
+    _, K2, K3 = steady_gain(m, Ts, 1e-6, 0.05)[:, 0]
+    lag = c * Ts * np.arange(600) - F_hat
+    assert lag[-1] == pytest.approx(c * (m * abs(K2 / K3) - Ts / 2.0), rel=1e-6)
+
+
+@pytest.mark.parametrize("x_noise", [1e-15, 1e-9, 1e-3])
+@pytest.mark.parametrize("F_step", [1e-6, 1e3])
+def test_extreme_noise_leaves_the_filter_stable(x_noise, F_step):
+    """A disturbed start is forgotten; the slowest filter would take longer than is run, and does not grow."""
+    samples = [{"x": 1e-3, "u_prev": 0.0}] * 5 + [{"x": 0.0, "u_prev": 0.0}] * 5000
+    found = run(KALMAN, samples, x_noise=x_noise, F_step=F_step)
+    position = np.abs([result["x_hat"] for result in found])
+    assert position.max() < 5e-3
+    for name in ("P11", "P22", "P33"):
+        assert min(result[name] for result in found) >= 0.0
 
 
 def test_the_estimate_of_a_constant_force_is_unbiased():
@@ -117,19 +136,6 @@ def test_the_estimate_of_a_constant_force_is_unbiased():
     assert estimates(KALMAN, samples)[-1] == pytest.approx(5.0, rel=1e-6)
     assert estimates(PREDICTIVE, of(PREDICTIVE, samples))[-1] == pytest.approx(5.0, rel=1e-9)
     assert estimates(OBSERVER, of(OBSERVER, samples))[-1] == pytest.approx(5.0, rel=1e-9)
-
-
-@pytest.mark.parametrize("bad", [{"m": 0.0}, {"Ts": -1.0}, {"position_noise": math.nan}, {"velocity_noise": 0.0}])
-def test_arguments_of_the_gains_are_checked(bad):
-    good = {"m": 1.0, "Ts": 1e-3, "position_noise": 1e-6, "force_step": 0.1}
-    (name,) = bad
-    with pytest.raises(FrictionError, match=rf"{name} = .* must be positive and finite"):
-        kalman_friction_gains(**good | bad)
-
-
-def test_noise_without_a_filter_is_refused():
-    with pytest.raises(FrictionError, match="no stable filter"):
-        kalman_friction_gains(1.0, 1e-3, 1e-3, 1e-9)
 
 
 # ---- predictive filter and disturbance observer ------------------------------------------------------------------
