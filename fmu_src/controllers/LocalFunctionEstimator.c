@@ -18,8 +18,8 @@
    last sample after all limits, so that nothing winds up when the actuator saturates. In a system file the wire to
    u_prev needs a delay.
 
-   Before the first sample the velocity counts as constant and the mean forces as 0. reset empties the memory, so that
-   F_hat is 0 in that very sample. While enable is false u, F_hat and u_sat are 0 and the memory is empty.
+   Before the first sample the velocity was v0 and the mean forces count as 0. reset empties the memory, so that F_hat
+   is 0 in that very sample. While enable is false u, F_hat and u_sat are 0 and the memory is empty.
 
    Limits: extrapolation amplifies noise; of noise that is independent from interval to interval the variance is
    multiplied by 1/n, 1/n + 3 n/(n^2 - 1) and, for p = 2, by 5 n^3/((n^2 - 1)(n^2 - 4)) more: about 1/n, 4/n, 9/n. If n
@@ -41,6 +41,7 @@
     OUTPUT   (u_sat,  NO_UNIT,                      "active limit: -1 lower, +1 upper, 0 none")                      \
     FIXED    (Ts,     TIME,     1e-3,   1e-9, INF,  "sample time")                                                   \
     COUNT    (window, 10,       1,      LONGEST,    "intervals that are looked at")                                  \
+    FIXED    (v0,     VELOCITY, 0.0,   -INF,  INF,  "velocity before the first sample")                               \
     COUNT    (degree, 1,        0,      2,          "degree of the polynomial")                                      \
     PARAMETER(gain,   NO_UNIT,  1.0,    0.0,  1.0,  "share of the friction that is compensated")                     \
     PARAMETER(m,      MASS,     1.0,    0.0,  INF,  "moving mass")                                                   \
@@ -82,7 +83,7 @@ static void sample(Model *model)
     const size_t now = (size_t)model->run.tick % n;
 
     if (model->run.tick == 0)
-        past->v = v;
+        past->v = v0;
     const double force = u_prev - m * (v - past->v) / Ts;
     if (reset || !enable)
         *past = (struct past){.v = 0.0};

@@ -47,9 +47,9 @@ def by_least_squares(F: np.ndarray, n: int, degree: int) -> float:
 def test_local_function_is_least_squares(samples, window, degree):
     m, Ts, n = 2.5, 1e-3, 150
     v, u = np.random.default_rng(1).normal(size=(2, n)) * [[1e-2], [5.0]]
-    parameters = {"m": m, "window": window, "degree": degree, "u_min": -1e9, "u_max": 1e9, "gain": 0.5}
+    parameters = {"m": m, "window": window, "degree": degree, "u_min": -1e9, "u_max": 1e9, "gain": 0.5, "v0": 0.004}
     found = samples("LocalFunctionEstimator", {"v": v, "u_prev": u}, ("F_hat", "u", "u_sat"), **parameters)
-    F = np.concatenate([np.zeros(64), u - m * np.diff(v, prepend=v[0]) / Ts])
+    F = np.concatenate([np.zeros(64), u - m * np.diff(v, prepend=0.004) / Ts])
     expected = [by_least_squares(F[k + 65 - window : k + 65], window, min(degree, window - 1)) for k in range(n)]
     assert np.abs(found[:, 0] - expected).max() < 1e-10 * np.abs(expected).max()
     assert np.array_equal(found[:, 1], 0.5 * found[:, 0])
