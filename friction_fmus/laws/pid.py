@@ -51,7 +51,7 @@ def pid(
     Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain, 0: PD", min=0.0),
     m: SX = Parameter(MASS, 0.0, "mass of the inertia feedforward, 0: none", min=0.0),
     db: SX = Parameter(LENGTH, 0.0, "dead-band: error at and below which the integral is held, 0: none", min=0.0),
-    db_more: SX = Parameter(LENGTH, 0.0, "hysteresis: a held integral goes on above db + db_more", min=0.0),
+    db_ratio: SX = Parameter(NO_UNIT, 1.5, "hysteresis: a held integral goes on above db_ratio db", min=1.0),
     reversal: SX = Parameter(
         NO_UNIT, 1.0, "factor of the integral at a reversal, 1: none, 0: reset", min=-1.0, max=1.0
     ),
@@ -66,7 +66,7 @@ def pid(
         u      = clip(Kp e + Kd (rd - v) + Ki I + m rdd + f, u_min, u_max)
         I_next = I + Ts e
         I_next = I while u is limited and e pushes further into that limit
-        I_next = I while |e| <= db, and from then on until |e| > db + db_more
+        I_next = I while |e| <= db, and from then on until |e| > db_ratio db
         I      = reversal I, before it is used, in the sample at which v beyond v_zc has the other sign than the last
                  v beyond v_zc
 
@@ -78,10 +78,10 @@ def pid(
     nothing winds up, nothing old comes back, and u returns without a jump if the reference is then led from where the
     axis stands (r = x, rd = v, rdd = 0).
 
-    Dead-band and reversal are there against hunting, and off with the start values. A dead-band with db_more
+    Dead-band and reversal are there against hunting, and off with the start values. A dead-band with db_ratio above 1
     does not chatter on a noisy error. reversal = 0 is a reset of the integral, -1 turns its sign, as Coulomb friction
-    turns its, values between scale it. v_zc must exceed the noise of v and the velocity at which the contact rings in
-    presliding, else every swing is a reversal.
+    turns its own, values between scale it. v_zc must exceed the noise of v and the velocity at which the contact rings
+    in presliding, else every swing is a reversal.
 
     The linear loop with viscous friction s2 is stable for (Kd + s2) Kp > mass Ki, if Ts is short against its time
     constants.
@@ -97,7 +97,7 @@ def pid(
     turned = if_else(logic_and(moves, side * v < 0.0), reversal * integral, integral)
     old = if_else(reset, start, turned)
     e = r - x
-    hold = logic_or(fabs(e) <= db, logic_and(held, fabs(e) <= db + db_more))
+    hold = logic_or(fabs(e) <= db, logic_and(held, fabs(e) <= db_ratio * db))
     wanted = Kp * e + Kd * (rd - v) + Ki * old + m * rdd + f
     u_sat = limits(wanted, u_min, u_max)
     rate = if_else(hold, 0.0, unless_winding_up(e, u_sat))

@@ -30,11 +30,13 @@ def integrals(samples: Iterable[dict[str, float]], **values: float) -> np.ndarra
     return np.array([result["integral"] for result in run(samples, **values)])
 
 
-@pytest.mark.parametrize(("db_more", "counted"), [(1.0, [5, 0, 0, 0, 0, -5, -2.5]), (0.0, [5, 0, 0, 2.5, 0, -5, -2.5])])
-def test_dead_band_with_and_without_hysteresis(db_more, counted):
+@pytest.mark.parametrize(
+    ("db_ratio", "counted"), [(1.5, [5, 0, 0, 0, 0, -5, -2.5]), (1.0, [5, 0, 0, 2.5, 0, -5, -2.5])]
+)
+def test_dead_band_with_and_without_hysteresis(db_ratio, counted):
     """Held at 2 and below; let go above 3, or above 2 without hysteresis."""
     errors = [5, 2, -1, 2.5, 2, -5, -2.5]
-    found = integrals([{"r": e} for e in errors], db=2.0, db_more=db_more, Ki=0.0, Kp=0.0)
+    found = integrals([{"r": e} for e in errors], db=2.0, db_ratio=db_ratio, Ki=0.0, Kp=0.0)
     assert found == pytest.approx(Ts * np.cumsum(counted), abs=1e-15)
 
 
@@ -56,7 +58,7 @@ def test_every_sign_change_counts_without_a_threshold():
 
 def test_reset_and_disable_forget_the_side_and_the_band():
     assert integrals([{"v": 1.0}, {"v": -1.0, "reset": 1.0}], integral=1.0, reversal=0.5)[1] == 0.0
-    off = run([{"v": 1.0, "r": 1.0}, {"v": 1.0, "enable": 0.0}, {"v": -1.0, "r": 2.5}], db=2.0, db_more=1.0, Kp=0.0)
+    off = run([{"v": 1.0, "r": 1.0}, {"v": 1.0, "enable": 0.0}, {"v": -1.0, "r": 2.5}], db=2.0, db_ratio=1.5, Kp=0.0)
     assert not any(off[1].values())
     assert off[2]["integral"] == pytest.approx(Ts * 2.5)
 
