@@ -1,1 +1,1 @@
-"""Expressions that groups of laws share."""
+"""Expressions that a group of laws shares, one module for each group."""

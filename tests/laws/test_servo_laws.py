@@ -117,7 +117,8 @@ def test_disabled_it_is_silent_and_comes_back_fresh(law):
     on, off = {"r": 1e-3, "f": 3.0}, {"r": 0.5, "f": 3.0, "enable": 0.0}
     found = run(law, [on] * 10 + [off] * 1000 + [on])
     for result in found[10:-1]:
-        assert result == {"u": 0.0, "u_sat": 0.0, "integral": 0.0}
+        assert {"u", "u_sat", "integral"} <= result.keys()
+        assert not any(result.values())
     assert found[-1] == run(law, [on])[0]
     # without a jump, when the reference starts where the axis stands
     standing = {"r": 0.2, "x": 0.2}
@@ -140,7 +141,7 @@ def test_outputs_stay_within_the_limits(law, data):
 @pytest.mark.parametrize("law", LIMITED, ids=lambda law: law.name)
 def test_nan_is_never_made_a_force(law):
     """clip by fmin and fmax would turn a NaN measurement into the full force."""
-    name = law.select(Kind.INPUT)[0].name
+    name = law.select(Kind.INPUT, Kind.OPTIONAL)[0].name
     assert math.isnan(law.evaluate({name: math.nan})["u"])
 
 

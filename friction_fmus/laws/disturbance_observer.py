@@ -1,0 +1,106 @@
+"""Disturbance observer with the inverse model of a mass."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+from casadi import SX, cos, exp, expm1, if_else, sin
+
+from friction_fmus.law import (
+    FORCE,
+    FREQUENCY,
+    MASS,
+    NO_UNIT,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    Switch,
+    law,
+)
+from friction_fmus.law_parts.estimators import compensation, mean_friction, starts_now
+
+
+@law(
+    "DisturbanceObserver",
+    "Disturbance observer: inverse model of a mass and a low-pass of order 1 or 2",
+    source="Ohnishi, Shibata, Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction force, without the part that f_prev compensates"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def disturbance_observer(
+    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
+    u_prev: SX = Input(FORCE, 0.0, "force that was applied since the last sample, after all limits"),
+    f_prev: SX = Input(FORCE, 0.0, "part of u_prev that already compensates friction", optional=True),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the observer at its start"),
+    reset: SX = Command(False, "true: the observer starts anew"),
+    d: SX = State(FORCE, 0.0, "estimated disturbance"),
+    d_rate: SX = State(FORCE, 0.0, "its time derivative divided by 2 pi fq, of the second order"),
+    v_last: SX = State(VELOCITY, 0.0, "velocity of the last sample", nominal=1e-2),
+    running: SX = State(NO_UNIT, 0.0, "1 after the first sample"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "moving mass", min=0.0),
+    fq: SX = Parameter(FREQUENCY, 30.0, "corner frequency of the low-pass", min=0.0),
+    second_order: SX = Switch(False, "low-pass of order 2, damping 1/sqrt(2)"),
+    u_min: SX = Parameter(FORCE, -100.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 100.0, "upper limit of u"),
+    Ts: SX = SampleTime(),
+) -> dict[str, SX]:
+    """What a mass was kept from by, low-pass filtered.
+
+        F_m   = u_prev - f_prev - m (v - v_last)/Ts,   the mean of the last sampling interval
+        F_hat = Q F_m
+        Q     = w/(s + w)  or  w^2/(s^2 + sqrt(2) w s + w^2),   w = 2 pi fq
+        u     = clip(gain F_hat, u_min, u_max)
+
+    Q is stepped exactly for the F_m that is constant over the interval:
+
+        order 1:  d = d + (1 - exp(-w Ts)) (F_m - d)
+        order 2:  y = d - F_m,  p = d'/w,  q = w Ts/sqrt(2)
+                  d = F_m + exp(-q) (y (cos q + sin q) + sqrt(2) p sin q)
+                  p = exp(-q) (p (cos q - sin q) - sqrt(2) y sin q)
+
+    Ohnishi, Shibata, Murakami: Motion control for advanced mechatronics, IEEE/ASME Transactions on Mechatronics 1(1),
+    1996 (the observer); Jamaludin, Van Brussel, Swevers, IEEE Transactions on Industrial Electronics 56(10), 2009
+    (with friction feedforward, in machine tools). Of both only the idea was taken; the equations follow from it.
+
+    Use it beside a position controller and, if there is one, beside a friction feedforward: u goes to the input f of
+    the controller, the feedforward's share of u_prev to f_prev, so that only the rest is estimated. u_prev is the
+    force after all limits, so that nothing winds up when the actuator saturates. In a system file the wires to u_prev
+    and f_prev need a delay. The first order is PredictiveFilter with a = 1 - exp(-w Ts), sample by sample.
+
+    For a friction force that grows at the rate c the estimate lags by c Ts (1/a - 1/2) with the first order. The
+    first sample, and a sample with reset, set F_hat to 0. While enable is false u, F_hat, u_sat and all states are 0.
+
+    Stable if |Q D| < 1 at all frequencies, D being the relative error of the inverse model. In presliding the plant is
+    1/(m s^2 + Kt) and D is not small: the poles of the loop with the contact's stiffness Kt decide there; under PD
+    control they stay stable and become slow. With gain 1 and the first order, a mass M that slides freely gives the
+    pole 1 - (1 - exp(-w Ts)) m/M.
+
+    Limits: noise of the velocity comes through with m w and, from sample to sample, with m/Ts (1 - exp(-w Ts)). A
+    wrong mass puts the missing inertia force into F_hat. u_min must not exceed u_max.
+    """
+    new = starts_now(reset, running)
+    F_m = mean_friction(if_else(new, 0.0, u_prev - f_prev), m, v - if_else(new, v, v_last), Ts)
+    w_Ts = 2.0 * pi * fq * Ts
+    old = if_else(new, 0.0, d)
+    first = old - expm1(-w_Ts) * (F_m - old)
+    q = w_Ts / sqrt(2.0)
+    y, p = old - F_m, if_else(new, 0.0, d_rate)
+    second = F_m + exp(-q) * (y * (cos(q) + sin(q)) + sqrt(2.0) * p * sin(q))
+    rate = exp(-q) * (p * (cos(q) - sin(q)) - sqrt(2.0) * y * sin(q))
+    F_hat = if_else(second_order, second, first)
+    return {
+        **compensation(F_hat, gain, u_min, u_max, enable),
+        "d": if_else(enable, F_hat, 0.0),
+        "d_rate": if_else(enable, if_else(second_order, rate, 0.0), 0.0),
+        "v_last": if_else(enable, v, 0.0),
+        "running": enable,
+    }

@@ -1,0 +1,87 @@
+"""Dither: a fast oscillation that smooths friction."""
+
+from __future__ import annotations
+
+from math import pi
+
+from casadi import SX, fabs, floor, if_else, sin
+
+from friction_fmus.expressions import clip, limits
+from friction_fmus.law import (
+    FORCE,
+    FREQUENCY,
+    NO_UNIT,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    law,
+)
+
+
+@law(
+    "Dither",
+    "Adds a fast oscillation to a force: sine, square or triangle",
+    source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
+    Ts=1e-4,
+    outputs={
+        "u": Output(FORCE, "f with the dither, within u_min and u_max"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def dither(
+    f: SX = Input(FORCE, 0.0, "force to which the dither is added before the limits", optional=True),
+    enable: SX = Command(True, "false: u = 0 and the phase at its start"),
+    reset: SX = Command(False, "true: the phase at its start"),
+    phase: SX = State(NO_UNIT, 0.0, "phase in periods, from 0 to below 1"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the dither that is added; 0 passes f alone", min=0.0, max=1.0),
+    Ad: SX = Parameter(FORCE, 50.0, "amplitude", min=0.0),
+    frequency: SX = Parameter(FREQUENCY, 200.0, "frequency, below 1/(2 Ts)", min=0.0),
+    shape: SX = Parameter(NO_UNIT, 0.0, "0 sine, 1 square, 2 triangle", min=0.0, max=2.0),
+    u_min: SX = Parameter(FORCE, -60.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 60.0, "upper limit of u"),
+    Ts: SX = SampleTime(),
+) -> dict[str, SX]:
+    """A fast oscillation on top of a force, so that friction is met averaged.
+
+        u = clip(f + gain Ad w(phase), u_min, u_max),   phase_next = (phase + frequency Ts) modulo 1
+        shape 0:  w = sin(2 pi phase)
+        shape 1:  w = 1 in the first half of the period, -1 in the second
+        shape 2:  w = 4 phase, 2 - 4 phase, 4 phase - 4 in the first quarter, in the middle, in the last quarter
+
+    Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994, section 4 (survey); the averages follow by
+    integration. A mass m that slides all the time gets a velocity dither of the amplitude A = Ad/(2 pi frequency m)
+    from the sine. Coulomb friction Fc at the velocity v0 + A w, |v0| < A, has the mean
+
+        sine velocity:      (2 Fc/pi) asin(v0/A),  near v0 = 0 a viscous coefficient 2 Fc/(pi A)
+        triangle velocity:  Fc v0/A
+        square velocity:    0
+
+    Use it where an actuator may be shaken far above the bandwidth of the position loop. It stands between the
+    controller and the plant, or its u goes to the input f of the controller. The start values move 1 kg by some
+    +-30 um at +-40 mm/s.
+
+    While enable is false u and u_sat are 0 and the phase is at its start; gain 0 passes f. reset acts in its own
+    sample.
+
+    Limits: the stroke A/(2 pi frequency) must be large against the presliding range of the contact (Fc/sigma0), else
+    the bristles follow it elastically and nothing is smoothed. The waveform is held between the samples: with fewer
+    than some ten samples a period the mean friction comes in steps. It wears and sounds. u_min must not exceed u_max.
+    """
+    now = if_else(reset, 0.0, phase)
+    square = if_else(now < 0.5, 1.0, -1.0)
+    triangle = 1.0 - 4.0 * fabs(now - 0.25)
+    wave = if_else(
+        shape < 0.5,
+        sin(2.0 * pi * now),
+        if_else(shape < 1.5, square, if_else(now < 0.75, triangle, 4.0 * now - 4.0)),
+    )
+    wanted = f + gain * Ad * wave
+    later = now + frequency * Ts
+    return {
+        "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
+        "u_sat": if_else(enable, limits(wanted, u_min, u_max), 0.0),
+        "phase": if_else(enable, later - floor(later), 0.0),
+    }

@@ -1,0 +1,130 @@
+"""Friction force as a random walk, estimated by a Kalman filter."""
+
+from __future__ import annotations
+
+from casadi import SX, if_else
+
+from friction_fmus.law import (
+    FORCE,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    Switch,
+    law,
+)
+from friction_fmus.law_parts.estimators import compensation, corrected, starts_now
+
+
+@law(
+    "KalmanFriction",
+    "Friction estimated as a random walk by a Kalman filter, and compensated",
+    source="Ray, Ramasubramanian, Townsend, Control Engineering Practice 9(2), 2001",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction force, positive where it opposes a positive velocity"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def kalman_friction(
+    x: SX = Input(LENGTH, 0.0, "measured position"),
+    v: SX = Input(VELOCITY, 0.0, "measured velocity", optional=True),
+    u_prev: SX = Input(FORCE, 0.0, "force that was applied since the last sample, after all limits"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the filter at its start"),
+    reset: SX = Command(False, "true: the filter starts anew from the measured position"),
+    x_hat: SX = State(LENGTH, 0.0, "estimated position", nominal=1e-3),
+    v_hat: SX = State(VELOCITY, 0.0, "estimated velocity", nominal=1e-2),
+    F_walk: SX = State(FORCE, 0.0, "estimated friction force"),
+    P11: SX = State(NO_UNIT, 0.0, "variance of the position, of Ts^2/m F_step"),
+    P12: SX = State(NO_UNIT, 0.0, "covariance of position and velocity"),
+    P13: SX = State(NO_UNIT, 0.0, "covariance of position and force"),
+    P22: SX = State(NO_UNIT, 0.0, "variance of the velocity, of Ts/m F_step"),
+    P23: SX = State(NO_UNIT, 0.0, "covariance of velocity and force"),
+    P33: SX = State(NO_UNIT, 0.0, "variance of the force, of F_step"),
+    running: SX = State(NO_UNIT, 0.0, "1 after the first sample"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "moving mass", min=1e-12),
+    x_noise: SX = Parameter(LENGTH, 3e-7, "standard deviation of the measured position", min=1e-15),
+    v_noise: SX = Parameter(VELOCITY, 1e-3, "standard deviation of the measured velocity", min=1e-15),
+    use_v: SX = Switch(False, "v is measured, too; false: it is used as the start value only"),
+    F_step: SX = Parameter(FORCE, 0.03, "standard deviation of the change of friction in a sample", min=1e-12),
+    u_min: SX = Parameter(FORCE, -100.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 100.0, "upper limit of u"),
+    Ts: SX = SampleTime(),
+) -> dict[str, SX]:
+    """Kalman filter of a mass with an unknown friction force that walks at random.
+
+        x_p = x_hat + Ts v_hat + Ts^2/(2 m) (u_prev - F_walk)
+        v_p = v_hat + Ts/m (u_prev - F_walk)
+        (x_hat, v_hat, F_walk) = (x_p, v_p, F_walk) + K (x - x_p)
+        F_hat = F_walk,   u = clip(gain F_hat, u_min, u_max)
+
+    with the gain of the Kalman filter. In the units X = Ts^2/m F_step, V = Ts/m F_step and F_step of position,
+    velocity and force, and with n = x_noise/X:
+
+        A = [1 1 -1/2; 0 1 -1; 0 0 1],   P_p = A P A' + diag(0, 0, 1)
+        K = P_p c / (P_p11 + n^2),       P = P_p - K c' P_p,   c = (1, 0, 0)
+
+    With use_v the velocity is a second measurement, taken in after the position in the same way with n = v_noise/V.
+
+    Ray, Ramasubramanian, Townsend: Adaptive friction compensation using extended Kalman-Bucy filter friction
+    estimation, Control Engineering Practice 9(2), 2001 (only its abstract was read); the equations are those of the
+    Kalman filter, Anderson, Moore: Optimal Filtering, 1979. There is no friction model: what is estimated is every
+    force on the mass but u_prev. K tends to the gain of the algebraic Riccati equation within some ten to hundred
+    samples.
+
+    Use it where the position is measured by an encoder, of step q: x_noise = q/sqrt(12). F_step is then the one number
+    to tune: larger is faster and noisier. u goes to the input f of a position controller; u_prev is the force after
+    all limits, so that nothing winds up when the actuator saturates. In a system file the wire to u_prev needs a delay.
+
+    For a friction force that grows at the rate c and use_v = false the filtered estimate lags, once K is constant, by
+
+        F - F_hat = c (m |K2/K3| - Ts/2)
+
+    exactly, K2 (1/s) and K3 (N/m) being the gains of velocity and force. The first sample, and a sample with reset,
+    take x and v over (v = 0 if it is not connected), set F_hat to 0 and P to diag(n^2, 2 n^2, 1). While enable is false
+    u, F_hat, u_sat and all states are 0.
+
+    Limits: a wrong mass puts the missing inertia force into F_hat. At a reversal the estimate is late by about the time
+    constant of the filter. F_hat fed back in full is an integral action: with static friction above Coulomb friction it
+    can hunt. u_min must not exceed u_max.
+    """
+    new = starts_now(reset, running)
+    force = (u_prev - F_walk) / m
+    x_p = if_else(new, x, x_hat + Ts * v_hat + Ts**2 / 2.0 * force)
+    v_p = if_else(new, v, v_hat + Ts * force)
+    mean = [x_p, v_p, if_else(new, 0.0, F_walk)]
+
+    position_unit, velocity_unit = Ts**2 / m * F_step, Ts / m * F_step
+    n2 = (x_noise / position_unit) ** 2
+    start = ((n2, 0.0, 0.0), (2.0 * n2, 0.0), (1.0,))
+    predicted = (
+        (
+            P11 + 2.0 * P12 - P13 + P22 - P23 + P33 / 4.0,
+            P12 - P13 + P22 - 1.5 * P23 + P33 / 2.0,
+            P13 + P23 - P33 / 2.0,
+        ),
+        (P22 - 2.0 * P23 + P33, P23 - P33),
+        (P33 + 1.0,),
+    )
+    P = [[if_else(new, a, b) for a, b in zip(*rows, strict=True)] for rows in zip(start, predicted, strict=True)]
+    units = (position_unit, velocity_unit, F_step)
+    mean, P = corrected(mean, P, units, 0, x, n2)
+    with_v = corrected(mean, P, units, 1, v, (v_noise / velocity_unit) ** 2)
+    mean = [if_else(use_v, a, b) for a, b in zip(with_v[0], mean, strict=True)]
+    P = [[if_else(use_v, a, b) for a, b in zip(*rows, strict=True)] for rows in zip(with_v[1], P, strict=True)]
+
+    names = ("P11", "P12", "P13", "P22", "P23", "P33")
+    states = dict(zip(("x_hat", "v_hat", "F_walk", *names), (*mean, *P[0], *P[1], *P[2]), strict=True))
+    return {
+        **compensation(mean[2], gain, u_min, u_max, enable),
+        **{name: if_else(enable, value, 0.0) for name, value in states.items()},
+        "running": enable,
+    }

@@ -1,0 +1,88 @@
+"""Friction force as the model error of a predictive filter."""
+
+from __future__ import annotations
+
+from casadi import SX, if_else
+
+from friction_fmus.law import (
+    FORCE,
+    MASS,
+    NO_UNIT,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    law,
+)
+from friction_fmus.law_parts.estimators import compensation, starts_now
+
+
+@law(
+    "PredictiveFilter",
+    "Friction estimated as the model error of a predictive filter, and compensated",
+    source="Crassidis, Markley, Journal of Guidance, Control, and Dynamics 20(3), 1997",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction force, positive where it opposes a positive velocity"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def predictive_filter(
+    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
+    u_prev: SX = Input(FORCE, 0.0, "force that was applied since the last sample, after all limits"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the filter at its start"),
+    reset: SX = Command(False, "true: the filter starts anew from the measured velocity"),
+    v_hat: SX = State(VELOCITY, 0.0, "estimated velocity", nominal=1e-2),
+    running: SX = State(NO_UNIT, 0.0, "1 after the first sample"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "moving mass", min=1e-12),
+    v_noise: SX = Parameter(VELOCITY, 1e-3, "standard deviation of the measured velocity, R = v_noise^2", min=0.0),
+    F_size: SX = Parameter(FORCE, 0.5, "size of the model error, its weight is W = 1/F_size^2", min=1e-12),
+    u_min: SX = Parameter(FORCE, -100.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 100.0, "upper limit of u"),
+    Ts: SX = SampleTime(),
+) -> dict[str, SX]:
+    """The friction force that best explains the last sampling interval, weighed against its size.
+
+        minimise  (v - v_hat_next)^2 / R + W F_hat^2,   v_hat_next = v_hat + Ts/m (u_prev - F_hat)
+        R = v_noise^2,   W = 1/F_size^2
+
+        rho   = v - (v_hat + Ts/m u_prev)
+        a     = (Ts/m)^2 / ((Ts/m)^2 + W R)
+        F_hat = -(m/Ts) a rho
+        v_hat = v_hat + Ts/m (u_prev - F_hat)
+        u     = clip(gain F_hat, u_min, u_max)
+
+    Crassidis, Markley: Predictive filtering for nonlinear systems, Journal of Guidance, Control, and Dynamics 20(3),
+    1997, from memory, for a mass whose velocity is measured. That it was this filter by which Ray, Ramasubramanian,
+    Townsend (2001) estimate friction is not certain.
+
+    Use it where a velocity measurement is at hand and one number is to set the estimator: only v_noise/F_size counts.
+    It is DisturbanceObserver with the first-order filter of a = 1 - exp(-w Ts), sample by sample; the start values
+    give a = 0.2. u goes to the input f of a position controller; u_prev is the force after all limits. In a system
+    file the wire to u_prev needs a delay.
+
+    For a friction force that grows at the rate c the estimate lags by
+
+        F - F_hat = c Ts (1/a - 1/2)
+
+    exactly. The first sample, and a sample with reset, take v over and set F_hat to 0. While enable is false u, F_hat,
+    u_sat and all states are 0.
+
+    Limits: v_noise = 0 is dead-beat: F_hat is the mean force of the last interval, with the noise of the difference of
+    two samples times m/Ts. A wrong mass puts the missing inertia force into F_hat. With F_hat fed back in full,
+    friction that falls with the velocity can make the loop hunt. u_min must not exceed u_max.
+    """
+    new = starts_now(reset, running)
+    predicted = if_else(new, v, v_hat + Ts / m * u_prev)
+    a = 1.0 / (1.0 + (v_noise / F_size * m / Ts) ** 2)
+    residual = a * (v - predicted)
+    return {
+        **compensation(-m / Ts * residual, gain, u_min, u_max, enable),
+        "v_hat": if_else(enable, predicted + residual, 0.0),
+        "running": enable,
+    }
