@@ -1,0 +1,1 @@
+"""Expressions that a group of laws shares, one module for each group."""
