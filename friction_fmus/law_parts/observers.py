@@ -26,3 +26,18 @@ def relaxed(z: SX, drive: SX, rate: SX, Ts: SX) -> SX:
     """The solution of z' = drive - rate z after Ts, exact for a constant drive and rate >= 0, as stiff as it may be."""
     q = rate * Ts
     return z + Ts * phi1(q) * (drive - rate * z)
+
+
+def adapted(value: SX, rate: SX, push: SX, active: SX, low: SX, high: SX, Ts: SX) -> SX:
+    """A parameter after one step of its adaptation, kept within low and high.
+
+    Parameters
+    ----------
+    value, rate : SX
+        The parameter and its rate of change.
+    push : SX
+        In whose direction the adaptation moves the output: it stops while that is into the active limit.
+    active : SX
+        What `limits` gives for the output.
+    """
+    return clip(value + Ts * if_else(push * active > 0.0, 0.0, rate), low, high)
