@@ -19,7 +19,7 @@ BuildFmu = Callable[..., Path]
 
 def test_it_is_its_recursion():
     random = np.random.default_rng(1)
-    n, limit, Ts = 300, 25.0, 1e-3
+    n, limit, Ts = 300, 60.0, 1e-3
     sizes = {"r": 3e-3, "rd": 0.05, "rdd": 1.0, "x": 3e-3, "v": 0.05}
     given = {name: size * random.normal(size=n) for name, size in sizes.items()}
     given["rd"][::9] = 0.0
