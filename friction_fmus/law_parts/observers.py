@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, expm1, if_else
+from casadi import SX, expm1, fabs, if_else
 
 from friction_fmus.expressions import clip, limits
 
@@ -41,3 +41,14 @@ def adapted(value: SX, rate: SX, push: SX, active: SX, low: SX, high: SX, Ts: SX
         What `limits` gives for the output.
     """
     return clip(value + Ts * if_else(push * active > 0.0, 0.0, rate), low, high)
+
+
+def periodic_table(place: SX, table: SX) -> SX:
+    """Straight lines between the n elements of a table that repeats; place is 0 at the first one, and at most n."""
+    n = table.numel()
+    total = SX(0.0)
+    for i in range(n):
+        # without decisions, so that NaN in the place is not lost
+        apart = n / 2.0 - fabs(fabs(place - i) - n / 2.0)
+        total += (fabs(apart + 1.0) + fabs(apart - 1.0) - 2.0 * apart) / 2.0 * table[i]
+    return total

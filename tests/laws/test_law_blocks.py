@@ -99,12 +99,18 @@ def si_name(unit: Unit) -> str:
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 def test_the_table_says_what_the_law_says(law, workshop):
     rows = describe(workshop.library(block_source(law))).variables[1:]
-    assert [row.name for row in rows] == [variable.name for variable in law.variables]
-    for row, variable in zip(rows, law.variables, strict=True):
+    scalars = [(variable, start) for variable in law.variables for start in variable.starts]
+    names = [
+        f"{variable.name}[{i + 1}]" if variable.kind is Kind.VECTOR else variable.name
+        for variable in law.variables
+        for i in range(len(variable.starts))
+    ]
+    assert [row.name for row in rows] == names
+    for row, (variable, start) in zip(rows, scalars, strict=True):
         optional = variable.kind in (Kind.OPTIONAL, Kind.COMMAND)
         assert row.text == ("optional: " if optional else "") + variable.text
-        assert (row.unit, row.start) == (si_name(variable.unit), variable.start)
-        if variable.kind in (Kind.PARAMETER, Kind.SAMPLE_TIME):
+        assert (row.unit, row.start) == (si_name(variable.unit), start)
+        if variable.kind in (Kind.PARAMETER, Kind.VECTOR, Kind.SAMPLE_TIME):
             assert (row.min, row.max) == (variable.min, variable.max)
         if row.unit:
             base_unit(row.unit)
