@@ -59,7 +59,40 @@ def modelled_output_karnopp(
     u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
-    """TODO."""
+    """Position and velocity loop with command feedforward, and friction of the velocity that a model of the loop has.
+
+        Vs      = KP (r - x) + Kv1 rd
+        v_model = Gsys(s) Vs,   Gsys = CV G/(1 + CV G) = 1/(1 + s m/CV)   for G = 1/(m s)
+        F_hat   = gain clip(CV (Vs - v_model), -Fs, Fs)      for |v_model| < DV
+        F_hat   = gain (Fc sgn(v_model) + Fv v_model)        otherwise
+        u       = clip(CV (Vs - v) + Ka rdd + Kv2 rd + F_hat, u_min, u_max)
+
+    The friction is that of Karnopp, ASME Journal of Dynamic Systems, Measurement and Control 107, 1985: inside the band
+    it balances the force that acts, which here is the one of the model, m dv_model/dt = CV (Vs - v_model). The
+    multi-loop structure is that of a scheme whose paper was not found; it is written as a summary states it. v_model
+    follows the exact solution for a constant Vs, v_model_next = Vs + (v_model - Vs) exp(-CV Ts/m); F_hat contains it
+    before that step.
+
+    Use it as an addition to the usual cascade where a velocity signal is too poor to take the sign of friction from it,
+    but the reference alone is not enough, because the axis is also moved by the position loop, as in steps and
+    corrections. With Kv1 = 1 and Ka = mass the modelled velocity is nearly that of the reference, and the law does as
+    well as Karnopp friction of the reference; the mass of the model then hardly matters in slow motion. It matters,
+    and the compensation is lost, where a load moves the axis without the model knowing.
+
+    F_hat depends on r - x through KP and closes a loop. Inside the band it adds m s/(1 + s m/CV) KP (r - x), and a free
+    mass M without friction is stable in continuous time for all positive parameters, as Routh's condition holds,
+
+        (M + m) (CV + 2 m KP) > M m KP
+
+    Outside of it F_hat is a relay of the modelled velocity, a positive feedback that real friction of at least Fc must
+    balance: compensate less where it is not sure of.
+
+    While enable is false u, F_hat, u_sat and v_model are 0; reset acts in its own sample. There is no integral.
+
+    Limits: v_model lags Vs by m/CV, so F_hat changes its sign late. DV must exceed the change of v_model in one sample,
+    or the band is jumped over and the relay swings at rest. A constant load leaves an error of load/(CV KP). u_min must
+    not exceed u_max.
+    """
     old = if_else(reset, 0.0, v_model)
     Vs = KP * (r - x) + Kv1 * rd
     drive = CV * (Vs - old)
