@@ -139,6 +139,7 @@ class _Probe:
     """Finds dependencies by poisoning one value with NaN and, as comparisons swallow NaN, by moving it."""
 
     POINTS = 60
+    FAR = 1e9
 
     def __init__(self, handle: ctypes.CDLL, size: int, variables: tuple[Variable, ...], sampled: bool) -> None:
         self._evaluate = handle.block_evaluate
@@ -166,7 +167,8 @@ class _Probe:
             for known in knowns:
                 poisons = [self._moved(known, values[known.reference])]
                 if known.type == REAL:
-                    poisons.append(math.nan)
+                    # a limit that is far from being reached is met by one that is beyond everything
+                    poisons += [math.nan, *(min(max(far, known.min), known.max) for far in (-self.FAR, self.FAR))]
                 for poison in poisons:
                     changed = list(values)
                     changed[known.reference] = poison

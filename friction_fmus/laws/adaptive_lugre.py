@@ -1,0 +1,124 @@
+"""LuGre friction compensation that adapts to the normal force."""
+
+from __future__ import annotations
+
+from casadi import SX, fabs, if_else
+
+from friction_fmus.expressions import stribeck_level
+from friction_fmus.law import (
+    ACCELERATION,
+    DAMPING,
+    FORCE,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    STIFFNESS,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    law,
+)
+from friction_fmus.law_parts.observers import adapted, limited, relaxed
+
+
+@law(
+    "AdaptiveLuGre",
+    "Tracking control with LuGre friction that adapts to the normal force",
+    source="Canudas de Wit, Lischinsky, Int. J. Adaptive Control and Signal Processing 11, 1997",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "control force, within u_min and u_max"),
+        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "theta": Output(NO_UNIT, "estimated normal force, relative to the one of the parameters"),
+    },
+)
+def adaptive_lugre(
+    r: SX = Input(LENGTH, 0.0, "reference position"),
+    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
+    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    x: SX = Input(LENGTH, 0.0, "measured position"),
+    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0, z = 0 and theta = theta0"),
+    reset: SX = Command(False, "true: z = 0 and theta = theta0"),
+    z: SX = State(LENGTH, 0.0, "observed mean bristle deflection", nominal=1e-5),
+    learned: SX = State(NO_UNIT, 0.0, "theta - theta0"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "moving mass", min=0.0),
+    lam: SX = Parameter("1/s", 63.0, "rate at which the position error falls while s = 0", min=0.0),
+    Ks: SX = Parameter(DAMPING, 127.0, "gain of s", min=0.0),
+    Gamma: SX = Parameter("1/(" + FORCE + "." + LENGTH + ")", 2000.0, "speed of adaptation, 0: none", min=0.0),
+    theta0: SX = Parameter(NO_UNIT, 1.0, "first theta"),
+    theta_min: SX = Parameter(NO_UNIT, 0.0, "lower limit of theta"),
+    theta_max: SX = Parameter(NO_UNIT, 10.0, "upper limit of theta"),
+    sigma0: SX = Parameter(STIFFNESS, 1e5, "bristle stiffness", min=1e-9),
+    sigma1: SX = Parameter(DAMPING, 316.22776601683796, "bristle damping", min=0.0),
+    sigma2: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
+    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=1e-9),
+    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=1e-9),
+    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
+    delta: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    Ts: SX = SampleTime(),
+) -> dict[str, SX]:
+    """Tracking of a reference by a mass whose LuGre friction is known up to the normal force.
+
+        s          = (rd - v) + lam (r - x)
+        z'         = v - sigma0 |v|/g(v) z,   g(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta)
+        F_n        = sigma0 z + sigma1 z'
+        F_hat      = gain (theta F_n + sigma2 v)
+        u          = clip(m (rdd + lam (rd - v)) + Ks s + F_hat, u_min, u_max)
+        theta_next = theta + Ts Gamma s F_n,  within theta_min and theta_max
+        theta_next = theta while u is limited and s pushes further into that limit
+
+    Canudas de Wit, Lischinsky: Adaptive friction compensation with partially known dynamic friction model,
+    International Journal of Adaptive Control and Signal Processing 11, 1997. From memory that paper adapts with the
+    position error under a condition of positive realness; s makes the error relative-degree one, so that none is
+    needed. z follows the exact solution for a constant velocity as in LuGreObserver; F_n of a sample contains z before
+    that step.
+
+    In continuous time, with s' m = -Ks s + (theta_true - theta) F_n and the exact z,
+
+        V = m s^2/2 + (theta_true - theta)^2/(2 Gamma),   V' = -Ks s^2
+
+    In sampled time, at constant F_n and up to terms of the order lam Ts, the loop is stable for
+
+        Gamma F_n^2 Ts < Ks,   2 Ks Ts/m < 4 + Gamma F_n^2 Ts^2/m
+
+    and the adaptation settles without oscillation for Gamma F_n^2 < Ks^2/(4 m), with the time constant
+    Ks/(Gamma F_n^2) where it is slow: 60 ms with the start values.
+
+    Use it where load, wear or lubrication scale the whole dry friction of an axis whose LuGre parameters are known at
+    one load, and where the reference moves: theta learns in motion only. It is a complete controller with Kp = Ks lam,
+    Kd = Ks + m lam and no integrator.
+
+    While enable is false u, F_hat and u_sat are 0, z = 0 and theta = theta0; reset acts in its own sample.
+
+    Limits: at rest within the stiction band F_n is not observed from v alone, and s integrates into theta until it
+    breaks away or theta_max stops it. A wrong mass or sigma2 goes into theta. Needs theta_min <= theta0 <= theta_max
+    and u_min <= u_max.
+    """
+    old = if_else(reset, 0.0, z)
+    theta = theta0 + if_else(reset, 0.0, learned)
+    e, ed = r - x, rd - v
+    s = ed + lam * e
+
+    rate = sigma0 * fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
+    F_n = sigma0 * old + sigma1 * (v - rate * old)
+    F_hat = gain * (theta * F_n + sigma2 * v)
+    wanted = m * (rdd + lam * ed) + Ks * s + F_hat
+    outputs = limited(wanted, F_hat, enable, u_min, u_max)
+
+    runs = if_else(reset, 0.0, enable)
+    after = adapted(theta, Gamma * s * F_n, s, outputs["u_sat"], theta_min, theta_max, Ts)
+    return {
+        **outputs,
+        "theta": if_else(enable, theta, theta0),
+        "z": if_else(runs, relaxed(old, v, rate, Ts), 0.0),
+        "learned": if_else(runs, after - theta0, 0.0),
+    }

@@ -1,0 +1,119 @@
+"""Sliding mode with adapted Coulomb and viscous friction of the reference."""
+
+from __future__ import annotations
+
+from casadi import SX, exp, fabs, if_else, sign
+
+from friction_fmus.expressions import clip
+from friction_fmus.law import (
+    ACCELERATION,
+    DAMPING,
+    FORCE,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    law,
+)
+from friction_fmus.law_parts.observers import adapted, limited
+
+
+@law(
+    "AdaptiveSlidingMode",
+    "Sliding mode with a boundary layer and adapted static friction",
+    source="Slotine, Li: Applied Nonlinear Control, Prentice Hall 1991",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "control force, within u_min and u_max"),
+        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "Fc_hat": Output(FORCE, "estimated Coulomb friction"),
+        "Fv_hat": Output(DAMPING, "estimated viscous coefficient"),
+    },
+)
+def adaptive_sliding_mode(
+    r: SX = Input(LENGTH, 0.0, "reference position"),
+    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
+    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    x: SX = Input(LENGTH, 0.0, "measured position"),
+    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the estimates at their start"),
+    reset: SX = Command(False, "true: the estimates at their start"),
+    learned_c: SX = State(FORCE, 0.0, "Fc_hat - Fc0"),
+    learned_v: SX = State(DAMPING, 0.0, "Fv_hat - Fv0"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "moving mass", min=0.0),
+    lam: SX = Parameter("1/s", 63.0, "rate at which the position error falls while s = 0", min=0.0),
+    Ks: SX = Parameter(DAMPING, 127.0, "linear gain of s", min=0.0),
+    K: SX = Parameter(FORCE, 0.5, "gain of the saturated s", min=0.0),
+    phi: SX = Parameter(VELOCITY, 1e-3, "boundary layer: half width of the straight part of sat", min=1e-12),
+    Gamma_c: SX = Parameter(FORCE + "/" + LENGTH, 2000.0, "speed of adaptation of Fc_hat", min=0.0),
+    Gamma_v: SX = Parameter(MASS + "/" + LENGTH + "2", 2e4, "speed of adaptation of Fv_hat", min=0.0),
+    Fc0: SX = Parameter(FORCE, 1.0, "first Fc_hat", min=0.0),
+    Fv0: SX = Parameter(DAMPING, 0.4, "first Fv_hat", min=0.0),
+    Fc_max: SX = Parameter(FORCE, 100.0, "upper limit of Fc_hat, the lower one is 0", min=0.0),
+    Fv_max: SX = Parameter(DAMPING, 1000.0, "upper limit of Fv_hat, the lower one is 0", min=0.0),
+    excess: SX = Parameter(FORCE, 0.5, "static minus Coulomb friction"),
+    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    Ts: SX = SampleTime(),
+) -> dict[str, SX]:
+    """Tracking of a reference by sliding mode; Coulomb and viscous friction are learned on the way.
+
+        s      = (rd - v) + lam (r - x)
+        F_hat  = gain ((Fc_hat + excess exp(-(rd/vs)^2)) sgn(rd) + Fv_hat rd),   sgn(0) = 0
+        u      = clip(m (rdd + lam (rd - v)) + Ks s + K sat(s/phi) + F_hat, u_min, u_max)
+        Fc_hat_next = Fc_hat + Ts Gamma_c s sgn(rd),  within 0 and Fc_max
+        Fv_hat_next = Fv_hat + Ts Gamma_v s rd,       within 0 and Fv_max
+
+    Both stay where they are while |s| <= phi, and while u is limited and s pushes further into that limit.
+
+    Slotine, Li: Applied Nonlinear Control, Prentice Hall 1991 (robust adaptive sliding control with a boundary layer;
+    from memory). Outside the layer, in continuous time and for friction that follows the reference velocity,
+
+        V = m s^2/2 + (Fc - Fc_hat)^2/(2 Gamma_c) + (Fv - Fv_hat)^2/(2 Gamma_v)
+        V' = -Ks s^2 - K |s|
+
+    so s comes into the layer and stays in it, |r - x| <= phi/lam, as far as K covers what the friction model misses. In
+    sampled time stability needs, up to terms of the order lam Ts,
+
+        (Gamma_c + Gamma_v rd^2) Ts < Ks,   (Ks + K/phi) Ts < 2 m
+
+    Use it where friction is well described by a static curve, changes slowly, and the reference passes through many
+    speeds; for what it does not describe choose K. A complete controller with Kp = (Ks + K/phi) lam,
+    Kd = Ks + K/phi + m lam in the layer, without an integrator.
+
+    While enable is false u, F_hat and u_sat are 0 and the estimates at Fc0 and Fv0; reset acts in its own sample.
+
+    Limits: the estimates converge only as far as tracking needs it: at one speed only Fc + Fv |rd| is learned. F_hat
+    jumps where the reference reverses, as in StaticFeedforward. A narrow layer chatters: ImplicitSlidingMode does
+    not. Needs Fc0 <= Fc_max, Fv0 <= Fv_max, u_min <= u_max.
+    """
+    Fc_hat = Fc0 + if_else(reset, 0.0, learned_c)
+    Fv_hat = Fv0 + if_else(reset, 0.0, learned_v)
+    ed = rd - v
+    s = ed + lam * (r - x)
+
+    F_hat = gain * ((Fc_hat + excess * exp(-((rd / vs) ** 2))) * sign(rd) + Fv_hat * rd)
+    wanted = m * (rdd + lam * ed) + Ks * s + K * clip(s / phi, SX(-1.0), SX(1.0)) + F_hat
+    outputs = limited(wanted, F_hat, enable, u_min, u_max)
+
+    outside = if_else(fabs(s) <= phi, 0.0, s)
+    active, zero = outputs["u_sat"], SX(0.0)
+    after_c = adapted(Fc_hat, Gamma_c * outside * sign(rd), s, active, zero, Fc_max, Ts)
+    after_v = adapted(Fv_hat, Gamma_v * outside * rd, s, active, zero, Fv_max, Ts)
+    runs = if_else(reset, 0.0, enable)
+    return {
+        **outputs,
+        "Fc_hat": if_else(enable, Fc_hat, Fc0),
+        "Fv_hat": if_else(enable, Fv_hat, Fv0),
+        "learned_c": if_else(runs, after_c - Fc0, 0.0),
+        "learned_v": if_else(runs, after_v - Fv0, 0.0),
+    }

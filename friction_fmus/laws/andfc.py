@@ -1,0 +1,163 @@
+"""Adaptive compensation of dynamic friction from a position measurement."""
+
+from __future__ import annotations
+
+from casadi import SX, exp, fabs, if_else, logic_or
+
+from friction_fmus.expressions import clip, stribeck_level, unless_winding_up
+from friction_fmus.law import (
+    ACCELERATION,
+    DAMPING,
+    FORCE,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    STIFFNESS,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    law,
+)
+from friction_fmus.law_parts.observers import limited, relaxed
+
+
+@law(
+    "ANDFC",
+    "Adaptive LuGre compensation with dual observers and an estimated velocity",
+    source="Tan, Kanellakopoulos, American Control Conference, 1999",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "control force, within u_min and u_max"),
+        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "theta_0": Output(NO_UNIT, "estimated factor of sigma0"),
+        "theta_1": Output(NO_UNIT, "estimated factor of sigma0 sigma1"),
+        "theta_2": Output(NO_UNIT, "estimated factor of sigma1 + sigma2"),
+        "v_est": Output(VELOCITY, "estimated velocity"),
+    },
+)
+def andfc(
+    r: SX = Input(LENGTH, 0.0, "reference position"),
+    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
+    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    x: SX = Input(LENGTH, 0.0, "measured position"),
+    u_prev: SX = Input(FORCE, 0.0, "force that was applied since the last sample, after all limits"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and all states at their start"),
+    reset: SX = Command(False, "true: all states at their start"),
+    running: SX = State(NO_UNIT, 0.0, "1 after the first sample"),
+    x_hat: SX = State(LENGTH, 0.0, "estimated position", nominal=1e-3),
+    v_hat: SX = State(VELOCITY, 0.0, "estimated velocity", nominal=1e-2),
+    F_last: SX = State(FORCE, 0.0, "friction of the model at the last sample"),
+    z0: SX = State(LENGTH, 0.0, "bristle deflection, observed for theta_0", nominal=1e-5),
+    z1: SX = State(LENGTH, 0.0, "bristle deflection, observed for theta_1", nominal=1e-5),
+    learned0: SX = State(NO_UNIT, 0.0, "theta_0 - 1"),
+    learned1: SX = State(NO_UNIT, 0.0, "theta_1 - 1"),
+    learned2: SX = State(NO_UNIT, 0.0, "theta_2 - 1"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "moving mass", min=1e-12),
+    wo: SX = Parameter("rad/s", 1000.0, "bandwidth of the velocity observer", min=0.0),
+    lam: SX = Parameter("1/s", 63.0, "rate at which the position error falls while s = 0", min=0.0),
+    Ks: SX = Parameter(DAMPING, 127.0, "gain of s", min=0.0),
+    k0: SX = Parameter(NO_UNIT, 0.02, "injection of s into z0", min=0.0),
+    k1: SX = Parameter(DAMPING, 0.5, "injection of s into z1", min=0.0),
+    Gamma0: SX = Parameter("1/(" + FORCE + "." + LENGTH + ")", 2000.0, "speed of adaptation of theta_0", min=0.0),
+    Gamma1: SX = Parameter("1/(" + FORCE + "." + LENGTH + ")", 20.0, "speed of adaptation of theta_1", min=0.0),
+    Gamma2: SX = Parameter("1/(" + FORCE + "." + LENGTH + ")", 20.0, "speed of adaptation of theta_2", min=0.0),
+    theta_max: SX = Parameter(NO_UNIT, 3.0, "upper limit of each theta, and of friction over max(Fc, Fs)", min=1.0),
+    sigma0: SX = Parameter(STIFFNESS, 1e5, "bristle stiffness", min=1e-9),
+    sigma1: SX = Parameter(DAMPING, 316.22776601683796, "bristle damping", min=0.0),
+    sigma2: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
+    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=1e-9),
+    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=1e-9),
+    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
+    delta: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    Ts: SX = SampleTime(),
+) -> dict[str, SX]:
+    """Adaptive compensation of LuGre friction that measures the position only.
+
+    The velocity and the position of the mass are estimated with two equal poles at p = exp(-wo Ts),
+
+        x_p   = x_hat + Ts v_hat + Ts^2/(2 m) (u_prev - F_last),   v_p = v_hat + Ts/m (u_prev - F_last)
+        x_hat = x_p + (1 - p^2) (x - x_p),   v_hat = v_p + (1 - p)^2/Ts (x - x_p)
+
+    and friction is the sum of three terms, each with a factor theta of its own, from two observers of the bristles:
+
+        s      = (rd - v_hat) + lam (r - x),   a = |v_hat|/g(v_hat)
+        z0'    = v_hat - sigma0 a z0 + k0 s
+        z1'    = v_hat - sigma0 a z1 - k1 a s
+        f_0    = sigma0 z0,   f_1 = -sigma0 sigma1 a z1,   f_2 = (sigma1 + sigma2) v_hat
+        F      = theta_0 f_0 + theta_1 f_1 + theta_2 f_2,   F_hat = gain F
+        u      = clip(m (rdd + lam (rd - v_hat)) + Ks s + F_hat, u_min, u_max)
+        theta_i_next = theta_i + Ts Gamma_i s f_i,  within 0 and theta_max
+
+    Tan, Kanellakopoulos: Adaptive nonlinear friction compensation with parametric uncertainties, American Control
+    Conference, 1999 (the dual observers, from memory; the velocity observer and the scaling are this library's).
+    g(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta); z0 and z1 follow the exact solution for constant inputs. F_last is F of
+    the last sample; F is kept within theta_max max(Fc, Fs) + sigma2 |v_hat|, without which wrong factors would make
+    the observer unstable. Adaptation and injection stop while u is limited and s pushes further into that limit.
+
+    The signs are those of s = rd - v + lam e (published ones are often for the negative of it): with the true factors
+    th_i and the true deflection z,
+
+        V  = m s^2/2 + th_0 sigma0 (z - z0)^2/(2 k0) + th_1 sigma0 sigma1 (z - z1)^2/(2 k1)
+             + sum (th_i - theta_i)^2/(2 Gamma_i)
+        V' = -Ks s^2 - a sigma0 (th_0 sigma0 (z - z0)^2/k0 + th_1 sigma0 sigma1 (z - z1)^2/k1)
+
+    in continuous time and for the true velocity. k0 or k1 = 0 leaves that observer open, whose error then dies in any
+    motion by itself. In sampled time the sum of Gamma_i f_i^2 Ts and of the injections, sigma0 k0 Ts and
+    sigma1 a k1, must stay below Ks, with margin for the lag of the velocity; f_1 and f_2 grow with speed, as
+    sigma1 |v|, and nearly cancel, so Gamma1 and Gamma2 are to be far below Gamma0.
+
+    Use it on axes with an encoder only, where load and lubrication change stiffness, damping and level of friction
+    independently; AdaptiveLuGre has one factor and needs the velocity. u_prev is the force after all limits, in a
+    system the input F_ext of the plant.
+
+    The first sample after a start, while reset is true or after enable was false, takes x over and assumes rest. While
+    enable is false u, F_hat, u_sat, v_est and all states are 0 and each theta is 1.
+
+    Limits: the factors converge to true values only if the reference excites them; tracking does not need that. Fc,
+    Fs and vs are not adapted separately. A wrong mass disturbs the velocity. u_min must not exceed u_max.
+    """
+    fresh = logic_or(reset, running <= 0.5)
+    p = exp(-wo * Ts)
+    force = (u_prev - F_last) / m
+    x_p = x_hat + Ts * v_hat + Ts**2 / 2.0 * force
+    v_p = v_hat + Ts * force
+    position = if_else(fresh, x, x_p + (1.0 - p**2) * (x - x_p))
+    v = if_else(fresh, 0.0, v_p + (1.0 - p) ** 2 / Ts * (x - x_p))
+
+    a0, a1 = if_else(fresh, 0.0, z0), if_else(fresh, 0.0, z1)
+    thetas = [1.0 + if_else(fresh, 0.0, part) for part in (learned0, learned1, learned2)]
+    flow = fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
+    parts = [sigma0 * a0, -sigma0 * sigma1 * flow * a1, (sigma1 + sigma2) * v]
+    bound = theta_max * if_else(Fs > Fc, Fs, Fc) + sigma2 * fabs(v)
+    friction = clip(thetas[0] * parts[0] + thetas[1] * parts[1] + thetas[2] * parts[2], -bound, bound)
+
+    ed = rd - v
+    s = ed + lam * (r - x)
+    wanted = m * (rdd + lam * ed) + Ks * s + gain * friction
+    outputs = limited(wanted, gain * friction, enable, u_min, u_max)
+    heard = unless_winding_up(s, outputs["u_sat"])
+    speeds = (Gamma0, Gamma1, Gamma2)
+    after = [
+        clip(theta + Ts * speed * heard * part, SX(0.0), theta_max)
+        for theta, speed, part in zip(thetas, speeds, parts, strict=True)
+    ]
+    return {
+        **outputs,
+        **{f"theta_{i}": if_else(enable, theta, 1.0) for i, theta in enumerate(thetas)},
+        "v_est": if_else(enable, v, 0.0),
+        "running": enable,
+        "x_hat": if_else(enable, position, 0.0),
+        "v_hat": if_else(enable, v, 0.0),
+        "F_last": if_else(enable, friction, 0.0),
+        "z0": if_else(enable, relaxed(a0, v + k0 * heard, sigma0 * flow, Ts), 0.0),
+        "z1": if_else(enable, relaxed(a1, v - k1 * flow * heard, sigma0 * flow, Ts), 0.0),
+        **{f"learned{i}": if_else(enable, theta - 1.0, 0.0) for i, theta in enumerate(after)},
+    }

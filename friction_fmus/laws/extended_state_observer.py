@@ -1,0 +1,103 @@
+"""Active disturbance rejection with an extended-state observer."""
+
+from __future__ import annotations
+
+from casadi import SX, exp, if_else, logic_or
+
+from friction_fmus.law import (
+    ACCELERATION,
+    FORCE,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    law,
+)
+from friction_fmus.law_parts.observers import limited
+
+
+@law(
+    "ExtendedStateObserver",
+    "Tracking control with friction estimated by an extended-state observer (linear ADRC)",
+    source="Gao, American Control Conference, 2003",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "control force, within u_min and u_max"),
+        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "v_est": Output(VELOCITY, "estimated velocity"),
+    },
+)
+def extended_state_observer(
+    r: SX = Input(LENGTH, 0.0, "reference position"),
+    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
+    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    x: SX = Input(LENGTH, 0.0, "measured position"),
+    u_prev: SX = Input(FORCE, 0.0, "force that was applied since the last sample, after all limits"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the observer at its start"),
+    reset: SX = Command(False, "true: the observer starts anew from the measured position"),
+    running: SX = State(NO_UNIT, 0.0, "1 after the first sample"),
+    x_hat: SX = State(LENGTH, 0.0, "estimated position", nominal=1e-3),
+    v_hat: SX = State(VELOCITY, 0.0, "estimated velocity", nominal=1e-2),
+    F_est: SX = State(FORCE, 0.0, "estimated friction"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "moving mass", min=1e-12),
+    wc: SX = Parameter("rad/s", 63.0, "bandwidth of the controller", min=0.0),
+    wo: SX = Parameter("rad/s", 400.0, "bandwidth of the observer", min=0.0),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    Ts: SX = SampleTime(),
+) -> dict[str, SX]:
+    """Position control that estimates all unknown forces on a mass as one state, and cancels them.
+
+        x_p   = x_hat + Ts v_hat + Ts^2/(2 m) (u_prev - F_est),   v_p = v_hat + Ts/m (u_prev - F_est)
+        x_hat = x_p   + (1 - p^3) (x - x_p)
+        v_hat = v_p   + 3/2 (1 - p)^2 (1 + p)/Ts (x - x_p)
+        F_est = F_est - m (1 - p)^3/Ts^2 (x - x_p),   p = exp(-wo Ts)
+        F_hat = gain F_est
+        u     = clip(m (wc^2 (r - x_hat) + 2 wc (rd - v_hat) + rdd) + F_hat, u_min, u_max)
+
+    Gao: Scaling and bandwidth-parameterization based controller tuning, American Control Conference, 2003 (from
+    memory); here in sampled time, exact for a force that is constant over a sample, all three poles of the observer
+    at p and two of the controller at wc. The estimate of a sample contains the position measured in it.
+
+    Use it where no friction model is at hand and an encoder is the only sensor; it needs the mass and two
+    bandwidths, wo three to ten times wc. u_prev is the force after all limits, in a system the input F_ext of the
+    plant, so that nothing winds up when the actuator saturates.
+
+    F_est is exact for constant friction; for friction that grows at the rate c it lags by
+
+        F - F_est = c Ts (3/2 (1 + p)/(1 - p) - 1/2),   about 3 c/wo for small wo Ts
+
+    The first sample after a start, while reset is true or after enable was false, takes x over and assumes rest
+    without friction. While enable is false u, F_hat, u_sat, v_est and all states are 0.
+
+    Limits: at a reversal the estimate is late by some 3/wo; noise of x enters F_est with m (1 - p)^3/Ts^2. Fed back in
+    full it is an integral action, which hunts where static friction exceeds Coulomb friction. A wrong mass puts the
+    missing inertia force into F_est. u_min must not exceed u_max.
+    """
+    fresh = logic_or(reset, running <= 0.5)
+    p = exp(-wo * Ts)
+    force = (u_prev - F_est) / m
+    x_p = x_hat + Ts * v_hat + Ts**2 / 2.0 * force
+    v_p = v_hat + Ts * force
+    residual = x - x_p
+    position = if_else(fresh, x, x_p + (1.0 - p**3) * residual)
+    velocity = if_else(fresh, 0.0, v_p + 1.5 * (1.0 - p) ** 2 * (1.0 + p) / Ts * residual)
+    friction = if_else(fresh, 0.0, F_est - m * (1.0 - p) ** 3 / Ts**2 * residual)
+
+    wanted = m * (wc**2 * (r - position) + 2.0 * wc * (rd - velocity) + rdd) + gain * friction
+    return {
+        **limited(wanted, gain * friction, enable, u_min, u_max),
+        "v_est": if_else(enable, velocity, 0.0),
+        "running": enable,
+        "x_hat": if_else(enable, position, 0.0),
+        "v_hat": if_else(enable, velocity, 0.0),
+        "F_est": if_else(enable, friction, 0.0),
+    }

@@ -1,0 +1,106 @@
+"""Karnopp friction of a modelled velocity in a cascade with command feedforward."""
+
+from __future__ import annotations
+
+from casadi import SX, exp, fabs, if_else, sign
+
+from friction_fmus.expressions import clip
+from friction_fmus.law import (
+    ACCELERATION,
+    DAMPING,
+    FORCE,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    law,
+)
+from friction_fmus.law_parts.observers import limited
+
+
+@law(
+    "ModelledOutputKarnopp",
+    "Cascade with command feedforward and Karnopp friction of the modelled velocity",
+    source="Karnopp, ASME J. Dynamic Systems, Measurement and Control 107, 1985 (the friction)",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "control force, within u_min and u_max"),
+        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def modelled_output_karnopp(
+    r: SX = Input(LENGTH, 0.0, "reference position"),
+    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
+    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    x: SX = Input(LENGTH, 0.0, "measured position"),
+    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and v_model = 0"),
+    reset: SX = Command(False, "true: v_model = 0"),
+    v_model: SX = State(VELOCITY, 0.0, "velocity of the modelled loop", nominal=1e-2),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    m: SX = Parameter(MASS, 1.0, "mass of the model", min=1e-12),
+    KP: SX = Parameter("1/s", 63.0, "gain of the position loop", min=0.0),
+    CV: SX = Parameter(DAMPING, 127.0, "gain of the velocity loop", min=0.0),
+    Kv1: SX = Parameter(NO_UNIT, 1.0, "velocity feedforward to the velocity command", min=0.0),
+    Ka: SX = Parameter(MASS, 1.0, "acceleration feedforward to the force", min=0.0),
+    Kv2: SX = Parameter(DAMPING, 0.4, "velocity feedforward to the force", min=0.0),
+    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0),
+    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=0.0),
+    Fv: SX = Parameter(DAMPING, 0.0, "viscous friction of the Karnopp model, beside Kv2", min=0.0),
+    DV: SX = Parameter(VELOCITY, 1e-3, "half width of the band of velocity that counts as rest", min=1e-12),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    Ts: SX = SampleTime(),
+) -> dict[str, SX]:
+    """Position and velocity loop with command feedforward, and friction of the velocity that a model of the loop has.
+
+        Vs      = KP (r - x) + Kv1 rd
+        v_model = Gsys(s) Vs,   Gsys = CV G/(1 + CV G) = 1/(1 + s m/CV)   for G = 1/(m s)
+        F_hat   = gain clip(CV (Vs - v_model), -Fs, Fs)      for |v_model| < DV
+        F_hat   = gain (Fc sgn(v_model) + Fv v_model)        otherwise
+        u       = clip(CV (Vs - v) + Ka rdd + Kv2 rd + F_hat, u_min, u_max)
+
+    The friction is that of Karnopp, ASME Journal of Dynamic Systems, Measurement and Control 107, 1985: inside the band
+    it balances the force that acts, which here is the one of the model, m dv_model/dt = CV (Vs - v_model). The
+    multi-loop structure is that of a scheme whose paper was not found; it is written as a summary states it. v_model
+    follows the exact solution for a constant Vs, v_model_next = Vs + (v_model - Vs) exp(-CV Ts/m); F_hat contains it
+    before that step.
+
+    Use it as an addition to the usual cascade where a velocity signal is too poor to take the sign of friction from it,
+    but the reference alone is not enough, because the axis is also moved by the position loop, as in steps and
+    corrections. With Kv1 = 1 and Ka = mass the modelled velocity is nearly that of the reference, and the law does as
+    well as Karnopp friction of the reference; the mass of the model then hardly matters in slow motion. It matters,
+    and the compensation is lost, where a load moves the axis without the model knowing.
+
+    F_hat depends on r - x through KP and closes a loop. Inside the band it adds m s/(1 + s m/CV) KP (r - x), and a free
+    mass M without friction is stable in continuous time for all positive parameters, as Routh's condition holds,
+
+        (M + m) (CV + 2 m KP) > M m KP
+
+    Outside of it F_hat is a relay of the modelled velocity, a positive feedback that real friction of at least Fc must
+    balance: compensate less where it is not sure of.
+
+    While enable is false u, F_hat, u_sat and v_model are 0; reset acts in its own sample. There is no integral.
+
+    Limits: v_model lags Vs by m/CV, so F_hat changes its sign late. DV must exceed the change of v_model in one sample,
+    or the band is jumped over and the relay swings at rest. A constant load leaves an error of load/(CV KP). u_min must
+    not exceed u_max.
+    """
+    old = if_else(reset, 0.0, v_model)
+    Vs = KP * (r - x) + Kv1 * rd
+    drive = CV * (Vs - old)
+    stuck = clip(drive, -Fs, Fs)
+    F_hat = gain * if_else(fabs(old) < DV, stuck, Fc * sign(old) + Fv * old)
+    wanted = CV * (Vs - v) + Ka * rdd + Kv2 * rd + F_hat
+    after = Vs + (old - Vs) * exp(-CV * Ts / m)
+    return {
+        **limited(wanted, F_hat, enable, u_min, u_max),
+        "v_model": if_else(reset, 0.0, if_else(enable, after, 0.0)),
+    }

@@ -1,0 +1,117 @@
+"""PID position control whose integral jumps where the error changes sign."""
+
+from __future__ import annotations
+
+from casadi import SX, if_else, sign
+
+from friction_fmus.expressions import clip, limits, unless_winding_up
+from friction_fmus.law import (
+    ACCELERATION,
+    DAMPING,
+    FORCE,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    STIFFNESS,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    law,
+)
+
+
+@law(
+    "ResetPID",
+    "PID whose integral jumps where the error changes sign, against hunting",
+    source="This library, after Beerens, Bisoffi, Zaccarian et al., Automatica 107, 2019",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "control force, within u_min and u_max"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "jumped": Output(NO_UNIT, "1 in a sample in which the integral jumps"),
+    },
+)
+def reset_pid(
+    r: SX = Input(LENGTH, 0.0, "reference position"),
+    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
+    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    x: SX = Input(LENGTH, 0.0, "measured position"),
+    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
+    f: SX = Input(FORCE, 0.0, "feedforward force, added before the limits", optional=True),
+    enable: SX = Command(True, "false: u = 0 and the integral at its start"),
+    reset: SX = Command(False, "true: the integral at its start"),
+    integral: SX = State(LENGTH + ".s", 0.0, "integral of the position error", nominal=1e-4),
+    side: SX = State(NO_UNIT, 0.0, "last sign of the position error"),
+    Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain", min=0.0),
+    Kd: SX = Parameter(DAMPING, 190.0, "derivative gain", min=1e-9),
+    Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain, 0: PD", min=0.0),
+    rho: SX = Parameter(NO_UNIT, 0.8, "share of the integral that is turned round in a jump", min=0.0, max=1.0),
+    mass: SX = Parameter(MASS, 1.0, "moving mass, for the jump", min=0.0),
+    m: SX = Parameter(MASS, 0.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    Ts: SX = SampleTime(),
+) -> dict[str, SX]:
+    """PID position control with feedforward of the reference acceleration and an integral I that jumps.
+
+        e      = r - x
+        I      = -h - rho (I + h),  h = mass/Kd e,  in a sample in which e has another sign than before
+        u      = clip(Kp e + Kd (rd - v) + Ki I + m rdd + f, u_min, u_max)
+        I_next = I + Ts e
+        I_next = I while u is limited and e pushes further into that limit
+
+    Without jumps it is PID. The idea to reset the integral of a PID controller, and to turn it round where the error
+    passes zero, is that of Beerens, Bisoffi, Zaccarian, Heemels, Nijmeijer, van de Wouw: Reset integral control for
+    improved settling of PID-based motion systems with friction, Automatica 107, 2019 (from memory); the jump here is
+    derived for this library and is not in that paper.
+
+    What it guarantees is this. For a constant reference and a mass without friction (viscous friction may be added to
+    Kd) let a = Kd/mass, b = Kp/mass, c = Ki/mass. Then
+
+        V  = (e' + a e)^2/2 + b e^2/2 + c I e + a c I^2/2
+           = (e' + a e)^2/2 + (b - c/a) e^2/2 + a c (I + e/a)^2/2
+        V' = -(a b - c) e^2
+
+    between jumps, in continuous time. V is positive definite, and falls, exactly where the loop is stable without
+    jumps, Kd Kp > mass Ki. A jump changes the last term alone, I + e/a to -rho (I + e/a), so
+
+        V after - V before = -(1 - rho^2) a c (I + e/a)^2/2 <= 0
+
+    for every rho up to 1. The linear loop therefore stays stable whenever, and however often, the integral jumps; the
+    jump with rho = 0 is the one that makes V smallest, and at e = 0 the jump is I to -rho I. Nothing is proven for dry
+    friction, where V' has a term e F without a sign, nor for sampled time, where it holds up to the order of Ts.
+
+    Use it for point-to-point motion with static friction, where PID hunts and PD stays short of the target: when the
+    axis passes the target the integral, which has grown to overcome static friction, turns and pushes back at once
+    instead of having to unwind. With rho = 0.8 each pass is smaller than the one before. rho = 0 leaves the axis
+    waiting until the integral has grown again; with rho = 1 the integral keeps its size, and the axis may tremble
+    within presliding for ever.
+
+    While reset is true the integral is at its start, 0, and no sign is remembered; while enable is false u and u_sat
+    are 0 as well. jumped counts no jump in them.
+
+    Limits: an error that passes zero in tracking, or by noise, makes it jump, too: meant for positioning; with encoder
+    noise near the target, rho well below 1 takes the integral away. If f already holds the inertia force m must be 0.
+    u_min must not exceed u_max.
+    """
+    start = 0.0
+    e = r - x
+    before = if_else(reset, 0.0, side)
+    crossing = before * e < 0.0
+    offset = mass / Kd * e
+    held = if_else(reset, start, integral)
+    old = if_else(crossing, -offset - rho * (held + offset), held)
+    wanted = Kp * e + Kd * (rd - v) + Ki * old + m * rdd + f
+    u_sat = limits(wanted, u_min, u_max)
+    runs = if_else(reset, 0.0, enable)
+    return {
+        "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
+        "u_sat": if_else(enable, u_sat, 0.0),
+        "jumped": if_else(enable, crossing, 0.0),
+        "integral": if_else(runs, old + Ts * unless_winding_up(e, u_sat), start),
+        "side": if_else(runs, if_else(e == 0.0, before, sign(e)), 0.0),
+    }

@@ -1,0 +1,75 @@
+"""Static friction computed from the measured velocity."""
+
+from __future__ import annotations
+
+from casadi import SX, fabs
+
+from friction_fmus.expressions import clip, stribeck_level
+from friction_fmus.law import (
+    DAMPING,
+    FORCE,
+    NO_UNIT,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    law,
+)
+from friction_fmus.law_parts.observers import limited
+
+
+@law(
+    "StaticFeedback",
+    "Feedback of Stribeck friction computed from the measured velocity",
+    source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "compensation force F_hat, within u_min and u_max"),
+        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def static_feedback(
+    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
+    enable: SX = Command(True, "false: u = 0 and F_hat = 0"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    vt: SX = Parameter(VELOCITY, 1e-2, "velocity up to which the sign is a straight line", min=1e-12),
+    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0),
+    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=0.0),
+    Fv: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
+    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
+    delta: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+) -> dict[str, SX]:
+    """Positive feedback of the static friction that belongs to the measured velocity.
+
+        g(v)  = Fc + (Fs - Fc) exp(-|v/vs|^delta)
+        sat   = v/vt within -1 and 1
+        F_hat = gain (sat g(v) + Fv v)
+        u     = clip(F_hat, u_min, u_max)
+
+    Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey); Coulomb friction alone is Fs = Fc.
+    Parameters as in the friction block Stribeck. u goes to the input f of a position controller. While enable is
+    false u, F_hat and u_sat are 0; there is no state.
+
+    Use it where no reference is known in advance, as in hand guiding or force control, and where the velocity signal
+    is good; it needs the Stribeck curve, of which less than all should be compensated.
+
+    Within vt the law is a negative damper of at most gain (max(Fc, Fs)/vt + Fv), so a frictionless axis with the
+    damping Kd stays stable for
+
+        Kd > gain (max(Fc, Fs)/vt + Fv)
+
+    and a sample time that is short against mass/Kd. With real friction above F_hat at every velocity the damper adds
+    no energy and the loop settles; where gain g exceeds the real friction, a limit cycle appears whose amplitude grows
+    with the excess, however the position loop is tuned.
+
+    Limits: at rest it compensates nothing, so the stiction error of the position loop stays. A wide vt leaves friction
+    uncompensated just after a reversal, a narrow one feeds back noise. Presliding is not modelled. The delay of the
+    velocity signal turns the damper into a source of oscillation earlier than the condition says. u_min must not
+    exceed u_max.
+    """
+    F_hat = gain * (clip(v / vt, SX(-1.0), SX(1.0)) * stribeck_level(fabs(v), Fc, Fs, vs, delta) + Fv * v)
+    return limited(F_hat, F_hat, enable, u_min, u_max)

@@ -1,0 +1,82 @@
+"""Tustin friction and cogging from tables over the position."""
+
+from __future__ import annotations
+
+from casadi import SX, exp, fabs, floor, if_else, sign
+
+from friction_fmus.law import (
+    DAMPING,
+    FORCE,
+    LENGTH,
+    NO_UNIT,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    law,
+)
+from friction_fmus.law_parts.observers import limited, periodic_table
+
+POINTS = 16
+
+
+@law(
+    "TustinFeedback",
+    "Feedback of Tustin friction and cogging, both with tables over the position",
+    source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
+    Ts=1e-3,
+    outputs={
+        "u": Output(FORCE, "compensation force, within u_min and u_max"),
+        "F_hat": Output(FORCE, "friction that is compensated, times gain, without cogging"),
+        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+)
+def tustin_feedback(
+    x: SX = Input(LENGTH, 0.0, "measured position"),
+    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
+    enable: SX = Command(True, "false: u = 0 and F_hat = 0"),
+    gain: SX = Parameter(NO_UNIT, 1.0, "share of friction and cogging that is compensated", min=0.0, max=1.0),
+    v_min: SX = Parameter(VELOCITY, 1e-3, "speed from which on friction is compensated", min=0.0),
+    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0),
+    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=0.0),
+    Fv: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
+    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
+    pitch: SX = Parameter(LENGTH, 0.024, "length after which the tables repeat", min=1e-9),
+    x0: SX = Parameter(LENGTH, 0.0, "position of the first point of the tables"),
+    level: SX = Parameter(NO_UNIT, (1.0,) * POINTS, "friction at this point, relative to the curve", min=0.0),
+    cogging: SX = Parameter(FORCE, (0.0,) * POINTS, "force that holds the axis against cogging at this point"),
+    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
+    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+) -> dict[str, SX]:
+    """Friction of the measured velocity with a level that depends on the position, and the cogging of a linear motor.
+
+        F(v)  = (Fc + (Fs - Fc) exp(-|v|/vs)) sgn(v) + Fv v
+        F_hat = gain level(x) F(v)  for |v| >= v_min, else 0
+        u     = clip(F_hat + gain cogging(x), u_min, u_max)
+
+    Tustin's curve has the exponent 1: its slope at rest is not 0. Armstrong-Helouvry, Dupont, Canudas de Wit,
+    Automatica 30(7), 1994. level(x) and cogging(x) are straight lines between 16 points at x0, x0 + pitch/16, ..., and
+    repeat after the pitch; for a stroke that does not repeat let the pitch be longer than the stroke.
+
+    Use it on linear motors and ball screws, where friction and cogging vary along the axis. The tables come from the
+    forces u_p(x) and u_n(x) that iterative learning control, or a slow feedback, finds at the same constant speed in
+    both directions:
+
+        F(x) = (u_p - u_n)/2,   cogging(x) = (u_p + u_n)/2
+
+    The paper that the scheme is known from was not found; the tables and the threshold are as a summary states them.
+    u goes to the input f of a position controller. While enable is false u, F_hat and u_sat are 0; there is no state.
+
+    v_min keeps noise of v at rest out of the force; without it the compensation switches by 2 Fs at each change of
+    sign. cogging acts at rest, too.
+
+    Limits: F_hat jumps by Fs at v_min, so a loop whose speed stays about v_min swings there; below v_min friction is
+    left to the position controller. The tables show nothing that is shorter than pitch/8. Too much friction
+    compensation pushes. u_min must not exceed u_max.
+    """
+    phase = (x - x0) / pitch
+    place = POINTS * (phase - floor(phase))
+    curve = (Fc + (Fs - Fc) * exp(-fabs(v) / vs)) * sign(v) + Fv * v
+    F_hat = if_else(fabs(v) < v_min, 0.0, gain * periodic_table(place, level) * curve)
+    return limited(F_hat + gain * periodic_table(place, cogging), F_hat, enable, u_min, u_max)
