@@ -1,7 +1,7 @@
 /* A flexible drive: motor and load, two masses with a spring and a damper between them, friction on either side.
 
-   Newton's second law, the usual model of a drive whose transmission or frame gives way, as in Munnig Schmidt, Schitter,
-   Rankers, van Eijk: The Design of High Performance Mechatronics, 3rd ed. 2020.
+   Newton's second law, the usual model of a drive whose transmission or frame gives way, as in Munnig Schmidt,
+   Schitter, Rankers, van Eijk: The Design of High Performance Mechatronics, 3rd ed. 2020.
 
        F_spring = k (x1 - x2) + d (v1 - v2)
        m1 dv1/dt = F_drive - F_spring - F_friction1,   dx1/dt = v1
