@@ -17,7 +17,8 @@
    The step is the exact solution for forces that are constant or linear in time over it. The centre of mass and the
    stretch q = x1 - x2 move by themselves, and so does the stiffest of springs:
 
-       (m1 + m2) d2X/dt2 = sum of the forces F1 and F2 from outside,   mu d2q/dt2 = mu (F1 / m1 - F2 / m2) - k q - d q'
+       (m1 + m2) d2X/dt2 = F1 + F2,   F1, F2 = the forces from outside
+       mu d2q/dt2 = mu (F1 / m1 - F2 / m2) - k q - d dq/dt
 
    Use it for an axis whose motor turns while the load still sticks, for feedback through a resonance, and to see what
    friction on the load does that friction on the motor does not.

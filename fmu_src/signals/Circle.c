@@ -7,7 +7,8 @@
 
        angle = start_angle + way p / radius,   way = 1, or -1 if clockwise
        x = x_centre + radius cos(angle),   y = y_centre + radius sin(angle)
-       dp/dt = V b(s / T),   b(u) = 10 u^3 - 15 u^4 + 6 u^5,   T = t_ramp, s = time since t_start
+       dp/dt = V b(s / T),   b(u) = 10 u^3 - 15 u^4 + 6 u^5
+       T = t_ramp, s = time since t_start
 
    p is the length of the path. Speeding up takes T and V T / 2 of the path, slowing down is the same backwards. Between
    them the speed is V = feed, for as long as the path of `turns` circles, L = 2 pi radius turns, asks; a path shorter

@@ -3,9 +3,11 @@
    Pintelon, Schoukens: System Identification, 2nd ed., Wiley 2012. Phases after Schroeder: Synthesis of low-peak-factor
    signals, IEEE Transactions on Information Theory 16(1), 1970, which keep the peak low for any amplitudes, or random.
 
-       r(t) = offset + peak / P s(t),   s(t) = sum_k A_k cos(2 pi h_k f0 t + phi_k),   k = 1 ... lines
+       r(t) = offset + peak / P s(t)
+       s(t) = sum_k A_k cos(2 pi h_k f0 t + phi_k),   k = 1 ... lines
        h_k = first + (k - 1) spacing,   A_k = (h_k / h_1)^-tilt
-       Schroeder: phi_k = -2 pi sum_(l<k) (k - l) p_l,   p_l = A_l^2 / sum_j A_j^2
+       Schroeder: phi_k = -2 pi sum_(l<k) (k - l) p_l
+                  p_l = A_l^2 / sum_j A_j^2
        random:    phi_k uniform in [0, 2 pi), the same for the same seed
 
    P is the largest |s| over a period, found by Newton's method from a fine grid; r stays within offset -+ peak and
