@@ -34,9 +34,9 @@ values of the FMUs, unless it is said otherwise.
         "effects.md",
         """# What friction does to a control loop, and what compensation does about it
 
-Each effect is a script that closes the loop with the FMUs, draws a figure and asserts what it shows. The loop is the
-same in all of them: an axis of 1 kg with LuGre friction, with the parameters of its 1995 paper, under a PID at 2 kHz
-that places three poles at 15 Hz, with feedforward of the inertia.
+Each effect is a script that closes the loop with the FMUs, draws a figure and asserts what it shows. Unless it is
+said otherwise the loop is an axis of 1 kg with LuGre friction, with the parameters of its 1995 paper, under a PID at
+2 kHz that places three poles at 15 Hz, with feedforward of the inertia.
 """,
     ),
 }

@@ -20,6 +20,7 @@ from math import cos, e, pi, sin
 from pathlib import Path
 
 import numpy as np
+
 from _loop import BLUE, FC, GREY, OMEGA, RED, command_line, panels, run, save
 
 R, BEGIN = 0.01, pi / 4.0  # radius [m], angle at which the motion begins [rad]

@@ -19,6 +19,7 @@ from math import e, pi
 from pathlib import Path
 
 import numpy as np
+
 from _loop import BLACK, BLUE, FC, GREY, OMEGA, RED, VS, command_line, panels, run, save
 
 A = 0.01  # amplitude of the reference [m]

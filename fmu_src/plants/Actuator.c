@@ -7,8 +7,8 @@
        tau dF_lag/dt = w - F_lag
        F = F_lag,   F = w if tau = 0
 
-   Each part is off by default or can be put out of reach: delay = 0, tau = 0. Before the run u is F_lag, of which the
-   start value can be set: the delay is filled with it.
+   The start values delay = 0 and tau = 0 leave these parts out, and the limits can be put out of reach. Before the run
+   u was F_lag, of which the start value can be set: the delay is filled with it.
 
    The step is exact for a u that is held or linear in time: every change of u comes out of the delay at its own time,
    also within a step, and w reaches its limits at the time where it does. What is on its way in the delay is kept in a
@@ -31,7 +31,7 @@
     INPUT    (u,         FORCE, 0.0,              "force that is asked for")                            \
     OUTPUT   (F,         FORCE,                   "force of the actuator")                              \
     OUTPUT   (command,   FORCE,                   "what the lag follows: u after delay and limits")     \
-    STATE    (F_lag,     FORCE, 0.0,    1.0,      "force of the lag; its start is what u was before")   \
+    STATE    (F_lag,     FORCE, 0.0,    1.0,      "force of the lag; at the start also what u was before") \
     FLAG     (limited,                            "u after the delay is beyond a limit")                \
     PARAMETER(F_min,     FORCE, -100.0, -INF,INF, "lower limit, not above F_max")                       \
     PARAMETER(F_max,     FORCE, 100.0,  -INF,INF, "upper limit")                                        \

@@ -167,6 +167,21 @@ def test_the_damper_takes_what_energy_is_lost(two_mass: Library) -> None:
         assert energy < 0.1 * k * 0.02**2 / 2.0
 
 
+def test_at_the_antiresonance_the_motor_stands_still_while_the_load_swings(two_mass: Library) -> None:
+    """x2 = a cos(w_a t) by the force that the spring then needs, w_a = sqrt(k/m2), given as a polygon."""
+    m2, k, a, h = 0.8, 200.0, 0.01, 1e-3
+    w = math.sqrt(k / m2)
+    with Instance(two_mass) as run:
+        run.initialise(m1=0.5, m2=m2, k=k, d=0.0, x2_0=a)
+        for n in range(2000):
+            now, then = -k * a * math.cos(w * n * h), -k * a * math.cos(w * (n + 1) * h)
+            run.set({"F_drive": now})
+            assert run.input_derivatives({"F_drive": (then - now) / h}) == OK
+            run.step(n * h, h)
+            assert abs(run.get1("x1")) < 1e-3 * a
+        assert run.get1("x2") == pytest.approx(a * math.cos(w * 2000 * h), abs=1e-3 * a)
+
+
 def test_a_stiff_spring_makes_one_mass_and_none_makes_two(two_mass: Library) -> None:
     with Instance(two_mass) as run:
         run.initialise(m1=0.5, m2=1.5, k=1e9, d=1e4, F_drive=4.0, F_friction2=1.0)
