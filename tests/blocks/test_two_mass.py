@@ -15,6 +15,7 @@ from scipy.integrate import simpson
 from scipy.linalg import expm
 
 from friction_fmus import build
+from harness import CallablePart, FmuPart, Port, System
 
 reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
 STATES = ("x1", "v1", "x2", "v2")
@@ -192,6 +193,26 @@ def test_a_stiff_spring_makes_one_mass_and_none_makes_two(two_mass: Library) -> 
         run.initialise(m1=0.5, m2=1.5, k=0.0, d=0.0, F_drive=4.0, F_load=-3.0)
         run.step(0.0, 0.5)
         assert run.get("v1", "v2", "x1", "x2") == pytest.approx([4.0, -1.0, 1.0, -0.25], rel=1e-14)
+
+
+def test_a_load_that_sticks_lets_the_motor_wind_up_the_spring(build_fmu: Callable[..., Path]) -> None:
+    """Static friction of 1.5 N on the load, told by F_ext2: held at 1 N, where x1 = F/k, let go soon after 1.5 N."""
+    drive = CallablePart("drive", lambda t, u, x: min(t, 1.0) + 4.0 * max(t - 2.0, 0.0), outputs=[Port("F", "N")])
+    wires = ["drive.F -> axis.F_drive", "axis.v2 -> friction.v", "axis.F_ext2 -> friction.F_ext"]
+    with System(
+        [drive, FmuPart("axis", build_fmu("TwoMass")), FmuPart("friction", build_fmu("Stribeck"))],
+        [*wires, "friction.F -> axis.F_friction2"],
+        {"axis.k": 1e4, "axis.d": 20.0},
+    ) as system:
+        result = system.run(stop=2.5, step=1e-3, master="newton")
+    t, x1, x2, spring = (result[name].to_numpy() for name in ("time", "axis.x1", "axis.x2", "axis.F_spring"))
+    assert np.abs(x2[t <= 2.0]).max() < 1e-9
+    assert x1[t <= 2.0][-1] == pytest.approx(1.0 / 1e4, rel=1e-4)
+    # 1 kg is 0.1 mm away 19 ms after 2.125 s if friction falls to 1 N at once, 53 ms after it if it stays at 1.5 N:
+    # s^2 / 4 + 4 s^3 / 6 = 1e-4 and 4 s^3 / 6 = 1e-4
+    free = t[np.flatnonzero(x2 > 1e-4)[0]]
+    assert 2.125 + 0.018 < free < 2.125 + 0.054
+    assert spring[t < free].max() > 1.5
 
 
 def test_the_rotational_twin_has_the_same_numbers_in_other_units(tmp_path: Path) -> None:
