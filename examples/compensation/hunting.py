@@ -1,0 +1,79 @@
+"""An integral makes the loop hunt if static friction exceeds Coulomb friction
+
+The study: integral control "can cause limit cycling at low or zero velocity". Held short of its goal by static
+friction, the axis waits until the integral has wound up to break-away; then friction falls to Coulomb's, what is left
+over throws the axis past the goal, and it waits on the other side.
+
+The figure shows 1 kg under the PID of the 1995 paper, Kp = 3, Ki = 4 and Kd = 6, on its way to a goal at 1 m. On LuGre
+it ends in a limit cycle, with the same swing for ever. With Fs = Fc there is nothing left over at break-away: the axis
+still waits, each time longer, but each time it rests less than half as far from the goal, and there is no cycle.
+Without friction the loop settles in seconds. Without the integral, Ki = 0, friction holds the axis against the spring
+Kp, within Fs / Kp of its goal.
+
+Period and swing were computed independently, with an ODE solver at tight tolerances and a continuous PID.
+
+Source: Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995 (the loop); for the condition Fs > Fc:
+Armstrong, Amin, Automatica 32(5), 1996.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from _loop import BLUE, FC, FS, GREEN, RED, VS, Array, command_line, panels, run, save
+
+KP, KI, KD = 3.0, 4.0, 6.0  # [N/m], [N/(m s)], [N s/m]
+STOP = 120.0  # [s]
+WAIT, SWING = 12.2183, 0.063903  # of LuGre, from slip to slip [s], largest error in the cycle [m]
+
+
+def slips(t: Array, v: Array) -> Array:
+    """Times at which the axis gets faster than ten Stribeck velocities [s]."""
+    fast = np.abs(v) >= 10.0 * VS
+    return t[1:][fast[1:] & ~fast[:-1]]
+
+
+def main(folder: Path) -> str:
+    """Draw the error and check the cycle, or that there is none."""
+    figure, axes = panels("An integral makes the loop hunt if Fs > Fc", 2, 1, (8.0, 5.5))
+    cases = {
+        "Fs = 1.5 Fc": (KI, "LuGre", FS, RED, 0),
+        "Fs = Fc": (KI, "LuGre", FC, BLUE, 0),
+        "no friction": (KI, None, FS, GREEN, 0),
+        "Fs = 1.5 Fc, no integral": (0.0, "LuGre", FS, RED, 1),
+    }
+    errors, starts = {}, {}
+    for name, (Ki, friction, Fs, colour, row) in cases.items():
+        goal = {"reference.offset": 1.0, "reference.amplitude[1]": 0.0} | ({"friction_x.Fs": Fs} if friction else {})
+        gains = {"Kp": KP, "Ki": Ki, "Kd": KD, "m": 0.0}
+        result = run("Sine", {"x": ("r", "rd", "rdd")}, STOP, goal, friction=friction, gains=gains)
+        t = result["time"].to_numpy()
+        errors[name] = (result["reference.r"] - result["mass_x.x"]).to_numpy()
+        starts[name] = slips(t, result["mass_x.v"].to_numpy())
+        axes[row].plot(t[::20], errors[name][::20], color=colour, lw=1.3, label=name)
+    axes[0].set(ylabel="error [m]", ylim=(-0.13, 0.15))
+    axes[1].set(ylabel="error [m]", xlabel="time [s]", ylim=(-0.1, 1.0))
+    for axis in axes:
+        axis.legend(loc="upper right", ncols=3, fontsize=9)
+    save(figure, __file__, folder)
+
+    hunting, calm, free, held = errors.values()
+    waits = np.diff(starts["Fs = 1.5 Fc"])[-5:]
+    assert np.abs(waits / WAIT - 1.0).max() < 5e-4
+    swing = np.abs(hunting[t > 80.0]).max()
+    assert abs(swing / SWING - 1.0) < 1e-3 and abs(hunting[t > 100.0].max() / swing - 1.0) < 1e-3
+    rests = np.abs(calm[np.searchsorted(t, starts["Fs = Fc"][3:] - 1.0)])  # one second before it slips
+    assert rests.size == 3 and np.all(rests[1:] < 0.5 * rests[:-1]) and np.abs(calm[t > 90.0]).max() < 0.5 * rests[-1]
+    assert np.all(np.diff(starts["Fs = Fc"], 2) > 0.0)  # each wait is longer
+    slowest = np.roots([1.0, KD, KP, KI]).real.max()
+    assert np.abs(free[t > 20.0]).max() < 2.0 * np.exp(20.0 * slowest)
+    assert 0.0 < held[-1] < FS / KP and np.ptp(held[t > 20.0]) < 1e-3
+    return (
+        f"On LuGre the axis slips every {np.mean(waits):.2f} s and is up to {1e3 * swing:.1f} mm off for ever; with "
+        f"Fs = Fc it rests {', '.join(f'{1e3 * rest:.0f}' for rest in rests)} mm and less away; without the integral "
+        f"it stays {1e3 * held[-1]:.0f} mm away."
+    )
+
+
+if __name__ == "__main__":
+    command_line(main)

@@ -1,0 +1,82 @@
+"""An axis sticks where its reference reverses
+
+Where the reference reverses the axis stops, and friction, which was its brake, becomes its brake in the other
+direction. The integral of the controller has to find 2 Fc more: until then the axis hardly moves, and then it has to
+catch up. Between reversals friction is constant and costs nothing.
+
+The figure shows an axis of 1 kg with LuGre friction under a PID with feedforward of the inertia, on a sine of 10 mm.
+At 0.16 Hz the axis creeps through its presliding range and stays below a tenth of the Stribeck velocity for more than
+twice as long as its reference. At 1.6 Hz friction turns over so fast that it is a step of 2 Fc for the loop, whose
+answer has a closed form: with all poles at w = 2 pi 15 Hz the error is 2 Fc / m t^2 / 2 exp(-w t), and its peak,
+2 / w after the reversal, is 4 Fc / (m w^2 e^2).
+
+The peaks were computed independently, with an ODE solver at tight tolerances from sample to sample.
+
+Source: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994.
+"""
+
+from math import e, pi
+from pathlib import Path
+
+import numpy as np
+
+from _loop import BLACK, BLUE, FC, GREY, OMEGA, RED, VS, command_line, panels, run, save
+
+A = 0.01  # amplitude of the reference [m]
+PEAKS = {0.16: 38.190e-6, 1.6: 62.179e-6}  # largest error, by frequency [Hz], [m]
+STEP = 4.0 * FC / (OMEGA**2 * e**2)  # the peak of the closed form [m]
+
+
+def main(folder: Path) -> str:
+    """Draw velocity and error around a reversal, check the peaks and how long the axis sticks."""
+    figure, axes = panels("An axis sticks where its reference reverses", 2, 2, (9.0, 5.5))
+    peaks: dict[float, float] = {}
+    stuck: dict[float, float] = {}
+    for column, f in enumerate(PEAKS):
+        sine = {"reference.amplitude[1]": A, "reference.frequency[1]": f, "reference.phase[1]": pi / 2.0}
+        sine["mass_x.x0"] = A
+        result = run("Sine", {"x": ("r", "rd", "rdd")}, 2.5 / f, sine)
+        free = run("Sine", {"x": ("r", "rd", "rdd")}, 2.5 / f, sine, friction=None)
+        t, rd, v = (result[name].to_numpy() for name in ("time", "reference.rd", "mass_x.v"))
+        error, ideal = ((each["reference.r"] - each["mass_x.x"]).to_numpy() for each in (result, free))
+
+        settled = t > 0.75 / f
+        peaks[f] = float(np.abs(error[settled]).max())
+        assert abs(peaks[f] / PEAKS[f] - 1.0) < 1e-3
+        assert np.abs(ideal[settled]).max() < 0.01 * peaks[f]  # it is the friction
+        between = settled & (np.abs(np.mod(2.0 * f * t + 0.5, 1.0) - 0.5) > 0.3)  # in shares of half a period
+        assert np.abs(error[between]).max() < 0.03 * peaks[f]
+
+        since = t - 1.0 / f  # of a reversal
+        near = np.abs(since) < 0.2 / f
+        stuck[f] = float(np.sum(np.abs(v[near]) < 0.1 * VS) / np.sum(np.abs(rd[near]) < 0.1 * VS))
+
+        window = (since > -0.1) & (since < 0.25)
+        speed, deviation = axes[column], axes[2 + column]
+        speed.plot(1e3 * since[window], 1e3 * rd[window], color=GREY, ls="--", lw=1.2, label="reference")
+        speed.plot(1e3 * since[window], 1e3 * v[window], color=RED, lw=1.4, label="axis")
+        speed.set_title(f"{f:g} Hz, {1e3 * 2.0 * pi * f * A:.0f} mm/s at most", fontsize=10)
+        after = since[window & (since >= 0.0)]
+        closed = -FC * after**2 * np.exp(-OMEGA * after)
+        deviation.plot(1e3 * since[window], 1e6 * error[window], color=BLUE, lw=1.4, label="error")
+        deviation.plot(1e3 * after, 1e6 * closed, color=BLACK, ls=":", lw=1.2, label="of a step of 2 Fc")
+        deviation.set(xlabel="time after the reversal [ms]", ylim=(-70.0, 20.0))
+    axes[0].set(ylabel="velocity [mm/s]")
+    axes[2].set(ylabel="error [µm]")
+    axes[0].legend(fontsize=9)
+    axes[2].legend(loc="lower right", fontsize=9)
+    save(figure, __file__, folder)
+
+    slow, fast = PEAKS
+    assert stuck[slow] > 2.0
+    assert abs(peaks[fast] / STEP - 1.0) < 0.03
+    assert peaks[slow] < 0.7 * STEP
+    return (
+        f"The error peaks at {1e6 * peaks[slow]:.0f} µm at {slow:g} Hz and {1e6 * peaks[fast]:.0f} µm at {fast:g} Hz, "
+        f"where a step of friction gives {1e6 * STEP:.0f} µm; at {slow:g} Hz the axis sticks {stuck[slow]:.1f} times "
+        "as long as its reference."
+    )
+
+
+if __name__ == "__main__":
+    command_line(main)

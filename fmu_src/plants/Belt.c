@@ -1,0 +1,67 @@
+/* A mass on a moving belt, held by a spring and a damper to the wall: the textbook experiment on stick-slip.
+
+   Newton's second law; the experiment is that of Leine, van Campen, de Kraker, van den Steen: Stick-slip vibrations
+   induced by alternate friction models, Nonlinear Dynamics 16, 1998.
+
+       m dv/dt = F_load - k x - d v - F_friction,   dx/dt = v
+       v_rel = v - v_belt
+       F_ext = F_load - k x - d v - m a_belt
+
+   v_rel is the velocity of the mass over the belt, the input v of a friction model; its force F_friction opposes v_rel,
+   so a faster belt pulls the mass along. F_ext is all that friction has to balance for the mass to ride with the belt:
+   the forces on it but friction and, if the belt accelerates, its inertia. a_belt serves nothing else; it has to be the
+   derivative of v_belt. A belt of constant speed needs no wire: v_belt is then given as a value.
+
+   The step is the exact solution for forces that are constant or linear in time over it; v_rel follows v and v_belt.
+
+   Use it to compare friction models in stick-slip, with the friction as a block of its own; set v0 = v_belt to begin
+   stuck.
+
+   Limits: the belt has no inertia and its drive is ideal, the wall does not move. A friction that is coupled holds its
+   force over a step: the step has to be short against its own time constants, or the master has to be one that
+   iterates. */
+
+#define MODEL   Belt
+#define SUMMARY "Mass on a moving belt, on a spring and a damper to the wall"
+#define SOURCE  "Leine, van Campen, de Kraker, van den Steen, Nonlinear Dynamics 16, 1998"
+
+/* clang-format off */
+#define VARIABLES                                                                                      \
+    INPUT       (F_friction, FORCE,    0.0,              "friction force, opposes positive v_rel")     \
+    OPTIONAL    (v_belt,     VELOCITY, 0.1,              "velocity of the belt")                       \
+    OPTIONAL    (a_belt,     ACCELERATION, 0.0,          "acceleration of the belt, for F_ext")        \
+    OPTIONAL    (F_load,     FORCE,    0.0,              "further applied force")                      \
+    STATE_OUTPUT(x,          LENGTH,   x0,  1.0,         "position, 0: the spring is relaxed")         \
+    STATE_OUTPUT(v,          VELOCITY, v0,  1.0,         "velocity")                                   \
+    OUTPUT      (v_rel,      VELOCITY,                   "velocity of the mass over the belt")         \
+    OUTPUT      (a,          ACCELERATION,               "acceleration")                               \
+    OUTPUT      (F_spring,   FORCE,                      "force of spring and damper on the wall")     \
+    OUTPUT      (F_ext,      FORCE,                      "what friction balances if the mass rides with the belt") \
+    PARAMETER   (m,          MASS,      1.0, 1e-12, INF, "mass")                                       \
+    PARAMETER   (k,          STIFFNESS, 2.0, 0.0,   INF, "stiffness of the spring to the wall")        \
+    PARAMETER   (d,          DAMPING,   0.0, 0.0,   INF, "damping to the wall")                        \
+    FIXED       (x0,         LENGTH,    0.0, -INF,  INF, "initial position")                           \
+    FIXED       (v0,         VELOCITY,  0.0, -INF,  INF, "initial velocity")
+/* clang-format on */
+
+#define STEPS_BY step
+
+#include "block.h"
+#include "oscillator.h"
+
+static void equations(Model *model)
+{
+    GIVEN(model)
+    model->F_spring = k * x + d * v;
+    model->F_ext = F_load - model->F_spring - m * a_belt;
+    model->v_rel = v - v_belt;
+    model->a = (F_load - model->F_spring - F_friction) / m;
+    model->der_x = v;
+    model->der_v = model->a;
+}
+
+static bool step(Model *m, double h)
+{
+    oscillate(&m->x, &m->v, m->m, m->k, m->d, m->F_load - m->F_friction, SLOPE(F_load) - SLOPE(F_friction), h);
+    return true;
+}
