@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -12,6 +11,7 @@ from harness.errors import ExperimentError, UnknownNameError, nearest
 from harness.experiment import Experiment
 from harness.graph import stepping_order
 from harness.part import TYPE_ORDER, Part, Port
+from harness.patterns import matching
 from harness.plan import Plan
 from harness.wire import find_part, split_name, wire_map
 
@@ -40,12 +40,10 @@ def recorded_names(parts: Mapping[str, Part], patterns: Iterable[str]) -> list[s
     found: dict[str, None] = {}
     for pattern in patterns:
         if "*" in pattern or "?" in pattern:
-            # not fnmatch, for which the brackets of k[1] are special
-            expression = re.escape(pattern).replace(r"\*", ".*").replace(r"\?", ".")
-            matching = [name for name in outputs if re.fullmatch(expression, name)]
-            if not matching and pattern != "*":
+            meant = matching(pattern, outputs)
+            if not meant and pattern != "*":
                 raise UnknownNameError(f"no output matches '{pattern}' (in record): {nearest(pattern, outputs)}")
-            found.update(dict.fromkeys(matching))
+            found.update(dict.fromkeys(meant))
         else:
             find_port(parts, pattern, "record")
             found[pattern] = None

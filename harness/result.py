@@ -11,6 +11,7 @@ import xarray as xr
 
 from harness.errors import UnknownNameError, nearest
 from harness.part import Port, Values
+from harness.patterns import matching
 
 Result: TypeAlias = xr.Dataset
 
@@ -91,10 +92,8 @@ def select(result: Result, *patterns: str) -> Result:
     known = [str(name) for name in result.data_vars]
     found: dict[str, None] = {}
     for pattern in patterns:
-        # not fnmatch, for which brackets are special
-        expression = re.escape(pattern).replace(r"\*", ".*").replace(r"\?", ".")
-        matching = [name for name in known if re.fullmatch(expression, name)]
-        if not matching:
+        meant = matching(pattern, known)
+        if not meant:
             raise UnknownNameError(f"'{pattern}' was not recorded: {nearest(pattern, known)}")
-        found.update(dict.fromkeys(matching))
+        found.update(dict.fromkeys(meant))
     return result[["time", *found]]

@@ -165,7 +165,11 @@ def test_ctrl_c_keeps_what_was_recorded(
 
     monkeypatch.setattr(RunBar, "update", press)
     path = tmp_path / "a.parquet"
-    assert main(["run", str(STICK_SLIP), "-o", str(path), "--stop", "60"]) == 130
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where a shell runs this behind its back
+    try:
+        assert main(["run", str(STICK_SLIP), "-o", str(path), "--stop", "60"]) == 130
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert "friction-fmus: interrupted; what was recorded until then is in " in capsys.readouterr().err
     result = load_result(path)
     assert result.attrs["incomplete"] == "interrupted"

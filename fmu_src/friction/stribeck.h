@@ -13,7 +13,7 @@ static inline double stribeck(double v, double Fc, double Fs, double vs, double 
     const double power = delta == 2.0 ? ratio * ratio : delta == 1.0 ? ratio : pow(ratio, delta);
     /* sums of positive terms: exact also where one level is tiny beside the other; from 708 on exp underflows, which
        takes it three times as long */
-    return Fs < Fc ? Fs - (Fc - Fs) * expm1(-power) : Fc + (Fs - Fc) * (power < 708.0 ? exp(-power) : 0.0);
+    return Fs < Fc ? Fs - (Fc - Fs) * expm1(-power) : Fc + (Fs - Fc) * (power > 708.0 ? 0.0 : exp(-power));
 }
 
 /* The Lorentzian curve. Hess, Soom: Journal of Tribology 112, 1990.

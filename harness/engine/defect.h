@@ -7,27 +7,45 @@
 
 #include "part.h"
 
+/* An oscillation without damping, such as that of a mass on a contact that sticks, must not grow: what the coupling
+   feeds to it is then no longer small against what friction takes. A part of a period that stands over at the end of
+   the window is less than FED of what passes. */
+enum { WINDOW = 2000 };
+#define FED 1e-3
+
+static void end_window(Pair *p)
+{
+    p->unstable += fabs(p->fed) > FED * p->flow && fabs(p->fed) > 0.5 * fabs(p->net);
+    p->windows++;
+    p->passed += p->flow;
+    p->fed = p->net = p->flow = 0.0;
+    p->ticks = 0;
+}
+
 static void measure_defects(Engine *e)
 {
-    for (int64_t i = 0; i < e->pair_count; i++) {
-        Pair *const p = &e->pairs[i];
-        const Defect *const force = &e->defects[p->force], *const velocity = &e->defects[p->velocity];
-        const double F = 0.5 * (force->value + arriving(e, force->input));
-        const double v = 0.5 * (velocity->value + arriving(e, velocity->input));
-        p->made += fabs(e->signals[force->input] * v - e->signals[velocity->input] * F) * e->step;
-        p->passed += fabs(F * v) * e->step;
-    }
-    for (int64_t i = 0; i < e->defect_count; i++) {
-        Defect *const d = &e->defects[i];
+    for (Defect *d = e->defects; d < e->defects + e->defect_count; d++) {
         const double end = arriving(e, d->input), defect = end - e->signals[d->input];
         const double lasting = fmin(fabs(defect), fabs(d->before));
         if (defect * d->before < 0.0)
             d->flips += lasting;
         d->squares += lasting * lasting;
         d->before = defect;
+        d->mean = 0.5 * (d->value + end);
         d->value = end;
         d->values += fabs(end);
         d->value_squares += end * end;
+    }
+    for (Pair *p = e->pairs; p < e->pairs + e->pair_count; p++) {
+        const Defect *const force = &e->defects[p->force], *const velocity = &e->defects[p->velocity];
+        const double F = force->mean, v = velocity->mean, passed = F * v * e->step;
+        const double made = (e->signals[force->input] * v - e->signals[velocity->input] * F) * e->step;
+        p->made += fabs(made);
+        p->fed += made;
+        p->net += passed;
+        p->flow += fabs(passed);
+        if (++p->ticks == WINDOW)
+            end_window(p);
     }
 }
 

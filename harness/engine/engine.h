@@ -52,13 +52,17 @@ typedef struct {
     double before;  /* defect of the last step                                                         */
     double flips;   /* sum of the defects that alternate in sign                                       */
     double squares; /* sum of the squares of the defects that last, the smaller of two steps          */
-    double value, values, value_squares; /* at the end of the last step; sum of the sizes, the squares */
+    double value, mean, values, value_squares; /* at the end of the last step, mean over it; sums of sizes, squares */
 } Defect;
 
 /* The power that leaves one part and enters another one over a force and a velocity between them. */
 typedef struct {
     int64_t force, velocity; /* which defects */
-    double made, passed;     /* [J] sum of the sizes of what the coupling makes, and of what passes */
+    double made, passed;     /* [J] sum of the sizes of what the coupling makes, and of what has passed before
+                                this window */
+    double fed, net, flow;   /* [J] of this window: what the coupling makes and what passes, with their signs, and the
+                                sum of the sizes of what passes */
+    int64_t ticks, windows, unstable; /* in this window; windows so far, and those in which the coupling feeds */
 } Pair;
 
 typedef struct manipulator Manipulator;

@@ -124,6 +124,20 @@ def test_keyboard_interrupt_ends_the_run(build_fmu: BuildFmu) -> None:
             system.run(stop=2000.0, step=1e-3, decimate=1000, taps=[tap])
 
 
+def test_growing_oscillation_of_a_contact_without_damping_is_warned_of(
+    build_fmu: BuildFmu, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Jacobi feeds the oscillation of a mass that sticks on a GMS contact; Gauss-Seidel, being symplectic, does not."""
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu("GMS"))]
+    start = {"mass.k": 2.0, "mass.v_support": 0.1, "mass.F_drive": 0.0}
+    with System(parts, WIRES, start) as system:
+        right = system.run(stop=5.0, step=2.5e-4, record=["mass.v"])
+        assert caplog.text == ""
+        wrong = system.run(stop=5.0, step=2.5e-4, record=["mass.v"], master="jacobi")
+    assert float(abs(wrong["mass.v"]).max()) > 20.0 * float(abs(right["mass.v"]).max())
+    assert "the wires friction.F -> mass.F_friction and mass.v -> friction.v feed an oscillation" in caplog.text
+
+
 def test_other_threads_run_beside_the_engine(build_fmu: BuildFmu) -> None:
     """The GIL is free while the ticks run: a thread counts on, several times in every piece."""
     counted, done = [0], threading.Event()
