@@ -44,7 +44,9 @@ def discrete_inverse(
     started: SX = State(NO_UNIT, 0.0, "1 if there was a sample before"),
     K: SX = Parameter(LENGTH + "/(" + FORCE + ")", 1.25e-7, "gain of the plant", min=1e-30),
     zero: SX = Parameter(NO_UNIT, -5.82842712474619, "zero outside the unit circle, 0: none"),
-    b: SX = Parameter(NO_UNIT, (0.1715728752538099, 0.0), "coefficients b1, b2 of the zeros inside the unit circle"),
+    inner: SX = Parameter(
+        NO_UNIT, (-0.1715728752538099, 0.0), "zeros inside the unit circle, 0: none", min=-0.999, max=0.999
+    ),
     a: SX = Parameter(NO_UNIT, (-2.0, 1.0, 0.0, 0.0), "coefficients a1 to a4 of the poles"),
     preview: SX = Parameter(NO_UNIT, 12.0, "samples N of preview", min=1.0, max=float(LONGEST)),
     zero_phase: SX = Switch(False, "ZPETC in place of the truncated series"),
@@ -55,7 +57,7 @@ def discrete_inverse(
 
         plant: A(q) x[k+1] = K B(q) (u[k] - zero u[k-1])
         A(q)  = 1 + a1 q + a2 q^2 + a3 q^3 + a4 q^4,   q x[k] = x[k-1]
-        B(q)  = 1 + b1 q + b2 q^2
+        B(q)  = (1 - inner1 q) (1 - inner2 q) = 1 + b1 q + b2 q^2
         s[k]  = r_now[k+1],   r_now[k] = r[k-N-1]
         w[k]  = -(s[k+1]/zero + s[k+2]/zero^2 + ... + s[k+N]/zero^N)
         w[k]  = (s[k] - zero s[k+1]) / (1 - zero)^2    if zero_phase
@@ -82,8 +84,8 @@ def discrete_inverse(
     enable is false u, u_sat, r_now and the states are 0. The limits do not act on the states. N is rounded down.
     Feedforward does not change the stability of the loop.
 
-    Limits: all zeros of B must lie inside the unit circle, and zero outside, real and of any sign (|zero| > 1); near
-    the circle N grows. Two zeros outside have to be approximated. Friction needs a law of its own. The plant's model
+    Limits: all zeros are real. zero, of any sign, must lie outside the unit circle (|zero| > 1); near the circle N
+    grows. Two zeros outside have to be approximated. Friction needs a law of its own. The plant's model
     has to be right up to the frequencies of r. u_min must not exceed u_max.
     """
     N = floor(preview)
@@ -105,8 +107,8 @@ def discrete_inverse(
     w_now = if_else(zero_phase, (now - zero * ahead) / gap**2, if_else(zero == 0.0, now, -back * series))
     w_past = [if_else(fresh, w_now, w[i]) for i in range(POLES)]
 
-    inner = 1.0 + b[0] + b[1]
-    hold = (1.0 + a[0] + a[1] + a[2] + a[3]) / if_else(inner == 0.0, 1.0, inner) * w_now / K
+    b = -(inner[0] + inner[1]), inner[0] * inner[1]
+    hold = (1.0 + a[0] + a[1] + a[2] + a[3]) / (1.0 + b[0] + b[1]) * w_now / K
     u_past = [if_else(fresh, hold, force[i]) for i in range(ZEROS)]
     wanted = (w_now + sum(a[i] * w_past[i] for i in range(POLES))) / K - sum(b[i] * u_past[i] for i in range(ZEROS))
 

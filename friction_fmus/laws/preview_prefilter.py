@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, if_else, logic_and, logic_not
+from casadi import SX, if_else, logic_or
 
 from friction_fmus.law import (
     ACCELERATION,
@@ -21,7 +21,7 @@ from friction_fmus.law import (
     State,
     law,
 )
-from friction_fmus.law_parts.feedforward import reference_shift, when
+from friction_fmus.law_parts.feedforward import at_most, reference_shift, when
 
 PREVIEW = 4
 # weights of f(j) - f(-j) and of f(j) - 2 f(0) + f(-j), j = 1 ... 4
@@ -49,7 +49,7 @@ def preview_prefilter(
     enable: SX = Command(True, "false: r_now and rd_now pass, what is added at its start"),
     reset: SX = Command(False, "true: as if r had always been what it is now"),
     line: SX = State(LENGTH, (0.0,) * (2 * PREVIEW), "references of the samples before, the latest first"),
-    started: SX = State(NO_UNIT, 0.0, "1 if there was a sample before"),
+    seen: SX = State(NO_UNIT, 0.0, "samples in that line, at most 8"),
     shift: SX = State(LENGTH, 0.0, "what is added to r_now", nominal=1e-4),
     integral: SX = State(LENGTH + ".s", 0.0, "integral of what was added to r_now", nominal=1e-6),
     gain: SX = Parameter(NO_UNIT, 1.0, "share of the force that is replaced", min=0.0, max=1.0),
@@ -82,7 +82,7 @@ def preview_prefilter(
     Limits: as of Prefilter. Noise of r, and its rounding, comes into rdd_now with the factor 3.5 / Ts^2. Corners of r
     ring over four samples. f must belong to r_now.
     """
-    fresh = logic_not(logic_and(started, logic_not(reset)))
+    fresh = logic_or(seen == 0.0, reset)
     past = [r, *(if_else(fresh, r, line[j]) for j in range(2 * PREVIEW))]
     now = past[PREVIEW]
     rd = sum((p * (past[PREVIEW - j] - past[PREVIEW + j]) for j, p in enumerate(FIRST, 1)), SX(0.0)) / Ts
@@ -102,5 +102,5 @@ def preview_prefilter(
         "rd_out": rd + added["rd_out"],
         **when(enable, u_hat=u_hat, shift=shift_next, integral=integral_next),
         "line": past[: 2 * PREVIEW],
-        "started": SX(1.0),
+        "seen": at_most(if_else(reset, 0.0, seen) + 1.0, 2 * PREVIEW),
     }
