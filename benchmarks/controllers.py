@@ -2,7 +2,7 @@
 
 Random inputs, states fed back (casadi: unconnected samples, called from C++). The FMU's time is that of the whole call
 sequence of a sample: set all inputs, fmi2DoStep, get all results. All run in turn in one process with the same compiler
-flags; the fastest round counts. FMU and exported C give the same numbers.
+flags, in processor time; the fastest round counts. FMU and exported C give the same numbers.
 """
 
 from __future__ import annotations

@@ -171,13 +171,19 @@ def run(export: Export, core: Core, given: dict[str, np.ndarray]) -> tuple[np.nd
     return np.array(rows).reshape(-1, len(export.results)), int.from_bytes(bytes.fromhex(lines[-1]), "little")
 
 
-def assembly(export: Export, core: Core) -> str:
-    """The assembly of the law for a core."""
+def assembly(export: Export, core: Core, *flags: str) -> str:
+    """The assembly of the law for a core, compiled with more flags.
+
+    Raises
+    ------
+    FrictionError
+        If the compiler fails.
+    """
     with tempfile.TemporaryDirectory(prefix="friction-fmus-") as scratch:
         folder = Path(scratch)
         (folder / f"{export.prefix}.h").write_text(header(export), encoding="utf-8")
         (folder / f"{export.prefix}.c").write_text(implementation(export), encoding="utf-8")
-        return _run(folder, COMPILER, *core.flags, *FLAGS, "-S", f"{export.prefix}.c", "-o", "-")
+        return _run(folder, COMPILER, *core.flags, *FLAGS, *flags, "-S", f"{export.prefix}.c", "-o", "-")
 
 
 def _build(export: Export, core: Core, folder: Path, given: dict[str, np.ndarray], *flags: str) -> None:

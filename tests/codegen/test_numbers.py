@@ -23,6 +23,7 @@ from friction_fmus.law_files import discover_laws
 
 LAWS = [law.name for law in discover_laws(laws_folder())]
 LONG = 100_000
+WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Werror")
 on_target = pytest.mark.skipif(bool(missing()), reason=f"{' and '.join(missing())} not installed")
 
 
@@ -105,7 +106,8 @@ def test_the_float_build_has_no_double_in_it(name: str) -> None:
     export = make_export(name, real="float")
     assert all(function.endswith("f") for function in export.kernel.functions)
     for core in CORES:
-        text = assembly(export, core)
+        text = assembly(export, core, *WARNINGS, "-Wdouble-promotion", "-Wfloat-conversion")
+        assembly(export, core, *WARNINGS, "-std=c89")
         # __aeabi_dadd and the like, conversions from and to double, the double unit's registers
         assert not re.search(r"__aeabi_(d|f2d|cd|i2d|ui2d|l2d)|\.f64|_?_ieee754_(?!.*f\b)", text)
         called = set(re.findall(r"^\s+blx?\s+(\w+)", text, re.M))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fmi.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, load, signals
 
@@ -13,6 +14,7 @@ from friction_fmus import build
 from friction_fmus.catalogue import laws_folder
 from friction_fmus.errors import FrictionError
 from friction_fmus.law_files import discover_laws
+from harness import CallablePart, FmuPart, System, Wire
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 Ts = 1e-3
@@ -98,6 +100,24 @@ def test_a_bad_sample_inside_a_step_of_many(library: Library) -> None:
             run.must("SetFMUstate", state)
         assert run.get1("fault") == 1.0
         assert run.call("DoStep", 10 * Ts, Ts, 1) == OK
+
+
+def test_a_sensor_that_fails_in_a_system(build_fmu: Callable[..., Path], caplog: pytest.LogCaptureFixture) -> None:
+    """Three samples of NaN to a PID in the harness: what it knew, then the closed form without those samples."""
+    times = np.arange(12) * Ts
+    bad = (times > 0.0045) & (times < 0.0075)
+    x = np.where(bad, math.nan, 1e-3 * times)
+    sensor = CallablePart("sensor", lambda t, u, s: x[min(round(t / Ts), 11)], [], ["y"], sampled=True)
+    start = {f"pid.{name}": 0.0 for name in ("r", "rd", "rdd", "v")}
+    system = System([sensor, FmuPart("pid", build_fmu("PID", Ts=Ts))], [Wire("sensor.y", "pid.x")], start=start)
+    result = system.run(stop=12 * Ts, step=Ts)
+    good = np.where(bad, 0.0, x)
+    integral = Ts * (np.cumsum(good) - good)
+    u = -(12000.0 * good + 250e3 * integral)
+    u[bad] = u[~bad & (times < 0.005)][-1]
+    np.testing.assert_allclose(result["pid.u"].values[1:], u, rtol=1e-12, atol=1e-15)
+    assert (result["pid.fault"].values[1:] == bad).all()
+    assert sum("pid at t = 0.005 s: x is not finite" in record.message for record in caplog.records) == 1
 
 
 # ---- relations of parameters
