@@ -10,10 +10,12 @@
    The start values delay = 0 and tau = 0 leave these parts out, and the limits can be put out of reach. Before the run
    u was F_lag, of which the start value can be set: the delay is filled with it.
 
-   The step is exact for a u that is held or linear in time: every change of u comes out of the delay at its own time,
-   also within a step, and w reaches its limits at the time where it does. What is on its way in the delay is kept in a
-   ring of 1024 changes of u, a part of the FMU state; a u that goes on as it was (held, or at the same rate) is no
-   change. `command` is w, what an observer of disturbances should be given in place of u.
+   The step is exact for a u that is held or linear in time: every change of u comes out of the delay at its own
+   time, also within a step, and w reaches its limits at the time where it does. A change that comes out at a
+   communication point shows in F after it: as masters hand over what F is at the end of a step, a delay of n steps
+   is then n steps more than none. What is on its way is kept in a ring of 1024 changes of u, a part of the FMU
+   state; a u that goes on as it was (held, or at the same rate) is no change. `command` is w, what an observer of
+   disturbances should be given in place of u.
 
    Use it to see what a loop of friction compensation loses to a real drive: lag and delay rob the feedforward of its
    timing, and the limit winds up integrals.
@@ -67,17 +69,20 @@ typedef struct {
     double u, rate, length;
 } Line;
 
+/* How far apart two times may be that are meant to be the same [s]. */
+static double rounding(const Model *m, double t) { return 1e-12 * (fabs(t) + m->delay); }
+
 static const struct piece *piece_of(const Model *m, int64_t i) { return &m->memory.pieces[i % LONGEST]; }
 
-/* u at a time t in the past. A change that is missed by rounding counts as met. */
-static Line past(const Model *m, double t)
+/* u at a time t in the past: right before it (side = -1) or from it on (side = 1), also if rounding misses a change. */
+static Line past(const Model *m, double t, double side)
 {
     const struct history *const past = &m->memory;
-    const double rounding = 1e-12 * (fabs(t) + m->delay);
+    const double at = t + side * rounding(m, t);
     int64_t low = past->oldest - 1, high = past->end; /* piece `low` has begun, `high` has not */
     while (high - low > 1) {
         const int64_t middle = low + (high - low) / 2;
-        if (piece_of(m, middle)->begin <= t + rounding)
+        if (piece_of(m, middle)->begin <= at)
             low = middle;
         else
             high = middle;
@@ -119,7 +124,8 @@ static void forget(Model *m, double t)
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double wanted = delay > 0.0 ? past(m, m->time - delay).u : u;
+    /* a change that comes out at this very time belongs to the step that follows, as a new u does without delay */
+    const double wanted = delay > 0.0 ? past(m, m->time - delay, -1.0).u : u;
     m->command = clip(wanted, F_min, F_max);
     m->limited = wanted < F_min || wanted > F_max ? 1.0 : 0.0;
     m->der_F_lag = tau > 0.0 ? (m->command - F_lag) / tau : 0.0;
@@ -161,7 +167,7 @@ static bool step(Model *m, double h)
     double F = m->F_lag;
     for (double s = 0.0; s < h;) {
         const double t = m->time + s - m->delay;
-        Line w = m->delay > 0.0 ? past(m, t) : (Line){m->u + SLOPE(u) * s, SLOPE(u), INF};
+        Line w = m->delay > 0.0 ? past(m, t, 1.0) : (Line){m->u + SLOPE(u) * s, SLOPE(u), INF};
         const bool last = !(s + w.length < h);
         w.length = last ? h - s : w.length;
         F = follow_clipped(m, F, w);
@@ -169,6 +175,6 @@ static bool step(Model *m, double h)
     }
     m->F_lag = F;
     if (m->delay > 0.0)
-        forget(m, m->time + h - m->delay - 1e-12 * (fabs(m->time) + m->delay));
+        forget(m, m->time + h - m->delay - 2.0 * rounding(m, m->time + h));
     return true;
 }

@@ -22,7 +22,7 @@ def actuator(build_fmu: Callable[..., Path]) -> Library:
 
 
 class Input:
-    """u of the time: steps of a begin, a value and a rate, and a constant before."""
+    """u up to a time: steps of a begin, a value and a rate, and a constant before."""
 
     def __init__(self, before: float) -> None:
         self.begin, self.u, self.rate = [-math.inf], [before], [0.0]
@@ -33,7 +33,7 @@ class Input:
         self.rate.append(rate)
 
     def __call__(self, t: float) -> float:
-        i = int(np.searchsorted(self.begin, t, side="right")) - 1
+        i = int(np.searchsorted(self.begin, t, side="left")) - 1
         return self.u[i] + (self.rate[i] * (t - self.begin[i]) if i else 0.0)
 
 
@@ -110,14 +110,14 @@ def test_a_step_comes_out_of_delay_and_lag_as_in_the_closed_form(actuator: Libra
 @pytest.mark.parametrize("h", [1e-3, 1.0 / 3000.0, 0.1])
 @pytest.mark.parametrize("steps", [1, 7, 500])
 def test_a_delay_of_whole_steps_gives_back_the_very_numbers(actuator: Library, h: float, steps: int) -> None:
-    """Also where the sum of the steps misses the delay by rounding; what was before is the start of the lag."""
+    """Up to the end of a step, also where the sum of steps misses the delay by rounding; before: the start value."""
     values = np.random.default_rng(1).uniform(-50.0, 50.0, 600).tolist()
     with Instance(actuator) as run:
         run.initialise(start=0.7, delay=steps * h, F_lag=3.0)
         t = 0.7
         for n, u in enumerate(values):
             run.set({"u": u})
-            assert run.get1("F") == (values[n - steps] if n >= steps else 3.0)
+            assert run.get1("F") == (values[n - steps - 1] if n > steps else 3.0)
             run.step(t, h)
             t += h
 
@@ -214,4 +214,4 @@ def test_more_changes_than_it_can_hold_shorten_the_delay_and_give_a_warning(actu
         run.initialise(delay=steps * h, u=4.0)
         for n in range(2000):
             run.step(n * h, h)
-            assert run.get1("F") == (4.0 if n + 1 >= steps else 0.0)
+            assert run.get1("F") == (4.0 if n + 1 > steps else 0.0)
