@@ -1,0 +1,101 @@
+/* Feedforward of inertia and of the friction of Leuven's model along the reference, sampled every Ts.
+
+   Swevers, Al-Bender, Ganseman, Prajogo: An integrated friction model structure with improved presliding behavior for
+   accurate friction compensation, IEEE TAC 45(4), 2000, which is about this use; Lampaert, Swevers, Al-Bender, American
+   Control Conference, 2004, compare it with the Dahl, LuGre and GMS models (both from memory or summaries).
+
+       w     = (r - last) / Ts,   last: the reference of the sample before
+       z, stacks: as the friction block Leuven moves them over Ts at the held velocity w
+       F     = (Fh + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 rd
+       F_hat = gain F
+       u     = clip(mass rdd + F_hat, u_min, u_max)
+
+   F_hat is the force of the block Leuven at the end of a step with the velocity w, if rd is w: this block contains
+   that one's code, with its equations, decisions and parameters. Forces of the load follow Fn where it is known.
+
+   Use it for reference movements with reversals inside reversals, where the memory of the reversal points decides;
+   GMSFeedforward and ModifiedLeuvenFeedforward have that memory without stacks.
+
+   The first sample, and one with reset, takes r as where the axis stands: dr = 0 and no history there. While enable is
+   false u, F_hat, u_sat and the states are 0; coming back, dr is 0 again, however far r has gone. u goes to the input f
+   of a position controller, whose own m must then be 0. Feedforward does not change the stability of the loop.
+
+   Limits: those of Leuven: F_hat jumps where an inner loop closes and, by sigma1 times the jump, with a jump of rd. A
+   reversal between two samples is not seen. When the stacks are full the innermost loop is forgotten, with a warning.
+   u_min must not exceed u_max. */
+
+/* @article{Swevers2000,
+     author  = {Swevers, J. and Al-Bender, F. and Ganseman, C. G. and Prajogo, T.},
+     title   = {An integrated friction model structure with improved presliding behavior for accurate friction
+                compensation},
+     journal = {IEEE Transactions on Automatic Control},
+     volume  = {45}, number = {4}, pages = {675--686}, year = {2000}} */
+
+#define MODEL   LeuvenFeedforward
+#define SUMMARY "Feedforward of inertia and of Leuven's friction with its stacks, from the reference"
+#define SOURCE  "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
+
+/* clang-format off */
+#define VARIABLES                                                                                           \
+    INPUT     (r,        LENGTH,   0.0,              "reference position")                                  \
+    INPUT     (rd,       VELOCITY, 0.0,              "reference velocity")                                  \
+    INPUT     (rdd,      ACCELERATION, 0.0,          "reference acceleration")                              \
+    OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                        \
+    COMMAND   (enable,   1,                          "false: u = 0, F_hat = 0 and the states at their start") \
+    COMMAND   (reset,    0,                          "true: the states at their start")                     \
+    OUTPUT    (u,        FORCE,                      "feedforward force, within u_min and u_max")           \
+    OUTPUT    (F_hat,    FORCE,                      "friction that is compensated, times gain")            \
+    OUTPUT    (z_hat,    LENGTH,                     "deflection, z at this sample")                        \
+    OUTPUT    (u_sat,    NO_UNIT,                    "active limit: -1 lower, +1 upper, 0 none")            \
+    LOCAL     (F,        FORCE,                      "friction force along the reference")                  \
+    LOCAL     (Fh,       FORCE,                      "hysteresis force at the normal force Fn0")            \
+    LOCAL     (der_z,    VELOCITY,                   "time derivative of z")                                \
+    LOCAL     (Fb,       FORCE,                      "hysteresis force at the last reversal that counts")   \
+    TALLY     (depth,                                "reversal points on both stacks")                      \
+    FLAG      (sliding,                              "the transition to sliding is over")                   \
+    FLAG      (stack_overflow,                       "an inner loop had to be forgotten")                   \
+    STATE     (z,        LENGTH,   0.0,   1e-5,      "deflection since the last reversal that counts")      \
+    STATE     (v,        VELOCITY, 0.0,   1e-3,      "velocity of the reference that the law was evaluated at") \
+    STATE     (last,     LENGTH,   0.0,   1.0,       "reference of the sample before")                      \
+    STATE     (started,  NO_UNIT,  0.0,   1.0,       "1 if there was a sample before")                      \
+    FIXED     (Ts,       TIME,     1e-3,  1e-9, INF, "sample time")                                         \
+    PARAMETER (gain,     NO_UNIT,  1.0,   0.0,  1.0, "share of the friction that is compensated")           \
+    PARAMETER (mass,     MASS,     1.0,   0.0,  INF, "mass of the inertia feedforward, 0: none")            \
+    PARAMETER (A,        FORCE,    4.0,   1e-9,  INF, "limit of the hysteresis curve, at least 2 max(Fs, Fc)") \
+    PARAMETER (zc,       LENGTH,   4e-5,  1e-15, INF, "deflection scale of the hysteresis curve")           \
+    PARAMETER (n,        NO_UNIT,  2.0,   0.1,   1e4, "sharpness of the transition to sliding")             \
+    PARAMETER (sigma1,   DAMPING,  316.22776601683796, 0.0, INF, "bristle damping")                         \
+    PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                                \
+    PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                   \
+    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                   \
+    PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                  \
+    PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                \
+    PARAMETER (dead_band, LENGTH,  0.0,   0.0,   INF, "deflection below which a reversal is taken back")    \
+    PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")          \
+    PARAMETER (u_min,    FORCE,    -1000.0, -INF, INF, "lower limit of u")                                  \
+    PARAMETER (u_max,    FORCE,    1000.0, -INF, INF, "upper limit of u")
+/* clang-format on */
+
+#include "reversals.h"
+
+#define SAMPLED
+#define WARNING "more reversal points than the stacks hold; inner loops are forgotten"
+#define MEMORY  struct reversals
+
+#include "block.h"
+#include "held_reference.h"
+#include "leuven.h"
+
+static void forget(Model *m)
+{
+    m->z = 0.0;
+    m->memory = (struct reversals){{0.0}, 0.0, 0.0, 0.0};
+}
+
+static void sample(Model *m)
+{
+    GIVEN(m)
+    follow_reference(m, forget, !isnan(z + A + zc + n + Fc + Fs + vs + delta + dead_band));
+    feed_forward(m);
+    m->z_hat = m->z;
+}

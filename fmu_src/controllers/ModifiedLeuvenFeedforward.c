@@ -1,0 +1,101 @@
+/* Feedforward of inertia and of the friction of the modified Leuven model along the reference, sampled every Ts.
+
+   Lampaert, Swevers, Al-Bender: Modification of the Leuven integrated friction model structure, IEEE TAC 47(4), 2002
+   (from memory of the paper), for the model.
+
+       w     = (r - last) / Ts,   last: the reference of the sample before
+       z, Fi: as the friction block ModifiedLeuven moves them over Ts at the held velocity w
+       F     = (F1 + ... + FN + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 rd
+       F_hat = gain F
+       u     = clip(mass rdd + F_hat, u_min, u_max)
+
+   F_hat is the force of the block ModifiedLeuven at the end of a step with the velocity w, if rd is w: this block
+   contains that one's code, with its equations and parameters. Forces of the load follow Fn where it is known.
+
+   Use it for reference movements with reversals inside reversals where friction in sliding must be that of the Stribeck
+   curve without the lag that the attraction C of GMSFeedforward gives.
+
+   The first sample, and one with reset, takes r as where the axis stands: dr = 0 and no history there. While enable is
+   false u, F_hat, u_sat and the states are 0; coming back, dr is 0 again, however far r has gone. u goes to the input f
+   of a position controller, whose own m must then be 0. Feedforward does not change the stability of the loop.
+
+   Limits: those of ModifiedLeuven: W1 + ... + WN must be at least Fs and Fc, which a warning says otherwise; small n
+   makes loops that do not close. F_hat jumps with a jump of rd by sigma1 times the jump. A reversal between two samples
+   is not seen. u_min must not exceed u_max. */
+
+/* @article{Lampaert2002,
+     author  = {Lampaert, V. and Swevers, J. and Al-Bender, F.},
+     title   = {Modification of the {Leuven} integrated friction model structure},
+     journal = {IEEE Transactions on Automatic Control},
+     volume  = {47}, number = {4}, pages = {683--687}, year = {2002}} */
+
+#define MODEL   ModifiedLeuvenFeedforward
+#define SUMMARY "Feedforward of inertia and of the modified Leuven model's friction, from the reference"
+#define SOURCE  "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
+
+/* clang-format off */
+#define VARIABLES                                                                                           \
+    INPUT     (r,        LENGTH,   0.0,              "reference position")                                  \
+    INPUT     (rd,       VELOCITY, 0.0,              "reference velocity")                                  \
+    INPUT     (rdd,      ACCELERATION, 0.0,          "reference acceleration")                              \
+    OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                        \
+    COMMAND   (enable,   1,                          "false: u = 0, F_hat = 0 and the states at their start") \
+    COMMAND   (reset,    0,                          "true: the states at their start")                     \
+    OUTPUT    (u,        FORCE,                      "feedforward force, within u_min and u_max")           \
+    OUTPUT    (F_hat,    FORCE,                      "friction that is compensated, times gain")            \
+    OUTPUT    (z_hat,    LENGTH,                     "deflection, z at this sample")                        \
+    OUTPUT    (u_sat,    NO_UNIT,                    "active limit: -1 lower, +1 upper, 0 none")            \
+    LOCAL     (F,        FORCE,                      "friction force along the reference")                  \
+    LOCAL     (Fh,       FORCE,                      "hysteresis force at the normal force Fn0")            \
+    LOCAL     (der_z,    VELOCITY,                   "time derivative of z")                                \
+    LOCALS    (der_Fi,   10, FORCE "/s",             "time derivative of Fi")                               \
+    FLAGS     (slipping, 10,                         "the element slips")                                   \
+    STATE     (z,        LENGTH,   0.0,   1e-5,      "mean deflection")                                     \
+    STATES    (Fi,       10, FORCE, (0.0), 0.1,      "force of the element at the normal force Fn0")        \
+    STATE     (v,        VELOCITY, 0.0,   1e-3,      "velocity of the reference that the law was evaluated at") \
+    STATE     (last,     LENGTH,   0.0,   1.0,       "reference of the sample before")                      \
+    STATE     (started,  NO_UNIT,  0.0,   1.0,       "1 if there was a sample before")                      \
+    FIXED     (Ts,       TIME,     1e-3,  1e-9, INF, "sample time")                                         \
+    PARAMETER (gain,     NO_UNIT,  1.0,   0.0,  1.0, "share of the friction that is compensated")           \
+    PARAMETER (mass,     MASS,     1.0,   0.0,  INF, "mass of the inertia feedforward, 0: none")            \
+    COUNT     (N,        10,       1,     10,        "number of elements")                                  \
+    PARAMETERS(k,        10, STIFFNESS, (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3),  \
+                                   0.0, INF,         "stiffness of the element")                            \
+    PARAMETERS(W,        10, FORCE, (0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15),           \
+                                   0.0, INF,         "force at which the element slips")                    \
+    PARAMETER (n,        NO_UNIT,  2.0,   0.1,   1e4, "sharpness of the transition to sliding")             \
+    PARAMETER (sigma1,   DAMPING,  316.22776601683796, 0.0, INF, "bristle damping")                         \
+    PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                                \
+    PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                   \
+    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                   \
+    PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                  \
+    PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                \
+    PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")          \
+    PARAMETER (u_min,    FORCE,    -1000.0, -INF, INF, "lower limit of u")                                  \
+    PARAMETER (u_max,    FORCE,    1000.0, -INF, INF, "upper limit of u")
+/* clang-format on */
+
+#define SAMPLED
+#define WARNING "the sum of W is below Fs or Fc, so that the force cannot reach the Stribeck curve"
+
+#include "block.h"
+#include "held_reference.h"
+#include "modified_leuven.h"
+
+static void forget(Model *m)
+{
+    m->z = 0.0;
+    for (int i = 0; i < 10; i++)
+        m->Fi[i] = 0.0;
+}
+
+static void sample(Model *m)
+{
+    GIVEN(m)
+    double sum = n + Fc + Fs + vs + delta;
+    for (int i = 0; i < 10; i++)
+        sum += k[i] + W[i] + Fi[i];
+    follow_reference(m, forget, !isnan(sum));
+    feed_forward(m);
+    m->z_hat = m->z;
+}

@@ -1,0 +1,49 @@
+/* What the feedforward blocks share that step a friction law along a sampled reference. Included after block.h, before
+   the header of the law: its v is the velocity of the reference, held between two samples. */
+
+#ifndef HELD_REFERENCE_H
+#define HELD_REFERENCE_H
+
+#undef SLOPE
+#define SLOPE(name) 0.0
+static inline bool inputs_held(const Model *m)
+{
+    (void)m;
+    return true;
+}
+
+static bool step(Model *m, double h);
+static void equations(Model *m);
+
+/* The law over the displacement of the reference since the sample before, then its force at the velocity rd; `forget`
+   puts its states and memory to their start. A law whose values are not `known` is not stepped: it would take long to
+   find out that it has no solution. */
+static void follow_reference(Model *m, void (*forget)(Model *), bool known)
+{
+    GIVEN(m)
+    bool solved = true;
+    if (reset || !enable || started == 0.0) {
+        forget(m);
+    } else {
+        m->v = (r - last) / Ts;
+        solved = known && isfinite(m->v) && step(m, Ts);
+    }
+    m->v = enable ? rd : 0.0;
+    equations(m);
+    if (!solved)
+        m->F = NAN; /* the FMU refuses the step */
+    m->last = enable ? r : 0.0;
+    m->started = enable ? 1.0 : 0.0;
+}
+
+/* The outputs, from the friction force F. */
+static void feed_forward(Model *m)
+{
+    GIVEN(m)
+    const double friction = gain * m->F, wanted = mass * rdd + friction;
+    m->F_hat = enable ? friction : 0.0;
+    m->u = enable ? clip(wanted, u_min, u_max) : 0.0;
+    m->u_sat = !enable ? 0.0 : wanted < u_min ? -1.0 : wanted > u_max ? 1.0 : 0.0;
+}
+
+#endif
