@@ -1,0 +1,98 @@
+/* Friction force by local function estimation: a polynomial through the mean forces of the last sampling intervals.
+
+   Ray, Ramasubramanian, Townsend, Control Engineering Practice 9(2), 2001, compare a Kalman filter with such estimators
+   (only the abstract was read); the equations are those of least squares, see Savitzky, Golay, Analytical Chemistry
+   36(8), 1964.
+
+       F_m[j] = u_prev - m (v[k-j] - v[k-j-1])/Ts,   j = 0 ... n-1: mean friction over each of the last n intervals
+       the polynomial of the degree p with the means nearest to F_m (least squares) is taken at the time of sample k:
+       F_hat = w[0] F_m[0] + ... + w[n-1] F_m[n-1]
+       w[j]  = 1/n                                                          p = 0
+               + 6 t/(n^2 - 1)                                              p = 1
+               + 30 n (t^2 - (n^2 - 1)/12)/((n^2 - 1) (n^2 - 4))            p = 2,   t = (n - 1)/2 - j
+       u     = clip(gain F_hat, u_min, u_max)
+
+   Use it where an estimate of finite memory is wanted: what is older than n samples is forgotten, and a force that is a
+   polynomial of the degree p is estimated without error. A force that grows at the rate c is estimated late by n Ts/2
+   for p = 0, not at all for p = 1 and 2. u goes to the input f of a position controller; u_prev is the force since the
+   last sample after all limits, so that nothing winds up when the actuator saturates. In a system file the wire to
+   u_prev needs a delay.
+
+   Before the first sample the velocity was v0 and the mean forces count as 0. reset empties the memory, so that F_hat
+   is 0 in that very sample. While enable is false u, F_hat and u_sat are 0 and the memory is empty.
+
+   Limits: extrapolation amplifies noise; of noise that is independent from interval to interval the variance is
+   multiplied by 1/n, 1/n + 3 n/(n^2 - 1) and, for p = 2, by 5 n^3/((n^2 - 1)(n^2 - 4)) more: about 1/n, 4/n, 9/n. If n
+   is at most p the degree is n - 1. A wrong mass puts the missing inertia force into F_hat. u_min must not exceed
+   u_max. */
+
+#define MODEL   LocalFunctionEstimator
+#define SUMMARY "Friction estimated by a polynomial through the last mean forces, and compensated"
+#define SOURCE  "Ray, Ramasubramanian, Townsend, Control Engineering Practice 9(2), 2001"
+
+/* clang-format off */
+#define VARIABLES                                                                                                    \
+    INPUT    (v,      VELOCITY, 0.0,                "measured velocity")                                             \
+    INPUT    (u_prev, FORCE,    0.0,                "force that was applied since the last sample, after all limits") \
+    COMMAND  (enable, 1,                            "false: u = 0, F_hat = 0 and the memory empty")                  \
+    COMMAND  (reset,  0,                            "true: the memory empty")                                        \
+    OUTPUT   (u,      FORCE,                        "compensation force gain F_hat, within u_min and u_max")         \
+    OUTPUT   (F_hat,  FORCE,                        "estimated friction force, positive for a positive velocity")    \
+    OUTPUT   (u_sat,  NO_UNIT,                      "active limit: -1 lower, +1 upper, 0 none")                      \
+    FIXED    (Ts,     TIME,     1e-3,   1e-9, INF,  "sample time")                                                   \
+    COUNT    (window, 10,       1,      LONGEST,    "intervals that are looked at")                                  \
+    FIXED    (v0,     VELOCITY, 0.0,   -INF,  INF,  "velocity before the first sample")                               \
+    COUNT    (degree, 1,        0,      2,          "degree of the polynomial")                                      \
+    PARAMETER(gain,   NO_UNIT,  1.0,    0.0,  1.0,  "share of the friction that is compensated")                     \
+    PARAMETER(m,      MASS,     1.0,    0.0,  INF,  "moving mass")                                                   \
+    PARAMETER(u_min,  FORCE,   -100.0, -INF,  INF,  "lower limit of u")                                              \
+    PARAMETER(u_max,  FORCE,    100.0, -INF,  INF,  "upper limit of u")
+/* clang-format on */
+
+enum { LONGEST = 64 };
+
+#define SAMPLED
+#define MEMORY struct past
+
+struct past {
+    double force[LONGEST]; /* mean forces, the one of sample k at k modulo n */
+    double v;              /* velocity of the last sample                    */
+};
+
+#include "block.h"
+#include "compensation.h"
+
+/* Weight of the interval j before the last one. */
+static double weight(double n, double j, int degree)
+{
+    const double t = (n - 1.0) / 2.0 - j;
+    const double n2 = n * n;
+    double w = 1.0 / n;
+    if (degree >= 1 && n >= 2.0)
+        w += 6.0 * t / (n2 - 1.0);
+    if (degree >= 2 && n >= 3.0)
+        w += 30.0 * n * (t * t - (n2 - 1.0) / 12.0) / ((n2 - 1.0) * (n2 - 4.0));
+    return w;
+}
+
+static void sample(Model *model)
+{
+    GIVEN(model)
+    struct past *const past = &model->memory;
+    const size_t n = (size_t)clip(window, 1.0, LONGEST);
+    const size_t now = (size_t)model->run.tick % n;
+
+    if (model->run.tick == 0)
+        past->v = v0;
+    const double force = u_prev - m * (v - past->v) / Ts;
+    if (reset || !enable)
+        *past = (struct past){.v = 0.0};
+    else
+        past->force[now] = force;
+    past->v = v;
+
+    double estimate = 0.0;
+    for (size_t j = 0; j < n; j++)
+        estimate += weight((double)n, (double)j, degree) * past->force[(now + n - j) % n];
+    compensate(model, estimate);
+}
