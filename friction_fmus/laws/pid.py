@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, if_else
+from casadi import SX, fabs, if_else, logic_and, logic_or, sign
 
 from friction_fmus.expressions import clip, limits, unless_winding_up
 from friction_fmus.law import (
@@ -26,7 +26,7 @@ from friction_fmus.law import (
 
 @law(
     "PID",
-    "PID position controller with inertia feedforward and conditional anti-windup",
+    "PID position controller with inertia feedforward, anti-windup, dead-band and integral reset",
     source="Astrom, Hagglund: Advanced PID Control, ISA 2006",
     Ts=1e-3,
     outputs={
@@ -44,10 +44,18 @@ def pid(
     enable: SX = Command(True, "false: u = 0 and the integral at its start"),
     reset: SX = Command(False, "true: the integral at its start"),
     integral: SX = State(LENGTH + ".s", 0.0, "integral of the position error", nominal=1e-4),
+    held: SX = State(NO_UNIT, 0.0, "1 while the dead-band holds the integral"),
+    side: SX = State(NO_UNIT, 0.0, "sign of the last velocity beyond v_zc"),
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain", min=0.0),
     Kd: SX = Parameter(DAMPING, 190.0, "derivative gain", min=0.0),
     Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain, 0: PD", min=0.0),
     m: SX = Parameter(MASS, 0.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    db: SX = Parameter(LENGTH, 0.0, "dead-band: error at and below which the integral is held, 0: none", min=0.0),
+    db_ratio: SX = Parameter(NO_UNIT, 1.5, "hysteresis: a held integral goes on above db_ratio db", min=1.0),
+    reversal: SX = Parameter(
+        NO_UNIT, 1.0, "factor of the integral at a reversal, 1: none, 0: reset", min=-1.0, max=1.0
+    ),
+    v_zc: SX = Parameter(VELOCITY, 0.0, "speed beyond which a reversal counts", min=0.0),
     u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
     u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
     Ts: SX = SampleTime(),
@@ -58,6 +66,9 @@ def pid(
         u      = clip(Kp e + Kd (rd - v) + Ki I + m rdd + f, u_min, u_max)
         I_next = I + Ts e
         I_next = I while u is limited and e pushes further into that limit
+        I_next = I while |e| <= db, and from then on until |e| > db_ratio db
+        I      = reversal I, before it is used, in the sample at which v beyond v_zc has the other sign than the last
+                 v beyond v_zc
 
     Astrom, Hagglund: Advanced PID Control, ISA 2006 (conditional integration against windup). Ki = 0 is PD
     control. The start values place three poles near 10 Hz for a mass of 1 kg without friction.
@@ -67,21 +78,33 @@ def pid(
     nothing winds up, nothing old comes back, and u returns without a jump if the reference is then led from where the
     axis stands (r = x, rd = v, rdd = 0).
 
+    Dead-band and reversal are there against hunting, and off with the start values. A dead-band with db_ratio above 1
+    does not chatter on a noisy error. reversal = 0 is a reset of the integral, -1 turns its sign, as Coulomb friction
+    turns its own, values between scale it. v_zc must exceed the noise of v and the velocity at which the contact rings
+    in presliding, else every swing is a reversal.
+
     The linear loop with viscous friction s2 is stable for (Kd + s2) Kp > mass Ki, if Ts is short against its time
     constants.
 
     Limits: if static friction exceeds Coulomb friction, the integral makes the loop hunt around a constant reference
     for every stabilising set of gains (Armstrong, Amin, Automatica 32(5), 1996); without the integral the axis stays
-    up to Fs/Kp away. If f already holds the inertia force, as u of StaticFeedforward does, m must be 0. u_min must not
-    exceed u_max.
+    up to Fs/Kp away. A dead-band ends the hunting only if it is wider than one slip, and leaves that error; a reset at
+    reversal shortens the period of the hunting and does not end it. If f already holds the inertia force, as u of
+    StaticFeedforward does, m must be 0. u_min must not exceed u_max.
     """
     start = 0.0
-    old = if_else(reset, start, integral)
+    moves = fabs(v) > v_zc
+    turned = if_else(logic_and(moves, side * v < 0.0), reversal * integral, integral)
+    old = if_else(reset, start, turned)
     e = r - x
+    hold = logic_or(fabs(e) <= db, logic_and(held, fabs(e) <= db_ratio * db))
     wanted = Kp * e + Kd * (rd - v) + Ki * old + m * rdd + f
     u_sat = limits(wanted, u_min, u_max)
+    rate = if_else(hold, 0.0, unless_winding_up(e, u_sat))
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
         "u_sat": if_else(enable, u_sat, 0.0),
-        "integral": if_else(reset, start, if_else(enable, old + Ts * unless_winding_up(e, u_sat), start)),
+        "integral": if_else(reset, start, if_else(enable, old + Ts * rate, start)),
+        "held": if_else(enable, hold, 0.0),
+        "side": if_else(enable, if_else(moves, sign(v), side), 0.0),
     }

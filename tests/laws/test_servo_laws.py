@@ -116,7 +116,8 @@ def test_disabled_it_is_silent_and_comes_back_fresh(law):
     on, off = {"r": 1e-3, "f": 3.0}, {"r": 0.5, "f": 3.0, "enable": 0.0}
     found = run(law, [on] * 10 + [off] * 1000 + [on])
     for result in found[10:-1]:
-        assert result == {"u": 0.0, "u_sat": 0.0, "integral": 0.0}
+        assert {"u", "u_sat", "integral"} <= result.keys()
+        assert not any(result.values())
     assert found[-1] == run(law, [on])[0]
     # without a jump, when the reference starts where the axis stands
     standing = {"r": 0.2, "x": 0.2}
