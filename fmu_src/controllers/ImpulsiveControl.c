@@ -1,0 +1,107 @@
+/* Impulsive control: an axis that is stuck off its target gets force pulses, each sized to slide it by its error.
+
+   Armstrong-Helouvry, Dupont, Canudas de Wit: A survey of models, analysis tools and compensation methods for the
+   control of machines with friction, Automatica 30(7), 1994, section 4 (survey); the size of the pulse follows from
+   Newton's law.
+
+       stuck:  |v| < v_stuck for n_stuck samples in a row, and |r - x| > tol
+       then:   a pulse of n_pulse samples, tp = n_pulse Ts, of the force Fp sgn(r - x)
+       Fp      = (Fc + sqrt(Fc^2 + 8 m Fc d/tp^2))/2,   at least Fs;   d = gain |r - x|
+       u       = clip(f + pulse, u_min, u_max),   with alone the pulse takes the place of f
+
+   A mass m with Coulomb friction Fc that starts from rest under the constant force Fp for tp slides by
+
+       d = Fp (Fp - Fc) tp^2/(2 m Fc)
+
+   until it stops again; Fp is its inverse. After a pulse the count of samples at rest begins anew, so that n_stuck is
+   the dwell between two pulses as well. The error after a pulse is e - d: pulses converge if 0 < d/e < 2.
+
+   Use it beside or in place of a position controller without an integral, whose force goes to f, where the last
+   micrometres inside the stiction band matter and not the time they take. sized = false takes Fp = F_pulse always.
+
+   While enable is false u and u_sat are 0 and the counters are at 0. reset ends a pulse in its own sample.
+
+   Limits: d is right for Fs = Fc, a stiff actuator and f = 0; static friction above Fc makes every slide longer, and
+   where Fp is Fs the slide is longer than the error for small errors: choose tp short enough for
+
+       Fs (Fs - Fc) tp^2/(2 m Fc) < 2 tol
+
+   or the pulses do not settle. A pulse within the presliding range springs back. u_min must not exceed u_max. */
+
+#define MODEL   ImpulsiveControl
+#define SUMMARY "Force pulses for an axis that is stuck off its target"
+#define SOURCE  "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
+
+/* clang-format off */
+#define VARIABLES                                                                                                \
+    INPUT    (r,       LENGTH,   0.0,                 "reference position")                                      \
+    INPUT    (x,       LENGTH,   0.0,                 "measured position")                                       \
+    INPUT    (v,       VELOCITY, 0.0,                 "measured velocity")                                       \
+    OPTIONAL (f,       FORCE,    0.0,                 "force of the position controller")                        \
+    COMMAND  (enable,  1,                             "false: u = 0 and the counters at 0")                      \
+    COMMAND  (reset,   0,                             "true: no pulse, the counters at 0")                       \
+    OUTPUT   (u,       FORCE,                         "f and the pulse, within u_min and u_max")                 \
+    OUTPUT   (u_sat,   NO_UNIT,                       "active limit: -1 lower, +1 upper, 0 none")                \
+    LOCAL    (pulse,   FORCE,                         "force of the pulse, 0 between pulses")                    \
+    TALLY    (pulses,                                 "pulses begun")                                            \
+    FIXED    (Ts,      TIME,     1e-3,   1e-9,  INF,  "sample time")                                             \
+    PARAMETER(gain,    NO_UNIT,  1.0,    0.0,   1.0,  "share of the error that a pulse is to remove")            \
+    PARAMETER(m,       MASS,     1.0,    1e-12, INF,  "moving mass")                                             \
+    PARAMETER(Fc,      FORCE,    1.0,    1e-12, INF,  "Coulomb friction")                                        \
+    PARAMETER(Fs,      FORCE,    1.5,    0.0,   INF,  "static friction")                                         \
+    SWITCH   (sized,   1,                             "the pulse is sized by the error; false: it is F_pulse")   \
+    PARAMETER(F_pulse, FORCE,    3.0,    0.0,   INF,  "force of a pulse that is not sized")                      \
+    SWITCH   (alone,   1,                             "f is left out during a pulse")                            \
+    PARAMETER(tol,     LENGTH,   1e-4,   0.0,   INF,  "error that is left as it is")                             \
+    PARAMETER(v_stuck, VELOCITY, 1e-3,   0.0,   INF,  "speed below which the axis counts as stuck")              \
+    COUNT    (n_stuck, 10,       1,      COUNTS,      "samples at rest before a pulse")                          \
+    COUNT    (n_pulse, 5,        1,      COUNTS,      "samples of a pulse")                                      \
+    PARAMETER(u_min,   FORCE,   -100.0, -INF,   INF,  "lower limit of u")                                        \
+    PARAMETER(u_max,   FORCE,    100.0, -INF,   INF,  "upper limit of u")
+/* clang-format on */
+
+#define SAMPLED
+#define MEMORY struct train
+
+struct train {
+    int at_rest;   /* samples in a row                    */
+    int left;      /* samples of the pulse that are to go */
+    double force;  /* of the pulse, signed                */
+    double pulses; /* begun so far                        */
+};
+
+#include "block.h"
+
+/* The force that slides the mass by a distance within tp and the time it takes to stop. */
+static double force_for(double distance, double tp, double m, double Fc, double Fs)
+{
+    const double force = 0.5 * (Fc + sqrt(Fc * Fc + 8.0 * m * Fc * distance / (tp * tp)));
+    return force > Fs ? force : Fs;
+}
+
+static void sample(Model *model)
+{
+    GIVEN(model)
+    struct train *const train = &model->memory;
+    const double e = r - x;
+
+    if (reset || !enable)
+        *train = (struct train){.pulses = train->pulses};
+    train->at_rest = enable && fabs(v) < v_stuck && train->left == 0 ? train->at_rest + 1 : 0;
+
+    if (enable && !reset && train->at_rest >= n_stuck && fabs(e) > tol) {
+        train->left = n_pulse;
+        train->force = sign(e) * (sized ? force_for(gain * fabs(e), n_pulse * Ts, m, Fc, Fs) : gain * F_pulse);
+        train->pulses += 1.0;
+        train->at_rest = 0;
+    }
+    const bool active = train->left > 0;
+    if (active)
+        train->left--;
+
+    const double wanted = !enable ? 0.0 : !active ? f : alone ? train->force : f + train->force;
+    model->u = enable ? clip(wanted, u_min, u_max) : 0.0;
+    model->u_sat = sign(wanted - model->u);
+    model->pulse = active ? train->force : 0.0;
+    model->pulses = train->pulses;
+}
