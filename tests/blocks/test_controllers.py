@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fmi.instance import Instance, load
+from scipy.signal import butter, filtfilt
 
-from harness import FmuPart, System
+from harness import CallablePart, FmuPart, System
 
 BuildFmu = Callable[..., Path]
 Run = Callable[..., np.ndarray]
@@ -199,3 +200,166 @@ def test_pulses_remove_an_error_inside_the_stiction_band(stuck_axis):
     assert np.ptp(held) == 0.0
     assert abs(freed[-1]) < 1e-5
     assert len(np.unique(freed[np.flatnonzero(np.diff(freed) == 0.0)])) <= 6
+
+
+# ---- IterativeLearning ---------------------------------------------------------------------------------------------
+
+
+def inverse_sensitivity(e: np.ndarray, Ts: float, m: float, Kp: float, Kd: float, Ki: float) -> np.ndarray:
+    """m e'' + Kd e' + Kp e + Ki int e by matrices; the ends continue constant, the integral is PID's."""
+    wide = np.concatenate([e[:1], e, e[-1:]])
+    second = np.convolve(wide, [1.0, -2.0, 1.0], "valid") / Ts**2
+    first = np.convolve(wide, [1.0, 0.0, -1.0], "valid") / (2.0 * Ts)
+    return m * second + Kd * first + Kp * e + Ki * Ts * (np.cumsum(e) - e)
+
+
+LOOP = {"m": 2.0, "Kp": 700.0, "Kd": 30.0, "Ki": 900.0}
+
+
+@pytest.mark.parametrize("fq", [0.0, 20.0, 60.0, 600.0])
+def test_a_learning_step_is_the_formula(samples, fq):
+    n, Ts, rate = 60, 1e-3, 0.4
+    e = np.random.default_rng(1).normal(size=(3, n)) * 1e-4
+    end = np.zeros((3, n))
+    end[1:, 0] = 1.0  # true for one sample in one case, for many in the other
+    end[2, :5] = 1.0
+    inputs = {"r": e.ravel(), "x": np.zeros(3 * n), "trial_end": end.ravel()}
+    start = LOOP | {"N": n, "fq": fq, "rate": rate, "u_min": -1e6, "u_max": 1e6, "gain": 0.5}
+    found = samples("IterativeLearning", inputs, ("F_hat", "u", "rms", "trial"), **start)
+    w = np.zeros(n)
+    expected = [w]
+    for error in e[:2]:
+        w = w + rate * inverse_sensitivity(error, Ts, **LOOP)
+        if 0.0 < fq < 500.0:
+            w = filtfilt(*butter(2, fq, fs=1.0 / Ts), w, padlen=0)
+        expected.append(w)
+    flat = np.concatenate(expected)
+    assert np.abs(found[:, 0] - flat).max() < 1e-9 * np.abs(flat).max()
+    assert np.array_equal(found[:, 1], 0.5 * found[:, 0])
+    assert np.array_equal(found[:, 3], np.repeat([0.0, 1.0, 2.0], n))
+    assert found[[n, 2 * n], 2] == pytest.approx(np.sqrt((e[:2] ** 2).mean(axis=1)))
+
+
+def test_learning_commands_and_limits(samples):
+    n = 10
+    trials = 6
+    end, learn, on, reset = (np.zeros((trials, n)) for _ in range(4))
+    end[1:, 0] = 1.0
+    learn[:] = on[:] = 1.0
+    learn[2, 0] = 0.0  # the second trial teaches nothing
+    on[3, 5:8] = 0.0
+    reset[5, 0] = 1.0
+    inputs = {"r": np.full(trials * n, 1e-3), "x": np.zeros(trials * n), "trial_end": end.ravel()}
+    inputs |= {"learn": learn.ravel(), "enable": on.ravel(), "reset": reset.ravel()}
+    start = {"N": n, "fq": 0.0, "rate": 1.0, "m": 0.0, "Kp": 1e3, "Kd": 0.0, "Ki": 0.0, "u_max": 2.5}
+    found = samples("IterativeLearning", inputs, ("u",), **start).reshape(trials, n)
+    assert np.array_equal(found[:3], np.repeat([[0.0], [1.0], [1.0]], n, axis=1))
+    # disabled it is silent; the trial then begins anew, and what was learned before is there
+    assert np.array_equal(found[3], [2.0] * 5 + [0.0] * 3 + [2.0] * 2)
+    # of the third trial the two samples since then are learned from, up to the limit
+    assert np.array_equal(found[4], [2.5] * 2 + [2.0] * 8)
+    assert not found[5].any()
+
+
+def test_a_trial_longer_than_the_buffer_ends_silently(samples):
+    inputs = {"r": np.full(12, 1e-3), "x": np.zeros(12), "trial_end": np.eye(12)[6]}
+    start = {"N": 4, "fq": 0.0, "rate": 1.0, "m": 0.0, "Kp": 1e3, "Kd": 0.0, "Ki": 0.0}
+    found = samples("IterativeLearning", inputs, ("F_hat",), **start)[:, 0]
+    assert np.array_equal(found, [0.0] * 6 + [1.0] * 4 + [0.0] * 2)
+
+
+# ---- RepetitiveController ------------------------------------------------------------------------------------------
+
+
+def hann_sinc(M: int, corner: float) -> np.ndarray:
+    """The taps of Q, of the sum 1; numpy's Hann window begins and ends with a zero."""
+    i = np.arange(-M, M + 1)
+    taps = 2.0 * corner * np.sinc(2.0 * corner * i) * np.hanning(2 * M + 3)[1:-1]
+    return taps / taps.sum()
+
+
+@pytest.mark.parametrize(("N", "M", "fq"), [(20, 5, 60.0), (20, 0, 60.0), (20, 40, 100.0), (7, 2, 0.0), (2, 9, 60.0)])
+def test_repetition_is_the_formula(samples, N, M, fq):
+    n, Ts, rate = 120, 1e-3, 0.4
+    e = np.random.default_rng(2).normal(size=n) * 1e-4
+    start = LOOP | {"N": N, "M": M, "fq": fq, "rate": rate, "u_min": -1e6, "u_max": 1e6, "gain": 0.5}
+    found = samples("RepetitiveController", {"r": e, "x": np.zeros(n)}, ("F_hat", "u"), **start)
+    half = min(M, N - 2)
+    taps = hann_sinc(half, fq * Ts) if fq and half else np.eye(2 * half + 1)[half]
+    # the first error counts as the one before, and nothing is learned from the last
+    Le = np.concatenate([inverse_sensitivity(e, Ts, **LOOP)[:-1], [0.0]])
+    y, F = np.zeros(n), np.zeros(n)
+    for k in range(n):
+        for i, tap in zip(range(-half, half + 1), taps, strict=True):
+            if k - N + i >= 0:
+                F[k] += tap * y[k - N + i]
+        y[k] = F[k] + rate * Le[k]
+    assert np.abs(found[:, 0] - F).max() < 1e-9 * np.abs(F).max()
+    assert np.array_equal(found[:, 1], 0.5 * found[:, 0])
+
+
+def test_repetition_forgets_on_reset_and_disable_and_keeps_its_limits(samples):
+    n = 60
+    on, reset = np.ones(n), np.zeros(n)
+    reset[20], on[40:45] = 1.0, 0.0
+    inputs = {"r": np.full(n, 1e-3), "x": np.zeros(n), "enable": on, "reset": reset}
+    start = {"N": 5, "M": 0, "fq": 0.0, "rate": 1.0, "m": 0.0, "Kp": 1e3, "Kd": 0.0, "Ki": 0.0, "u_max": 2.5}
+    found = samples("RepetitiveController", inputs, ("F_hat",), **start)[:, 0]
+    rise = np.minimum(np.arange(20) // 5, 2.5)
+    assert np.array_equal(found[:40], np.tile(rise, 2))
+    assert not found[40:45].any()
+    assert np.array_equal(found[45:], rise[:15])
+
+
+@pytest.fixture(scope="module")
+def repeated(build_fmu: BuildFmu) -> Iterator[Callable[..., np.ndarray]]:
+    """Error of a mass under PD and repetitive control that is shaken by a force of the given frequencies."""
+
+    def error(frequencies: list[float], periods: int, **start: float) -> np.ndarray:
+        shake = CallablePart(
+            "shake", lambda t, u, x: sum(np.sin(2.0 * np.pi * f * t + f) for f in frequencies), outputs=["F"]
+        )
+        parts = [
+            FmuPart("repetition", build_fmu("RepetitiveController")),
+            FmuPart("pd", build_fmu("PID")),
+            FmuPart("mass", build_fmu("Mass")),
+            shake,
+        ]
+        wires = ["mass.x -> pd.x", "mass.v -> pd.v", "mass.x -> repetition.x", "repetition.u -> pd.f"]
+        wires += ["pd.u -> mass.F_drive", "shake.F -> mass.F_load"]
+        values = {"pd.r": 0.0, "pd.rd": 0.0, "pd.rdd": 0.0, "repetition.r": 0.0, "mass.F_friction": 0.0}
+        values |= {f"{part}.{name}": value for part in ("pd", "repetition") for name, value in GAINS.items()}
+        values |= {"mass.m": 2.0, "repetition.m": 2.0, "repetition.N": 200, "mass.v_support": 0.0}
+        values |= {f"repetition.{name}": value for name, value in start.items()}
+        with System(parts, wires, values) as system:
+            result = system.run(stop=0.2 * periods, step=1e-3, record=["mass.x"])
+        return result["mass.x"].to_numpy()[-200:]
+
+    yield error
+
+
+GAINS = {"Kp": 4e3, "Kd": 120.0, "Ki": 0.0}
+
+
+def rms(error: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def test_harmonics_vanish_within_16_periods(repeated):
+    harmonics = [5.0, 10.0, 15.0, 35.0]
+    assert rms(repeated(harmonics, 16)) < 0.1 * rms(repeated(harmonics, 16, gain=0.0))
+
+
+def test_between_the_harmonics_errors_grow_by_at_most_two(repeated):
+    """With the rate 0.5 and an exact L by 2/(2 - rate) = 4/3 half way between two harmonics."""
+    ratio = rms(np.concatenate([repeated([7.5], n) for n in (39, 40)]))
+    ratio /= rms(np.concatenate([repeated([7.5], n, gain=0.0) for n in (39, 40)]))
+    assert ratio == pytest.approx(4.0 / 3.0, rel=0.03)
+
+
+@pytest.mark.parametrize(("wrong", "stable"), [(1.0, True), (3.0, True), (5.0, False)])
+def test_the_condition_of_convergence(repeated, wrong, stable):
+    """L too large by a factor: |1 - 0.5 factor| < 1 below the corner of Q."""
+    L = {"m": 2.0 * wrong} | {name: wrong * value for name, value in GAINS.items()}
+    late, later = (rms(repeated([5.0], n, **L)) for n in (12, 20))
+    assert (later < late) == stable

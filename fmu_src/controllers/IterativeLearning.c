@@ -1,0 +1,133 @@
+/* Iterative learning control: the force of a motion that is repeated, learned from trial to trial.
+
+   Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984; with a zero-phase low-pass: Tomizuka and others;
+   survey: Bristow, Tharayil, Alleyne, IEEE Control Systems Magazine 26(3), 2006.
+
+       trial j:     F_hat[k] = w_j[k],   k = 0 ... N-1 samples from its begin;   e[k] = r - x is recorded
+       between:     w_(j+1) = Q (w_j + rate L e_j), within u_min and u_max
+       (L e)[k]   = m (e[k+1] - 2 e[k] + e[k-1])/Ts^2 + Kd (e[k+1] - e[k-1])/(2 Ts) + Kp e[k]
+                    + Ki Ts (e[0] + ... + e[k-1]);   beyond its ends e is its last value
+       Q:           Butterworth low-pass of order 2 with the corner fq, there and back;   fq = 0: Q = 1
+       u          = clip(gain F_hat, u_min, u_max)
+
+   L is the inverse process sensitivity of a mass m under PID with these gains: the force that would have made e vanish.
+   trial_end marks a trial's first sample: when it becomes true, what was recorded is learned from, and k = 0 in that
+   very sample. While learn is false trials are repeated and nothing is learned.
+
+   Use it for a motion that is repeated from the same state, friction included: each trial should begin where the first
+   one did and at rest. u goes to the input f of the PID whose gains it knows. The learned force is friction and every
+   other force that the motion needs, for that motion only.
+
+   Converges, monotonically in the 2-norm for a linear loop with the process P and the controller C, if
+
+       |Q (1 - rate L P/(1 + P C))| < 1 at all frequencies;   the first trials take e down by about 1 - rate.
+
+   reset forgets what was learned, in its own sample. While enable is false u, F_hat and u_sat are 0, nothing is
+   recorded and k is 0; what was learned stays.
+
+   Limits: N samples at most 4096; after N samples F_hat is 0 and nothing is recorded. Above fq nothing is learned, but
+   what Q takes away is not learned either: the error of a reversal keeps its sharpest part. fq belongs below the
+   frequency up to which m, Kp, Kd, Ki describe the loop. u_min must not exceed u_max. */
+
+#define MODEL   IterativeLearning
+#define SUMMARY "Learns the force of a repeated motion from trial to trial"
+#define SOURCE  "Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984"
+
+/* clang-format off */
+#define VARIABLES                                                                                                 \
+    INPUT    (r,         LENGTH, 0.0,                   "reference position")                                     \
+    INPUT    (x,         LENGTH, 0.0,                   "measured position")                                      \
+    COMMAND  (trial_end, 0,                             "becomes true at the first sample of the next trial")     \
+    COMMAND  (learn,     1,                             "false: trials are repeated, nothing is learned")         \
+    COMMAND  (enable,    1,                             "false: u = 0, F_hat = 0 and k = 0, what is learned stays") \
+    COMMAND  (reset,     0,                             "true: what was learned is forgotten")                    \
+    OUTPUT   (u,         FORCE,                         "force of the trial gain F_hat, within u_min and u_max")  \
+    OUTPUT   (F_hat,     FORCE,                         "learned force")                                          \
+    OUTPUT   (u_sat,     NO_UNIT,                       "active limit: -1 lower, +1 upper, 0 none")               \
+    LOCAL    (rms,       LENGTH,                        "root mean square error of the last trial")               \
+    TALLY    (trial,                                    "trials that are over")                                   \
+    FIXED    (Ts,        TIME,      1e-3,   1e-9, INF,  "sample time")                                            \
+    COUNT    (N,         1000,              1, LONGEST, "samples of a trial")                                     \
+    PARAMETER(gain,      NO_UNIT,   1.0,    0.0,  1.0,  "share of the learned force that is applied")             \
+    PARAMETER(rate,      NO_UNIT,   0.5,    0.0,  2.0,  "learning rate")                                          \
+    PARAMETER(fq,        FREQUENCY, 50.0,   0.0,  INF,  "corner frequency of Q, 0: none")                         \
+    PARAMETER(m,         MASS,      1.0,    0.0,  INF,  "mass of the loop")                                       \
+    PARAMETER(Kp,        STIFFNESS, 12e3,   0.0,  INF,  "its proportional gain")                                  \
+    PARAMETER(Kd,        DAMPING,   190.0,  0.0,  INF,  "its derivative gain")                                    \
+    PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "its integral gain")                                  \
+    PARAMETER(u_min,     FORCE,    -100.0, -INF,  INF,  "lower limit of u and of what is learned")                \
+    PARAMETER(u_max,     FORCE,     100.0, -INF,  INF,  "upper limit of u and of what is learned")
+/* clang-format on */
+
+#include "zero_phase.h"
+
+#include <stdbool.h>
+
+enum { LONGEST = 4096 }; /* samples of a trial */
+
+#define SAMPLED
+#define MEMORY struct trials
+
+struct trials {
+    double w[LONGEST]; /* learned force        */
+    double e[LONGEST]; /* error of this trial  */
+    int k;             /* samples of this trial so far */
+    bool ended;        /* trial_end of the last sample */
+    double rms, trial; /* of the last trial; trials so far */
+};
+
+#include "block.h"
+#include "compensation.h"
+
+/* The learning step between two trials. */
+static void learn_from(Model *model)
+{
+    GIVEN(model)
+    struct trials *const past = &model->memory;
+    const double *const error = past->e;
+    const int n = past->k;
+    double integral = 0.0;
+
+    for (int k = 0; k < n; k++) {
+        const double before = error[k > 0 ? k - 1 : 0];
+        const double after = error[k + 1 < n ? k + 1 : k];
+        const double force = m * (after - 2.0 * error[k] + before) / (Ts * Ts) + Kd * (after - before) / (2.0 * Ts) +
+                             Kp * error[k] + Ki * integral;
+        integral += Ts * error[k];
+        past->w[k] += rate * force;
+    }
+    zero_phase(past->w, n, fq, Ts);
+    for (int k = 0; k < n; k++)
+        past->w[k] = clip(past->w[k], u_min, u_max);
+}
+
+static void sample(Model *model)
+{
+    GIVEN(model)
+    struct trials *const past = &model->memory;
+
+    if (reset)
+        *past = (struct trials){.ended = past->ended};
+    if (trial_end && !past->ended && past->k > 0) {
+        double sum = 0.0;
+        for (int k = 0; k < past->k; k++)
+            sum += square(past->e[k]);
+        past->rms = sqrt(sum / past->k);
+        past->trial += 1.0;
+        if (learn)
+            learn_from(model);
+        past->k = 0;
+    }
+    past->ended = trial_end;
+
+    double force = 0.0;
+    if (!enable) {
+        past->k = 0;
+    } else if (past->k < N) {
+        past->e[past->k] = r - x;
+        force = past->w[past->k++];
+    }
+    compensate(model, force);
+    model->rms = past->rms;
+    model->trial = past->trial;
+}

@@ -1,0 +1,124 @@
+/* Repetitive control: the force against an error of known period, learned from period to period while it runs.
+
+   Hara, Yamamoto, Omata, Nakano, IEEE Transactions on Automatic Control 33(7), 1988; with an inverse model: Tomizuka,
+   Tsao, Chew, Journal of Dynamic Systems, Measurement, and Control 111(3), 1989.
+
+       F_hat[k] = sum over i = -M ... M of q[i] y[k-N+i],   within u_min and u_max
+       y[k]     = F_hat[k] + rate (L e)[k],   e = r - x
+       (L e)[k] = m (e[k+1] - 2 e[k] + e[k-1])/Ts^2 + Kd (e[k+1] - e[k-1])/(2 Ts) + Kp e[k] + Ki Ts (sum of all e
+   before) q[i]     = sin(2 pi fq Ts i)/(pi i) cos^2(pi i/(2 (M + 1))), scaled to the sum 1:  Q, a low-pass without
+   phase u        = clip(gain F_hat, u_min, u_max)
+
+   L is the inverse process sensitivity of a mass m under PID with these gains. Q and L look ahead, which costs nothing,
+   as a period has passed. fq = 0, fq above 1/(2 Ts) or M = 0: Q = 1.
+
+   Use it for a rotation or a motion that is repeated without a pause; N Ts is the period. u goes to the input f of the
+   PID whose gains it knows. IterativeLearning is for trials that begin anew.
+
+   Stable if, with the process P, the controller C and S_p = P/(1 + P C),
+
+       |Q (1 - rate L S_p)| < 1 at all frequencies
+
+   and then the harmonics k/(N Ts) below fq vanish but for 1 - Q. Between the harmonics errors are amplified, with an
+   exact L up to 2/(2 - rate) times.
+
+   reset forgets what was learned, in its own sample. While enable is false u, F_hat and u_sat are 0 and nothing is
+   known.
+
+   Limits: N at most 4096; M is at most N - 2. A period that differs from N Ts by some per cent of the shortest
+   harmonic's period spoils that harmonic. Q is not 1 at the harmonics near fq: they remain in part. u_min must not
+   exceed u_max. */
+
+#define MODEL   RepetitiveController
+#define SUMMARY "Learns the force against a periodic error while it runs"
+#define SOURCE  "Hara, Yamamoto, Omata, Nakano, IEEE Trans. Automatic Control 33(7), 1988"
+
+/* clang-format off */
+#define VARIABLES                                                                                                 \
+    INPUT    (r,      LENGTH, 0.0,                  "reference position")                                         \
+    INPUT    (x,      LENGTH, 0.0,                  "measured position")                                          \
+    COMMAND  (enable, 1,                            "false: u = 0, F_hat = 0 and nothing is known")               \
+    COMMAND  (reset,  0,                            "true: what was learned is forgotten")                        \
+    OUTPUT   (u,      FORCE,                        "periodic force gain F_hat, within u_min and u_max")          \
+    OUTPUT   (F_hat,  FORCE,                        "learned force")                                              \
+    OUTPUT   (u_sat,  NO_UNIT,                      "active limit: -1 lower, +1 upper, 0 none")                   \
+    FIXED    (Ts,     TIME,      1e-3,   1e-9, INF, "sample time")                                                \
+    COUNT    (N,      1000,              2, LONGEST, "samples of the period")                                     \
+    COUNT    (M,      16,                0, TAPS,   "samples that Q looks back and ahead")                        \
+    FIXED    (fq,     FREQUENCY, 50.0,   0.0,  INF, "corner frequency of Q, 0: none")                             \
+    PARAMETER(gain,   NO_UNIT,   1.0,    0.0,  1.0, "share of the learned force that is applied")                 \
+    PARAMETER(rate,   NO_UNIT,   0.5,    0.0,  2.0, "learning rate")                                              \
+    PARAMETER(m,      MASS,      1.0,    0.0,  INF, "mass of the loop")                                           \
+    PARAMETER(Kp,     STIFFNESS, 12e3,   0.0,  INF, "its proportional gain")                                      \
+    PARAMETER(Kd,     DAMPING,   190.0,  0.0,  INF, "its derivative gain")                                        \
+    PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "its integral gain")                                  \
+    PARAMETER(u_min,  FORCE,    -100.0, -INF,  INF, "lower limit of u and of what is learned")                    \
+    PARAMETER(u_max,  FORCE,     100.0, -INF,  INF, "upper limit of u and of what is learned")
+/* clang-format on */
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum { LONGEST = 4096, TAPS = 64, RING = LONGEST + TAPS + 1 };
+
+#define SAMPLED
+#define MEMORY struct period
+
+struct period {
+    double y[RING];     /* of the last N + M samples, sample k at k modulo N + M + 1 */
+    double q[TAPS + 1]; /* half of Q                                                 */
+    double e[2];        /* the last two errors                                       */
+    double integral;    /* of the errors before the last one                         */
+    bool known;         /* there is a last sample                                    */
+};
+
+#include "block.h"
+#include "compensation.h"
+
+/* Q's values for i = 0 ... M. */
+static void design(double *q, int M, double corner)
+{
+    const double pi = 3.14159265358979323846;
+    const bool none = corner <= 0.0 || corner >= 0.5;
+    double sum = 0.0;
+
+    for (int i = 0; i <= M; i++) {
+        const double window = square(cos(pi * i / (2.0 * (M + 1))));
+        q[i] = i == 0 ? (none ? 1.0 : 2.0 * corner) : none ? 0.0 : sin(2.0 * pi * corner * i) / (pi * i) * window;
+        sum += i == 0 ? q[i] : 2.0 * q[i];
+    }
+    for (int i = 0; i <= M; i++)
+        q[i] /= sum;
+}
+
+static void sample(Model *model)
+{
+    GIVEN(model)
+    struct period *const past = &model->memory;
+    const int half = M < N - 2 ? M : N - 2;
+    const int64_t ring = N + half + 1;
+    const int64_t k = model->run.tick + ring; /* k - N - M is not negative */
+    const double e = r - x;
+
+    if (reset || !enable)
+        *past = (struct period){.known = false};
+    if (!past->known) {
+        design(past->q, half, fq * Ts);
+        past->e[0] = past->e[1] = e;
+    } else {
+        const double second = (e - 2.0 * past->e[0] + past->e[1]) / (Ts * Ts);
+        const double first = (e - past->e[1]) / (2.0 * Ts);
+        past->y[(k - 1) % ring] += rate * (m * second + Kd * first + Kp * past->e[0] + Ki * past->integral);
+        past->integral += Ts * past->e[0];
+        past->e[1] = past->e[0];
+        past->e[0] = e;
+    }
+    past->known = enable;
+
+    double force = past->q[0] * past->y[(k - N) % ring];
+    for (int i = 1; i <= half; i++)
+        force += past->q[i] * (past->y[(k - N - i) % ring] + past->y[(k - N + i) % ring]);
+    force = clip(force, u_min, u_max);
+    past->y[k % ring] = force;
+    compensate(model, force);
+}
