@@ -25,8 +25,8 @@
    reset forgets what was learned, in its own sample. While enable is false u, F_hat and u_sat are 0 and nothing is
    known.
 
-   Limits: N at most 4096; M is at most N - 2. A period that differs from N Ts by some per cent of the shortest
-   harmonic's period spoils that harmonic. Q is not 1 at the harmonics near fq: they remain in part. u_min must not
+   Limits: N at most 4096; M is at most N - 2. A period that differs from N Ts spoils the highest harmonics
+   first. Q is not 1 at the harmonics near fq: they remain in part. u_min must not
    exceed u_max. */
 
 #define MODEL   RepetitiveController
