@@ -9,8 +9,8 @@
    before) q[i]     = sin(2 pi fq Ts i)/(pi i) cos^2(pi i/(2 (M + 1))), scaled to the sum 1:  Q, a low-pass without
    phase u        = clip(gain F_hat, u_min, u_max)
 
-   L is the inverse process sensitivity of a mass m under PID with these gains. Q and L look ahead, which costs nothing,
-   as a period has passed. fq = 0, fq above 1/(2 Ts) or M = 0: Q = 1.
+   L is the inverse process sensitivity of a mass m under PID with these gains, q the low-pass Q. Both look ahead, which
+   costs nothing, as a period has passed. fq = 0, fq above 1/(2 Ts) or M = 0: Q = 1.
 
    Use it for a rotation or a motion that is repeated without a pause; N Ts is the period. u goes to the input f of the
    PID whose gains it knows. IterativeLearning is for trials that begin anew.
