@@ -5,9 +5,10 @@
    Newton's law.
 
        stuck:  |v| < v_stuck for n_stuck samples in a row, and |r - x| > tol
-       then:   a pulse of n_pulse samples, tp = n_pulse Ts, of the force Fp sgn(r - x)
-       Fp      = (Fc + sqrt(Fc^2 + 8 m Fc d/tp^2))/2,   at least Fs;   d = gain |r - x|
-       u       = clip(f + pulse, u_min, u_max),   with alone the pulse takes the place of f
+       then:   a pulse Fp sgn(r - x) of n_pulse samples, tp = n_pulse Ts
+       Fp      = (Fc + sqrt(Fc^2 + 8 m Fc d/tp^2))/2,   at least Fs
+       d       = gain |r - x|
+       u       = clip(f + pulse, u_min, u_max);   with alone: pulse instead of f
 
    A mass m with Coulomb friction Fc that starts from rest under the constant force Fp for tp slides by
 

@@ -3,13 +3,16 @@
    Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984; with a zero-phase low-pass: Tomizuka and others;
    survey: Bristow, Tharayil, Alleyne, IEEE Control Systems Magazine 26(3), 2006.
 
-       trial j:     F_hat[k] = w_j[k],   k = 0 ... N-1 samples from its begin;   e[k] = r - x is recorded
-       between:     w_(j+1) = Q (w_j + rate L e_j), within u_min and u_max
-       (L e)[k]   = m (e[k+1] - 2 e[k] + e[k-1])/Ts^2 + Kd (e[k+1] - e[k-1])/(2 Ts) + Kp e[k]
-                    + Ki Ts (e[0] + ... + e[k-1]);   beyond its ends e is its last value
-       Q:           Butterworth low-pass of order 2 with the corner fq, there and back;   fq = 0: Q = 1
-       u          = clip(gain F_hat, u_min, u_max)
+       trial j:   F_hat[k] = w_j[k],   k = 0 ... N-1 samples from its begin
+                  e[k] = r - x is recorded
+       between:   w_(j+1) = Q (w_j + rate L e_j), within u_min and u_max
+       (L e)[k] = m (e[k+1] - 2 e[k] + e[k-1])/Ts^2
+                  + Kd (e[k+1] - e[k-1])/(2 Ts) + Kp e[k]
+                  + Ki Ts (e[0] + ... + e[k-1])
+       u        = clip(gain F_hat, u_min, u_max)
 
+   Beyond its ends e is its last value. Q is a Butterworth low-pass of order 2 with the corner fq, there and back;
+   fq = 0: Q = 1.
    L is the inverse process sensitivity of a mass m under PID with these gains: the force that would have made e vanish.
    trial_end marks a trial's first sample: when it becomes true, what was recorded is learned from, and k = 0 in that
    very sample. While learn is false trials are repeated and nothing is learned.
@@ -20,7 +23,9 @@
 
    Converges, monotonically in the 2-norm for a linear loop with the process P and the controller C, if
 
-       |Q (1 - rate L P/(1 + P C))| < 1 at all frequencies;   the first trials take e down by about 1 - rate.
+       |Q (1 - rate L P/(1 + P C))| < 1 at all frequencies
+
+   and the first trials take e down by about 1 - rate.
 
    reset forgets what was learned, in its own sample. While enable is false u, F_hat and u_sat are 0, nothing is
    recorded and k is 0; what was learned stays.

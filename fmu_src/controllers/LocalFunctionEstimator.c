@@ -4,13 +4,16 @@
    (only the abstract was read); the equations are those of least squares, see Savitzky, Golay, Analytical Chemistry
    36(8), 1964.
 
-       F_m[j] = u_prev - m (v[k-j] - v[k-j-1])/Ts,   j = 0 ... n-1: mean friction over each of the last n intervals
-       the polynomial of the degree p with the means nearest to F_m (least squares) is taken at the time of sample k:
+       F_m[j] = u_prev - m (v[k-j] - v[k-j-1])/Ts,   j = 0 ... n-1
        F_hat = w[0] F_m[0] + ... + w[n-1] F_m[n-1]
-       w[j]  = 1/n                                                          p = 0
-               + 6 t/(n^2 - 1)                                              p = 1
-               + 30 n (t^2 - (n^2 - 1)/12)/((n^2 - 1) (n^2 - 4))            p = 2,   t = (n - 1)/2 - j
+       t     = (n - 1)/2 - j
+       w[j]  = 1/n                                                    p = 0
+               + 6 t/(n^2 - 1)                                        p = 1, 2
+               + 30 n (t^2 - (n^2 - 1)/12)/((n^2 - 1)(n^2 - 4))       p = 2
        u     = clip(gain F_hat, u_min, u_max)
+
+   F_m are the mean friction forces of the last n sampling intervals, n = window. F_hat is the value at sample k of the
+   polynomial of the degree p whose means over these intervals are nearest to them (least squares).
 
    Use it where an estimate of finite memory is wanted: what is older than n samples is forgotten, and a force that is a
    polynomial of the degree p is estimated without error. A force that grows at the rate c is estimated late by n Ts/2

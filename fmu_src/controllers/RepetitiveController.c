@@ -9,8 +9,8 @@
    before) q[i]     = sin(2 pi fq Ts i)/(pi i) cos^2(pi i/(2 (M + 1))), scaled to the sum 1:  Q, a low-pass without
    phase u        = clip(gain F_hat, u_min, u_max)
 
-   L is the inverse process sensitivity of a mass m under PID with these gains. Q and L look ahead, which costs nothing,
-   as a period has passed. fq = 0, fq above 1/(2 Ts) or M = 0: Q = 1.
+   L is the inverse process sensitivity of a mass m under PID with these gains, q the low-pass Q. Both look ahead, which
+   costs nothing, as a period has passed. fq = 0, fq above 1/(2 Ts) or M = 0: Q = 1.
 
    Use it for a rotation or a motion that is repeated without a pause; N Ts is the period. u goes to the input f of the
    PID whose gains it knows. IterativeLearning is for trials that begin anew.
@@ -25,8 +25,8 @@
    reset forgets what was learned, in its own sample. While enable is false u, F_hat and u_sat are 0 and nothing is
    known.
 
-   Limits: N at most 4096; M is at most N - 2. A period that differs from N Ts by some per cent of the shortest
-   harmonic's period spoils that harmonic. Q is not 1 at the harmonics near fq: they remain in part. u_min must not
+   Limits: N at most 4096; M is at most N - 2. A period that differs from N Ts spoils the highest harmonics
+   first. Q is not 1 at the harmonics near fq: they remain in part. u_min must not
    exceed u_max. */
 
 #define MODEL   RepetitiveController

@@ -55,7 +55,7 @@ def disturbance_observer(
 ) -> dict[str, SX]:
     """What a mass was kept from by, low-pass filtered.
 
-        F_m   = u_prev - f_prev - m (v - v_last)/Ts,   the mean of the last sampling interval
+        F_m   = u_prev - f_prev - m (v - v_last)/Ts,   mean of the last interval
         F_hat = Q F_m
         Q     = w/(s + w)  or  w^2/(s^2 + sqrt(2) w s + w^2),   w = 2 pi fq
         u     = clip(gain F_hat, u_min, u_max)

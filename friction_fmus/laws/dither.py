@@ -46,16 +46,18 @@ def dither(
 ) -> dict[str, SX]:
     """A fast oscillation on top of a force, so that friction is met averaged.
 
-        u = clip(f + gain Ad w(phase), u_min, u_max),   phase_next = (phase + frequency Ts) modulo 1
+        u = clip(f + gain Ad w(phase), u_min, u_max)
+        phase_next = (phase + frequency Ts) modulo 1
         shape 0:  w = sin(2 pi phase)
         shape 1:  w = 1 in the first half of the period, -1 in the second
-        shape 2:  w = 4 phase, 2 - 4 phase, 4 phase - 4 in the first quarter, in the middle, in the last quarter
+        shape 2:  w = 4 phase in the first quarter, 4 phase - 4 in the last one,
+                  2 - 4 phase between them
 
     Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994, section 4 (survey); the averages follow by
     integration. A mass m that slides all the time gets a velocity dither of the amplitude A = Ad/(2 pi frequency m)
     from the sine. Coulomb friction Fc at the velocity v0 + A w, |v0| < A, has the mean
 
-        sine velocity:      (2 Fc/pi) asin(v0/A),  near v0 = 0 a viscous coefficient 2 Fc/(pi A)
+        sine velocity:      (2 Fc/pi) asin(v0/A),  near 0: 2 Fc/(pi A) v0
         triangle velocity:  Fc v0/A
         square velocity:    0
 

@@ -67,8 +67,8 @@ def pid(
         I_next = I + Ts e
         I_next = I while u is limited and e pushes further into that limit
         I_next = I while |e| <= db, and from then on until |e| > db_ratio db
-        I      = reversal I, before it is used, in the sample at which v beyond v_zc has the other sign than the last
-                 v beyond v_zc
+        I      = reversal I, before it is used, at a reversal: |v| > v_zc and v has
+                 the other sign than the last v of which that was true
 
     Astrom, Hagglund: Advanced PID Control, ISA 2006 (conditional integration against windup). Ki = 0 is PD
     control. The start values place three poles near 10 Hz for a mass of 1 kg without friction.

@@ -48,7 +48,8 @@ def predictive_filter(
 ) -> dict[str, SX]:
     """The friction force that best explains the last sampling interval, weighed against its size.
 
-        minimise  (v - v_hat_next)^2 / R + W F_hat^2,   v_hat_next = v_hat + Ts/m (u_prev - F_hat)
+        minimise  (v - v_hat_next)^2 / R + W F_hat^2
+        v_hat_next = v_hat + Ts/m (u_prev - F_hat)
         R = v_noise^2,   W = 1/F_size^2
 
         rho   = v - (v_hat + Ts/m u_prev)
