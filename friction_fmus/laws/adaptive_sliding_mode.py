@@ -76,7 +76,8 @@ def adaptive_sliding_mode(
     Both stay where they are while |s| <= phi, and while u is limited and s pushes further into that limit.
 
     Slotine, Li: Applied Nonlinear Control, Prentice Hall 1991 (robust adaptive sliding control with a boundary layer;
-    from memory). Outside the layer, in continuous time and for friction that follows the reference velocity,
+    from memory); the paper that combines it with a Stribeck curve of the reference was not found, the law is as a
+    summary states it. Outside the layer, in continuous time and for friction that follows the reference velocity,
 
         V = m s^2/2 + (Fc - Fc_hat)^2/(2 Gamma_c) + (Fv - Fv_hat)^2/(2 Gamma_v)
         V' = -Ks s^2 - K |s|

@@ -73,9 +73,9 @@ def elasto_plastic_estimator(
     The first sample, a sample with reset and the one after enable was false start with z = 0. While enable is false u,
     F_hat, u_sat and all states are 0.
 
-    Limits: no Stribeck effect and no lag: identify Fc at working speed. Positive feedback of the stiffness sigma0 below
-    break-away: the position loop, and real stiffness, must exceed gain sigma0. z after a start at rest is unknown until
-    the axis has moved by some 3 z_m. u_min must not exceed u_max.
+    Limits: no Stribeck effect and no lag: identify Fc at working speed. Below break-away it feeds the stiffness
+    gain sigma0 back positively: the stiffness of the real contact and of the position loop must together exceed it. z
+    after a start at rest is unknown until the axis has moved by some 3 z_m. u_min must not exceed u_max.
     """
     fresh = logic_or(reset, running <= 0.5)
     # the difference is 0, and NaN where x is

@@ -65,9 +65,9 @@ def implicit_sliding_mode(
 
         n = ceil(m |s|/(K Ts))
 
-    samples, where the explicit sign would swing about 0 by K Ts/m for ever. With a friction force F, |F| <= K, the same
-    law ends with s = F Ts/m, whatever K is, and F_hat is F of one sample before. (All of it up to terms of the order
-    lam Ts of one step of s, as r - x changes within a sample.)
+    samples, where the explicit sign would swing about 0 by K Ts/m for ever. With a friction force F, |F| <= K, the
+    same law ends with s = F Ts/m, whatever K is, and F_hat is F of one sample before. (All of it for gain = 1, and up
+    to terms of the order lam Ts of one step of s, as r - x changes within a sample.)
 
     Use it for robust tracking with an upper bound of friction as the only model; a bound that is too high does no
     harm, unlike in the explicit law. There is no state, and nothing that winds up. f takes a friction feedforward,

@@ -27,7 +27,7 @@ from friction_fmus.law import (
 @law(
     "ResetPID",
     "PID whose integral jumps where the error changes sign, against hunting",
-    source="This library, after Beerens, Bisoffi, Zaccarian et al., Automatica 107, 2019",
+    source="This library; the idea from Beerens et al., Automatica 107, 2019",
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),

@@ -57,14 +57,14 @@ def static_feedback(
     Use it where no reference is known in advance, as in hand guiding or force control, and where the velocity signal
     is good; it needs the Stribeck curve, of which less than all should be compensated.
 
-    Within vt the law is a negative damper of at most gain (max(Fc, Fs)/vt + Fv), so a frictionless axis with the
+    Within vt the law is a negative damper of at most gain (Fs/vt + Fv), for Fs >= Fc, so a frictionless axis with the
     damping Kd stays stable for
 
-        Kd > gain (max(Fc, Fs)/vt + Fv)
+        Kd > gain (Fs/vt + Fv)
 
     and a sample time that is short against mass/Kd. With real friction above F_hat at every velocity the damper adds
-    no energy and the loop settles; where gain g exceeds the real friction, a limit cycle appears whose amplitude grows
-    with the excess, however the position loop is tuned.
+    no energy and the loop settles with less Kd, too; where gain g exceeds the real friction it does not, and a limit
+    cycle appears whose amplitude grows with the excess.
 
     Limits: at rest it compensates nothing, so the stiction error of the position loop stays. A wide vt leaves friction
     uncompensated just after a reversal, a narrow one feeds back noise. Presliding is not modelled. The delay of the

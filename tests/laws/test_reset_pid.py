@@ -139,8 +139,8 @@ PAPER = {"Kp": 3.0, "Kd": 6.0, "Ki": 4.0}
 
 def test_hunting_of_the_1995_gains_disappears(build_fmu: BuildFmu):
     step = {"amplitude[1]": 0.0, "offset": 1.0}
-    hunting = follow(build_fmu, "PID", PAPER, reference=step, stop=60.0, inner=4)
-    settled = follow(build_fmu, "ResetPID", PAPER, reference=step, stop=60.0, inner=4)
+    hunting = follow(build_fmu, "PID", PAPER, reference=step, stop=60.0)
+    settled = follow(build_fmu, "ResetPID", PAPER, reference=step, stop=60.0)
     late = slice(40000, None)
     assert np.abs(hunting["mass.x"].to_numpy()[late] - 1.0).max() > 0.05
     assert np.abs(settled["mass.x"].to_numpy()[late] - 1.0).max() < 1e-6
@@ -153,6 +153,6 @@ def test_coulomb_friction_settles_without_the_creep_of_pid(build_fmu: BuildFmu):
     plant = {"friction.Fs": 1.0}
     errors = []
     for law in ("PID", "ResetPID"):
-        result = follow(build_fmu, law, PAPER, reference=step, start=plant, stop=60.0, inner=4)
+        result = follow(build_fmu, law, PAPER, reference=step, start=plant, stop=60.0)
         errors.append(float(np.abs(result["mass.x"].to_numpy()[40000:] - 1.0).max()))
     assert errors[1] < 1e-3 * errors[0]
