@@ -4,7 +4,14 @@ Each returns a `Condition`: whether it holds, the two numbers that were compared
 change if it does not. ``friction-fmus doctor`` evaluates them on a system, see docs/conditions.md.
 """
 
-from .compensation import disturbance_loop, disturbance_observer, explicit_observer, injection, overcompensation
+from .compensation import (
+    disturbance_loop,
+    disturbance_observer,
+    explicit_observer,
+    inertia,
+    injection,
+    overcompensation,
+)
 from .condition import Condition
 from .coupling import contact_step, fresh, longest_step, sample_step
 from .learning import contraction, process_sensitivity
@@ -31,6 +38,7 @@ __all__ = [
     "explicit_observer",
     "fresh",
     "hunting",
+    "inertia",
     "injection",
     "longest_step",
     "overcompensation",

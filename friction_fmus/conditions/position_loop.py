@@ -113,7 +113,7 @@ def steepest_fall(Fc: float, Fs: float, vs: float, delta: float = 2.0) -> float:
     if delta < 1.0:
         return math.inf
     share = (delta - 1.0) / delta
-    return (Fs - Fc) / vs * delta * share**share * math.exp(-share)
+    return (Fs - Fc) / vs * delta * math.pow(share, share) * math.exp(-share)
 
 
 def stick_slip_free(
