@@ -206,8 +206,8 @@ def dead_band(db: float, slip: float) -> Condition:
         value=2.0 * db,
         bound=slip,
         wrong=f"the dead-band of {-db:.4g} m to {db:.4g} m is narrower than a slip, {slip:.4g} m",
-        why="a slip that begins at one edge ends beyond the other: the integral turns round and the axis hunts, in "
-        "wider movements than without the dead-band",
+        why="a slip that begins at one edge ends beyond the other: the integral turns round and the axis hunts, maybe "
+        "in wider movements than without the dead-band",
         change=f"make db at least {slip / 2.0:.4g} m, or raise Kp and Kd until slips are shorter",
         source="derived here for a rigid contact, from Armstrong, Amin, Automatica 32(5), 1996",
     )
