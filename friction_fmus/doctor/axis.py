@@ -51,17 +51,20 @@ class Contact:
     levels : (Level, Level)
         Forward and backward.
     stiffness, damping : float
-        Of the contact at rest [N/m, N.s/m]; stiffness 0: rigid.
+        Of the contact at rest [N/m, N.s/m], in proportion to the normal force; stiffness 0: rigid.
+    viscous : float
+        Viscous friction that acts at rest, too [N.s/m].
     """
 
     levels: tuple[Level, Level]
     stiffness: float = 0.0
     damping: float = 0.0
+    viscous: float = 0.0
 
     def loaded(self, load: float) -> Contact:
         """The same under another normal force; viscous friction does not depend on it."""
         forward, backward = (replace(level, Fc=load * level.Fc, Fs=load * level.Fs) for level in self.levels)
-        return Contact((forward, backward), load * self.stiffness, load * self.damping)
+        return Contact((forward, backward), load * self.stiffness, load * self.damping, self.viscous)
 
 
 @dataclass(frozen=True)

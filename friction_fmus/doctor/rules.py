@@ -48,7 +48,7 @@ def disturbance_observer_poles(axis: Axis, used: Used) -> Iterator[Condition]:
     observer = (p["fq"], p["Ts"])
     yield conditions.disturbance_observer(*loop, *observer, viscous, axis.stiffness, p["m"], share)
     if contact and contact.stiffness:
-        damping, Kt = viscous + contact.damping, axis.stiffness + contact.stiffness
+        damping, Kt = axis.damping + contact.damping + contact.viscous, axis.stiffness + contact.stiffness
         yield conditions.disturbance_observer(*loop, *observer, damping, Kt, p["m"], share)
 
 

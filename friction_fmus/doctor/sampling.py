@@ -54,6 +54,6 @@ def _contacts(system: System, experiment: Experiment, axis: Axis) -> Iterator[Fi
     if experiment.extrapolation:  # the limit is that of held values
         return
     step = experiment.step * max(system.parts[name].every for name in (axis.plant, friction))
-    damping = contact.damping + min(level.viscous for level in contact.levels)
+    damping = contact.damping + contact.viscous
     condition = conditions.contact_step(experiment.master, step, axis.m, contact.stiffness, damping)
     yield Finding((axis.plant, friction), condition)

@@ -57,7 +57,7 @@ def elements(p: Values, name: str) -> float:
 
 def lugre(p: Values) -> Contact:
     """LuGre and its relatives."""
-    return Contact(levels(p, "sigma2"), p["sigma0"], p["sigma1"])
+    return Contact(levels(p, "sigma2"), p["sigma0"], p["sigma1"], p["sigma2"])
 
 
 def both(level: Level) -> tuple[Level, Level]:
@@ -83,9 +83,9 @@ FRICTION: Final[Mapping[str, Callable[[Values], Contact]]] = {
     "Dahl": lambda p: Contact(levels(p, vs=False), p["sigma"]),
     "LuGre": lugre,
     "ElastoPlastic": lugre,
-    "Leuven": lambda p: Contact(levels(p, "sigma2"), p["A"] / p["zc"], p["sigma1"]),
-    "ModifiedLeuven": lambda p: Contact(levels(p, "sigma2"), elements(p, "k"), p["sigma1"]),
-    "GMS": lambda p: Contact(levels(p, "sigma2"), elements(p, "k"), p["N"] * p["sigma"]),
+    "Leuven": lambda p: Contact(levels(p, "sigma2"), p["A"] / p["zc"], p["sigma1"], p["sigma2"]),
+    "ModifiedLeuven": lambda p: Contact(levels(p, "sigma2"), elements(p, "k"), p["sigma1"], p["sigma2"]),
+    "GMS": lambda p: Contact(levels(p, "sigma2"), elements(p, "k"), p["N"] * p["sigma"], p["sigma2"]),
     "MaxwellSlip": lambda p: Contact(both(Level(elements(p, "W"), elements(p, "W"))), elements(p, "k")),
 }
 
