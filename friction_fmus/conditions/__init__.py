@@ -14,7 +14,7 @@ from .compensation import (
 )
 from .condition import Condition
 from .coupling import contact_step, fresh, longest_step, sample_step
-from .learning import contraction, process_sensitivity
+from .learning import contraction, learning_filter, process_sensitivity, sampled_sensitivity
 from .position_loop import (
     closed_loop,
     dead_band,
@@ -40,12 +40,14 @@ __all__ = [
     "hunting",
     "inertia",
     "injection",
+    "learning_filter",
     "longest_step",
     "overcompensation",
     "process_sensitivity",
     "routh",
     "sample_step",
     "sampled",
+    "sampled_sensitivity",
     "steepest_fall",
     "stick_slip_free",
 ]

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from friction_fmus.doctor.axis import Contact, Gains, Law, Level, Plant, Values
+from friction_fmus.doctor.learning import periods_contract, trials_contract
 from friction_fmus.doctor.rules import disturbance_observer_poles, injection_of_error
 
 
@@ -106,5 +107,8 @@ LAWS: Final[Mapping[str, Law]] = {
     "LuGreObserver": Law(
         levels=lambda p: levels(p, "sigma2"), measured=True, at_rest=True, rules=(injection_of_error,)
     ),
+    "TustinFeedback": Law(levels=lambda p: levels(p, "Fv", delta=1.0), measured=True),
     "DisturbanceObserver": Law(rules=(disturbance_observer_poles,)),
+    "IterativeLearning": Law(rules=(trials_contract,)),
+    "RepetitiveController": Law(rules=(periods_contract,)),
 }

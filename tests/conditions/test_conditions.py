@@ -25,12 +25,14 @@ from friction_fmus.conditions import (
     hunting,
     inertia,
     injection,
+    learning_filter,
     longest_step,
     overcompensation,
     process_sensitivity,
     routh,
     sample_step,
     sampled,
+    sampled_sensitivity,
     steepest_fall,
     stick_slip_free,
 )
@@ -306,6 +308,36 @@ def test_learning_with_three_times_the_mass_needs_a_low_pass() -> None:
             u = lowpass * (u + L * errors[-1])
         change = np.abs(np.diff(errors, axis=0))
         assert (change[1] / change[0]).max() == pytest.approx(found.value, rel=1e-6)
+
+
+@pytest.mark.parametrize("Ki", [0.0, 250e3])
+@pytest.mark.parametrize("f", [2.0, 30.0, 200.0])
+def test_sampled_sensitivity_is_what_a_sinusoidal_force_does(f: float, Ki: float) -> None:
+    """Amplitude and phase from a simulation of the loop, sample by sample, after the transients."""
+    Kp, Kd, Ts, periods = 12e3, 190.0, 1e-3, 400
+    A, b = discretised(1.0, 0.4, 0.0, Ts)
+    state, integral, x = np.zeros(2), 0.0, []
+    force = np.cos(2.0 * np.pi * f * Ts * np.arange(round(periods / f / Ts)))
+    for u in force:
+        x.append(state[0])
+        drive = u - Kp * state[0] - Kd * state[1] + Ki * integral
+        integral -= Ts * state[0]
+        state = A @ state + b * drive
+    tail = len(x) // 2
+    turn = np.exp(-2j * np.pi * f * Ts * np.arange(len(x)))
+    measured = 2.0 * np.mean((np.array(x) * turn)[tail:])
+    assert sampled_sensitivity(np.array([f]), 1.0, 0.4, Kp, Kd, Ki, Ts)[0] == pytest.approx(measured, rel=1e-3)
+
+
+def test_learning_filter_is_central_differences_and_a_sum() -> None:
+    f, Ts, m, Kp, Kd, Ki = 50.0, 1e-3, 2.0, 300.0, 20.0, 7e3
+    e = np.exp(2j * np.pi * f * Ts * np.arange(-1, 21))  # a whole period from sample 0 on
+    k = 8
+    now = m * (e[k + 2] - 2.0 * e[k + 1] + e[k]) / Ts**2 + Kd * (e[k + 2] - e[k]) / (2.0 * Ts) + Kp * e[k + 1]
+    # a sum of a sinusoid is a sinusoid and a constant, which the mean over a period removes
+    sums = Ts * np.cumsum(e[1:-1]) - Ts * e[1:-1]
+    force = now + Ki * (sums[k] - sums.mean())
+    assert learning_filter(np.array([f]), m, Kp, Kd, Ki, Ts)[0] == pytest.approx(force / e[k + 1], rel=1e-9)
 
 
 def test_explicit_step_of_the_bristles() -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 
 import fmpy
 import numpy as np
 import pytest
+from scipy.signal import butter, freqz
 from stand_ins import stand_in
 
 from friction_fmus import build
@@ -17,6 +19,7 @@ from friction_fmus.catalogue import catalogue, laws_folder
 from friction_fmus.doctor import examine
 from friction_fmus.doctor.axis import Axis, Contact, Level, Used
 from friction_fmus.doctor.find import axes
+from friction_fmus.doctor.learning import butterworth_there_and_back, windowed_sinc
 from friction_fmus.doctor.rules import examine_axis
 from friction_fmus.doctor.tables import FRICTION, LAWS, PLANTS
 from friction_fmus.law_files import discover_laws
@@ -165,6 +168,43 @@ def test_disturbance_observer_with_a_wrong_mass(tmp_path: Path, loop: Callable[.
     assert wrong(loop({}, wires, (FmuPart("dob", fmu),))) == []
     heavy = loop({"dob.m": 12.0}, wires, (FmuPart("dob", fmu),))
     assert {name for name, _ in wrong(heavy)} == {"disturbance observer"}
+
+
+LEARNING = {"gain": 1.0, "rate": 0.5, "fq": 50.0, "m": 1.0, "Kp": 12e3, "Kd": 600.0, "Ki": 0.0, "N": 1000.0, "M": 16.0}
+
+
+@pytest.mark.parametrize("name", ["IterativeLearning", "RepetitiveController"])
+def test_learning_with_a_wrong_model(name: str, tmp_path: Path, loop: Callable[..., System]) -> None:
+    fmu = stand_in(name, tmp_path, **LEARNING)
+    wires = ["learn.u -> pid.f", "mass.v -> learn.v"]
+
+    def names(**values: float) -> list[str]:
+        start = {f"learn.{key}": value for key, value in values.items()}
+        return [name for name, _ in wrong(loop(start, wires, (FmuPart("learn", fmu),)))]
+
+    assert names() == []
+    # far above the loop L S is 5 and 1 - 0.5 x 5 is -1.5; a low-pass far below helps
+    assert names(m=5.0, Kd=3000.0, Kp=60e3, fq=400.0) == ["learning"]
+    assert names(Kd=60.0, rate=0.1, fq=5.0) == []
+
+
+def test_low_passes_of_learning_are_those_of_their_recursions() -> None:
+    """The Butterworth filter by scipy, there and back; the sum of the weights at a sinusoid by hand."""
+    p = {"fq": 50.0, "Ts": 1e-3, "M": 16.0}
+    f = np.array([5.0, 50.0, 120.0, 400.0])
+    _, H = freqz(*butter(2, 50.0, fs=1e3), worN=f, fs=1e3)
+    assert butterworth_there_and_back(f, p) == pytest.approx(np.abs(H) ** 2, rel=1e-9)
+    weights = [
+        (0.1 if i == 0 else math.sin(2 * math.pi * 0.05 * i) / (math.pi * i)) * math.cos(math.pi * i / 34.0) ** 2
+        for i in range(-16, 17)
+    ]
+    for one in f:
+        wave = [math.cos(2.0 * math.pi * one * 1e-3 * i) for i in range(-16, 17)]
+        expected = sum(a * b for a, b in zip(weights, wave, strict=True)) / sum(weights)
+        assert windowed_sinc(np.array([one]), p)[0] == pytest.approx(expected, abs=1e-12)
+    for off in ({"fq": 0.0}, {"fq": 600.0}):
+        assert (butterworth_there_and_back(f, p | off) == 1.0).all()
+        assert (windowed_sinc(f, p | off) == 1.0).all()
 
 
 def test_a_dead_band_narrower_than_a_slip() -> None:
