@@ -15,6 +15,7 @@ from rich.table import Table
 
 from friction_fmus import sweep_command
 from friction_fmus.codegen.command import add_codegen_options, codegen
+from friction_fmus.doctor_command import add_doctor_options, examine_system
 from friction_fmus.errors import FrictionError
 from friction_fmus.run_command import add_run_options, run_system
 from friction_fmus.terminal import RunBar, console, parse_assignment, progress_bar
@@ -136,6 +137,8 @@ def parser() -> argparse.ArgumentParser:
     building.add_argument("--name", metavar="IDENTIFIER", help="other model identifier and file name")
     checking = command("check", check_files, "look for faults in FMUs, also other people's")
     checking.add_argument("files", nargs="+", type=Path, metavar="FILE")
+    examining = command("doctor", examine_system, "look for what makes a closed loop with friction fail")
+    add_doctor_options(examining)
     running = command("run", run_system, "run a system of FMUs")
     add_run_options(running)
     generating = command("codegen", codegen, "write a law as C for an embedded target, with its cost")
@@ -154,7 +157,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, 1 if `check` has findings, 2 if the command could not be done.
+        0, 1 if `check` or `doctor` has findings, 2 if the command could not be done.
     """
     options = parser().parse_args(arguments)
     logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")

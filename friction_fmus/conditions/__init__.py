@@ -4,10 +4,17 @@ Each returns a `Condition`: whether it holds, the two numbers that were compared
 change if it does not. ``friction-fmus doctor`` evaluates them on a system, see docs/conditions.md.
 """
 
-from .compensation import disturbance_loop, disturbance_observer, explicit_observer, injection, overcompensation
+from .compensation import (
+    disturbance_loop,
+    disturbance_observer,
+    explicit_observer,
+    inertia,
+    injection,
+    overcompensation,
+)
 from .condition import Condition
 from .coupling import contact_step, fresh, longest_step, sample_step
-from .learning import contraction, process_sensitivity
+from .learning import contraction, learning_filter, process_sensitivity, sampled_sensitivity
 from .position_loop import (
     closed_loop,
     dead_band,
@@ -31,13 +38,16 @@ __all__ = [
     "explicit_observer",
     "fresh",
     "hunting",
+    "inertia",
     "injection",
+    "learning_filter",
     "longest_step",
     "overcompensation",
     "process_sensitivity",
     "routh",
     "sample_step",
     "sampled",
+    "sampled_sensitivity",
     "steepest_fall",
     "stick_slip_free",
 ]

@@ -130,7 +130,7 @@ def disturbance_observer(
         ok=ok,
         value=value,
         bound=1.0,
-        wrong=f"the largest eigenvalue of the loop with the observer {where} has the magnitude {value:.4g}, not below 1",
+        wrong=f"with the observer {where} the largest eigenvalue has the magnitude {value:.4g}, not below 1",
         why="the inverse model of the observer differs too much from the plant: |Q D| < 1 does not hold, the loop "
         "oscillates and grows",
         change=f"lower the corner frequency of the observer, correct its mass{faster}",
@@ -193,4 +193,26 @@ def overcompensation(share: float, measured: bool = True) -> Condition:
         if share > 0.0
         else "leave it as it is",
         source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994; Papadopoulos, Chasparis, IROS 2002",
+    )
+
+
+def inertia(total: float, m: float, laws: int) -> Condition:
+    """The inertia force is fed forward once; several laws together feed forward at most the mass of the axis.
+
+    Parameters
+    ----------
+    total, m : float
+        Mass in all inertia feedforwards together, and of the axis [kg].
+    laws : int
+        How many laws feed it forward; the mass of a single one is its own affair.
+    """
+    return Condition(
+        name="inertia",
+        ok=laws < 2 or total <= m * (1.0 + 1e-9),
+        value=total,
+        bound=m,
+        wrong=f"{laws} laws feed inertia forward, together for {total:.4g} kg; the axis has {m:.4g} kg",
+        why="the inertia force is counted twice: the axis overshoots in every acceleration",
+        change="set m of all but one of them to 0",
+        source="docstrings of PID and StaticFeedforward",
     )

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.conditions.condition import Condition
+from friction_fmus.conditions.linear import held_mass
+from friction_fmus.conditions.position_loop import closed_loop
 
 Response: TypeAlias = NDArray[np.complex128]
 
@@ -33,11 +35,56 @@ def process_sensitivity(
     return np.asarray(1.0 / (m * s**2 + (Kd + s2) * s + Kp + Ki / s), dtype=np.complex128)
 
 
+def sampled_sensitivity(
+    frequency: NDArray[np.float64], m: float, s2: float, Kp: float, Kd: float, Ki: float, Ts: float, k: float = 0.0
+) -> Response:
+    """The same of the sampled loop, from a force that is held for Ts to the position at the samples [m/N].
+
+    Parameters
+    ----------
+    frequency : float64 array, shape (n,)
+        Up to 1/(2 Ts) [Hz].
+    m, s2, Kp, Kd, Ki, Ts, k : float
+        As in `sampled`.
+
+    Returns
+    -------
+    complex128 array, shape (n,)
+        (z - A)^-1 b, first row, of the closed loop at z = exp(2 pi j frequency Ts).
+    """
+    A = closed_loop(m, s2, Kp, Kd, Ki, Ts, k)
+    b = np.zeros(len(A))
+    b[:2] = held_mass(m, s2, k, Ts)[1]
+    z = np.exp(2j * np.pi * np.asarray(frequency) * Ts)
+    systems = z[:, None, None] * np.eye(len(A)) - A
+    return np.asarray(np.linalg.solve(systems, np.broadcast_to(b[:, None], (len(z), len(b), 1)))[:, 0, 0])
+
+
+def learning_filter(frequency: NDArray[np.float64], m: float, Kp: float, Kd: float, Ki: float, Ts: float) -> Response:
+    """Response of m e'' + Kd e' + Kp e + Ki times the integral of e, by central differences [N/m].
+
+    Parameters
+    ----------
+    frequency : float64 array, shape (n,)
+        Above 0, up to 1/(2 Ts) [Hz].
+    m, Kp, Kd, Ki, Ts : float
+        Model of the loop [kg, N/m, N.s/m, N/(m.s)] and sample time [s].
+
+    Returns
+    -------
+    complex128 array, shape (n,)
+        The integral of a sample does not contain that sample.
+    """
+    z = np.exp(2j * np.pi * np.asarray(frequency) * Ts)
+    differences = m * (z - 2.0 + 1.0 / z) / Ts**2 + Kd * (z - 1.0 / z) / (2.0 * Ts) + Kp
+    return np.asarray(differences + Ki * Ts / (z - 1.0), dtype=np.complex128)
+
+
 def contraction(
     frequency: NDArray[np.float64],
     sensitivity: Response,
     learning: Response,
-    lowpass: Response | float = 1.0,
+    lowpass: Response | NDArray[np.float64] | float = 1.0,
     gamma: float = 1.0,
 ) -> Condition:
     """Errors shrink from trial to trial, or from period to period: |Q| |1 - gamma L P/(1 + P C)| < 1.
@@ -50,7 +97,7 @@ def contraction(
         P/(1 + P C) of the real loop, see `process_sensitivity`.
     learning : complex128 array, shape (n,)
         The learning filter L.
-    lowpass : complex128 array, shape (n,), or float
+    lowpass : float64 or complex128 array, shape (n,), or float
         The filter Q.
     gamma : float
         Learning gain.

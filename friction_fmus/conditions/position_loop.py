@@ -113,7 +113,7 @@ def steepest_fall(Fc: float, Fs: float, vs: float, delta: float = 2.0) -> float:
     if delta < 1.0:
         return math.inf
     share = (delta - 1.0) / delta
-    return (Fs - Fc) / vs * delta * share**share * math.exp(-share)
+    return (Fs - Fc) / vs * delta * math.pow(share, share) * math.exp(-share)
 
 
 def stick_slip_free(
@@ -132,6 +132,7 @@ def stick_slip_free(
     """
     fall = steepest_fall(Fc, Fs, vs, delta)
     value, bound = Kd + s2, fall + integral
+    taken = f", {fall:.4g}, and m Ki/Kp, {integral:.4g}, together" if integral else ","
     change = (
         f"raise Kd above {bound - s2:.4g} N.s/m, or compensate the friction"
         if math.isfinite(bound)
@@ -142,7 +143,8 @@ def stick_slip_free(
         ok=value > bound,
         value=value,
         bound=bound,
-        wrong=f"Kd + s2 = {value:.4g} N.s/m is to be above the steepest fall of the Stribeck curve, {bound:.4g} N.s/m",
+        wrong=f"Kd + s2 = {value:.4g} N.s/m is to be above the steepest fall of the Stribeck curve{taken} "
+        f"{bound:.4g} N.s/m",
         why="where friction falls faster with speed than the loop damps, slow steady motion is unstable: it sticks "
         "and slips",
         change=change,
@@ -169,7 +171,8 @@ def hunting(Ki: float, Fc: float, Fs: float) -> Condition:
         f"Coulomb friction, {Fc:.4g} N",
         why="around a constant reference the integral winds up to Fs, the axis slips too far, and so on: it hunts, "
         "with every set of gains that is stable",
-        change="use a dead-band in the integral that is as wide as a slip, or Ki = 0 with friction compensation",
+        change="use a dead-band in the integral, to each side at least half as wide as a slip, or Ki = 0 with friction "
+        "compensation",
         source="Armstrong, Amin, Automatica 32(5), 1996",
     )
 
@@ -206,8 +209,8 @@ def dead_band(db: float, slip: float) -> Condition:
         value=2.0 * db,
         bound=slip,
         wrong=f"the dead-band of {-db:.4g} m to {db:.4g} m is narrower than a slip, {slip:.4g} m",
-        why="a slip that begins at one edge ends beyond the other: the integral turns round and the axis hunts, in "
-        "wider movements than without the dead-band",
+        why="a slip that begins at one edge ends beyond the other: the integral turns round and the axis hunts, maybe "
+        "in wider movements than without the dead-band",
         change=f"make db at least {slip / 2.0:.4g} m, or raise Kp and Kd until slips are shorter",
         source="derived here for a rigid contact, from Armstrong, Amin, Automatica 32(5), 1996",
     )

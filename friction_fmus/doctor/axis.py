@@ -1,0 +1,232 @@
+"""What the doctor knows of a control loop: plants, friction and laws in the symbols of the conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from friction_fmus.conditions import Condition
+
+Values: TypeAlias = Mapping[str, float]
+"""Parameters of a part, and those of its inputs that are constant, by name in SI units."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """Friction in steady sliding in one direction: g(v) = Fc + (Fs - Fc) exp(-(v/vs)^delta), and viscous friction.
+
+    Parameters
+    ----------
+    Fc, Fs, viscous : float
+        Coulomb and static friction [N], viscous friction [N.s/m].
+    vs : float or None
+        Stribeck velocity [m/s]; None: static friction acts at rest only.
+    delta : float
+        Stribeck exponent.
+    """
+
+    Fc: float
+    Fs: float
+    viscous: float = 0.0
+    vs: float | None = None
+    delta: float = 2.0
+
+    def at(self, speeds: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The level g at speeds above 0 [N]."""
+        if self.vs is None:
+            return np.full_like(speeds, self.Fc)
+        return self.Fc + (self.Fs - self.Fc) * np.exp(-np.power(speeds / self.vs, self.delta))
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The friction of an axis.
+
+    Parameters
+    ----------
+    levels : (Level, Level)
+        Forward and backward.
+    stiffness, damping : float
+        Of the contact at rest [N/m, N.s/m], in proportion to the normal force; stiffness 0: rigid.
+    viscous : float
+        Viscous friction that acts at rest, too [N.s/m].
+    """
+
+    levels: tuple[Level, Level]
+    stiffness: float = 0.0
+    damping: float = 0.0
+    viscous: float = 0.0
+
+    def loaded(self, load: float) -> Contact:
+        """The same under another normal force; viscous friction does not depend on it."""
+        forward, backward = (replace(level, Fc=load * level.Fc, Fs=load * level.Fs) for level in self.levels)
+        return Contact((forward, backward), load * self.stiffness, load * self.damping, self.viscous)
+
+
+@dataclass(frozen=True)
+class Gains:
+    """A position loop as PID: u = Kp e + Kd (rd - v) + Ki times the integral of e.
+
+    Parameters
+    ----------
+    Kp, Kd, Ki : float
+        [N/m, N.s/m, N/(m.s)].
+    db : float
+        Error up to which the integral is held [m].
+    m : float
+        Mass of the inertia feedforward [kg].
+    """
+
+    Kp: float
+    Kd: float
+    Ki: float = 0.0
+    db: float = 0.0
+    m: float = 0.0
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A mass, maybe with a spring and a damper to the ground, by the names of the block's variables.
+
+    Parameters
+    ----------
+    forces : tuple of str
+        Inputs for applied forces.
+    friction : str
+        Input for the friction force; empty if the block holds its own friction.
+    mass : callable
+        Mass [kg] from the values.
+    damping, stiffness : str
+        Parameters; empty where there is none.
+    """
+
+    forces: tuple[str, ...]
+    friction: str
+    mass: Callable[[Values], float]
+    damping: str = ""
+    stiffness: str = ""
+
+
+@dataclass(frozen=True)
+class Law:
+    """What the conditions need of a law.
+
+    Parameters
+    ----------
+    gains : callable or None
+        Its position loop from the values.
+    levels : callable or None
+        The friction that it compensates, forward and backward.
+    measured : bool
+        Whether it computes the friction from the measured velocity, otherwise from the reference.
+    at_rest : bool
+        Whether, from the measured velocity, it also compensates friction at rest.
+    inertia : str
+        Parameter with the mass of its inertia feedforward.
+    rules : tuple of callable
+        Conditions of this law alone.
+    """
+
+    gains: Callable[[Values], Gains] | None = None
+    levels: Callable[[Values], tuple[Level, Level]] | None = None
+    measured: bool = False
+    at_rest: bool = False
+    inertia: str = ""
+    rules: tuple[Rule, ...] = ()
+
+
+@dataclass(frozen=True)
+class Used:
+    """A law that acts on an axis.
+
+    Parameters
+    ----------
+    part : str
+        Name of the part.
+    law : Law
+        What is known of it.
+    values : mapping
+        Its parameters.
+    to_force : float
+        Product of the gains of the wires from its u to the force on the plant.
+    of_position, of_velocity : float
+        Gains of the wires from the plant to its x and v.
+    """
+
+    part: str
+    law: Law
+    values: Values
+    to_force: float = 1.0
+    of_position: float = 1.0
+    of_velocity: float = 1.0
+
+    @property
+    def gains(self) -> Gains | None:
+        """The position loop in the units and signs of the plant."""
+        if self.law.gains is None:
+            return None
+        own = self.law.gains(self.values)
+        by_position, by_velocity = self.to_force * self.of_position, self.to_force * self.of_velocity
+        return Gains(
+            own.Kp * by_position,
+            own.Kd * by_velocity,
+            own.Ki * by_position,
+            own.db / abs(self.of_position or 1.0),
+            own.m * self.to_force,
+        )
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One mass with its friction and the laws that drive it.
+
+    Parameters
+    ----------
+    plant : str
+        Name of the part.
+    m, damping, stiffness : float
+        Mass [kg], damper [N.s/m] and spring [N/m] to the ground.
+    friction : str or None
+        Name of the part with the friction; None if there is none that is known.
+    contact : Contact or None
+        Its friction.
+    laws : tuple of Used
+        From the plant outward.
+    """
+
+    plant: str
+    m: float
+    damping: float = 0.0
+    stiffness: float = 0.0
+    friction: str | None = None
+    contact: Contact | None = None
+    laws: tuple[Used, ...] = ()
+
+    @property
+    def servo(self) -> Used | None:
+        """The law that closes the position loop."""
+        return next((law for law in self.laws if law.law.gains is not None), None)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A condition of some parts of a system.
+
+    Parameters
+    ----------
+    parts : tuple of str
+        Which parts it concerns.
+    condition : Condition
+        What was evaluated.
+    """
+
+    parts: tuple[str, ...]
+    condition: Condition
+
+
+Rule: TypeAlias = Callable[[Axis, Used], Iterable[Condition]]
+"""Conditions of one law on its axis; none where they do not apply."""

@@ -1,0 +1,83 @@
+"""The command ``doctor``: what is wrong with a closed loop, before it is run."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from rich.markup import escape
+
+from friction_fmus.doctor import Finding, examine
+from friction_fmus.run_command import open_system
+from friction_fmus.terminal import console, parse_assignment
+from harness import ExperimentError, System, masters
+from harness.experiment import Experiment
+
+
+def add_doctor_options(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    parser.add_argument("system", type=Path, metavar="SYSTEM", help="system file: .toml or .ssp")
+    parser.add_argument("--step", type=float, metavar="H", help="communication step [s]")
+    parser.add_argument("--master", choices=tuple(masters()), help="master algorithm")
+    parser.add_argument("--set", action="append", metavar="PART.NAME=VALUE", help="start value; may be repeated")
+    parser.add_argument("--all", action="store_true", help="also show the conditions that hold")
+    parser.add_argument("--json", action="store_true", help="as JSON")
+
+
+def examine_system(options: argparse.Namespace) -> int:
+    """Conditions that a closed loop violates: what is wrong, why, what to change; status 1 if there are any."""
+    with open_system(options.system) as opened:
+        system = opened.with_start(dict(parse_assignment(text) for text in options.set or ()))
+        results = examine(system, _experiment(system, options))
+    wrong = [finding for finding in results if not finding.condition.ok]
+    shown = results if options.all else wrong
+    if options.json:
+        text = json.dumps([_plain(finding) for finding in shown], indent=2)
+        console.print(text, markup=False, highlight=False, soft_wrap=True)
+    else:
+        for finding in shown:
+            _show(finding)
+        summary = f"{_counted(len(results), 'condition')} evaluated, {_counted(len(wrong), 'finding')}"
+        console.print(f"{options.system}: {summary}", highlight=False, soft_wrap=True)
+    return 1 if wrong else 0
+
+
+def _experiment(system: System, options: argparse.Namespace) -> Experiment | None:
+    """The experiment of the system, with the step and the master that are asked for."""
+    own, step = system.experiment, options.step
+    if step is not None and not (step > 0.0 and math.isfinite(step)):
+        raise ExperimentError(f"the step is {step} s: give a positive number of seconds")
+    if own is None and step is None:
+        return None
+    # the span does not matter here, and need not be a whole number of the steps that are asked for
+    step = own.step if step is None and own is not None else step
+    experiment = Experiment(stop=step, step=step) if own is None else replace(own, start=0.0, stop=step, step=step)
+    return replace(experiment, master=options.master) if options.master else experiment
+
+
+def _plain(finding: Finding) -> dict[str, object]:
+    """A finding as JSON has it, which knows no infinity."""
+    values = asdict(finding.condition)
+    numbers = {key: values[key] if math.isfinite(values[key]) else None for key in ("value", "bound")}
+    return {"parts": list(finding.parts), **values, **numbers}
+
+
+def _show(finding: Finding) -> None:
+    condition, parts = finding.condition, ", ".join(finding.parts)
+    if condition.ok:
+        console.print(
+            f"[green]holds[/] {escape(condition.name)} ({escape(parts)}): {condition.value:.4g} "
+            f"against {condition.bound:.4g}",
+            highlight=False,
+        )
+        return
+    console.print(f"[bold red]{escape(condition.name)}[/] ({escape(parts)})", highlight=False)
+    for title in ("wrong", "why", "change", "source"):
+        console.print(f"  {title:<8}{escape(getattr(condition, title))}", highlight=False, soft_wrap=True)
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number or 'no'} {noun}{'' if number == 1 else 's'}"
