@@ -42,9 +42,9 @@ Two pairs of FMUs, in steps of 0.1 ms: in the engine, in a loop by hand in C ove
 steps. All record the same variables; processor time without the start; the fastest round, and the median of the ratios
 of 60 rounds. A whole run is one of 200 000 steps with its start and its `Dataset`.
 
-Two Quantisers in a row are the cheapest blocks, so they show the engine itself: it adds a third to their time, for
-values that go through a table of signals, and for watching that the wire does not get wrong what it holds. Mass and
-LuGre, in a loop of two wires and a pair of force and velocity to be watched, are blocks of usual cost.
+Two Quantisers in a row are the cheapest blocks, so they show the engine itself: it adds about a sixth to their time,
+for values that go through a table of signals. Mass and LuGre, in a loop of two wires whose values and energy are
+watched, are blocks of usual cost.
 
 Stick-slip is figure 6 of Canudas de Wit, Olsson, Astrom and Lischinsky (1995); errors are those of its period,
 6.36271982 s, or of the position against scipy's Radau at 1e-10. MuJoCo computes the same with its own LuGre friction,
