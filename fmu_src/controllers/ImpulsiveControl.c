@@ -1,7 +1,7 @@
 /* Impulsive control: an axis that is stuck off its target gets force pulses, each sized to slide it by its error.
 
    Armstrong-Helouvry, Dupont, Canudas de Wit: A survey of models, analysis tools and compensation methods for the
-   control of machines with friction, Automatica 30(7), 1994, section 4 (survey); the size of the pulse follows from
+   control of machines with friction, Automatica 30(7), 1994 (survey); the size of the pulse follows from
    Newton's law.
 
        stuck:  |v| < v_stuck for n_stuck samples in a row, and |r - x| > tol

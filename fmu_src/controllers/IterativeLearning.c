@@ -1,7 +1,7 @@
 /* Iterative learning control: the force of a motion that is repeated, learned from trial to trial.
 
-   Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984; with a zero-phase low-pass: Tomizuka and others;
-   survey: Bristow, Tharayil, Alleyne, IEEE Control Systems Magazine 26(3), 2006.
+   Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984; survey, with a zero-phase low-pass: Bristow,
+   Tharayil, Alleyne, IEEE Control Systems Magazine 26(3), 2006.
 
        trial j:   F_hat[k] = w_j[k],   k = 0 ... N-1 samples from its begin
                   e[k] = r - x is recorded
@@ -13,6 +13,7 @@
 
    Beyond its ends e is its last value. Q is a Butterworth low-pass of order 2 with the corner fq, there and back;
    fq = 0: Q = 1.
+
    L is the inverse process sensitivity of a mass m under PID with these gains: the force that would have made e vanish.
    trial_end marks a trial's first sample: when it becomes true, what was recorded is learned from, and k = 0 in that
    very sample. While learn is false trials are repeated and nothing is learned.

@@ -1,8 +1,7 @@
 /* Friction force by local function estimation: a polynomial through the mean forces of the last sampling intervals.
 
-   Ray, Ramasubramanian, Townsend, Control Engineering Practice 9(2), 2001, compare a Kalman filter with such estimators
-   (only the abstract was read); the equations are those of least squares, see Savitzky, Golay, Analytical Chemistry
-   36(8), 1964.
+   Savitzky, Golay, Analytical Chemistry 36(8), 1964 (least squares over the last samples as a weighted sum); the
+   weights for means over intervals, at the end of the last one, follow in the same way.
 
        F_m[j] = u_prev - m (v[k-j] - v[k-j-1])/Ts,   j = 0 ... n-1
        F_hat = w[0] F_m[0] + ... + w[n-1] F_m[n-1]
@@ -31,7 +30,7 @@
 
 #define MODEL   LocalFunctionEstimator
 #define SUMMARY "Friction estimated by a polynomial through the last mean forces, and compensated"
-#define SOURCE  "Ray, Ramasubramanian, Townsend, Control Engineering Practice 9(2), 2001"
+#define SOURCE  "Savitzky, Golay, Analytical Chemistry 36(8), 1964"
 
 /* clang-format off */
 #define VARIABLES                                                                                                    \

@@ -5,9 +5,11 @@
 
        F_hat[k] = sum over i = -M ... M of q[i] y[k-N+i],   within u_min and u_max
        y[k]     = F_hat[k] + rate (L e)[k],   e = r - x
-       (L e)[k] = m (e[k+1] - 2 e[k] + e[k-1])/Ts^2 + Kd (e[k+1] - e[k-1])/(2 Ts) + Kp e[k] + Ki Ts (sum of all e
-   before) q[i]     = sin(2 pi fq Ts i)/(pi i) cos^2(pi i/(2 (M + 1))), scaled to the sum 1:  Q, a low-pass without
-   phase u        = clip(gain F_hat, u_min, u_max)
+       (L e)[k] = m (e[k+1] - 2 e[k] + e[k-1])/Ts^2
+                  + Kd (e[k+1] - e[k-1])/(2 Ts) + Kp e[k]
+                  + Ki Ts (sum of all e before k)
+       q[i]     = sin(2 pi fq Ts i)/(pi i) cos^2(pi i/(2 (M + 1))), of the sum 1
+       u        = clip(gain F_hat, u_min, u_max)
 
    L is the inverse process sensitivity of a mass m under PID with these gains, q the low-pass Q. Both look ahead, which
    costs nothing, as a period has passed. fq = 0, fq above 1/(2 Ts) or M = 0: Q = 1.
@@ -25,9 +27,8 @@
    reset forgets what was learned, in its own sample. While enable is false u, F_hat and u_sat are 0 and nothing is
    known.
 
-   Limits: N at most 4096; M is at most N - 2. A period that differs from N Ts spoils the highest harmonics
-   first. Q is not 1 at the harmonics near fq: they remain in part. u_min must not
-   exceed u_max. */
+   Limits: N at most 4096; M is at most N - 2. A period that differs from N Ts spoils the highest harmonics first. Q is
+   not 1 at the harmonics near fq: they remain in part. u_min must not exceed u_max. */
 
 #define MODEL   RepetitiveController
 #define SUMMARY "Learns the force against a periodic error while it runs"

@@ -53,7 +53,7 @@ def dither(
         shape 2:  w = 4 phase in the first quarter, 4 phase - 4 in the last one,
                   2 - 4 phase between them
 
-    Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994, section 4 (survey); the averages follow by
+    Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey); the averages follow by
     integration. A mass m that slides all the time gets a velocity dither of the amplitude A = Ad/(2 pi frequency m)
     from the sine. Coulomb friction Fc at the velocity v0 + A w, |v0| < A, has the mean
 
