@@ -118,7 +118,7 @@ def contraction(
         bound=1.0,
         wrong=f"|Q| |1 - gamma L S| is {value:.4g} at {at:.4g} Hz, not below 1",
         why=f"errors of {at:.4g} Hz grow from trial to trial, even if they shrink at first",
-        change=f"correct the model in L, lower the learning rate, or put the corner of Q well below {first:.4g} Hz, from "
-        "where on it is 1 or more",
+        change=f"correct the model in L, lower the learning rate, or put the corner of Q well below {first:.4g} Hz, "
+        "from where on it is 1 or more",
         source="Bristow, Tharayil, Alleyne, IEEE Control Systems 26(3), 2006",
     )
