@@ -110,6 +110,7 @@ def contraction(
     ratio = np.abs(lowpass) * np.abs(1.0 - gamma * learning * sensitivity)
     worst = int(np.argmax(ratio))
     value, at = float(ratio[worst]), float(frequency[worst])
+    first = float(frequency[np.argmax(ratio >= 1.0)])
     return Condition(
         name="learning",
         ok=value < 1.0,
@@ -117,6 +118,7 @@ def contraction(
         bound=1.0,
         wrong=f"|Q| |1 - gamma L S| is {value:.4g} at {at:.4g} Hz, not below 1",
         why=f"errors of {at:.4g} Hz grow from trial to trial, even if they shrink at first",
-        change=f"put the corner of Q below {at:.4g} Hz, correct the model in L, or lower gamma",
+        change=f"correct the model in L, lower the learning rate, or put the corner of Q well below {first:.4g} Hz, "
+        "from where on it is 1 or more",
         source="Bristow, Tharayil, Alleyne, IEEE Control Systems 26(3), 2006",
     )

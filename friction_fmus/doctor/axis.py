@@ -39,7 +39,8 @@ class Level:
         """The level g at speeds above 0 [N]."""
         if self.vs is None:
             return np.full_like(speeds, self.Fc)
-        return self.Fc + (self.Fs - self.Fc) * np.exp(-np.power(speeds / self.vs, self.delta))
+        power = np.exp(np.minimum(self.delta * np.log(speeds / self.vs), 10.0))  # beyond that the curve has fallen
+        return self.Fc + (self.Fs - self.Fc) * np.exp(-power)
 
 
 @dataclass(frozen=True)

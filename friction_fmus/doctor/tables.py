@@ -95,7 +95,12 @@ LAWS: Final[Mapping[str, Law]] = {
     "CascadePPI": Law(
         gains=lambda p: Gains(p["kv"] * p["kp"] + p["ki"], p["kv"], p["ki"] * p["kp"], p.get("db", 0.0), p["m"])
     ),
-    "AdaptiveLuGre": Law(gains=lambda p: Gains(p["Ks"] * p["lam"], p["m"] * p["lam"] + p["Ks"])),
+    "AdaptiveLuGre": Law(
+        gains=lambda p: Gains(p["Ks"] * p["lam"], p["m"] * p["lam"] + p["Ks"]),
+        levels=lambda p: levels(p, "sigma2"),
+        measured=True,
+        at_rest=True,
+    ),
     "CoulombFeedforward": Law(levels=lambda p: levels(p, vs=False), inertia="m"),
     "KarnoppFeedforward": Law(levels=lambda p: levels(p, "Fv", vs=False), inertia="m"),
     "DahlFeedforward": Law(levels=lambda p: levels(p, "Fv", vs=False), inertia="m"),

@@ -298,6 +298,10 @@ def test_learning_with_three_times_the_mass_needs_a_low_pass() -> None:
     plain = contraction(FREQUENCY, S, L)
     assert not plain.ok
     assert plain.value == pytest.approx(2.0, abs=0.05)
+    first = number_after("corner of Q well below", plain.change)
+    slow = np.less(FREQUENCY, 0.99 * first)
+    assert 100 < slow.sum() < 4000
+    assert contraction(FREQUENCY[slow], S[slow], L[slow]).ok
     Q = np.asarray(1.0 / (1.0 + (FREQUENCY / 10.0) ** 4), dtype=np.complex128)
     with_lowpass = contraction(FREQUENCY, S, L, Q)
     assert with_lowpass.ok

@@ -127,6 +127,7 @@ def with_feedforward(build_fmu: BlockFmu, gain: float = 1.0, **start: float) -> 
         (1.0, {"ff_Fc": 1.2}, ["over-compensation"]),
         (1.0, {"ff_Fc": 1.2, "ff_gain": 0.8}, []),
         (1.0, {"ff_vs": 5e-3}, ["over-compensation"]),
+        (1.0, {"ff_delta": 100.0}, ["over-compensation"]),
         (1.0, {"pid_m": 1.0}, ["inertia"]),
         (1.0, {"pid_m": 1.0, "ff_m": 0.0}, []),
     ],
@@ -205,6 +206,33 @@ def test_low_passes_of_learning_are_those_of_their_recursions() -> None:
     for off in ({"fq": 0.0}, {"fq": 600.0}):
         assert (butterworth_there_and_back(f, p | off) == 1.0).all()
         assert (windowed_sinc(f, p | off) == 1.0).all()
+
+
+def test_an_adaptive_law_closes_the_position_loop_and_leaves_no_stick_slip() -> None:
+    """u = m (rdd + lam ed) + Ks s + F_hat with s = ed + lam e is a PD controller: Kp = Ks lam, Kd = m lam + Ks."""
+    values = {
+        "m": 1.0,
+        "lam": 63.0,
+        "Ks": 127.0,
+        "gain": 1.0,
+        "Fc": 1.0,
+        "Fs": 1.5,
+        "vs": 1e-3,
+        "sigma2": 0.4,
+        "Ts": 1e-3,
+    }
+    level = Level(1.0, 1.5, 0.4, 1e-3)
+
+    def examined(**other: float) -> tuple[Used, list[str]]:
+        used = Used("law", LAWS["AdaptiveLuGre"], values | other)
+        axis = Axis("mass", 1.0, friction="fric", contact=Contact((level, level), 1e5, 316.0, 0.4), laws=(used,))
+        return used, [found.condition.name for found in examine_axis(axis) if not found.condition.ok]
+
+    used, names = examined()
+    assert names == []
+    assert used.gains is not None
+    assert (used.gains.Kp, used.gains.Kd, used.gains.Ki) == (127.0 * 63.0, 63.0 + 127.0, 0.0)
+    assert examined(gain=0.1)[1] == ["stick-slip"]
 
 
 def test_a_dead_band_narrower_than_a_slip() -> None:
