@@ -121,7 +121,7 @@ def elasto_plastic_feedforward(
     S/sigma0, a half sine between.
 
     z advances by the displacement of the reference since the sample before as if its velocity had been constant:
-    exactly where the contact is elastic, to 1e-5 (S/sigma0 - z_ba) in the half sine.
+    exactly where the contact is elastic, to about 2e-5 (S/sigma0 - z_ba) in the half sine.
 
     Use it as LuGreFeedforward, where the reference holds or moves by less than z_ba under small steps and F_hat must
     neither drift nor creep: there z is the displacement itself.
