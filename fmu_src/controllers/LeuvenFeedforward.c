@@ -5,7 +5,8 @@
    Control Conference, 2004, compare it with the Dahl, LuGre and GMS models (both from memory or summaries).
 
        w     = (r - last) / Ts,   last: the reference of the sample before
-       z, stacks: as the friction block Leuven moves them over Ts at the held velocity w
+       z, stacks: as the friction block Leuven moves them over Ts
+                  at the held velocity w
        F     = (Fh + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 rd
        F_hat = gain F
        u     = clip(mass rdd + F_hat, u_min, u_max)

@@ -4,7 +4,8 @@
    (from memory of the paper), for the model.
 
        w     = (r - last) / Ts,   last: the reference of the sample before
-       z, Fi: as the friction block ModifiedLeuven moves them over Ts at the held velocity w
+       z, Fi: as the friction block ModifiedLeuven moves them over Ts
+              at the held velocity w
        F     = (F1 + ... + FN + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 rd
        F_hat = gain F
        u     = clip(mass rdd + F_hat, u_min, u_max)

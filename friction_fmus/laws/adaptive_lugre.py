@@ -69,7 +69,8 @@ def adaptive_lugre(
     """Tracking of a reference by a mass whose LuGre friction is known up to the normal force.
 
         s          = (rd - v) + lam (r - x)
-        z'         = v - sigma0 |v|/g(v) z,   g(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta)
+        z'         = v - sigma0 |v|/g(v) z
+        g(v)       = Fc + (Fs - Fc) exp(-|v/vs|^delta)
         F_n        = sigma0 z + sigma1 z'
         F_hat      = gain (theta F_n + sigma2 v)
         u          = clip(m (rdd + lam (rd - v)) + Ks s + F_hat, u_min, u_max)

@@ -68,8 +68,10 @@ def adaptive_sliding_mode(
     """Tracking of a reference by sliding mode; Coulomb and viscous friction are learned on the way.
 
         s      = (rd - v) + lam (r - x)
-        F_hat  = gain ((Fc_hat + excess exp(-(rd/vs)^2)) sgn(rd) + Fv_hat rd),   sgn(0) = 0
-        u      = clip(m (rdd + lam (rd - v)) + Ks s + K sat(s/phi) + F_hat, u_min, u_max)
+        F_hat  = gain ((Fc_hat + excess exp(-(rd/vs)^2)) sgn(rd) + Fv_hat rd)
+        sgn(0) = 0
+        w      = m (rdd + lam (rd - v)) + Ks s + K sat(s/phi) + F_hat
+        u      = clip(w, u_min, u_max)
         Fc_hat_next = Fc_hat + Ts Gamma_c s sgn(rd),  within 0 and Fc_max
         Fv_hat_next = Fv_hat + Ts Gamma_v s rd,       within 0 and Fv_max
 

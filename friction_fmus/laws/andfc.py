@@ -83,7 +83,8 @@ def andfc(
 
     The velocity and the position of the mass are estimated with two equal poles at p = exp(-wo Ts),
 
-        x_p   = x_hat + Ts v_hat + Ts^2/(2 m) (u_prev - F_last),   v_p = v_hat + Ts/m (u_prev - F_last)
+        x_p   = x_hat + Ts v_hat + Ts^2/(2 m) (u_prev - F_last)
+        v_p   = v_hat + Ts/m (u_prev - F_last)
         x_hat = x_p + (1 - p^2) (x - x_p),   v_hat = v_p + (1 - p)^2/Ts (x - x_p)
 
     and friction is the sum of three terms, each with a factor theta of its own, from two observers of the bristles:
@@ -91,7 +92,8 @@ def andfc(
         s      = (rd - v_hat) + lam (r - x),   a = |v_hat|/g(v_hat)
         z0'    = v_hat - sigma0 a z0 + k0 s
         z1'    = v_hat - sigma0 a z1 - k1 a s
-        f_0    = sigma0 z0,   f_1 = -sigma0 sigma1 a z1,   f_2 = (sigma1 + sigma2) v_hat
+        f_0    = sigma0 z0,   f_1 = -sigma0 sigma1 a z1
+        f_2    = (sigma1 + sigma2) v_hat
         F      = theta_0 f_0 + theta_1 f_1 + theta_2 f_2,   F_hat = gain F
         u      = clip(m (rdd + lam (rd - v_hat)) + Ks s + F_hat, u_min, u_max)
         theta_i_next = theta_i + Ts Gamma_i s f_i,  within 0 and theta_max
@@ -105,9 +107,11 @@ def andfc(
     The signs are those of s = rd - v + lam e (published ones are often for the negative of it): with the true factors
     th_i and the true deflection z,
 
-        V  = m s^2/2 + th_0 sigma0 (z - z0)^2/(2 k0) + th_1 sigma0 sigma1 (z - z1)^2/(2 k1)
+        V  = m s^2/2 + th_0 sigma0 (z - z0)^2/(2 k0)
+             + th_1 sigma0 sigma1 (z - z1)^2/(2 k1)
              + sum (th_i - theta_i)^2/(2 Gamma_i)
-        V' = -Ks s^2 - a sigma0 (th_0 sigma0 (z - z0)^2/k0 + th_1 sigma0 sigma1 (z - z1)^2/k1)
+        V' = -Ks s^2 - a sigma0 (th_0 sigma0 (z - z0)^2/k0
+             + th_1 sigma0 sigma1 (z - z1)^2/k1)
 
     in continuous time and for the true velocity. k0 or k1 = 0 leaves that observer open, whose error then dies in any
     motion by itself. In sampled time the sum of Gamma_i f_i^2 Ts and of the injections, sigma0 k0 Ts and

@@ -51,8 +51,9 @@ def elasto_plastic_estimator(
 ) -> dict[str, SX]:
     """Presliding and Coulomb friction as a function of the path: neither velocity nor sample time occur.
 
-        dz/dx = 1 - alpha(z, dx) z/(z_m sgn(dx)),   z_m = Fc/sigma0,   z_b = elastic z_m
-        alpha = 0                        where z is against the motion, or |z| <= z_b
+        dz/dx = 1 - alpha(z, dx) z/(z_m sgn(dx))
+        z_m   = Fc/sigma0,   z_b = elastic z_m
+        alpha = 0                       where z is against the motion, or |z| <= z_b
         alpha = (|z| - z_b)/(z_m - z_b)  beyond
         F_hat = gain (sigma0 z + Fv v),   u = clip(F_hat, u_min, u_max)
 
@@ -62,7 +63,8 @@ def elasto_plastic_estimator(
     sample is exact. In the direction of motion, after the elastic way up to z_b, y = z_m - |z| falls on the rest p of
     the path as
 
-        y_next = D y q/(D - y (1 - q)),   D = 2 z_m - z_b,   q = exp(-D p/(z_m (z_m - z_b)))
+        y_next = D y q/(D - y (1 - q))
+        D = 2 z_m - z_b,   q = exp(-D p/(z_m (z_m - z_b)))
 
     so samples of any spacing give the same z on the same way, as long as the points of reversal are among them.
 

@@ -56,12 +56,14 @@ def extended_state_observer(
 ) -> dict[str, SX]:
     """Position control that estimates all unknown forces on a mass as one state, and cancels them.
 
-        x_p   = x_hat + Ts v_hat + Ts^2/(2 m) (u_prev - F_est),   v_p = v_hat + Ts/m (u_prev - F_est)
+        x_p   = x_hat + Ts v_hat + Ts^2/(2 m) (u_prev - F_est)
+        v_p   = v_hat + Ts/m (u_prev - F_est)
         x_hat = x_p   + (1 - p^3) (x - x_p)
         v_hat = v_p   + 3/2 (1 - p)^2 (1 + p)/Ts (x - x_p)
         F_est = F_est - m (1 - p)^3/Ts^2 (x - x_p),   p = exp(-wo Ts)
         F_hat = gain F_est
-        u     = clip(m (wc^2 (r - x_hat) + 2 wc (rd - v_hat) + rdd) + F_hat, u_min, u_max)
+        w     = m (wc^2 (r - x_hat) + 2 wc (rd - v_hat) + rdd) + F_hat
+        u     = clip(w, u_min, u_max)
 
     Gao: Scaling and bandwidth-parameterization based controller tuning, American Control Conference, 2003 (from
     memory); here in sampled time, exact for a force that is constant over a sample, all three poles of the observer

@@ -65,14 +65,16 @@ def implicit_super_twisting(
     Here it is discretised by two implicit Euler steps one after the other. First w: with the friction estimate changed
     by w_next - w the s of this sample would have been s - (Ts/m) (w_next - w), whose sign the step takes,
 
-        w_next = w + Ts c2 L sgn(s - (Ts/m) (w_next - w))  =>  w_next = w + clip(m s/Ts, -c2 L Ts, c2 L Ts)
+        w_next = w + Ts c2 L sgn(s - (Ts/m) (w_next - w)), that is
+        w_next = w + clip(m s/Ts, -c2 L Ts, c2 L Ts)
 
     then s, for a friction of w_next, the root y = sqrt(|s_next|) of a quadratic:
 
         s_next = s - (Ts/m) c1 sqrt(m L |s_next|) sgn(s_next)
                =>  y = (-b + sqrt(b^2 + 4 |s|))/2,   b = Ts c1 sqrt(L/m)
         F_hat  = gain w_next
-        u      = clip(m (rdd + lam (rd - v)) + c1 sqrt(m L) y sgn(s) + F_hat + f, u_min, u_max)
+        p      = m (rdd + lam (rd - v)) + c1 sqrt(m L) y sgn(s) + F_hat + f
+        u      = clip(p, u_min, u_max)
         w_next = w while u is limited and s pushes further into that limit
 
     Near s = 0 this is u = 2 m s/Ts + w + ..., dead-beat in two samples: s becomes (Ts^2/m) dF/dt, of second order in

@@ -73,7 +73,7 @@ def lugre_feedforward(
         dr    = r - last,   w = dr / Ts,   last: the reference of the sample before
         t     = sgn(dr) g(w) / sigma0
         z     becomes t + (z - t) exp(-sigma0 |dr| / g(w))
-        F_hat = gain (sigma0 z + sigma1(rd) (rd - sigma0 |rd| z / g(rd)) + sigma2 rd)
+        F_hat = gain (sigma0 z + sigma1(rd) (rd - sigma0 |rd| z/g(rd)) + sigma2 rd)
         sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d > 0, else sigma1
         u     = clip(m rdd + F_hat, u_min, u_max)
 

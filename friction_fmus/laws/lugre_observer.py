@@ -66,7 +66,8 @@ def lugre_observer(
     Parameters and start values as in the friction block LuGre. From sample to sample z follows the exact solution for
     constant inputs,
 
-        z_next = z + Ts phi1(q) z',   q = sigma0 |v|/g(v) Ts,   phi1(q) = (1 - exp(-q))/q
+        z_next = z + Ts phi1(q) z',   q = sigma0 |v|/g(v) Ts
+        phi1(q) = (1 - exp(-q))/q
 
     which stays bounded at any velocity; Euler's explicit step diverges from 2 g/(sigma0 Ts) on, at 20 mm/s with the
     start values. F_hat of a sample contains z before that step.

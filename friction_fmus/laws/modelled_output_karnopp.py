@@ -62,7 +62,8 @@ def modelled_output_karnopp(
     """Position and velocity loop with command feedforward, and friction of the velocity that a model of the loop has.
 
         Vs      = KP (r - x) + Kv1 rd
-        v_model = Gsys(s) Vs,   Gsys = CV G/(1 + CV G) = 1/(1 + s m/CV)   for G = 1/(m s)
+        v_model = Gsys(s) Vs
+        Gsys    = CV G/(1 + CV G) = 1/(1 + s m/CV)   for G = 1/(m s)
         F_hat   = gain clip(CV (Vs - v_model), -Fs, Fs)      for |v_model| < DV
         F_hat   = gain (Fc sgn(v_model) + Fv v_model)        otherwise
         u       = clip(CV (Vs - v) + Ka rdd + Kv2 rd + F_hat, u_min, u_max)

@@ -63,7 +63,8 @@ def preview_prefilter(
 
         r_now[k]   = r[k-4]
         rd_now[k]  = sum over j = 1 ... 4 of p_j (r[k-4+j] - r[k-4-j]) / Ts
-        rdd_now[k] = sum over j = 1 ... 4 of q_j (r[k-4+j] - 2 r[k-4] + r[k-4-j]) / Ts^2
+        rdd_now[k] = sum over j = 1 ... 4 of
+                     q_j (r[k-4+j] - 2 r[k-4] + r[k-4-j]) / Ts^2
         p = 4/5, -1/5, 4/105, -1/280;   q = 8/5, -1/5, 8/315, -1/560
         u_hat  = gain (m rdd_now + f)
         rd_out = rd_now + d',   Kp d + Kd d' + Ki D = u_hat

@@ -59,7 +59,8 @@ def reset_pid(
     """PID position control with feedforward of the reference acceleration and an integral I that jumps.
 
         e      = r - x
-        I      = -h - rho (I + h),  h = mass/Kd e,  in a sample in which e has another sign than before
+        I      = -h - rho (I + h),   h = mass/Kd e,
+                 in a sample in which e has another sign than before
         u      = clip(Kp e + Kd (rd - v) + Ki I + m rdd + f, u_min, u_max)
         I_next = I + Ts e
         I_next = I while u is limited and e pushes further into that limit
