@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 import random
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,8 +80,17 @@ class Description:
     initial_dependencies: dict[int, tuple[int, ...]]
 
 
-def describe(library: Path) -> Description:
-    """Reads the row table of a compiled block and probes its dependencies."""
+def describe(library: Path, computed: Mapping[str, Iterable[str]] | None = None) -> Description:
+    """Reads the row table of a compiled block and probes its dependencies.
+
+    Parameters
+    ----------
+    library : Path
+        The compiled block.
+    computed : mapping of str to iterable of str, or None
+        Outputs and what else they are computed from, where the source of the block tells it; a probe may miss what
+        only matters at a limit.
+    """
     handle = ctypes.CDLL(str(library))
     handle.block_rows.restype = ctypes.POINTER(_Row)
     handle.block_rows.argtypes = (
@@ -108,13 +118,25 @@ def describe(library: Path) -> Description:
             variables.append(Variable(element, unit, text, start, *limits, row.index + k, row.origin + k))
 
     block = _Probe(handle, size.value, tuple(variables), bool(sampled.value))
-    return Description(
-        tuple(variables),
-        guid.value.decode(),
-        bool(sampled.value),
-        block.dependencies(False),
-        block.dependencies(True),
-    )
+    found = block.dependencies(False), block.dependencies(True)
+    for dependencies, roles in zip(found, ((INPUT,), (INPUT, PARAMETER, FIXED, STATE)), strict=True):
+        _add(dependencies, tuple(variables), computed or {}, roles)
+    return Description(tuple(variables), guid.value.decode(), bool(sampled.value), *found)
+
+
+def _add(
+    dependencies: dict[int, tuple[int, ...]],
+    variables: tuple[Variable, ...],
+    computed: Mapping[str, Iterable[str]],
+    roles: tuple[int, ...],
+) -> None:
+    """Adds what is known beforehand; the name of a vector stands for its elements."""
+    references = {v.name: v.reference for v in variables}
+    for output, names in computed.items():
+        known = set(names)
+        used = {v.reference for v in variables if v.role in roles and v.name.partition("[")[0] in known}
+        unknown = references[output]
+        dependencies[unknown] = tuple(sorted(used.union(dependencies[unknown])))
 
 
 def _element(name: str, k: int) -> str:

@@ -23,6 +23,8 @@ from friction_fmus.customise import Start, identified, renamed, rotational, with
 from friction_fmus.describe import FIXED, INPUT, PARAMETER, STATE, Description, describe
 from friction_fmus.documentation import index_page, picture
 from friction_fmus.errors import BuildError
+from friction_fmus.law import Kind
+from friction_fmus.law_files import discover_laws
 from friction_fmus.model_description import build_time, model_description
 from friction_fmus.version import VERSION
 from harness import toolchain
@@ -101,7 +103,15 @@ def describe_block(block: Block, folder: Path) -> Description:
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
     library = folder / f"{block.name}{fmpy.sharedLibraryExtension}"
     toolchain.compile_library(folder, f"{block.name}.c", library)
-    return describe(library)
+    return describe(library, _computed(block))
+
+
+def _computed(block: Block) -> dict[str, tuple[str, ...]]:
+    """The outputs of a law and what they are computed from, as casadi knows; nothing of other blocks."""
+    if block.kind != "law":
+        return {}
+    (law,) = discover_laws(block.path)
+    return {variable.name: law.dependencies(variable.name) for variable in law.select(Kind.OUTPUT)}
 
 
 def build_record(
@@ -181,7 +191,7 @@ def _make(block: Block, sources: Mapping[str, str], folder: Path, target: Path) 
     library = staged / "binaries" / fmpy.platform / f"{block.name}{fmpy.sharedLibraryExtension}"
     library.parent.mkdir(parents=True)
     toolchain.compile_library(staged / "sources", f"{block.name}.c", library)
-    description = describe(library)
+    description = describe(library, _computed(block))
     _check_start_values(block, description)
     (staged / "modelDescription.xml").write_bytes(model_description(block, description, block.name))
     (staged / "model.png").write_bytes(picture(block, description, block.name, staged))
