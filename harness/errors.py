@@ -143,3 +143,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
         return "there are none"
     shown = ", ".join(names[:12])
     return f"known are {shown}" + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+
+
+def not_whole(part: str, time: float | None = None) -> PartError:
+    """The error of a wire that carries a fraction to an Integer input."""
+    return PartError(part, "fmi2SetInteger", "an Integer input got a value that is not a whole number of 32 bit", time)

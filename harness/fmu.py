@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.archive import Archive, open_archive
-from harness.errors import HarnessError, PartError, StartValueError
+from harness.errors import HarnessError, PartError, StartValueError, not_whole
 from harness.fmi2 import Instance, Library
 from harness.part import Calls, Native, Part, Port, StartValue, Values
 
@@ -293,8 +293,11 @@ class FmuPart(Part):
                 raise instance.failure(f"fmi2{verb}{kind}", status)
 
         def set_whole() -> None:
-            for index in range(count):
-                buffer[index] = _whole(values[index]) if kind == "Integer" else int(values[index] != 0)
+            try:
+                for index in range(count):
+                    buffer[index] = _whole(values[index]) if kind == "Integer" else int(values[index] != 0)
+            except (ValueError, OverflowError) as error:
+                raise not_whole(self.name) from error
             exchange()
 
         def get_whole() -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness import toolchain
-from harness.errors import HarnessError, PartError
+from harness.errors import HarnessError, PartError, not_whole
 from harness.part import TYPE_ORDER, Native, Values
 from harness.plan import GET, SET, STEP, Plan
 from harness.wire import split_name
@@ -200,8 +200,7 @@ class Engine:
             return HarnessError("a loop does not converge")
         name, native = self.plan.parts[data.failed_part].name, self.natives[data.failed_part]
         if data.status == NOT_WHOLE:
-            reason = "an Integer input got a value that is not a whole number of 32 bit"
-            return PartError(name, "fmi2SetInteger", reason, data.failed_time)
+            return not_whole(name, data.failed_time)
         function = {SET: "fmi2SetReal", STEP: "fmi2DoStep", GET: "fmi2GetReal", SAVE: "fmi2GetFMUstate"}
         assert native is not None, "a part in Python reports its own errors"
         label = function.get(data.failed_operation, "fmi2SetFMUstate")

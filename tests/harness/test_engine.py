@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from harness_parts import bristle, mass, memoryless
 
-from harness import CallablePart, Experiment, FmuPart, PartError, Result, System, Tap
+from harness import CallablePart, Experiment, FmuPart, PartError, Port, Result, System, Tap
 from harness.run import Options, run
 
 BuildFmu = Callable[..., Path]
@@ -106,13 +106,20 @@ def test_failing_step_of_an_fmu_arrives_with_its_time_and_message(build_fmu: Bui
 
 
 def test_integer_wire_that_carries_a_fraction_is_refused(make_fmu: Callable[..., Path]) -> None:
-    source = CallablePart("half", lambda t, u, x: 0.5, [], ["y"])
+    """At the start, when Python sets it, and in a step of the engine."""
     part = FmuPart("probe", make_fmu())
-    target = next((port.name for port in part.inputs if port.type == "Integer"), None)
-    if target is None:
-        pytest.skip("the probe has no Integer input")
-    with pytest.raises(Exception, match="Integer"):
-        System([source, part], [f"half.y -> probe.{target}"]).run(stop=1.0, step=0.1)
+    target = next(port.name for port in part.inputs if port.type == "Integer")
+    constants = {"probe.u": 0.0, "probe.b": False}
+    for late in (0.0, 0.55):
+
+        def count(t: float, u: np.ndarray, x: np.ndarray, late: float = late) -> float:
+            return 0.5 if t >= late else 2.0
+
+        source = CallablePart("count", count, [], [Port("y", type="Integer")])
+        system = System([source, part], [f"count.y -> probe.{target}"], constants)
+        with pytest.raises(PartError, match="an Integer input got a value that is not a whole number") as caught:
+            system.run(stop=1.0, step=0.1, master="jacobi")
+        assert caught.value.time == pytest.approx(0.6 if late else 0.0)
 
 
 def test_keyboard_interrupt_ends_the_run(build_fmu: BuildFmu) -> None:
