@@ -157,7 +157,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, 1 if `check` or `doctor` has findings, 2 if the command could not be done.
+        0, 1 if `check` or `doctor` has findings or all runs of `sweep` fail, 2 if the command could not be done.
     """
     options = parser().parse_args(arguments)
     logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")

@@ -87,8 +87,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="run on this dask cluster")
 
 
-def sweep_system(options: argparse.Namespace) -> None:
-    """Many runs of a system, into a folder of Parquet files with a row for each run."""
+def sweep_system(options: argparse.Namespace) -> int:
+    """Many runs of a system, into a folder of Parquet files with a row for each run; status 1 if none succeeds."""
     samples = _samples(options)
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
@@ -116,6 +116,7 @@ def sweep_system(options: argparse.Namespace) -> None:
     Console().print(
         f"{options.output}: {result.sizes['run']} runs{notes}", highlight=False, markup=False, soft_wrap=True
     )
+    return int(len(errors) == result.sizes["run"])
 
 
 def _experiment(system: System, options: argparse.Namespace) -> Experiment | None:
