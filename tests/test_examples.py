@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import re
 import runpy
+import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 from PIL import Image
@@ -27,6 +30,24 @@ def page(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return page
 
 
+FIGURES = "run `python benchmarks/effects.py --page docs/compensation.md`"
+
+
+def check_figures(name: str, checks: tuple[Any, ...]) -> None:
+    """Each is in the table of docs/compensation.md, with its bounds; numbers may differ a little elsewhere."""
+    text = (ROOT / "docs" / "compensation.md").read_text(encoding="utf-8")
+    (heading,) = re.findall(r'^"""(.+)$', (ROOT / "examples" / "compensation" / f"{name}.py").read_text("utf-8"), re.M)[
+        :1
+    ]
+    part = text.split(f"## [{heading}](effects.md#")[1].split("\n## ")[0]
+    shown = {row[0]: row[1:] for row in re.findall(r"^\| (.*?) \| (\S+).*? \| (.*?) \| (.*?) \|$", part, re.M)}
+    assert len({check.name for check in checks}) == len(checks) > 0
+    for check in checks:
+        value, bounds, mark = shown[check.name]
+        assert (bounds, mark) == (check.bounds, ""), FIGURES
+        assert float(value) == pytest.approx(check.value, rel=0.02, abs=1e-5), FIGURES
+
+
 @pytest.mark.parametrize(("folder", "name"), [(folder, name) for folder in FILES for name in SCRIPTS[folder]])
 def test_claim_holds_and_the_page_shows_it(
     folder: str,
@@ -42,6 +63,14 @@ def test_claim_holds_and_the_page_shows_it(
     (figures,) = re.findall(rf"^python examples/{folder}/{name}\.py (\S+)$", text, re.M)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", [f"{name}.py", figures])
+    if folder == "compensation":
+        import _effect
+
+        def confirm(self: _effect.Effect, confirmed: Callable[[_effect.Effect], None] = _effect.Effect.confirm) -> None:
+            confirmed(self)
+            check_figures(name, self.checks)
+
+        monkeypatch.setattr(_effect.Effect, "confirm", confirm)
     runpy.run_path(str(ROOT / "examples" / folder / f"{name}.py"), run_name="__main__")
     numbers = capsys.readouterr().out.strip()
     assert "\n" not in numbers
@@ -65,3 +94,25 @@ def test_every_page_and_figure_belongs_to_a_script(page: ModuleType) -> None:
     assert {folder: made.file for folder, made in page.PAGES.items()} == FILES
     shown = sorted(path.stem for path in (ROOT / "docs" / "figures").glob("*"))
     assert shown == sorted(name for names in SCRIPTS.values() for name in names)
+
+
+def test_benchmark_of_the_effects_prints_figures_and_writes_a_page(tmp_path: Path) -> None:
+    command = [sys.executable, "benchmarks/effects.py", "hunting", "--short", "--page", str(tmp_path / "page.md")]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert "from slip to slip" in run.stdout
+    kept = (ROOT / "docs" / "compensation.md").read_text(encoding="utf-8")
+    written = (tmp_path / "page.md").read_text(encoding="utf-8")
+    assert kept.startswith(written.split("## ")[0]), FIGURES
+    assert written.split("\n\n| | value")[0].split("## ")[1] in kept, FIGURES
+
+
+def test_benchmark_of_the_effects_refuses_an_unknown_name() -> None:
+    command = [sys.executable, "benchmarks/effects.py", "hunting_high"]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 2 and "there is no hunting_high.py in examples/compensation" in run.stderr
+
+
+def test_every_effect_is_in_the_table_of_figures(page: ModuleType) -> None:
+    text = (ROOT / "docs" / "compensation.md").read_text(encoding="utf-8")
+    assert text.count("\n## [") == len(page.scripts("compensation")), FIGURES
