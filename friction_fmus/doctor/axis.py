@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.conditions import Between, Condition, DrivenPlant, one_mass, two_masses
+from friction_fmus.conditions import Between, Condition, DrivenPlant, SampledLaw, one_mass, two_masses
 
 Values: TypeAlias = Mapping[str, float]
 """Parameters of a part, and those of its inputs that are constant, by name in SI units."""
@@ -132,8 +132,8 @@ class Law:
         Whether, from the measured velocity, it also compensates friction at rest.
     inertia : callable or None
         Mass of its inertia feedforward, from the values.
-    linear : mapping or None
-        Values under which the equations of the law, linearised at rest, are its part of the loop; None: it has none.
+    linear : callable or None
+        Its part of the sampled loop, from the values and the sample time; None: it has none.
     estimates : bool
         Whether it estimates the force without a friction model, so that the poles of the loop contain the estimator.
     hunts : bool
@@ -149,7 +149,7 @@ class Law:
     measured: bool = False
     at_rest: bool = False
     inertia: Callable[[Values], float] | None = None
-    linear: Values | None = None
+    linear: Callable[[Values, float], SampledLaw] | None = None
     estimates: bool = False
     hunts: bool = True
     amplifies: Callable[[Values], float] | None = None
@@ -211,8 +211,6 @@ class Used:
         Product of the gains of the wires from its u to the force on the plant.
     of_position, of_velocity : float
         Gains of the wires from the plant to its x and v.
-    model : str
-        Row of the table.
     path : Path
         What lies between the law and the plant.
     """
@@ -223,7 +221,6 @@ class Used:
     to_force: float = 1.0
     of_position: float = 1.0
     of_velocity: float = 1.0
-    model: str = ""
     path: Path = Path()
 
     @property

@@ -138,7 +138,7 @@ def _laws(system: System, models: Models, drivers: Drivers, plant: str, names: P
         if law is not None:
             path = _limited(path, to_force, values.get("u_min", -math.inf), values.get("u_max", math.inf))
             x, v, measured = _measured(system, models, drivers, plant, part, path)
-            yield Used(part, law, values, to_force, x, v, str(model), measured)
+            yield Used(part, law, values, to_force, x, v, measured)
             if law.amplifies is not None:
                 path = replace(path, amplified=path.amplified * law.amplifies(values))
         elif model == "Actuator":

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Sequence
 from friction_fmus import conditions
 from friction_fmus.conditions import Condition, SampledLaw
 from friction_fmus.doctor.axis import Axis, Finding, Used
-from friction_fmus.doctor.linear import linearised, local_function
 
 _BUZZ = "around a standstill the contact is a spring, and the loop with it is unstable: the axis buzzes at rest"
 _INVERSE = (
@@ -27,39 +26,55 @@ def examine_poles(axis: Axis, servo: Used, left: float) -> Iterator[Finding]:
     """
     if servo.law.linear is None or "Ts" not in servo.values:
         return
-    own, estimators = (servo,), tuple(estimating(axis, servo))
-    parts = _parts(axis, own)
+    own, together = (servo,), _with_estimators(axis, servo)
     if not servo.law.estimates:
-        yield Finding(parts, _poles(axis, own, left, 0.0))
+        yield from _regimes(axis, own, left)
         if servo.path.amplified != 1.0:
-            yield Finding(parts, _poles(axis, own, left, 0.0, "with the force of the dead zone", servo.path.amplified))
-        yield from _presliding(axis, own)
-    if estimators:
-        # `own` is first, so that its sample time and its path are those of the loop
-        together = tuple(dict.fromkeys((servo, *estimators)))
-        yield Finding(_parts(axis, together), _poles(axis, together, left, 0.0))
-        yield from _presliding(axis, together)
+            yield Finding(
+                (servo.part, axis.plant),
+                _poles(axis, own, left, 0.0, "with the force of the dead zone", servo.path.amplified),
+            )
+    if estimating(axis, servo):
+        yield from _regimes(axis, together, left)
 
 
-def estimating(axis: Axis, servo: Used) -> Iterator[Used]:
-    """The estimators of disturbances that are sampled with the position loop."""
-    for used in axis.laws:
-        if used.law.estimates and used.values.get("Ts", servo.values["Ts"]) == servo.values["Ts"]:
-            yield used
+def _regimes(axis: Axis, laws: tuple[Used, ...], left: float) -> Iterator[Finding]:
+    """In sliding and, if that is stable, on the stiffness of the contact."""
+    parts, contact = (*(used.part for used in reversed(laws)), axis.plant), axis.contact
+    sliding = _poles(axis, laws, left, 0.0)
+    yield Finding(parts, sliding)
+    if sliding.ok and contact is not None and contact.stiffness:
+        where = f"in presliding (stiffness {contact.stiffness:.4g} N/m)"
+        yield Finding(parts, _poles(axis, laws, contact.damping + contact.viscous, contact.stiffness, where))
 
 
-def falling(axis: Axis, servo: Used, fall: float, left: float) -> Condition:
-    """Steady motion where friction falls steepest, with all that is in the loop.
+def estimating(axis: Axis, servo: Used) -> bool:
+    """Whether the loop contains an estimator of disturbances."""
+    return any(used.law.estimates for used in _with_estimators(axis, servo))
+
+
+def _with_estimators(axis: Axis, servo: Used) -> tuple[Used, ...]:
+    """The law of the position loop, whose path and sample time count, and the estimators that are sampled with it."""
+    Ts = servo.values.get("Ts")
+    others = [used for used in axis.laws if used.part != servo.part and used.law.estimates]
+    return (servo, *(used for used in others if used.values.get("Ts", Ts) == Ts))
+
+
+def falling(axis: Axis, servo: Used, fall: float, left: float) -> Iterator[Condition]:
+    """Steady motion where friction falls steepest, with all that is in the loop, if it is stable without that.
 
     Parameters
     ----------
+    axis, servo, left : Axis, Used, float
+        As in `examine_poles`.
     fall : float
         Steepest fall of the Stribeck curve [N.s/m].
     """
-    laws = tuple(dict.fromkeys((servo, *estimating(axis, servo))))
-    driven = axis.driven(left - fall, 0.0, servo.path.at_load)
-    return conditions.loop_poles(
-        driven,
+    laws = _with_estimators(axis, servo)
+    if not _poles(axis, laws, left, 0.0).ok:
+        return
+    yield conditions.loop_poles(
+        axis.driven(left - fall, 0.0, servo.path.at_load),
         _together(laws),
         servo.values["Ts"],
         servo.path.between,
@@ -68,14 +83,6 @@ def falling(axis: Axis, servo: Used, fall: float, left: float) -> Condition:
         why="friction falls faster with speed than the loop damps: slow steady motion sticks and slips",
         hint="raise the damping of the loop or the bandwidth of the estimator, or compensate the friction",
     )
-
-
-def _presliding(axis: Axis, laws: tuple[Used, ...]) -> Iterator[Finding]:
-    contact = axis.contact
-    if contact is not None and contact.stiffness:
-        damping = contact.damping + contact.viscous
-        where = f"in presliding (stiffness {contact.stiffness:.4g} N/m)"
-        yield Finding(_parts(axis, laws), _poles(axis, laws, damping, contact.stiffness, where))
 
 
 def _poles(
@@ -96,23 +103,17 @@ def _poles(
 
 def _together(laws: tuple[Used, ...], times: float = 1.0) -> Callable[[float], Sequence[SampledLaw]]:
     def sampled(Ts: float) -> list[SampledLaw]:
-        return [_sampled(used, Ts).scaled(times * used.to_force, used.of_position, used.of_velocity) for used in laws]
+        return [
+            used.law.linear(used.values, Ts).scaled(times * used.to_force, used.of_position, used.of_velocity)
+            for used in laws
+            if used.law.linear is not None
+        ]
 
     return sampled
 
 
-def _sampled(used: Used, Ts: float) -> SampledLaw:
-    if used.model == "LocalFunctionEstimator":
-        return local_function(used.values, Ts)
-    return linearised(used.model, {**used.values, **(used.law.linear or {})}, Ts)
-
-
 def direct_gains(axis: Axis, servo: Used) -> tuple[float, float]:
     """What a step of the measured position and of the measured velocity gives at once [N/m, N.s/m]."""
-    laws = tuple(dict.fromkeys((servo, *estimating(axis, servo))))
+    laws = _with_estimators(axis, servo)
     found = _together(laws)(servo.values["Ts"])
     return float(sum(law.D[0] for law in found)), float(sum(law.D[1] for law in found))
-
-
-def _parts(axis: Axis, laws: tuple[Used, ...]) -> tuple[str, ...]:
-    return (*(used.part for used in reversed(laws)), axis.plant)

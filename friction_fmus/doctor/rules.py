@@ -68,11 +68,11 @@ def _stick_slip(axis: Axis, servo: Used, gains: Gains, left: list[Level]) -> Ite
     falling_curves = [at for at in left if at.vs and at.Fs > at.Fc]
     if not falling_curves:
         return
-    composed = axis.flexible or servo.path.tau or servo.path.delay or any(estimating(axis, servo))
+    composed = axis.flexible or servo.path.tau or servo.path.delay or estimating(axis, servo)
     worst = max(falling_curves, key=lambda at: conditions.steepest_fall(at.Fc, at.Fs, at.vs or 0.0, at.delta))
     fall = conditions.steepest_fall(worst.Fc, worst.Fs, worst.vs or 0.0, worst.delta)
     if composed and servo.law.linear is not None and math.isfinite(fall):
-        yield falling(axis, servo, fall, worst.viscous)
+        yield from falling(axis, servo, fall, worst.viscous)
         return
     taken = axis.m * gains.Ki / gains.Kp if gains.Kp > 0.0 and gains.Ki > 0.0 else 0.0
     falls = [

@@ -8,9 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from friction_fmus.conditions import SampledLaw
 from friction_fmus.doctor import compensators as rules
 from friction_fmus.doctor.axis import Contact, Gains, Law, Level, Plant, Values
 from friction_fmus.doctor.learning import periods_contract, trials_contract
+from friction_fmus.doctor.linear import linearised, local_function
 
 
 def levels(
@@ -110,6 +112,11 @@ def learned(p: Values) -> tuple[Level, Level]:
     return both(Level(p["Fc0"], p["Fc0"] + p["excess"], p["Fv0"], p["vs"]))
 
 
+def at_rest(name: str, **fixed: float) -> Callable[[Values, float], SampledLaw]:
+    """The part of the sampled loop that a law has by its own equations, with some parameters at fixed values."""
+    return lambda p, Ts: linearised(name, {**p, **fixed}, Ts)
+
+
 def inertia_of(name: str) -> Callable[[Values], float]:
     """The mass of an inertia feedforward, from the parameter of that name."""
     return lambda p: p[name]
@@ -120,29 +127,40 @@ _OPEN: Final = {"gain": 0.0, "sigma0": 0.0, "sigma1": 0.0, "sigma2": 0.0}
 
 LAWS: Final[Mapping[str, Law]] = {
     "PID": Law(
-        gains=lambda p: Gains(p["Kp"], p["Kd"], p["Ki"], p.get("db", 0.0), p["m"]), linear={"db": 0.0, "v_zc": 0.0}
+        gains=lambda p: Gains(p["Kp"], p["Kd"], p["Ki"], p.get("db", 0.0), p["m"]),
+        linear=at_rest("PID", db=0.0, v_zc=0.0),
     ),
     "CascadePPI": Law(
         gains=lambda p: Gains(p["kv"] * p["kp"] + p["ki"], p["kv"], p["ki"] * p["kp"], p.get("db", 0.0), p["m"]),
-        linear={},
+        linear=at_rest("CascadePPI"),
     ),
-    "ResetPID": Law(gains=lambda p: Gains(p["Kp"], p["Kd"], p["Ki"], m=p["m"]), linear={}, hunts=False),
+    "ResetPID": Law(
+        gains=lambda p: Gains(p["Kp"], p["Kd"], p["Ki"], m=p["m"]), linear=at_rest("ResetPID"), hunts=False
+    ),
     "ModelledOutputKarnopp": Law(
-        gains=lambda p: Gains(p["CV"] * p["KP"], p["CV"]), levels=lambda p: levels(p, "Fv", vs=False), linear={}
+        gains=lambda p: Gains(p["CV"] * p["KP"], p["CV"]),
+        levels=lambda p: levels(p, "Fv", vs=False),
+        linear=at_rest("ModelledOutputKarnopp"),
     ),
     "ExtendedStateObserver": Law(
-        gains=lambda p: Gains(p["m"] * p["wc"] ** 2, 2.0 * p["m"] * p["wc"]), linear={}, estimates=True
+        gains=lambda p: Gains(p["m"] * p["wc"] ** 2, 2.0 * p["m"] * p["wc"]),
+        linear=at_rest("ExtendedStateObserver"),
+        estimates=True,
     ),
-    "ImplicitSlidingMode": Law(gains=lambda p: per_sample(p, p["gain"]), linear={}, rules=(rules.covers_friction,)),
+    "ImplicitSlidingMode": Law(
+        gains=lambda p: per_sample(p, p["gain"]), linear=at_rest("ImplicitSlidingMode"), rules=(rules.covers_friction,)
+    ),
     "ImplicitSuperTwisting": Law(
-        gains=lambda p: per_sample(p, 1.0 + p["gain"]), linear={}, rules=(rules.follows_friction,)
+        gains=lambda p: per_sample(p, 1.0 + p["gain"]),
+        linear=at_rest("ImplicitSuperTwisting"),
+        rules=(rules.follows_friction,),
     ),
     "AdaptiveSlidingMode": Law(
         gains=lambda p: Gains(
             (p["Ks"] + p["K"] / p["phi"]) * p["lam"], p["Ks"] + p["K"] / p["phi"] + p["m"] * p["lam"]
         ),
         levels=learned,
-        linear={},
+        linear=at_rest("AdaptiveSlidingMode"),
         rules=(rules.adapts_sliding_mode,),
     ),
     "AdaptiveLuGre": Law(
@@ -150,7 +168,7 @@ LAWS: Final[Mapping[str, Law]] = {
         levels=lambda p: levels(p, "sigma2"),
         measured=True,
         at_rest=True,
-        linear=_OPEN,
+        linear=at_rest("AdaptiveLuGre", **_OPEN),
         rules=(rules.adapts_normal_force, rules.feeds_stiffness_back),
     ),
     "ANDFC": Law(
@@ -158,7 +176,7 @@ LAWS: Final[Mapping[str, Law]] = {
         levels=lambda p: levels(p, "sigma2"),
         measured=True,
         at_rest=True,
-        linear=_OPEN,
+        linear=at_rest("ANDFC", **_OPEN),
         rules=(rules.adapts_bristles, rules.feeds_stiffness_back),
     ),
     "CoulombFeedforward": Law(levels=lambda p: levels(p, vs=False), inertia=inertia_of("m")),
@@ -191,10 +209,10 @@ LAWS: Final[Mapping[str, Law]] = {
         levels=lambda p: levels(p, "Fv", vs=False), measured=True, at_rest=True, rules=(rules.feeds_stiffness_back,)
     ),
     "TustinFeedback": Law(levels=lambda p: levels(p, "Fv", delta=1.0), measured=True),
-    "DisturbanceObserver": Law(linear={}, estimates=True),
-    "KalmanFriction": Law(linear={}, estimates=True),
-    "PredictiveFilter": Law(linear={}, estimates=True),
-    "LocalFunctionEstimator": Law(linear={}, estimates=True),
+    "DisturbanceObserver": Law(linear=at_rest("DisturbanceObserver"), estimates=True),
+    "KalmanFriction": Law(linear=at_rest("KalmanFriction"), estimates=True),
+    "PredictiveFilter": Law(linear=at_rest("PredictiveFilter"), estimates=True),
+    "LocalFunctionEstimator": Law(linear=local_function, estimates=True),
     "Dither": Law(rules=(rules.dithers,)),
     "ImpulsiveControl": Law(rules=(rules.pushes,)),
     "IterativeLearning": Law(rules=(trials_contract,)),
