@@ -5,7 +5,7 @@ change if it does not. ``friction-fmus doctor`` evaluates them on a system, see 
 """
 
 from .axis import belt, cogging, cogging_slope, encoder_count, fed_back_stiffness
-from .chain import Between, DrivenPlant, SampledLaw, chain, loop_poles, one_mass, two_masses
+from .chain import Between, DrivenPlant, SampledLaw, chain, loop_poles, on_bristles, one_mass, two_masses
 from .compensation import (
     disturbance_loop,
     disturbance_observer,
@@ -72,6 +72,7 @@ __all__ = [
     "learning_filter",
     "longest_step",
     "loop_poles",
+    "on_bristles",
     "one_mass",
     "overcompensation",
     "prefilter",

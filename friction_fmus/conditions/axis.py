@@ -12,7 +12,7 @@ from friction_fmus.conditions.position_loop import steepest_fall
 
 
 def encoder_count(q: float, Kp: float, Kd: float, F: float, window: float) -> Condition:
-    """A count that flickers at rest does not move the axis: Kp q + Kd q/window is below the friction at rest.
+    """A count of the encoder does not jolt the axis: Kp q + Kd q/window is below static friction.
 
     Parameters
     ----------
@@ -31,13 +31,12 @@ def encoder_count(q: float, Kp: float, Kd: float, F: float, window: float) -> Co
         ok=value < F,
         value=value,
         bound=F,
-        wrong=f"one count of the encoder, {q:.4g} m, changes the force by Kp q + Kd q/T = {value:.4g} N; friction at "
-        f"rest holds {F:.4g} N",
-        why="the velocity from positions jumps by q/T with each count: the axis is shaken at rest and does not settle "
-        "quietly",
+        wrong=f"one count of the encoder, {q:.4g} m, changes the force by Kp q + Kd q/T = {value:.4g} N; static "
+        f"friction is {F:.4g} N",
+        why="the velocity from positions jumps by q/T with each count: slow motion goes by jolts, forward and back",
         change=f"use an encoder finer than {q * F / value if value > 0.0 else math.inf:.4g} m, take the velocity over "
         "a longer time (Differentiator: window, tau), or lower Kd",
-        source="balance of forces at rest, with the quotient of a quantised position; derived here",
+        source="balance of forces, with the quotient of a quantised position; derived here",
     )
 
 

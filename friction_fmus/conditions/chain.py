@@ -112,6 +112,35 @@ def two_masses(
     return DrivenPlant(A, np.array([0.0, 1.0 / m1, 0.0, 0.0]), rows[2 * at_load[0]], rows[2 * at_load[1] + 1])
 
 
+def on_bristles(
+    plant: DrivenPlant, at: int, m: float, s0: float, s1: float, level: float, slope: float, v: float
+) -> DrivenPlant:
+    """A plant that slides steadily on LuGre bristles, linearised, with their deflection as one more state.
+
+    From z' = v - s0 |v|/g(v) z and F = s0 z + s1 z' about z = g/s0: dz' = (v g'/g) dv - (s0 v/g) dz. The viscous part
+    is in the plant.
+
+    Parameters
+    ----------
+    plant : DrivenPlant
+        Without its dry friction.
+    at, m : int, float
+        State that is the velocity over the bristles, and the mass that they act on [kg].
+    s0, s1 : float
+        Stiffness [N/m] and damping [N.s/m] of the bristles.
+    level, slope, v : float
+        The Stribeck curve g [N] and its slope g' [N.s/m] at the speed v > 0 [m/s].
+    """
+    n = len(plant.b)
+    drive, rate = v * slope / level, s0 * v / level
+    A = np.zeros((n + 1, n + 1))
+    A[:n, :n] = plant.A
+    A[at, at] -= s1 * drive / m
+    A[at, n] = (s1 * rate - s0) / m
+    A[n, at], A[n, n] = drive, -rate
+    return DrivenPlant(A, np.append(plant.b, 0.0), np.append(plant.x, 0.0), np.append(plant.v, 0.0))
+
+
 def chain(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, between: Between = DIRECT) -> Matrix:
     """Step matrix of the whole loop, the forces of all laws added and held between samples.
 
@@ -207,8 +236,8 @@ def loop_poles(
     faster, shorter = "", ""
     if not ok:
         dead = between.delay > 0.0 or between.tau > 0.0
-        longest = 0.0 if dead else longest_sample(radius, Ts)
-        faster = f", or sample faster than every {longest:.4g} s" if longest > 1e-3 * Ts else ""
+        longest = 0.0 if dead else longest_sample(radius, Ts, halvings=6, closeness=1e-3)
+        faster = f", or sample faster than every {longest:.4g} s" if longest else ""
         shorter = _shorter(plant, laws(Ts), Ts, between) if dead else ""
     return Condition(
         name=name,

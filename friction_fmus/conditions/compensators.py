@@ -132,7 +132,7 @@ def break_away(most: float, Fs: float, direction: str = "forward") -> Condition:
         value=most,
         bound=Fs,
         wrong=f"the largest force {direction}, behind all limits, is {most:.4g} N; static friction is {Fs:.4g} N",
-        why="the axis cannot leave a standstill in that direction, whatever the controller wants",
+        why="no force that rises slowly leaves a standstill in that direction: slow motion sticks",
         change=f"raise the limits of the law and of the actuator above {Fs:.4g} N",
         source="balance of forces at rest",
     )
@@ -171,11 +171,7 @@ def super_twisting(c1: float, c2: float) -> Condition:
     least = math.sqrt(1.0 + max(c2, 1.0))
     by_rate = c2 <= 1.0
     value, bound = (c2, 1.0) if by_rate else (c1, least)
-    text = (
-        f"c2 = {c2:.4g}, times the gain, is to be above 1"
-        if by_rate
-        else f"c1 = {c1:.4g} is to be above sqrt(1 + c2) = {least:.4g}"
-    )
+    text = f"c2 = {c2:.4g} is to be above 1" if by_rate else f"c1 = {c1:.4g} is to be above sqrt(1 + c2) = {least:.4g}"
     return Condition(
         name="super-twisting",
         ok=value > bound,
@@ -185,7 +181,7 @@ def super_twisting(c1: float, c2: float) -> Condition:
         why="its integral part changes more slowly than friction of the rate L: it is left behind"
         if by_rate
         else "the two parts may swing about the sliding surface without coming to it",
-        change="use c1 = 1.5 and c2 = 1.1 (Levant), with the gain 1",
+        change="use c1 = 1.5 and c2 = 1.1 (Levant)",
         source="Levant, Automatica 34(3), 1998; the bound of c1: Seeber, Horn, Automatica 84, 2017 (from memory)",
     )
 

@@ -59,7 +59,7 @@ def covers_friction(axis: Axis, used: Used) -> Iterator[Condition]:
 
 def follows_friction(axis: Axis, used: Used) -> Iterator[Condition]:
     """The gains of a super-twisting law."""
-    yield conditions.super_twisting(used.values["c1"], share_of(used) * used.values["c2"])
+    yield conditions.super_twisting(used.values["c1"], used.values["c2"])
 
 
 def adapts_normal_force(axis: Axis, used: Used) -> Iterator[Condition]:

@@ -16,7 +16,7 @@ from friction_fmus.law_files import discover_laws
 NUDGE = 1e-15
 """Position error about which a law is linearised [m]: not 0, where the root of a super-twisting law has no slope."""
 
-SETTLED = 5000
+SETTLED = 500
 """Samples after which the gains of a filter count as settled."""
 
 

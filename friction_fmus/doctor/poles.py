@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from friction_fmus import conditions
-from friction_fmus.conditions import Condition, SampledLaw
-from friction_fmus.doctor.axis import Axis, Finding, Used
+from friction_fmus.conditions import Condition, DrivenPlant, SampledLaw
+from friction_fmus.conditions.linear import Matrix, spectral_radius
+from friction_fmus.doctor.axis import Axis, Finding, Level, Used
 
 _BUZZ = "around a standstill the contact is a spring, and the loop with it is unstable: the axis buzzes at rest"
 _INVERSE = (
@@ -60,29 +64,50 @@ def _with_estimators(axis: Axis, servo: Used) -> tuple[Used, ...]:
     return (servo, *(used for used in others if used.values.get("Ts", Ts) == Ts))
 
 
-def falling(axis: Axis, servo: Used, fall: float, left: float) -> Iterator[Condition]:
-    """Steady motion where friction falls steepest, with all that is in the loop, if it is stable without that.
+def falling(axis: Axis, servo: Used, level: Level) -> Iterator[Condition]:
+    """Slow steady motion, at the speed where it is least stable, if the loop is stable without dry friction.
 
     Parameters
     ----------
-    axis, servo, left : Axis, Used, float
+    axis, servo : Axis, Used
         As in `examine_poles`.
-    fall : float
-        Steepest fall of the Stribeck curve [N.s/m].
+    level : Level
+        The friction that is left, with a Stribeck velocity.
     """
     laws = _with_estimators(axis, servo)
-    if not _poles(axis, laws, left, 0.0).ok:
+    if axis.contact is None or level.vs is None or not _poles(axis, laws, level.viscous, 0.0).ok:
         return
+    driven = axis.driven(level.viscous, 0.0, servo.path.at_load)
+    at = 3 if axis.at_load else 1
+    mass = axis.m if axis.flexible is None else axis.flexible[int(axis.at_load)]
+    speeds = level.vs * np.geomspace(0.05, 5.0, 31)
+    g = level.at(speeds)
+    found = []
+    for v, here, slope in zip(speeds, g, np.gradient(g, speeds), strict=True):
+        if axis.contact.stiffness:
+            bristles = (axis.contact.stiffness, axis.contact.damping)
+            plant = conditions.on_bristles(driven, at, mass, *bristles, float(here), float(slope), float(v))
+        else:
+            A = driven.A.copy()
+            A[at, at] -= slope / mass
+            plant = replace(driven, A=A)
+        found.append((spectral_radius(_chained(plant, laws)), float(v), float(slope), plant))
+    _, v, slope, plant = max(found, key=lambda one: one[0])
     yield conditions.loop_poles(
-        axis.driven(left - fall, 0.0, servo.path.at_load),
+        plant,
         _together(laws),
         servo.values["Ts"],
         servo.path.between,
         name="stick-slip",
-        where=f"where friction falls by {fall:.4g} N.s/m",
+        where=f"at {v:.4g} m/s, where friction falls by {-slope:.4g} N.s/m,",
         why="friction falls faster with speed than the loop damps: slow steady motion sticks and slips",
         hint="raise the damping of the loop or the bandwidth of the estimator, or compensate the friction",
     )
+
+
+def _chained(plant: DrivenPlant, laws: tuple[Used, ...]) -> Matrix:
+    Ts = laws[0].values["Ts"]
+    return conditions.chain(plant, _together(laws)(Ts), Ts, laws[0].path.between)
 
 
 def _poles(

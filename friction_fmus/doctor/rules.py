@@ -29,7 +29,8 @@ def examine_axis(axis: Axis) -> Iterator[Finding]:
     for used in axis.laws:
         for rule in used.law.rules:
             for condition in rule(axis, used):
-                yield Finding((used.part, *((servo.part,) if servo else ()), axis.plant), condition)
+                others = (servo.part,) if servo is not None and servo.part != used.part else ()
+                yield Finding((used.part, *others, axis.plant), condition)
 
 
 def _plant(axis: Axis) -> tuple[str, ...]:
@@ -72,7 +73,7 @@ def _stick_slip(axis: Axis, servo: Used, gains: Gains, left: list[Level]) -> Ite
     worst = max(falling_curves, key=lambda at: conditions.steepest_fall(at.Fc, at.Fs, at.vs or 0.0, at.delta))
     fall = conditions.steepest_fall(worst.Fc, worst.Fs, worst.vs or 0.0, worst.delta)
     if composed and servo.law.linear is not None and math.isfinite(fall):
-        yield from falling(axis, servo, fall, worst.viscous)
+        yield from falling(axis, servo, worst)
         return
     taken = axis.m * gains.Ki / gains.Kp if gains.Kp > 0.0 and gains.Ki > 0.0 else 0.0
     falls = [
