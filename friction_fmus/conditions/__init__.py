@@ -17,13 +17,9 @@ from .compensation import (
 from .compensators import (
     adaptation,
     break_away,
-    dither_frequency,
-    dither_stroke,
     prefilter,
     prefilter_match,
     preview,
-    pulses,
-    slide,
     sliding_gain,
     super_twisting,
     super_twisting_rate,
@@ -41,8 +37,11 @@ from .position_loop import (
     steepest_fall,
     stick_slip_free,
 )
+from .quoted import QUOTED, quotes
+from .shaking import dither_frequency, dither_stroke, pulses, slide, slide_in_loop
 
 __all__ = [
+    "QUOTED",
     "Between",
     "Condition",
     "DrivenPlant",
@@ -80,11 +79,13 @@ __all__ = [
     "preview",
     "process_sensitivity",
     "pulses",
+    "quotes",
     "routh",
     "sample_step",
     "sampled",
     "sampled_sensitivity",
     "slide",
+    "slide_in_loop",
     "sliding_gain",
     "steepest_fall",
     "stick_slip_free",

@@ -76,9 +76,9 @@ def adapts_bristles(axis: Axis, used: Used) -> Iterator[Condition]:
 
 
 def adapts_sliding_mode(axis: Axis, used: Used) -> Iterator[Condition]:
-    """AdaptiveSlidingMode, at low speed: the Coulomb friction."""
+    """AdaptiveSlidingMode, at low speed: the Coulomb friction, at the edge of the layer in which nothing is adapted."""
     p = used.values
-    yield conditions.adaptation(p["Gamma_c"], p["Ks"], axis.m, p["Ts"])
+    yield conditions.adaptation(p["Gamma_c"], p["Ks"] + p["K"] / p["phi"], axis.m, p["Ts"])
 
 
 def looks_ahead(axis: Axis, used: Used) -> Iterator[Condition]:
@@ -117,5 +117,7 @@ def pushes(axis: Axis, used: Used) -> Iterator[Condition]:
         errors, forces = errors[:1], np.array([p["F_pulse"]])
     most = min(used.path.high, -used.path.low)
     sent = np.minimum(abs(used.to_force) * forces, most)
-    kept = (sent < most) | (np.arange(len(sent)) == 0)  # a pulse at the limit is shorter of the target, and repeated
-    yield conditions.pulses(errors[kept], sent[kept], worst.Fc, worst.Fs, tp, axis.m)
+    kept = (sent < most) | (np.arange(len(sent)) == 0)  # a pulse at the limit falls short, and is repeated
+    gains = axis.servo.gains if axis.servo else None
+    loop = (gains.Kp, gains.Kd) if gains else (0.0, 0.0)
+    yield conditions.pulses(errors[kept], sent[kept], worst.Fc, worst.Fs, tp, axis.m, *loop)

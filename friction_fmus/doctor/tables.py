@@ -107,11 +107,6 @@ def per_sample(p: Values, steps: float) -> Gains:
     return Gains(on_s * p["lam"], on_s + p["m"] * p["lam"])
 
 
-def learned(p: Values) -> tuple[Level, Level]:
-    """The friction of AdaptiveSlidingMode at the start, of the reference."""
-    return both(Level(p["Fc0"], p["Fc0"] + p["excess"], p["Fv0"], p["vs"]))
-
-
 def at_rest(name: str, **fixed: float) -> Callable[[Values, float], SampledLaw]:
     """The part of the sampled loop that a law has by its own equations, with some parameters at fixed values."""
     return lambda p, Ts: linearised(name, {**p, **fixed}, Ts)
@@ -159,7 +154,6 @@ LAWS: Final[Mapping[str, Law]] = {
         gains=lambda p: Gains(
             (p["Ks"] + p["K"] / p["phi"]) * p["lam"], p["Ks"] + p["K"] / p["phi"] + p["m"] * p["lam"]
         ),
-        levels=learned,
         linear=at_rest("AdaptiveSlidingMode"),
         rules=(rules.adapts_sliding_mode,),
     ),
