@@ -36,7 +36,7 @@ def dither_stroke(Ad: float, f: float, m: float, F: float, s0: float) -> Conditi
         bound=bound,
         wrong=f"the stroke of the dither, Ad/(m (2 pi f)^2) = {stroke:.4g} m, is to be above the presliding range "
         f"F/s0 = {bound:.4g} m",
-        why="the contact follows the dither elastically and does not slide: friction is not smoothed",
+        why="the contact follows much of the dither elastically: friction is smoothed by about half, or less",
         change=f"raise Ad above {bound * m * w**2:.4g} N, or lower the frequency below "
         f"{math.sqrt(Ad * s0 / (m * F)) / (2.0 * math.pi) if F > 0.0 else math.inf:.4g} Hz",
         source="mean of friction under a sliding dither: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), "

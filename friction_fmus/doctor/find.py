@@ -28,6 +28,17 @@ def axes(system: System) -> list[Axis]:
     return [_axis(system, models, drivers, name, plant) for name, plant in masses]
 
 
+def unknown_parts(system: System) -> list[str]:
+    """Parts that the doctor does not know, and so takes for nothing; sources of signals are none of its business."""
+    signals = {f"{block.summary} ({block.source})" for block in catalogue().values() if block.kind == "signal"}
+    unknown = [part for part in system.parts.values() if model_of(part) is None]
+    return [
+        part.name
+        for part in unknown
+        if not isinstance(part, FmuPart) or open_archive(part.path).description.description not in signals
+    ]
+
+
 def model_of(part: Part) -> str | None:
     """Which row of the tables a part is: by its model, its model identifier, or, if it was renamed, its description."""
     if not isinstance(part, FmuPart):

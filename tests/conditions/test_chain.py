@@ -169,5 +169,5 @@ def test_bristles_of_a_sliding_mass_are_linearised_right(v: float) -> None:
     expected = np.array([(rates(centre + d) - rates(centre - d)) / (2 * d.sum()) for d in sizes]).T
     slope = -2.0 * (Fs - Fc) * v / vs**2 * np.exp(-((v / vs) ** 2))
     found = on_bristles(one_mass(2.0, 0.4), 1, 2.0, s0, s1, g(v), slope, v)
-    assert found.A == pytest.approx(expected, rel=1e-5, abs=1e-6 * np.abs(expected).max())
+    assert pytest.approx(expected, rel=1e-5, abs=1e-6 * np.abs(expected).max()) == found.A
     assert spectral_radius(chain(found, [pd(3e3, 200.0)], TS)) > 0.0
