@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from friction_fmus.doctor import examine
+from friction_fmus.__main__ import main
+from friction_fmus.doctor import examine, unknown_parts
 from harness import Experiment, FmuPart, System, Wire
 
 BlockFmu = Callable[..., Path]
@@ -263,3 +264,19 @@ def test_an_inverse_with_a_short_preview(make: Make) -> None:
     wires = [*DRIVE, *MEASURED, "more.u -> servo.f"]
     assert names(make(*with_part("DiscreteInverse", wires, r=0.0))) == []
     assert names(make(*with_part("DiscreteInverse", wires, r=0.0, preview=3.0))) == ["preview"]
+
+
+def test_parts_that_are_not_known_are_named(
+    make: Make, tmp_path: Path, build_fmu: BlockFmu, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A signal is none of the doctor's business, a chain of masses is; so is a system without a mass."""
+    blocks = {"mass": "Mass", "fric": "FrenkelKontorova", "sine": "Sine"}
+    system = make(blocks, [*CONTACT, "sine.r -> mass.F_load"], {"mass.F_drive": 0.0, "mass.v_support": 0.0})
+    assert unknown_parts(system) == ["fric"]
+    signal = System([FmuPart("sine", build_fmu("Sine"))], [], {})
+    for name, one in (("a.ssp", system), ("b.ssp", signal)):
+        one.to_ssp(tmp_path / name)
+        assert main(["doctor", str(tmp_path / name)]) == 0
+    first, second = capsys.readouterr().out.split("a.ssp")
+    assert "not known, and left out: fric" in first
+    assert "there is no mass that the doctor knows" in second
