@@ -209,7 +209,7 @@ def loop_poles(
     name: str = "sampled loop",
     where: str = "in sliding",
     why: str = "the force is held between the samples, a delay of half a sample time: the loop oscillates and grows",
-    hint: str = "lower the gains",
+    hint: str = "",
 ) -> Condition:
     """Stability of the whole sampled loop: all eigenvalues of `chain` within the unit circle.
 
@@ -225,7 +225,8 @@ def loop_poles(
     Ts : float
         Sample time [s].
     name, where, why, hint : str
-        Name of the condition, what the plant is at that point, and texts for the finding.
+        Name of the condition, what the plant is at that point, why it matters, and what to change; without a hint it is
+        searched for gains that are low enough.
     """
 
     def radius(time: float) -> float:
@@ -235,6 +236,7 @@ def loop_poles(
     ok = value < 1.0
     faster, shorter = "", ""
     if not ok:
+        hint = hint or _lower(plant, laws(Ts), Ts, between)
         dead = between.delay > 0.0 or between.tau > 0.0
         longest = 0.0 if dead else longest_sample(radius, Ts, halvings=6, closeness=1e-3)
         faster = f", or sample faster than every {longest:.4g} s" if longest else ""
@@ -252,6 +254,32 @@ def loop_poles(
     )
 
 
+def _edge(radius: Callable[[float], float]) -> float:
+    """The largest share from 0 to 1, of those next to 0, at which a spectral radius is below 1; 0 if there is none."""
+    low, high = 0.0, 1.0
+    for share in (0.5, 0.2, 0.1, 0.05, 0.02, 0.01):
+        if radius(share) < 1.0:
+            low = share
+            break
+        high = share
+    while low and high - low > 1e-3 * high:
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if radius(middle) < 1.0 else (low, middle)
+    return low
+
+
+def _lower(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, between: Between) -> str:
+    """How much lower the gains would have to be, all together, if that helps."""
+    share = _edge(
+        lambda share: spectral_radius(
+            chain(plant, [SampledLaw(law.A, law.B, share * law.C, share * law.D) for law in laws], Ts, between)
+        )
+    )
+    if share:
+        return f"lower all gains together below {share:.3g} of what they are"
+    return "change the gains: no common factor makes the loop stable"
+
+
 def _shorter(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, between: Between) -> str:
     """How much shorter lag and delay of the actuator would have to be, if that helps."""
 
@@ -259,11 +287,7 @@ def _shorter(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, between:
         shrunk = Between(share * between.tau, share * between.delay, between.window, between.smoothing)
         return spectral_radius(chain(plant, laws, Ts, shrunk))
 
-    if radius(0.0) >= 1.0:
+    low, total = _edge(radius), between.tau + between.delay
+    if not low:
         return "; lag and delay of the actuator are not the cause alone"
-    low, high = 0.0, 1.0
-    while high - low > 1e-3:
-        middle = (low + high) / 2.0
-        low, high = (middle, high) if radius(middle) < 1.0 else (low, middle)
-    total = between.tau + between.delay
     return f", or bring lag and delay of the actuator, together {total:.4g} s, below {low * total:.4g} s"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
@@ -105,6 +106,14 @@ def falling(axis: Axis, servo: Used, level: Level) -> Iterator[Condition]:
     )
 
 
+def _resonance(m1: float, m2: float, k: float, d: float) -> str:
+    frequency = math.sqrt(k * (m1 + m2) / (m1 * m2)) / (2.0 * math.pi)
+    return (
+        f"motor and load swing against each other at {frequency:.4g} Hz, and the loop, with its delay and where it "
+        "measures, can drive that: it oscillates and grows"
+    )
+
+
 def _chained(plant: DrivenPlant, laws: tuple[Used, ...]) -> Matrix:
     Ts = laws[0].values["Ts"]
     return conditions.chain(plant, _together(laws)(Ts), Ts, laws[0].path.between)
@@ -118,6 +127,8 @@ def _poles(
     if estimates:
         texts = {"name": "disturbance observer", "why": _INVERSE}
         texts["hint"] = "lower the bandwidth of the estimator, correct its mass"
+    elif axis.flexible is not None:
+        texts = {"why": _resonance(*axis.flexible)}
     elif stiffness:
         texts = {"name": "presliding loop", "why": _BUZZ}
     driven = axis.driven(damping, stiffness, servo.path.at_load)

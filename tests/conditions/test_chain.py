@@ -143,11 +143,20 @@ def test_local_function_is_a_fit_of_a_polynomial_to_means(degree: int, window: i
     assert found == pytest.approx(float(k**power), rel=1e-6)
 
 
+def test_what_is_advised_for_the_gains_is_the_edge() -> None:
+    Kp, Kd = 12e3, 2500.0
+    share = float(loop_poles(one_mass(1.0), lambda _: [pd(Kp, Kd)], TS).change.split("below ")[1].split(" of")[0])
+    for times, ok in ((0.98, True), (1.02, False)):
+        assert loop_poles(one_mass(1.0), lambda _, k=times * share: [pd(k * Kp, k * Kd)], TS).ok == ok  # type: ignore[misc]
+    hopeless = loop_poles(one_mass(1.0), lambda _: [pd(Kp, -1.0)], TS)
+    assert "no common factor" in hopeless.change
+
+
 def test_what_is_advised_for_a_delay_is_the_edge() -> None:
     law = pd(12e3, 600.0)
     slow = loop_poles(one_mass(1.0, 0.4), lambda _: [law], TS, Between(delay=4e-3))
     assert not slow.ok
-    edge = float(slow.change.split("below ")[1].split(" s")[0])
+    edge = float(slow.change.split("below ")[-1].split(" s")[0])
     assert loop_poles(one_mass(1.0, 0.4), lambda _: [law], TS, Between(delay=0.98 * edge)).ok
     assert not loop_poles(one_mass(1.0, 0.4), lambda _: [law], TS, Between(delay=1.02 * edge)).ok
 

@@ -270,8 +270,8 @@ def test_parts_that_are_not_known_are_named(
     make: Make, tmp_path: Path, build_fmu: BlockFmu, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A signal is none of the doctor's business, a chain of masses is; so is a system without a mass."""
-    blocks = {"mass": "Mass", "fric": "FrenkelKontorova", "sine": "Sine"}
-    system = make(blocks, [*CONTACT, "sine.r -> mass.F_load"], {"mass.F_drive": 0.0, "mass.v_support": 0.0})
+    blocks = {"mass": "Mass", "fric": "RateAndState", "sine": "Sine"}
+    system = make(blocks, list(CONTACT), PLANT | {"mass.F_drive": 0.0})
     assert unknown_parts(system) == ["fric"]
     signal = System([FmuPart("sine", build_fmu("Sine"))], [], {})
     for name, one in (("a.ssp", system), ("b.ssp", signal)):
