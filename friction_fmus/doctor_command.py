@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rich.markup import escape
 
-from friction_fmus.doctor import Finding, examine
+from friction_fmus.doctor import Finding, axes, examine, unknown_parts
 from friction_fmus.run_command import open_system
 from friction_fmus.terminal import console, parse_assignment
 from harness import ExperimentError, System, masters
@@ -32,6 +32,7 @@ def examine_system(options: argparse.Namespace) -> int:
     with open_system(options.system) as opened:
         system = opened.with_start(dict(parse_assignment(text) for text in options.set or ()))
         results = examine(system, _experiment(system, options))
+        masses, unknown = axes(system), unknown_parts(system)
     wrong = [finding for finding in results if not finding.condition.ok]
     shown = results if options.all else wrong
     if options.json:
@@ -40,6 +41,7 @@ def examine_system(options: argparse.Namespace) -> int:
     else:
         for finding in shown:
             _show(finding)
+        _say_what_was_left_out(len(masses), unknown)
         summary = f"{_counted(len(results), 'condition')} evaluated, {_counted(len(wrong), 'finding')}"
         console.print(f"{options.system}: {summary}", highlight=False, soft_wrap=True)
     return 1 if wrong else 0
@@ -77,6 +79,15 @@ def _show(finding: Finding) -> None:
     console.print(f"[bold red]{escape(condition.name)}[/] ({escape(parts)})", highlight=False)
     for title in ("wrong", "why", "change", "source"):
         console.print(f"  {title:<8}{escape(getattr(condition, title))}", highlight=False, soft_wrap=True)
+
+
+def _say_what_was_left_out(masses: int, unknown: list[str]) -> None:
+    """Without this, a system that the doctor does not understand would look healthy."""
+    if unknown:
+        console.print(f"not known, and left out: {escape(', '.join(unknown))}", highlight=False, soft_wrap=True)
+    if not masses:
+        text = "there is no mass that the doctor knows: only sample times and the stepping order were looked at"
+        console.print(text, highlight=False, soft_wrap=True)
 
 
 def _counted(number: int, noun: str) -> str:

@@ -14,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from friction_fmus.catalogue import Block
+from friction_fmus.conditions import quotes
 from friction_fmus.describe import INPUT, OUTPUT, STATE_OUTPUT, Description
 from friction_fmus.model_description import ROLE
 from friction_fmus.notes import Paragraph, paragraphs
@@ -31,7 +32,7 @@ img { float: right; width: 14rem; margin: 0 0 1rem 1rem; }
 
 
 def index_page(block: Block, description: Description, identifier: str) -> str:
-    """documentation/index.html: what the block is, its equations, variables and source."""
+    """documentation/index.html: what the block is, its equations, conditions, variables and source."""
     heads = "".join(f"<th>{name}</th>" for name in ("name", "unit", "start", "range", "meaning"))
     return (
         f'<!DOCTYPE html>\n<html lang="en">\n<head><meta charset="utf-8"><title>{escape(identifier)}</title>\n'
@@ -39,10 +40,22 @@ def index_page(block: Block, description: Description, identifier: str) -> str:
         f"<h1>{escape(identifier)} <small>{escape(block.kind)}</small></h1>\n"
         f'<img src="../model.png" alt="{escape(block.summary)}">\n'
         f"{notes_as_html(block.notes)}\n"
+        f"{_conditions(block.name)}"
         f"<h2>Variables</h2>\n<table>\n<tr>{heads}</tr>\n{_variable_rows(description)}</table>\n"
         f"<h2>Source</h2>\n<p>{escape(block.source)}</p>\n"
         f"<pre>{escape(block.code)}</pre>\n"
         f"<p>Made by friction-fmus {VERSION}; MIT licence, see licenses/license.txt.</p>\n</body>\n</html>\n"
+    )
+
+
+def _conditions(block: str) -> str:
+    """The conditions under which the block works in a loop, as `friction_fmus.conditions` states them."""
+    items = "".join(f"<li>{escape(text)} (<code>{name}</code>)</li>\n" for name, text in quotes(block))
+    if not items:
+        return ""
+    return (
+        f"<h2>Conditions</h2>\n<ul>\n{items}</ul>\n<p>Functions of <code>friction_fmus.conditions</code>; "
+        "<code>friction-fmus doctor SYSTEM</code> evaluates them for a concrete loop.</p>\n"
     )
 
 

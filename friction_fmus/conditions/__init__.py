@@ -4,6 +4,8 @@ Each returns a `Condition`: whether it holds, the two numbers that were compared
 change if it does not. ``friction-fmus doctor`` evaluates them on a system, see docs/conditions.md.
 """
 
+from .axis import belt, cogging, cogging_slope, encoder_count, fed_back_stiffness
+from .chain import Between, DrivenPlant, SampledLaw, chain, loop_poles, on_bristles, one_mass, two_masses
 from .compensation import (
     disturbance_loop,
     disturbance_observer,
@@ -11,6 +13,16 @@ from .compensation import (
     inertia,
     injection,
     overcompensation,
+)
+from .compensators import (
+    adaptation,
+    break_away,
+    prefilter,
+    prefilter_match,
+    preview,
+    sliding_gain,
+    super_twisting,
+    super_twisting_rate,
 )
 from .condition import Condition
 from .coupling import contact_step, fresh, longest_step, sample_step
@@ -25,29 +37,59 @@ from .position_loop import (
     steepest_fall,
     stick_slip_free,
 )
+from .quoted import QUOTED, quotes
+from .shaking import dither_frequency, dither_stroke, pulses, slide, slide_in_loop
 
 __all__ = [
+    "QUOTED",
+    "Between",
     "Condition",
+    "DrivenPlant",
+    "SampledLaw",
+    "adaptation",
+    "belt",
+    "break_away",
+    "chain",
     "closed_loop",
+    "cogging",
+    "cogging_slope",
     "contact_step",
     "contraction",
     "dead_band",
     "disturbance_loop",
     "disturbance_observer",
+    "dither_frequency",
+    "dither_stroke",
+    "encoder_count",
     "expected_slip",
     "explicit_observer",
+    "fed_back_stiffness",
     "fresh",
     "hunting",
     "inertia",
     "injection",
     "learning_filter",
     "longest_step",
+    "loop_poles",
+    "on_bristles",
+    "one_mass",
     "overcompensation",
+    "prefilter",
+    "prefilter_match",
+    "preview",
     "process_sensitivity",
+    "pulses",
+    "quotes",
     "routh",
     "sample_step",
     "sampled",
     "sampled_sensitivity",
+    "slide",
+    "slide_in_loop",
+    "sliding_gain",
     "steepest_fall",
     "stick_slip_free",
+    "super_twisting",
+    "super_twisting_rate",
+    "two_masses",
 ]

@@ -139,9 +139,9 @@ def disturbance_observer(
 
 
 def explicit_observer(Ts: float, s0: float, Fc: float, v: float) -> Condition:
-    """An observer of bristles that is stepped explicitly needs Ts < 0.2 g/(s0 v), a fifth of their relaxation time.
+    """An observer of bristles that is stepped explicitly needs Ts < 0.2 g/(s0 v); this library's step exactly.
 
-    The laws of this library step exactly and need no such condition.
+    The bound is a fifth of the relaxation time of the bristles; the laws of this library need no such condition.
 
     Parameters
     ----------

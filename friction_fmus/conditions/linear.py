@@ -33,17 +33,27 @@ def spectral_radius(matrix: Matrix) -> float:
     return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
-def longest_sample(radius: Callable[[float], float], Ts: float) -> float:
-    """The sample time next below Ts at which the spectral radius comes down to 1; 0 if it does not."""
+def longest_sample(radius: Callable[[float], float], Ts: float, halvings: int = 60, closeness: float = 1e-6) -> float:
+    """The sample time next below Ts at which the spectral radius comes down to 1; 0 if it does not.
+
+    Parameters
+    ----------
+    radius : callable
+        From the sample time.
+    Ts : float
+        A sample time at which the loop is unstable [s].
+    halvings, closeness : int, float
+        How often it is halved in search of a stable one, and how close to the edge the result is.
+    """
     unstable = Ts
-    for _ in range(60):
+    for _ in range(halvings):
         stable = unstable / 2.0
         if radius(stable) < 1.0:
             break
         unstable = stable
     else:
         return 0.0
-    while unstable > stable * (1.0 + 1e-6):
+    while unstable > stable * (1.0 + closeness):
         middle = math.sqrt(stable * unstable)
         stable, unstable = (middle, unstable) if radius(middle) < 1.0 else (stable, middle)
     return stable

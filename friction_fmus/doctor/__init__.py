@@ -7,12 +7,12 @@
 from __future__ import annotations
 
 from friction_fmus.doctor.axis import Finding
-from friction_fmus.doctor.find import axes
+from friction_fmus.doctor.find import axes, unknown_parts
 from friction_fmus.doctor.rules import examine_axis
 from friction_fmus.doctor.sampling import examine_steps
 from harness import Experiment, System
 
-__all__ = ["Finding", "examine"]
+__all__ = ["Finding", "axes", "examine", "unknown_parts"]
 
 
 def examine(system: System, experiment: Experiment | None = None) -> list[Finding]:

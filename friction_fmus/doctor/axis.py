@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
@@ -9,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.conditions import Condition
+from friction_fmus.conditions import Between, Condition, DrivenPlant, SampledLaw, one_mass, two_masses
 
 Values: TypeAlias = Mapping[str, float]
 """Parameters of a part, and those of its inputs that are constant, by name in SI units."""
@@ -97,19 +98,22 @@ class Plant:
     ----------
     forces : tuple of str
         Inputs for applied forces.
-    friction : str
-        Input for the friction force; empty if the block holds its own friction.
+    friction : tuple of str
+        Inputs for friction forces, of which the first that is wired counts; empty if the block holds its own friction.
     mass : callable
         Mass [kg] from the values.
     damping, stiffness : str
         Parameters; empty where there is none.
+    flexible : bool
+        Whether it is motor and load with a spring between them: m1, m2, k, d.
     """
 
     forces: tuple[str, ...]
-    friction: str
+    friction: tuple[str, ...]
     mass: Callable[[Values], float]
     damping: str = ""
     stiffness: str = ""
+    flexible: bool = False
 
 
 @dataclass(frozen=True)
@@ -126,8 +130,16 @@ class Law:
         Whether it computes the friction from the measured velocity, otherwise from the reference.
     at_rest : bool
         Whether, from the measured velocity, it also compensates friction at rest.
-    inertia : str
-        Parameter with the mass of its inertia feedforward.
+    inertia : callable or None
+        Mass of its inertia feedforward, from the values.
+    linear : callable or None
+        Its part of the sampled loop, from the values and the sample time; None: it has none.
+    estimates : bool
+        Whether it estimates the force without a friction model, so that the poles of the loop contain the estimator.
+    hunts : bool
+        Whether its integral, if there is one, hunts with static friction.
+    amplifies : callable or None
+        How many times what comes in at f leaves the law in small movements; None: once.
     rules : tuple of callable
         Conditions of this law alone.
     """
@@ -136,8 +148,51 @@ class Law:
     levels: Callable[[Values], tuple[Level, Level]] | None = None
     measured: bool = False
     at_rest: bool = False
-    inertia: str = ""
+    inertia: Callable[[Values], float] | None = None
+    linear: Callable[[Values, float], SampledLaw] | None = None
+    estimates: bool = False
+    hunts: bool = True
+    amplifies: Callable[[Values], float] | None = None
     rules: tuple[Rule, ...] = ()
+
+
+@dataclass(frozen=True)
+class Path:
+    """What lies between a law and its plant.
+
+    Parameters
+    ----------
+    tau, delay : float
+        Of an actuator [s].
+    low, high : float
+        Limits of the force on the plant [N].
+    amplified : float
+        How many times the force of the law arrives in small movements.
+    window, smoothing : float
+        Samples over which the velocity is taken from positions, 0: it is measured; time constant behind that [s].
+    quantum : float
+        Step of the measured position [m].
+    sensor : str
+        Part that measures; empty: the plant itself.
+    at_load : (bool, bool)
+        Whether position and velocity are those of the load of a flexible drive.
+    """
+
+    tau: float = 0.0
+    delay: float = 0.0
+    low: float = -math.inf
+    high: float = math.inf
+    amplified: float = 1.0
+    window: int = 0
+    smoothing: float = 0.0
+    quantum: float = 0.0
+    sensor: str = ""
+    at_load: tuple[bool, bool] = (False, False)
+
+    @property
+    def between(self) -> Between:
+        """The same for the poles of the loop."""
+        return Between(self.tau, self.delay, self.window, self.smoothing)
 
 
 @dataclass(frozen=True)
@@ -156,6 +211,8 @@ class Used:
         Product of the gains of the wires from its u to the force on the plant.
     of_position, of_velocity : float
         Gains of the wires from the plant to its x and v.
+    path : Path
+        What lies between the law and the plant.
     """
 
     part: str
@@ -164,6 +221,7 @@ class Used:
     to_force: float = 1.0
     of_position: float = 1.0
     of_velocity: float = 1.0
+    path: Path = Path()
 
     @property
     def gains(self) -> Gains | None:
@@ -182,6 +240,15 @@ class Used:
 
 
 @dataclass(frozen=True)
+class Shaper:
+    """A law that shapes a reference: its part, its row of the table, and its values."""
+
+    part: str
+    model: str
+    values: Values
+
+
+@dataclass(frozen=True)
 class Axis:
     """One mass with its friction and the laws that drive it.
 
@@ -197,6 +264,16 @@ class Axis:
         Its friction.
     laws : tuple of Used
         From the plant outward.
+    flexible : (float, float, float, float) or None
+        m1, m2, k, d of motor and load; None: a single mass.
+    at_load : bool
+        Whether the friction is that of the load.
+    cogging : (str, float) or None
+        Part and largest slope [N/m] of a force that depends on position.
+    belt : float or None
+        Speed of the belt below [m/s].
+    shapers : tuple of Shaper
+        What shapes the references of its laws.
     """
 
     plant: str
@@ -206,6 +283,19 @@ class Axis:
     friction: str | None = None
     contact: Contact | None = None
     laws: tuple[Used, ...] = ()
+    flexible: tuple[float, float, float, float] | None = None
+    at_load: bool = False
+    cogging: tuple[str, float] | None = None
+    belt: float | None = None
+    shapers: tuple[Shaper, ...] = ()
+
+    def driven(self, damping: float, stiffness: float, measured: tuple[bool, bool] = (False, False)) -> DrivenPlant:
+        """The plant with this damping and stiffness of its contact, beside its own to the ground."""
+        if self.flexible is None:
+            return one_mass(self.m, self.damping + damping, self.stiffness + stiffness)
+        dampers = (0.0, damping) if self.at_load else (damping, 0.0)
+        springs = (0.0, stiffness) if self.at_load else (stiffness, 0.0)
+        return two_masses(*self.flexible, dampers, springs, measured)
 
     @property
     def servo(self) -> Used | None:

@@ -8,9 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from friction_fmus.conditions import SampledLaw
+from friction_fmus.doctor import compensators as rules
 from friction_fmus.doctor.axis import Contact, Gains, Law, Level, Plant, Values
 from friction_fmus.doctor.learning import periods_contract, trials_contract
-from friction_fmus.doctor.rules import disturbance_observer_poles, injection_of_error
+from friction_fmus.doctor.linear import linearised, local_function
 
 
 def levels(
@@ -67,8 +69,10 @@ def both(level: Level) -> tuple[Level, Level]:
 
 
 PLANTS: Final[Mapping[str, Plant]] = {
-    "Mass": Plant(("F_drive", "F_load"), "F_friction", lambda p: p["m"], "d", "k"),
-    "KarnoppMass": Plant(("F_ext",), "", lambda p: p["m"]),
+    "Mass": Plant(("F_drive", "F_load"), ("F_friction",), lambda p: p["m"], "d", "k"),
+    "TwoMass": Plant(("F_drive", "F_load"), ("F_friction1", "F_friction2"), lambda p: p["m1"] + p["m2"], flexible=True),
+    "Belt": Plant(("F_load",), ("F_friction",), lambda p: p["m"], "d", "k"),
+    "KarnoppMass": Plant(("F_ext",), (), lambda p: p["m"]),
 }
 
 FRICTION: Final[Mapping[str, Callable[[Values], Contact]]] = {
@@ -90,30 +94,121 @@ FRICTION: Final[Mapping[str, Callable[[Values], Contact]]] = {
     "MaxwellSlip": lambda p: Contact(both(Level(elements(p, "W"), elements(p, "W"))), elements(p, "k")),
 }
 
+SENSORS: Final = ("Encoder", "Differentiator", "Quantiser")
+"""Blocks between a plant and its laws, whose step and difference quotient count."""
+
+BETWEEN: Final = ("Actuator", "Cogging", "Prefilter", "PreviewPrefilter")
+"""Other blocks around an axis that are known."""
+
+
+def per_sample(p: Values, steps: float) -> Gains:
+    """An implicit sliding mode near its surface, which takes back `steps` times m/Ts of s."""
+    on_s = steps * p["m"] / p["Ts"]
+    return Gains(on_s * p["lam"], on_s + p["m"] * p["lam"])
+
+
+def at_rest(name: str, **fixed: float) -> Callable[[Values, float], SampledLaw]:
+    """The part of the sampled loop that a law has by its own equations, with some parameters at fixed values."""
+    return lambda p, Ts: linearised(name, {**p, **fixed}, Ts)
+
+
+def inertia_of(name: str) -> Callable[[Values], float]:
+    """The mass of an inertia feedforward, from the parameter of that name."""
+    return lambda p: p[name]
+
+
+_OPEN: Final = {"gain": 0.0, "sigma0": 0.0, "sigma1": 0.0, "sigma2": 0.0}
+"""A law without its bristles: in steady sliding they add a constant force."""
+
 LAWS: Final[Mapping[str, Law]] = {
-    "PID": Law(gains=lambda p: Gains(p["Kp"], p["Kd"], p["Ki"], p.get("db", 0.0), p["m"])),
+    "PID": Law(
+        gains=lambda p: Gains(p["Kp"], p["Kd"], p["Ki"], p.get("db", 0.0), p["m"]),
+        linear=at_rest("PID", db=0.0, v_zc=0.0),
+    ),
     "CascadePPI": Law(
-        gains=lambda p: Gains(p["kv"] * p["kp"] + p["ki"], p["kv"], p["ki"] * p["kp"], p.get("db", 0.0), p["m"])
+        gains=lambda p: Gains(p["kv"] * p["kp"] + p["ki"], p["kv"], p["ki"] * p["kp"], p.get("db", 0.0), p["m"]),
+        linear=at_rest("CascadePPI"),
+    ),
+    "ResetPID": Law(
+        gains=lambda p: Gains(p["Kp"], p["Kd"], p["Ki"], m=p["m"]), linear=at_rest("ResetPID"), hunts=False
+    ),
+    "ModelledOutputKarnopp": Law(
+        gains=lambda p: Gains(p["CV"] * p["KP"], p["CV"]),
+        levels=lambda p: levels(p, "Fv", vs=False),
+        linear=at_rest("ModelledOutputKarnopp"),
+    ),
+    "ExtendedStateObserver": Law(
+        gains=lambda p: Gains(p["m"] * p["wc"] ** 2, 2.0 * p["m"] * p["wc"]),
+        linear=at_rest("ExtendedStateObserver"),
+        estimates=True,
+    ),
+    "ImplicitSlidingMode": Law(
+        gains=lambda p: per_sample(p, p["gain"]), linear=at_rest("ImplicitSlidingMode"), rules=(rules.covers_friction,)
+    ),
+    "ImplicitSuperTwisting": Law(
+        gains=lambda p: per_sample(p, 1.0 + p["gain"]),
+        linear=at_rest("ImplicitSuperTwisting"),
+        rules=(rules.follows_friction,),
+    ),
+    "AdaptiveSlidingMode": Law(
+        gains=lambda p: Gains(
+            (p["Ks"] + p["K"] / p["phi"]) * p["lam"], p["Ks"] + p["K"] / p["phi"] + p["m"] * p["lam"]
+        ),
+        linear=at_rest("AdaptiveSlidingMode"),
+        rules=(rules.adapts_sliding_mode,),
     ),
     "AdaptiveLuGre": Law(
         gains=lambda p: Gains(p["Ks"] * p["lam"], p["m"] * p["lam"] + p["Ks"]),
         levels=lambda p: levels(p, "sigma2"),
         measured=True,
         at_rest=True,
+        linear=at_rest("AdaptiveLuGre", **_OPEN),
+        rules=(rules.adapts_normal_force, rules.feeds_stiffness_back),
     ),
-    "CoulombFeedforward": Law(levels=lambda p: levels(p, vs=False), inertia="m"),
-    "KarnoppFeedforward": Law(levels=lambda p: levels(p, "Fv", vs=False), inertia="m"),
-    "DahlFeedforward": Law(levels=lambda p: levels(p, "Fv", vs=False), inertia="m"),
-    "StaticFeedforward": Law(levels=lambda p: levels(p, "Fv"), inertia="m"),
-    "LuGreFeedforward": Law(levels=lambda p: levels(p, "sigma2"), inertia="m"),
-    "ElastoPlasticFeedforward": Law(levels=lambda p: levels(p, "sigma2"), inertia="m"),
-    "GMSFeedforward": Law(levels=lambda p: levels(p, "sigma2"), inertia="m"),
+    "ANDFC": Law(
+        gains=lambda p: Gains(p["Ks"] * p["lam"], p["m"] * p["lam"] + p["Ks"]),
+        levels=lambda p: levels(p, "sigma2"),
+        measured=True,
+        at_rest=True,
+        linear=at_rest("ANDFC", **_OPEN),
+        rules=(rules.adapts_bristles, rules.feeds_stiffness_back),
+    ),
+    "CoulombFeedforward": Law(levels=lambda p: levels(p, vs=False), inertia=inertia_of("m")),
+    "KarnoppFeedforward": Law(levels=lambda p: levels(p, "Fv", vs=False), inertia=inertia_of("m")),
+    "DahlFeedforward": Law(levels=lambda p: levels(p, "Fv", vs=False), inertia=inertia_of("m")),
+    "StaticFeedforward": Law(levels=lambda p: levels(p, "Fv"), inertia=inertia_of("m")),
+    "LuGreFeedforward": Law(levels=lambda p: levels(p, "sigma2"), inertia=inertia_of("m")),
+    "ElastoPlasticFeedforward": Law(levels=lambda p: levels(p, "sigma2"), inertia=inertia_of("m")),
+    "GMSFeedforward": Law(levels=lambda p: levels(p, "sigma2"), inertia=inertia_of("m")),
+    "LeuvenFeedforward": Law(levels=lambda p: levels(p, "sigma2"), inertia=inertia_of("mass")),
+    "ModifiedLeuvenFeedforward": Law(levels=lambda p: levels(p, "sigma2"), inertia=inertia_of("mass")),
+    "DeadZoneFeedforward": Law(
+        levels=lambda p: levels(p, "Fv", vs=False, Fs=p["T_dz"]),
+        inertia=inertia_of("m"),
+        amplifies=lambda p: 1.0 + p["gain"],
+    ),
+    "InverseDynamics": Law(
+        levels=lambda p: both(Level(0.0, 0.0, p["Fv"] + p["Fv_load"])),
+        inertia=lambda p: p["m"] + p["m_load"],
+    ),
+    "DiscreteInverse": Law(rules=(rules.looks_ahead,)),
     "StaticFeedback": Law(levels=lambda p: levels(p, "Fv"), measured=True),
     "LuGreObserver": Law(
-        levels=lambda p: levels(p, "sigma2"), measured=True, at_rest=True, rules=(injection_of_error,)
+        levels=lambda p: levels(p, "sigma2"),
+        measured=True,
+        at_rest=True,
+        rules=(rules.injection_of_error, rules.feeds_stiffness_back),
+    ),
+    "ElastoPlasticEstimator": Law(
+        levels=lambda p: levels(p, "Fv", vs=False), measured=True, at_rest=True, rules=(rules.feeds_stiffness_back,)
     ),
     "TustinFeedback": Law(levels=lambda p: levels(p, "Fv", delta=1.0), measured=True),
-    "DisturbanceObserver": Law(rules=(disturbance_observer_poles,)),
+    "DisturbanceObserver": Law(linear=at_rest("DisturbanceObserver"), estimates=True),
+    "KalmanFriction": Law(linear=at_rest("KalmanFriction"), estimates=True),
+    "PredictiveFilter": Law(linear=at_rest("PredictiveFilter"), estimates=True),
+    "LocalFunctionEstimator": Law(linear=local_function, estimates=True),
+    "Dither": Law(rules=(rules.dithers,)),
+    "ImpulsiveControl": Law(rules=(rules.pushes,)),
     "IterativeLearning": Law(rules=(trials_contract,)),
     "RepetitiveController": Law(rules=(periods_contract,)),
 }

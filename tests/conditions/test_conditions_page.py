@@ -37,10 +37,10 @@ def test_commands_of_the_page(
     assert run(block("command: hunting"), capsys) == (1, block("output: hunting"))
     plain, full = block("commands").splitlines()
     status, text = run(plain, capsys)
-    assert (status, text) == (0, "hunting.toml: 7 conditions evaluated, no findings\n")
+    assert (status, text) == (0, "hunting.toml: 9 conditions evaluated, no findings\n")
     status, text = run(full, capsys)
     assert status == 0
-    assert [found["ok"] for found in json.loads(text)] == [True] * 7
+    assert [found["ok"] for found in json.loads(text)] == [True] * 9
 
 
 def test_program_of_the_page() -> None:
@@ -54,5 +54,6 @@ def test_program_of_the_page() -> None:
 
 def test_the_table_names_every_condition() -> None:
     named = {name for name in re.findall(r"`(\w+)`", PAGE) if hasattr(conditions, name)}
-    helpers = {"Condition", "closed_loop", "disturbance_loop", "process_sensitivity"}
+    types = {"Between", "Condition", "DrivenPlant", "SampledLaw", "QUOTED", "quotes"}
+    helpers = types | {"closed_loop", "disturbance_loop", "process_sensitivity"}
     assert named | helpers >= set(conditions.__all__)

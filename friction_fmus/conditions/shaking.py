@@ -1,0 +1,159 @@
+"""Conditions of laws that shake or push the axis out of its friction: dither and pulses."""
+
+from __future__ import annotations
+
+import math
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from friction_fmus.conditions.condition import Condition
+from friction_fmus.conditions.linear import held_mass
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+def dither_stroke(Ad: float, f: float, m: float, F: float, s0: float) -> Condition:
+    """Dither smooths friction if it slides: its stroke Ad/(m (2 pi f)^2) is above the presliding range F/s0.
+
+    Parameters
+    ----------
+    Ad, f : float
+        Amplitude [N] and frequency [Hz] of the force.
+    m : float
+        Mass [kg].
+    F, s0 : float
+        Friction that is to be broken [N] and stiffness of the contact [N/m].
+    """
+    w = 2.0 * math.pi * f
+    stroke = Ad / (m * w**2) if w > 0.0 else math.inf
+    bound = F / s0
+    return Condition(
+        name="dither stroke",
+        ok=stroke > bound,
+        value=stroke,
+        bound=bound,
+        wrong=f"the stroke of the dither, Ad/(m (2 pi f)^2) = {stroke:.4g} m, is to be above the presliding range "
+        f"F/s0 = {bound:.4g} m",
+        why="the contact follows much of the dither elastically: friction is smoothed by about half, or less",
+        change=f"raise Ad above {bound * m * w**2:.4g} N, or lower the frequency below "
+        f"{math.sqrt(Ad * s0 / (m * F)) / (2.0 * math.pi) if F > 0.0 else math.inf:.4g} Hz",
+        source="mean of friction under a sliding dither: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), "
+        "1994; the bound derived here",
+    )
+
+
+def dither_frequency(f: float, Ts: float) -> Condition:
+    """The dither is below half the sample rate: f < 1/(2 Ts).
+
+    Parameters
+    ----------
+    f, Ts : float
+        Frequency [Hz] and sample time [s] of the dither.
+    """
+    bound = 0.5 / Ts
+    return Condition(
+        name="dither frequency",
+        ok=f < bound,
+        value=f,
+        bound=bound,
+        wrong=f"the dither of {f:.4g} Hz is to be below half the sample rate, 1/(2 Ts) = {bound:.4g} Hz",
+        why="its samples are those of a slower oscillation, or of none: it shakes the axis at another frequency",
+        change=f"lower the frequency to some {0.2 * bound:.4g} Hz, or sample the dither every {0.1 / f:.4g} s"
+        if f > 0.0
+        else "set a frequency above 0",
+        source="sampling theorem: Astrom, Wittenmark: Computer-Controlled Systems, 3rd ed., 1997",
+    )
+
+
+def slide(Fp: float, Fc: float, Fs: float, tp: float, m: float) -> float:
+    """How far a rigid mass slides under one force pulse, Fp (Fp - Fc) tp^2/(2 m Fc) [m]; 0 below static friction.
+
+    Parameters
+    ----------
+    Fp, tp : float
+        Force [N] and length [s] of the pulse.
+    Fc, Fs, m : float
+        Coulomb and static friction [N], mass [kg].
+    """
+    return Fp * (Fp - Fc) * tp**2 / (2.0 * m * Fc) if Fp >= Fs and Fp > Fc else 0.0
+
+
+def slide_in_loop(
+    errors: Array, forces: Array, Fc: float, Fs: float, tp: float, m: float, Kp: float, Kd: float
+) -> Array:
+    """The same for several pulses while a PD controller acts again from the end of the pulse on [m].
+
+    Parameters
+    ----------
+    errors, forces : array, shape (n,)
+        Position error at the begin [m] and force [N] of each pulse.
+    Fc, Fs, tp, m : float
+        As in `slide`.
+    Kp, Kd : float
+        Gains of the controller [N/m, N.s/m].
+
+    Returns
+    -------
+    array, shape (n,)
+        Integrated in steps of tp/20, exact for the force of the friction, until the mass stops.
+    """
+    moves = (forces >= Fs) & (forces > Fc)
+    v = np.where(moves, (forces - Fc) * tp / m, 0.0)
+    x = v * tp / 2.0
+    A, b = held_mass(m, Kd, Kp, tp / 20.0)
+    for _ in range(20_000):
+        if not moves.any():
+            break
+        # the spring of the controller is relaxed where the error is 0
+        y = x - errors
+        after, v_after = A[0, 0] * y + A[0, 1] * v - b[0] * Fc, A[1, 0] * y + A[1, 1] * v - b[1] * Fc
+        moves = moves & (v_after > 0.0)
+        x = np.where(moves, after + errors, x)
+        v = np.where(moves, v_after, v)
+    return x
+
+
+def pulses(
+    errors: Array, forces: Array, Fc: float, Fs: float, tp: float, m: float, Kp: float = 0.0, Kd: float = 0.0
+) -> Condition:
+    """Pulses bring an error down if each slides by d with 0 < d/e < 2, at every error e that asks for one.
+
+    Parameters
+    ----------
+    errors : array, shape (n,)
+        Errors at which a pulse is given, from the tolerance up [m].
+    forces : array, shape (n,)
+        Force of the pulse for each of them [N].
+    Fc, Fs, tp, m, Kp, Kd : float
+        As in `slide_in_loop`: friction and mass of the axis, length of a pulse, gains of the position loop.
+
+    Returns
+    -------
+    Condition
+        Of the d/e that is farthest from 1.
+    """
+    if Kp or Kd:
+        ratio = slide_in_loop(errors, forces, Fc, Fs, tp, m, Kp, Kd) / errors
+    else:
+        ratio = np.array([slide(float(F), Fc, Fs, tp, m) for F in forces]) / errors
+    worst = int(np.argmax(np.abs(ratio - 1.0)))
+    value, e, F = float(ratio[worst]), float(errors[worst]), float(forces[worst])
+    stuck = value <= 0.0
+    return Condition(
+        name="pulses",
+        ok=bool(0.0 < value < 2.0),
+        value=value,
+        bound=0.0 if stuck else 2.0,
+        wrong=f"a pulse of {F:.4g} N for {tp:.4g} s slides d = {value * e:.4g} m at an error e = {e:.4g} m; "
+        f"d/e = {value:.4g} is to be between 0 and 2",
+        why="the pulse does not break the axis away: the error stays"
+        if stuck
+        else "the slide overshoots by more than the error was: pulses go on to and fro",
+        change=f"give pulses of at least the static friction, {Fs:.4g} N"
+        if stuck
+        else "make the pulses shorter (n_pulse), the tolerance larger, or correct m, Fc and Fs of the law",
+        source="Newton's law for a rigid mass with Coulomb friction; Armstrong-Helouvry, Dupont, Canudas de Wit, "
+        "Automatica 30(7), 1994",
+    )

@@ -1,0 +1,123 @@
+"""Rules of single laws: which of their conditions apply on an axis, and with which numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from friction_fmus import conditions
+from friction_fmus.conditions import Condition
+from friction_fmus.doctor.axis import Axis, Level, Used
+
+
+def share_of(used: Used) -> float:
+    """What of the friction that a law computes arrives at the plant."""
+    return used.to_force * used.values.get("gain", 1.0)
+
+
+def left_of(axis: Axis, side: int, feedforward: bool = False) -> Level:
+    """What observers that also act at rest leave of the friction in one direction; with feedforward, what all leave."""
+    assert axis.contact is not None
+    left = axis.contact.levels[side]
+    for used in axis.laws:
+        if used.law.levels is not None and (used.law.at_rest or feedforward):
+            share, known = share_of(used), used.law.levels(used.values)[side]
+            left = replace(
+                left,
+                Fc=max(left.Fc - share * known.Fc, 0.0),
+                Fs=max(left.Fs - share * known.Fs, 0.0),
+                viscous=left.viscous - share * known.viscous,
+            )
+    return left
+
+
+def injection_of_error(axis: Axis, used: Used) -> Iterator[Condition]:
+    """A LuGre observer that is corrected by the position error, k > 0."""
+    gains = axis.servo.gains if axis.servo else None
+    p = used.values
+    if gains is not None and p["k"] > 0.0:
+        yield conditions.injection(axis.m, gains.Kp, gains.Kd, gains.Ki, p["sigma0"], p["sigma1"])
+
+
+def feeds_stiffness_back(axis: Axis, used: Used) -> Iterator[Condition]:
+    """A law whose bristles follow the measured motion."""
+    gains = axis.servo.gains if axis.servo else None
+    if gains is not None and axis.contact is not None:
+        stiffness = axis.contact.stiffness + axis.stiffness + gains.Kp
+        if axis.contact.stiffness:  # a rigid contact is stiffer than any model of it
+            yield conditions.fed_back_stiffness(share_of(used) * used.values["sigma0"], stiffness)
+
+
+def covers_friction(axis: Axis, used: Used) -> Iterator[Condition]:
+    """A set-valued sliding mode against the friction that other laws leave."""
+    if axis.contact is not None:
+        left = [left_of(axis, side, feedforward=True) for side in (0, 1)]
+        yield conditions.sliding_gain(share_of(used) * used.values["K"], max(max(at.Fc, at.Fs) for at in left))
+
+
+def follows_friction(axis: Axis, used: Used) -> Iterator[Condition]:
+    """The gains of a super-twisting law."""
+    yield conditions.super_twisting(used.values["c1"], used.values["c2"])
+
+
+def adapts_normal_force(axis: Axis, used: Used) -> Iterator[Condition]:
+    """AdaptiveLuGre: one factor of the friction."""
+    p = used.values
+    yield conditions.adaptation(p["Gamma"] * max(p["Fc"], p["Fs"]) ** 2, p["Ks"], axis.m, p["Ts"])
+
+
+def adapts_bristles(axis: Axis, used: Used) -> Iterator[Condition]:
+    """ANDFC, at low speed: the factor of the stiffness, and the injection into its observer."""
+    p = used.values
+    rate = p["Gamma0"] * max(p["Fc"], p["Fs"]) ** 2 + p["sigma0"] * p["k0"]
+    yield conditions.adaptation(rate, p["Ks"], axis.m, p["Ts"])
+
+
+def adapts_sliding_mode(axis: Axis, used: Used) -> Iterator[Condition]:
+    """AdaptiveSlidingMode, at low speed: the Coulomb friction, at the edge of the layer in which nothing is adapted."""
+    p = used.values
+    yield conditions.adaptation(p["Gamma_c"], p["Ks"] + p["K"] / p["phi"], axis.m, p["Ts"])
+
+
+def looks_ahead(axis: Axis, used: Used) -> Iterator[Condition]:
+    """The series of a non-causal inverse; ZPETC has none."""
+    p = used.values
+    if not p["zero_phase"]:
+        yield conditions.preview(p["zero"], p["preview"])
+
+
+def dithers(axis: Axis, used: Used) -> Iterator[Condition]:
+    """A dither against its own sampling, and against the contact."""
+    p = used.values
+    force = abs(share_of(used)) * p["Ad"]
+    if force == 0.0:
+        return
+    yield conditions.dither_frequency(p["frequency"], p["Ts"])
+    if axis.contact is not None and axis.contact.stiffness:
+        F = max(max(at.Fc, at.Fs) for at in axis.contact.levels)
+        yield conditions.dither_stroke(force, p["frequency"], axis.m, F, axis.contact.stiffness)
+
+
+def pushes(axis: Axis, used: Used) -> Iterator[Condition]:
+    """Pulses, for errors from the tolerance to a thousand times that."""
+    p = used.values
+    if axis.contact is None or p["tol"] <= 0.0:
+        return
+    worst = max(axis.contact.levels, key=lambda at: at.Fs - at.Fc)
+    if worst.Fc <= 0.0:
+        return
+    tp = p["n_pulse"] * p["Ts"]
+    errors = p["tol"] * np.geomspace(1.0, 1e3, 301)
+    if p["sized"]:
+        forces = (p["Fc"] + np.sqrt(p["Fc"] ** 2 + 8.0 * p["m"] * p["Fc"] * p["gain"] * errors / tp**2)) / 2.0
+        forces = np.maximum(forces, p["Fs"])
+    else:
+        errors, forces = errors[:1], np.array([p["F_pulse"]])
+    most = min(used.path.high, -used.path.low)
+    sent = np.minimum(abs(used.to_force) * forces, most)
+    kept = (sent < most) | (np.arange(len(sent)) == 0)  # a pulse at the limit falls short, and is repeated
+    gains = axis.servo.gains if axis.servo else None
+    loop = (gains.Kp, gains.Kd) if gains else (0.0, 0.0)
+    yield conditions.pulses(errors[kept], sent[kept], worst.Fc, worst.Fs, tp, axis.m, *loop)

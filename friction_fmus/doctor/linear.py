@@ -1,0 +1,112 @@
+"""The laws as linear sampled systems, from their own equations: the Jacobian of one sample, once it has settled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+import numpy as np
+from casadi import Function
+
+from friction_fmus.catalogue import laws_folder
+from friction_fmus.conditions import SampledLaw
+from friction_fmus.law import Kind, Law
+from friction_fmus.law_files import discover_laws
+
+NUDGE = 1e-15
+"""Position error about which a law is linearised [m]: not 0, where the root of a super-twisting law has no slope."""
+
+SETTLED = 500
+"""Samples after which the gains of a filter count as settled."""
+
+
+@cache
+def known_laws() -> Mapping[str, Law]:
+    """The laws of the library, by name."""
+    return {law.name: law for law in discover_laws(laws_folder())}
+
+
+@cache
+def _jacobian(name: str) -> Function:
+    return known_laws()[name].function.jacobian()
+
+
+def linearised(name: str, values: Mapping[str, float], Ts: float) -> SampledLaw:
+    """A law at rest on its target, as a linear sampled system from (x, v, u_prev) to u.
+
+    Parameters
+    ----------
+    name : str
+        Of a law of the library.
+    values : mapping
+        Its parameters, vectors by element; what is missing has its start value.
+    Ts : float
+        Sample time [s].
+
+    Returns
+    -------
+    SampledLaw
+        Without the states that nothing moves, such as the gains of a filter, or that nothing reads.
+    """
+    law = known_laws()[name]
+    given = [scalar for variable in law.given for scalar in variable.scalars]
+    results = [scalar for variable in law.results for scalar in variable.scalars]
+    states = [s for variable in law.select(Kind.STATE, Kind.STATES) for s in variable.scalars]
+    start = {
+        scalar: float(value)
+        for variable in law.given
+        for scalar, value in zip(variable.scalars, variable.starts, strict=True)
+    }
+    parameters = {s for v in law.given if v.kind not in (Kind.INPUT, Kind.STATE, Kind.STATES) for s in v.scalars}
+    now = start | {key: value for key, value in values.items() if key in parameters} | {"Ts": Ts, "enable": 1.0}
+    for _ in range(SETTLED):
+        found = dict(zip(results, map(float, law.function.call([now[key] for key in given])), strict=True))
+        before = np.array([now[key] for key in states])
+        now |= {key: found[key] for key in states}
+        after = np.array([now[key] for key in states])
+        if (np.abs(after - before) <= 1e-12 * np.abs(after)).all():
+            break
+    now["x"] = -NUDGE
+    blocks = _jacobian(name).call([*(now[key] for key in given), *([0.0] * len(results))])
+    table = np.array([float(block) for block in blocks]).reshape(len(results), len(given))
+    row, column = {key: i for i, key in enumerate(results)}, {key: i for i, key in enumerate(given)}
+
+    def part(rows: list[str], columns: list[str]) -> np.ndarray:
+        return np.array([[table[row[r], column[c]] if c in column else 0.0 for c in columns] for r in rows]).reshape(
+            len(rows), len(columns)
+        )
+
+    signals = ["x", "v", "u_prev"]
+    kept = _moved_and_read(part(states, states), part(states, signals), part(["u"], states)[0])
+    names = [key for key, keep in zip(states, kept, strict=True) if keep]
+    return SampledLaw(part(names, names), part(names, signals), part(["u"], names)[0], part(["u"], signals)[0])
+
+
+def _moved_and_read(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """Which states the signals reach, and which of them reach the force."""
+    n = len(C)
+    moved, read = np.abs(B).sum(axis=1) > 0.0, C != 0.0
+    for _ in range(n):
+        moved = moved | ((np.abs(A) > 0.0) @ moved)
+        read = read | ((np.abs(A) > 0.0).T @ read)
+    return np.asarray(moved & read)
+
+
+def local_function(p: Mapping[str, float], Ts: float) -> SampledLaw:
+    """LocalFunctionEstimator, whose means over past intervals are weighted: a filter without feedback."""
+    n = int(p["window"])
+    degree = min(int(p["degree"]), n - 1)
+    t = (n - 1) / 2.0 - np.arange(n)
+    # the value at t = n/2 of the polynomial whose means over intervals of length 1 about t are nearest
+    means = np.array([((t + 0.5) ** (i + 1) - (t - 0.5) ** (i + 1)) / (i + 1) for i in range(degree + 1)]).T
+    w = (n / 2.0) ** np.arange(degree + 1) @ np.linalg.pinv(means)
+    A, B = np.zeros((n, n)), np.zeros((n, 3))  # the last velocity, then the forces F_m[1] ... F_m[n-1]
+    B[0, 1] = 1.0
+    force_state, force_input = np.zeros(n), np.array([0.0, -p["m"] / Ts, 1.0])
+    force_state[0] = p["m"] / Ts
+    if n > 1:
+        A[1], B[1] = force_state, force_input
+        A[2:, 1:-1] = np.eye(n - 2)
+    C = w[0] * force_state
+    C[1:] += w[1:]
+    return SampledLaw(A, B, p["gain"] * C, p["gain"] * w[0] * force_input)

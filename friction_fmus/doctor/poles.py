@@ -1,0 +1,155 @@
+"""The poles of the whole sampled loop of an axis: in sliding, within presliding, and where friction falls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from friction_fmus import conditions
+from friction_fmus.conditions import Condition, DrivenPlant, SampledLaw
+from friction_fmus.conditions.linear import Matrix, spectral_radius
+from friction_fmus.doctor.axis import Axis, Finding, Level, Used
+
+_BUZZ = "around a standstill the contact is a spring, and the loop with it is unstable: the axis buzzes at rest"
+_INVERSE = (
+    "the model in the estimator differs too much from the plant: |Q D| < 1 does not hold, the loop oscillates and grows"
+)
+
+
+def examine_poles(axis: Axis, servo: Used, left: float) -> Iterator[Finding]:
+    """Poles in sliding and on the stiffness of the contact, without and with the estimators of disturbances.
+
+    Parameters
+    ----------
+    axis, servo : Axis, Used
+        The axis and the law that closes its position loop.
+    left : float
+        Viscous friction that no law compensates [N.s/m].
+    """
+    if servo.law.linear is None or "Ts" not in servo.values:
+        return
+    own, together = (servo,), _with_estimators(axis, servo)
+    if not servo.law.estimates:
+        yield from _regimes(axis, own, left)
+        if servo.path.amplified != 1.0:
+            yield Finding(
+                (servo.part, axis.plant),
+                _poles(axis, own, left, 0.0, "with the force of the dead zone", servo.path.amplified),
+            )
+    if estimating(axis, servo):
+        yield from _regimes(axis, together, left)
+
+
+def _regimes(axis: Axis, laws: tuple[Used, ...], left: float) -> Iterator[Finding]:
+    """In sliding and, if that is stable, on the stiffness of the contact."""
+    parts, contact = (*(used.part for used in reversed(laws)), axis.plant), axis.contact
+    sliding = _poles(axis, laws, left, 0.0)
+    yield Finding(parts, sliding)
+    if sliding.ok and contact is not None and contact.stiffness:
+        where = f"in presliding (stiffness {contact.stiffness:.4g} N/m)"
+        yield Finding(parts, _poles(axis, laws, contact.damping + contact.viscous, contact.stiffness, where))
+
+
+def estimating(axis: Axis, servo: Used) -> bool:
+    """Whether the loop contains an estimator of disturbances."""
+    return any(used.law.estimates for used in _with_estimators(axis, servo))
+
+
+def _with_estimators(axis: Axis, servo: Used) -> tuple[Used, ...]:
+    """The law of the position loop, whose path and sample time count, and the estimators that are sampled with it."""
+    Ts = servo.values.get("Ts")
+    others = [used for used in axis.laws if used.part != servo.part and used.law.estimates]
+    return (servo, *(used for used in others if used.values.get("Ts", Ts) == Ts))
+
+
+def falling(axis: Axis, servo: Used, level: Level) -> Iterator[Condition]:
+    """Slow steady motion, at the speed where it is least stable, if the loop is stable without dry friction.
+
+    Parameters
+    ----------
+    axis, servo : Axis, Used
+        As in `examine_poles`.
+    level : Level
+        The friction that is left, with a Stribeck velocity.
+    """
+    laws = _with_estimators(axis, servo)
+    if axis.contact is None or level.vs is None or not _poles(axis, laws, level.viscous, 0.0).ok:
+        return
+    driven = axis.driven(level.viscous, 0.0, servo.path.at_load)
+    at = 3 if axis.at_load else 1
+    mass = axis.m if axis.flexible is None else axis.flexible[int(axis.at_load)]
+    speeds = level.vs * np.geomspace(0.05, 5.0, 31)
+    g = level.at(speeds)
+    found = []
+    for v, here, slope in zip(speeds, g, np.gradient(g, speeds), strict=True):
+        if axis.contact.stiffness:
+            bristles = (axis.contact.stiffness, axis.contact.damping)
+            plant = conditions.on_bristles(driven, at, mass, *bristles, float(here), float(slope), float(v))
+        else:
+            A = driven.A.copy()
+            A[at, at] -= slope / mass
+            plant = replace(driven, A=A)
+        found.append((spectral_radius(_chained(plant, laws)), float(v), float(slope), plant))
+    _, v, slope, plant = max(found, key=lambda one: one[0])
+    yield conditions.loop_poles(
+        plant,
+        _together(laws),
+        servo.values["Ts"],
+        servo.path.between,
+        name="stick-slip",
+        where=f"at {v:.4g} m/s, where friction falls by {-slope:.4g} N.s/m,",
+        why="friction falls faster with speed than the loop damps: slow steady motion sticks and slips",
+        hint="raise the damping of the loop or the bandwidth of the estimator, or compensate the friction",
+    )
+
+
+def _resonance(m1: float, m2: float, k: float, d: float) -> str:
+    frequency = math.sqrt(k * (m1 + m2) / (m1 * m2)) / (2.0 * math.pi)
+    return (
+        f"motor and load swing against each other at {frequency:.4g} Hz, and the loop, with its delay and where it "
+        "measures, can drive that: it oscillates and grows"
+    )
+
+
+def _chained(plant: DrivenPlant, laws: tuple[Used, ...]) -> Matrix:
+    Ts = laws[0].values["Ts"]
+    return conditions.chain(plant, _together(laws)(Ts), Ts, laws[0].path.between)
+
+
+def _poles(
+    axis: Axis, laws: tuple[Used, ...], damping: float, stiffness: float, where: str = "in sliding", times: float = 1.0
+) -> Condition:
+    servo, estimates = laws[0], any(used.law.estimates for used in laws)
+    texts = {}
+    if estimates:
+        texts = {"name": "disturbance observer", "why": _INVERSE}
+        texts["hint"] = "lower the bandwidth of the estimator, correct its mass"
+    elif axis.flexible is not None:
+        texts = {"why": _resonance(*axis.flexible)}
+    elif stiffness:
+        texts = {"name": "presliding loop", "why": _BUZZ}
+    driven = axis.driven(damping, stiffness, servo.path.at_load)
+    return conditions.loop_poles(
+        driven, _together(laws, times), servo.values["Ts"], servo.path.between, where=where, **texts
+    )
+
+
+def _together(laws: tuple[Used, ...], times: float = 1.0) -> Callable[[float], Sequence[SampledLaw]]:
+    def sampled(Ts: float) -> list[SampledLaw]:
+        return [
+            used.law.linear(used.values, Ts).scaled(times * used.to_force, used.of_position, used.of_velocity)
+            for used in laws
+            if used.law.linear is not None
+        ]
+
+    return sampled
+
+
+def direct_gains(axis: Axis, servo: Used) -> tuple[float, float]:
+    """What a step of the measured position and of the measured velocity gives at once [N/m, N.s/m]."""
+    laws = _with_estimators(axis, servo)
+    found = _together(laws)(servo.values["Ts"])
+    return float(sum(law.D[0] for law in found)), float(sum(law.D[1] for law in found))
