@@ -6,11 +6,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from casadi import Function
 
+from friction_fmus.branches import DECIDES, Block, Decision, plan
 from friction_fmus.errors import FrictionError
 from friction_fmus.expression_graph import (
     COMPARE,
@@ -19,11 +20,8 @@ from friction_fmus.expression_graph import (
     INFIX,
     LIBM,
     LOGIC,
-    Edge,
     Node,
-    decisions,
     graph,
-    needed,
 )
 
 
@@ -100,8 +98,8 @@ def kernel(
 ) -> Kernel:
     """Translate a casadi function into C statements.
 
-    All results are assigned after the last operation, so a result may be stored where an argument is. What calls the
-    C library and is needed by one side of a decision only, is computed in an ``if``, as far as that decision goes so.
+    All results are assigned after the last operation, so a result may be stored where an argument is. What only
+    one side of a decision needs is computed on that side, if it is enough to pay for a branch.
 
     Parameters
     ----------
@@ -131,11 +129,8 @@ def kernel(
     """
     nodes, results = graph(function)
     writer = _Writer(nodes, reads, real, frozenset(conditions), frozenset(taken))
-    blocks: dict[tuple[Edge, ...], list[int]] = {}
-    for number, edges in decisions(nodes, results).items():
-        blocks.setdefault(edges, []).append(number)
     copies = [line for number in results for line in writer.copy(number)]
-    lines = [*copies, *writer.block((), blocks)]
+    lines = [*copies, *writer.block(plan(nodes, results))]
     lines += [f"{target} = {writer.number(number)};" for number, target in zip(results, writes, strict=True)]
     return Kernel(tuple(lines), frozenset(writer.functions))
 
@@ -168,45 +163,48 @@ class _Writer:
         self._copied[number] = self._new_name()
         return [f"const {self._real.name} {self._copied[number]} = {value};"]
 
-    def block(self, edges: tuple[Edge, ...], blocks: Mapping[tuple[Edge, ...], Sequence[int]]) -> list[str]:
-        """The operations that are computed where these decisions are as they are: declarations, then statements."""
+    def block(self, block: Block) -> list[str]:
+        """Declarations, then statements."""
         constants: list[str] = []
         variables: dict[str, list[str]] = {}
         statements: list[str] = []
-        for number in blocks.get(edges, ()):
-            node = self._nodes[number]
-            branches = [(*edges, Edge(number, side)) for side in (1, 2)]
-            lazy = any(branch in blocks for branch in branches)
+        for item in block:
+            if isinstance(item, Decision):
+                statements += self._decision(item)
+                names = variables.setdefault(self._real.name, [])
+                names += [self._texts[number] for number in item.selects]
+                continue
+            node = self._nodes[item]
             kind = "int" if node.operation in CONDITIONS else self._real.name
-            expression = "" if lazy else self._expression(node)
-            name = self._texts[number] = self._new_name()
-            if lazy or statements:  # C89 has no declarations behind statements
+            expression = self._expression(node)
+            name = self._texts[item] = self._new_name()
+            if statements:  # C89 has no declarations behind statements
                 variables.setdefault(kind, []).append(name)
-                statements += self._decision(name, node, branches, blocks) if lazy else [f"{name} = {expression};"]
+                statements.append(f"{name} = {expression};")
             else:
                 constants.append(f"const {kind} {name} = {expression};")
-        return [*constants, *(f"{kind} {', '.join(names)};" for kind, names in variables.items()), *statements]
+        declared = [f"{kind} {', '.join(names)};" for kind, names in variables.items()]
+        return [*constants, *declared, *statements]
 
-    def _decision(
-        self,
-        name: str,
-        node: Node,
-        branches: Sequence[tuple[Edge, ...]],
-        blocks: Mapping[tuple[Edge, ...], Sequence[int]],
-    ) -> list[str]:
-        """A decision that computes only what it takes."""
-        zero = self._real.literal(0.0)
-        lines = [f"if ({self._truth(node.arguments[0])}) {{"]
-        for side, branch in enumerate(branches, start=1):
-            value = zero
-            block = self.block(branch, blocks)
-            if side < len(node.arguments):
-                argument = node.arguments[side]
-                sums = node.operation == "SELECT" and not self._never_minus_zero(argument)
-                value = f"{self.number(argument)} + {zero}" if sums else self.number(argument)
-            lines += [*(f"    {line}" for line in block), f"    {name} = {value};"]
+    def _decision(self, decision: Decision) -> list[str]:
+        """Both sides, each with what only it needs."""
+        lines = [f"if ({self._truth(decision.condition)}) {{"]
+        names = {number: self._new_name() for number in decision.selects}
+        for side, block in enumerate(decision.sides, start=1):
+            lines += [f"    {line}" for line in self.block(block)]
+            lines += [f"    {name} = {self._side(self._nodes[number], side)};" for number, name in names.items()]
             lines.append("} else {" if side == 1 else "}")
+        self._texts.update(names)
         return lines
+
+    def _side(self, node: Node, side: int) -> str:
+        """What a select takes on one side; casadi's sum of both turns -0.0 into 0.0."""
+        zero = self._real.literal(0.0)
+        if side == len(node.arguments):
+            return zero
+        value = self.number(node.arguments[side])
+        plain = node.operation == "IF_ELSE_ZERO" or self._never_minus_zero(node.arguments[side])
+        return value if plain else f"{value} + {zero}"
 
     def number(self, node: int) -> str:
         """The node as a number."""
@@ -237,12 +235,8 @@ class _Writer:
         if operation == "NOT":
             plain = self._texts[arguments[0]]
             return f"!{plain}" if self._is_condition(arguments[0]) else f"{plain} == {zero}"
-        if operation == "IF_ELSE_ZERO":
-            return f"{self._truth(arguments[0])} ? {self.number(arguments[1])} : {zero}"
-        if operation == "SELECT":
-            choice = f"{self._truth(arguments[0])} ? {self.number(arguments[1])} : {self.number(arguments[2])}"
-            # casadi's sum turns -0.0 into 0.0
-            return choice if all(map(self._never_minus_zero, arguments[1:])) else f"({choice}) + {zero}"
+        if operation in DECIDES:
+            return f"{self._truth(arguments[0])} ? {self._side(node, 1)} : {self._side(node, 2)}"
         numbers = [self.number(argument) for argument in arguments]
         if operation in INFIX:
             return f"{numbers[0]} {INFIX[operation]} {numbers[1]}"
@@ -262,6 +256,8 @@ class _Writer:
         node = self._nodes[number]
         if node.operation == "CONST":
             return node.value != 0.0 or math.copysign(1.0, node.value) > 0.0
-        if node.operation == "IF_ELSE_ZERO":
-            return self._never_minus_zero(node.arguments[1])
+        if node.operation in ("IF_ELSE_ZERO", "SUB"):
+            return self._never_minus_zero(node.arguments[1 if node.operation == "IF_ELSE_ZERO" else 0])
+        if node.operation == "ADD":
+            return any(map(self._never_minus_zero, node.arguments))
         return node.operation in _NO_MINUS_ZERO or self._is_condition(number)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import casadi
 from casadi import Function
@@ -33,8 +31,6 @@ FORMULA = {
     "FMIN": "{1} < {0} ? {1} : {0}",
     "FMAX": "{1} > {0} ? {1} : {0}",
 }
-CALLS = {*LIBM} - {"FABS", "COPYSIGN", "SQRT"}
-"""Operations that take so long that a branch around them pays."""
 _NAMES = {getattr(casadi, name): name.removeprefix("OP_") for name in dir(casadi) if name.startswith("OP_")}
 OPERATIONS = {*INFIX, *CONDITIONS, *LIBM, *FORMULA, "IF_ELSE_ZERO"}
 
@@ -99,58 +95,3 @@ def _joined(nodes: list[Node], node: Node) -> Node:
             if opposite.operation == "NOT" and opposite.arguments[0] == first.arguments[0]:
                 return Node("SELECT", (*first.arguments, second.arguments[1]))
     return node
-
-
-def needed(nodes: list[Node], results: Iterable[int]) -> list[int]:
-    """The nodes that the results are made of, in order."""
-    found = set(results)
-    for number in range(len(nodes) - 1, -1, -1):
-        if number in found:
-            found.update(nodes[number].arguments)
-    return sorted(found)
-
-
-class Edge(NamedTuple):
-    """One side of a decision: the node that decides, and which argument it takes."""
-
-    decision: int
-    argument: int
-
-
-def decisions(nodes: list[Node], results: Sequence[int]) -> dict[int, tuple[Edge, ...]]:
-    """What must be decided, and how, for an operation to be needed at all.
-
-    Parameters
-    ----------
-    nodes : list of Node
-        The operations.
-    results : sequence of int
-        Which of them are the results.
-
-    Returns
-    -------
-    dict of int to tuple of Edge
-        By needed operation, in order, the outermost decision first. Decisions that would spare no call are left out.
-    """
-    order = needed(nodes, results)
-    edges: dict[int, tuple[Edge, ...]] = {number: () for number in results}
-    for number in reversed(order):
-        node = nodes[number]
-        decides = node.operation in ("SELECT", "IF_ELSE_ZERO")
-        for position, argument in enumerate(node.arguments):
-            here = (*edges[number], Edge(number, position)) if decides and position > 0 else edges[number]
-            edges[argument] = _common(edges.get(argument, here), here)
-    spares = {edge.decision for number in order if nodes[number].operation in CALLS for edge in edges[number]}
-    return {
-        number: tuple(edge for edge in edges[number] if edge.decision in spares)
-        for number in order
-        if nodes[number].operation not in ("CONST", "INPUT")
-    }
-
-
-def _common(first: tuple[Edge, ...], second: tuple[Edge, ...]) -> tuple[Edge, ...]:
-    """What both begin with."""
-    same = 0
-    while same < min(len(first), len(second)) and first[same] == second[same]:
-        same += 1
-    return first[:same]
