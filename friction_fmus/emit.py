@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from casadi import Function
@@ -83,6 +83,7 @@ class Kernel:
     functions: frozenset[str]
 
 
+_IN_A_LINE = 12  # names of variables
 # results that are never -0.0, whatever the arguments
 _NO_MINUS_ZERO = {"FABS", "SQ", "EXP", "COSH", "HYPOT", "SELECT", *CONDITIONS}
 
@@ -129,10 +130,18 @@ def kernel(
     """
     nodes, results = graph(function)
     writer = _Writer(nodes, reads, real, frozenset(conditions), frozenset(taken))
-    copies = [line for number in results for line in writer.copy(number)]
-    lines = [*copies, *writer.block(plan(nodes, results))]
-    lines += [f"{target} = {writer.number(number)};" for number, target in zip(results, writes, strict=True)]
+    stored = [number for result in results for number in (result, *_taken(nodes[result]))]
+    copies = [line for number in stored for line in writer.copy(number)]
+    targets: dict[int, list[str]] = {}
+    for number, target in zip(results, writes, strict=True):
+        targets.setdefault(number, []).append(target)
+    lines = [*copies, *writer.block(plan(nodes, results), targets)]
     return Kernel(tuple(lines), frozenset(writer.functions))
+
+
+def _taken(node: Node) -> tuple[int, ...]:
+    """What a select takes one of."""
+    return node.arguments[1:] if node.operation in DECIDES else ()
 
 
 class _Writer:
@@ -156,23 +165,27 @@ class _Writer:
                 self._texts[number] = reads[int(node.value)]
 
     def copy(self, number: int) -> list[str]:
-        """Keep an argument that is itself a result: its place may be overwritten by another result."""
+        """Keep an argument that may be stored as a result: its place may be overwritten by another result."""
         if self._nodes[number].operation != "INPUT" or number in self._copied:
             return []
         value = self.number(number)
         self._copied[number] = self._new_name()
         return [f"const {self._real.name} {self._copied[number]} = {value};"]
 
-    def block(self, block: Block) -> list[str]:
-        """Declarations, then statements."""
+    def block(self, block: Block, targets: Mapping[int, Sequence[str]] | None = None) -> list[str]:
+        """Declarations, then statements, then what is assigned to the targets of nodes."""
+        left = dict(targets or {})
         constants: list[str] = []
         variables: dict[str, list[str]] = {}
         statements: list[str] = []
         for item in block:
             if isinstance(item, Decision):
-                statements += self._decision(item)
-                names = variables.setdefault(self._real.name, [])
-                names += [self._texts[number] for number in item.selects]
+                # nothing is computed behind the last decision: there results need no names
+                final = {number: left.pop(number) for number in item.selects if number in left and item is block[-1]}
+                names = {number: self._new_name() for number in item.selects if number not in final}
+                statements += self._decision(item, {**final, **{number: [name] for number, name in names.items()}})
+                variables.setdefault(self._real.name, []).extend(names.values())
+                self._texts.update(names)
                 continue
             node = self._nodes[item]
             kind = "int" if node.operation in CONDITIONS else self._real.name
@@ -183,18 +196,23 @@ class _Writer:
                 statements.append(f"{name} = {expression};")
             else:
                 constants.append(f"const {kind} {name} = {expression};")
-        declared = [f"{kind} {', '.join(names)};" for kind, names in variables.items()]
-        return [*constants, *declared, *statements]
+        declared = [
+            f"{kind} {', '.join(names[first : first + _IN_A_LINE])};"
+            for kind, names in variables.items()
+            for first in range(0, len(names), _IN_A_LINE)
+        ]
+        results = [f"{target} = {self.number(number)};" for number, names in left.items() for target in names]
+        return [*constants, *declared, *statements, *results]
 
-    def _decision(self, decision: Decision) -> list[str]:
+    def _decision(self, decision: Decision, targets: Mapping[int, Sequence[str]]) -> list[str]:
         """Both sides, each with what only it needs."""
         lines = [f"if ({self._truth(decision.condition)}) {{"]
-        names = {number: self._new_name() for number in decision.selects}
         for side, block in enumerate(decision.sides, start=1):
             lines += [f"    {line}" for line in self.block(block)]
-            lines += [f"    {name} = {self._side(self._nodes[number], side)};" for number, name in names.items()]
+            for number, names in targets.items():
+                value = self._side(self._nodes[number], side)
+                lines += [f"    {name} = {value};" for name in names]
             lines.append("} else {" if side == 1 else "}")
-        self._texts.update(names)
         return lines
 
     def _side(self, node: Node, side: int) -> str:

@@ -105,26 +105,29 @@ def gms_feedforward(
     reference, not a measurement. The alpha_i must not all be 0. u_min must not exceed u_max.
     """
     dr = increment(r, last, started, reset)
-    side = sign(dr)
+    moving, side = dr != 0.0, sign(dr)
     S = stribeck_level(fabs(dr / Ts), Fc, Fs, vs, delta)
     total = sum(alpha[i] for i in range(ELEMENTS))
     unit = S / if_else(total > 0.0, total, 1.0)
-    decay = exp(-C * Ts / S)
     before_way = if_else(reset, 0.0, way)
+    before = [if_else(reset, 0.0, Fi[i]) for i in range(ELEMENTS)]
+    levels = [alpha[i] * unit for i in range(ELEMENTS)]
+    slipped = [
+        logic_or(logic_and(side == before_way, slipping[i]), side * before[i] >= levels[i]) for i in range(ELEMENTS)
+    ]
+    decay = exp(-C * Ts / S)
 
     forces, slips = [], []
-    for i in range(ELEMENTS):
-        level, before = alpha[i] * unit, if_else(reset, 0.0, Fi[i])
-        along = side * before
-        slipped = logic_or(logic_and(side == before_way, slipping[i]), along >= level)
+    for i, level in enumerate(levels):
+        along = side * before[i]
         stuck = along + k[i] * fabs(dr)
-        moved = if_else(slipped, level + (along - level) * decay, if_else(stuck < level, stuck, level))
-        forces.append(if_else(side == 0.0, before, side * moved))
-        slips.append(logic_and(side != 0.0, logic_or(slipped, stuck >= level)))
+        moved = if_else(slipped[i], level + (along - level) * decay, if_else(stuck < level, stuck, level))
+        forces.append(if_else(moving, side * moved, before[i]))
+        slips.append(if_else(moving, logic_or(slipped[i], stuck >= level), 0.0))
     F_pre = sum(forces)
     return {
         **feedforward(m * rdd, gain * (F_pre + sigma2 * rd), enable, u_min, u_max),
-        **when(enable, F_pre=F_pre, slips=sum(slips), way=if_else(side == 0.0, before_way, side), last=r, started=1.0),
+        **when(enable, F_pre=F_pre, slips=sum(slips), way=if_else(moving, side, before_way), last=r, started=1.0),
         "Fi": [if_else(enable, force, 0.0) for force in forces],
         "slipping": [if_else(enable, slip, 0.0) for slip in slips],
     }
