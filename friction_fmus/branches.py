@@ -10,7 +10,7 @@ from typing import NamedTuple
 from friction_fmus.expression_graph import LIBM, Node
 
 DECIDES = ("SELECT", "IF_ELSE_ZERO")
-PAYS = 8
+PAYS = 6
 """Number of operations that a branch must spare, else both sides are computed."""
 
 _ALL, _ITSELF = -1, -2  # in place of one select

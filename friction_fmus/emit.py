@@ -130,18 +130,16 @@ def kernel(
     """
     nodes, results = graph(function)
     writer = _Writer(nodes, reads, real, frozenset(conditions), frozenset(taken))
-    stored = [number for result in results for number in (result, *_taken(nodes[result]))]
-    copies = [line for number in stored for line in writer.copy(number)]
+    block = plan(nodes, results)
+    last = block[-1] if block else None
+    joined = last.selects if isinstance(last, Decision) else ()  # what they take is stored there, among other results
+    taken_there = [number for select in joined for number in nodes[select].arguments[1:]]
+    copies = [line for number in (*results, *taken_there) for line in writer.copy(number)]
     targets: dict[int, list[str]] = {}
     for number, target in zip(results, writes, strict=True):
         targets.setdefault(number, []).append(target)
-    lines = [*copies, *writer.block(plan(nodes, results), targets)]
+    lines = [*copies, *writer.block(block, targets)]
     return Kernel(tuple(lines), frozenset(writer.functions))
-
-
-def _taken(node: Node) -> tuple[int, ...]:
-    """What a select takes one of."""
-    return node.arguments[1:] if node.operation in DECIDES else ()
 
 
 class _Writer:
