@@ -9,12 +9,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
+import casadi
 import fmpy
 import numpy as np
 
 from friction_fmus import build
 from friction_fmus.codegen.sources import INPUTS, STATES, Export, header, implementation
-from friction_fmus.law import BOOLEANS, VECTORS, Kind, Law, Variable
+from friction_fmus.law import BOOLEANS, VECTORS, Kind, Law
 from harness.toolchain import FLAGS, compiler, header_folder
 
 Columns = Mapping[str, np.ndarray]
@@ -31,7 +32,15 @@ def compile_(source: Path, *others: str) -> ctypes.CDLL:
 
 
 def pointer(array: np.ndarray) -> ctypes.c_void_p:
+    """To its first element."""
     return ctypes.c_void_p(array.ctypes.data)
+
+
+def _loops(folder: Path) -> Path:
+    """law_loops.c where it may be compiled."""
+    copy = folder / "law_loops.c"
+    copy.write_text((Path(__file__).parent / "law_loops.c").read_text(encoding="utf-8"), encoding="utf-8")
+    return copy
 
 
 class LawFmu:
@@ -52,9 +61,7 @@ class LawFmu:
         self.description = fmpy.read_model_description(str(fmu))
         unzipped = Path(fmpy.extract(str(fmu), str(folder / f"{law.name}.unzipped")))
         self.path = unzipped / "binaries" / fmpy.platform / f"{law.name}{fmpy.sharedLibraryExtension}"
-        loops = folder / "law_loops.c"
-        loops.write_text((Path(__file__).parent / "law_loops.c").read_text(encoding="utf-8"), encoding="utf-8")
-        self.run_law = compile_(loops, "-ldl").run_law
+        self.run_law = compile_(_loops(folder), "-ldl").run_law
         self.run_law.restype = ctypes.c_double
 
     def run(self, given: Columns) -> tuple[np.ndarray, float]:
@@ -279,6 +286,61 @@ def run_casadi(law: Law, rows: np.ndarray) -> np.ndarray:
         target[:] = result
         state = result[first_next:].copy()
     return found
+
+
+class LawBuffer:
+    """A law in casadi's virtual machine through its buffer interface.
+
+    Parameters
+    ----------
+    export : Export
+        The law.
+    folder : Path
+        Where to compile the loop that calls it.
+    """
+
+    def __init__(self, export: Export, folder: Path) -> None:
+        """Set up the buffer, with everything at its start."""
+        law = export.law
+        labels = [variable for variable in law.given for _ in variable.starts]
+        self._arguments = np.array([start for v in law.given for start in export.start[v.name]], dtype=float)
+        self._results = np.zeros(law.function.n_out())
+        self._buffer, self._evaluate = law.function.buffer()
+        for i in range(self._arguments.size):
+            self._buffer.set_arg(i, memoryview(self._arguments[i : i + 1]))
+        for i in range(self._results.size):
+            self._buffer.set_res(i, memoryview(self._results[i : i + 1]))
+        self._inputs = np.array([i for i, v in enumerate(labels) if v.kind in INPUTS], dtype=np.int64)
+        self._states = np.array([i for i, v in enumerate(labels) if v.kind in STATES], dtype=np.int64)
+        self._names = [labels[i].name for i in self._inputs]
+        self._first_state = len(law.select(Kind.OUTPUT))
+        folder.mkdir(parents=True, exist_ok=True)
+        self._run = compile_(_loops(folder), "-ldl").run_buffer
+        self._run.restype = ctypes.c_double
+
+    def from_c(self, given: Columns) -> float:
+        """Seconds of a sample, with inputs set and states fed back, in a loop in C: no Python in it."""
+        rows = np.ascontiguousarray(np.array([given[name] for name in self._names], dtype=float).T)
+        # what casadi's C++ calls _function_buffer_eval(void *), and what Python's call of the buffer comes down to
+        library = ctypes.CDLL(casadi._casadi.__file__)
+        capsule = ctypes.pythonapi.PyCapsule_GetPointer
+        capsule.restype, capsule.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+        total = self._run(
+            ctypes.cast(library._ZN6casadi21_function_buffer_evalEPv, ctypes.c_void_p),
+            *(ctypes.c_void_p(capsule(self._buffer._self(), None)), pointer(self._arguments), pointer(self._results)),
+            *(pointer(self._inputs), ctypes.c_long(self._inputs.size)),
+            *(pointer(self._states), ctypes.c_long(self._states.size), ctypes.c_long(self._first_state)),
+            *(pointer(rows), ctypes.c_long(len(rows))),
+        )
+        return float(total) / len(rows)
+
+    def from_python(self, n: int) -> float:
+        """Seconds of a call from Python: nothing is set or fed back, so this is the least that Python can do."""
+        evaluate = self._evaluate
+        begin = time.thread_time()
+        for _ in range(n):
+            evaluate()
+        return (time.thread_time() - begin) / n
 
 
 def casadi_by_rows(law: Law, rows: np.ndarray) -> tuple[np.ndarray, float]:

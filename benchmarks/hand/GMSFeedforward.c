@@ -94,7 +94,7 @@ static void branching(const law_parameters *p, law_states *s, const law_inputs *
 static void branch_free(const law_parameters *p, law_states *s, const law_inputs *in, law_outputs *out)
 {
     const int ok = isfinite(in->r) & isfinite(in->rd) & isfinite(in->rdd), on = in->enable, anew = in->reset;
-    const double dr = (s->started != 0.0) & !anew ? in->r - s->last : 0.0, path = fabs(dr);
+    const double dr = ((s->started != 0.0) & !anew) ? in->r - s->last : 0.0, path = fabs(dr);
     const double side = (double)((dr > 0.0) - (dr < 0.0)), way = anew ? 0.0 : s->way;
     const double S = p->Fc + (p->Fs - p->Fc) * exp(-pow(path / p->Ts / p->vs, p->delta));
     const double decay = exp(-p->C * p->Ts / S);
