@@ -28,6 +28,7 @@ def test_the_page_names_every_benchmark() -> None:
         "sampled_loop",
         "linear_loops",
         "law_runs",
+        "law_variants",
     }
     assert set(BENCHMARKS) == {path.stem for path in (ROOT / "benchmarks").glob("*.py")} - helpers
 
