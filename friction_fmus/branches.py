@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from friction_fmus.expression_graph import LIBM, Node
+from friction_fmus.expression_graph import CALLS, Node
 
 DECIDES = ("SELECT", "IF_ELSE_ZERO")
 PAYS = 6
@@ -113,7 +113,7 @@ def _paths(
         operation = nodes[number].operation
         if operation not in ("CONST", "INPUT"):
             for condition, _, select in paths[number]:
-                weight = _CALL if operation in LIBM else 1
+                weight = _CALL if operation in CALLS else 1
                 spared[condition, select] = spared.get((condition, select), 0) + weight
     return {
         number: tuple(edge for edge in paths[number] if spared.get((edge.condition, edge.select), 0) >= PAYS)

@@ -31,6 +31,7 @@ FORMULA = {
     "FMIN": "{1} < {0} ? {1} : {0}",
     "FMAX": "{1} > {0} ? {1} : {0}",
 }
+CALLS = {*LIBM} - {"FABS", "COPYSIGN", "SQRT"}  # the others are instructions
 _NAMES = {getattr(casadi, name): name.removeprefix("OP_") for name in dir(casadi) if name.startswith("OP_")}
 OPERATIONS = {*INFIX, *CONDITIONS, *LIBM, *FORMULA, "IF_ELSE_ZERO"}
 
