@@ -1,4 +1,4 @@
-/* A law's FMU, driven through its fmi2 functions: what controllers.py times, and tests compare with exported C. */
+/* A law's FMU, driven through its fmi2 functions: what laws.py times, and tests compare with exported C. */
 
 #include <dlfcn.h>
 #include <stdbool.h>
@@ -53,4 +53,20 @@ double run_law(const char *path, const char *guid, const unsigned *real, size_t 
     call_fmi2FreeInstance(c);
     dlclose(library);
     return ok ? total : -1.0;
+}
+
+/* A casadi function through its buffer interface, called from here: seconds. `rows` has the inputs, which go to their
+   places among the arguments; the states, at the end of the results, go back to theirs. */
+double run_buffer(void (*evaluate)(void *), void *buffer, double *arguments, const double *results, const long *input,
+                  long n_inputs, const long *state, long n_states, long first_state, const double *rows, long n)
+{
+    const double begin = seconds();
+    for (long i = 0; i < n; i++, rows += n_inputs) {
+        for (long j = 0; j < n_inputs; j++)
+            arguments[input[j]] = rows[j];
+        evaluate(buffer);
+        for (long j = 0; j < n_states; j++)
+            arguments[state[j]] = results[first_state + j];
+    }
+    return seconds() - begin;
 }

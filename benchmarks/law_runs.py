@@ -7,29 +7,40 @@ import subprocess
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Literal
 
+import casadi
 import fmpy
 import numpy as np
 
 from friction_fmus import build
 from friction_fmus.codegen.sources import INPUTS, STATES, Export, header, implementation
-from friction_fmus.law import BOOLEANS, VECTORS, Kind, Law, Variable
+from friction_fmus.law import BOOLEANS, VECTORS, Kind, Law
 from harness.toolchain import FLAGS, compiler, header_folder
 
 Columns = Mapping[str, np.ndarray]
 
 
-def _compile(source: Path, *flags: str) -> ctypes.CDLL:
-    """A shared library with the flags of the FMUs."""
+def compile_(source: Path, *others: str) -> ctypes.CDLL:
+    """A shared library with the flags of the FMUs, and other flags or files."""
     target = source.with_suffix(".so")
     plain = [flag for flag in FLAGS if flag not in ("-std=c99", "-Werror")]  # dlopen and clock_gettime
-    command = [*compiler(), "-std=gnu99", *plain, "-fvisibility=default", "-Wno-missing-prototypes", *flags]
-    subprocess.run([*command, "-I", str(header_folder()), str(source), "-o", str(target), "-shared", "-lm"], check=True)
+    command = [*compiler(), "-std=gnu99", *plain, "-fvisibility=default", "-Wno-missing-prototypes"]
+    files = [str(source), "-o", str(target), *others, "-shared", "-lm"]
+    subprocess.run([*command, "-I", str(header_folder()), *files], check=True)
     return ctypes.CDLL(str(target))
 
 
-def _pointer(array: np.ndarray) -> ctypes.c_void_p:
+def pointer(array: np.ndarray) -> ctypes.c_void_p:
+    """To its first element."""
     return ctypes.c_void_p(array.ctypes.data)
+
+
+def _loops(folder: Path) -> Path:
+    """law_loops.c where it may be compiled."""
+    copy = folder / "law_loops.c"
+    copy.write_text((Path(__file__).parent / "law_loops.c").read_text(encoding="utf-8"), encoding="utf-8")
+    return copy
 
 
 class LawFmu:
@@ -50,9 +61,7 @@ class LawFmu:
         self.description = fmpy.read_model_description(str(fmu))
         unzipped = Path(fmpy.extract(str(fmu), str(folder / f"{law.name}.unzipped")))
         self.path = unzipped / "binaries" / fmpy.platform / f"{law.name}{fmpy.sharedLibraryExtension}"
-        loops = folder / "law_loops.c"
-        loops.write_text((Path(__file__).parent / "law_loops.c").read_text(encoding="utf-8"), encoding="utf-8")
-        self.run_law = _compile(loops, "-ldl").run_law
+        self.run_law = compile_(_loops(folder), "-ldl").run_law
         self.run_law.restype = ctypes.c_double
 
     def run(self, given: Columns) -> tuple[np.ndarray, float]:
@@ -85,63 +94,88 @@ class LawFmu:
         ts = next(v.start for v in self.law.variables if v.kind is Kind.SAMPLE_TIME)
         total = self.run_law(
             *(str(self.path).encode(), self.description.guid.encode()),
-            *(*list_(reals), _pointer(real_rows), *list_(booleans), _pointer(boolean_rows)),
-            *(*list_(results), _pointer(found), ctypes.c_long(n), ctypes.c_double(float(ts))),
+            *(*list_(reals), pointer(real_rows), *list_(booleans), pointer(boolean_rows)),
+            *(*list_(results), pointer(found), ctypes.c_long(n), ctypes.c_double(float(ts))),
         )
         if total < 0.0:
             raise SystemExit(f"The FMU of {self.law.name} does not run through")
         return found, float(total)
 
 
-def _driver(export: Export) -> str:
-    """C that runs rows of all variables, or of the inputs with the states fed back."""
-    p = export.prefix
-    groups = export.groups
+Linkage = Literal["pointer", "unity", "separate"]
 
-    def place(variable: Variable) -> list[str]:
-        return [text.replace("->", ".", 1) for text in export.places(variable)]
 
-    rows = [(variable, text) for variable in export.law.given for text in place(variable)]
-    inputs = [
-        f"            {text} = ({'int' if v.kind in BOOLEANS else export.real.name})given[{i}];"
-        for i, (v, text) in enumerate(rows)
-        if v in groups["inputs"]
-    ]
-    others = [
-        f"                {text} = ({'int' if v.kind in BOOLEANS else export.real.name})given[{i}];"
-        for i, (v, text) in enumerate(rows)
-        if v not in groups["inputs"]
-    ]
-    results = [
-        f"            results[{i}] = (double){text};"
-        for i, text in enumerate(text.replace("->", ".") for text in export.results)
-    ]
+def _driver(export: Export, step: str, linkage: Linkage, others: Sequence[Path]) -> str:
+    """C that runs rows of all variables, or of the inputs with the states fed back, and one that only takes the time.
+
+    The compiler must not know the parameters: they are set through a pointer that it cannot follow.
+    """
+    p, groups = export.prefix, export.groups
     arguments = f"const {p}_parameters *, {p}_states *, const {p}_inputs *, {p}_outputs *"
+
+    def assignments(source: str, *, inputs: bool) -> list[str]:
+        places = [(v, text.replace("->", ".")) for v in export.law.given for text in export.places(v)]
+        chosen = [(i, v, text) for i, (v, text) in enumerate(places) if (v in groups["inputs"]) == inputs]
+        return [
+            f"            {text} = ({'int' if v.kind in BOOLEANS else export.real.name}){source}[{i}];"
+            for i, v, text in chosen
+        ]
+
+    def compact() -> list[str]:
+        return [
+            f"            inputs.{v.name} = ({'int' if v.kind in BOOLEANS else export.real.name})row[{i}];"
+            for i, v in enumerate(groups["inputs"])
+        ]
+
+    width, count = sum(len(v.starts) for v in export.law.given), len(export.results)
+    variables = [f"    {p}_{group} {group};" for group in groups]
+    set_up = f"    start(&{', &'.join(groups)});"
     return "\n".join(
         [
-            f'#include "{p}.c"',
+            f'#include "{p}.{"h" if linkage == "separate" else "c"}"',
+            *(f'#include "{path}"' for path in others),
             "#include <time.h>",
-            "/* not inlined: the compiler must not know the parameters */",
-            f"static void (*volatile step)({arguments}) = {p}_step;",
-            "double run(long n, int feeds_back, const double *given, double *results);",
-            "double run(long n, int feeds_back, const double *given, double *results)",
+            f"static void (*volatile start)({p}_parameters *, {p}_states *, {p}_inputs *, {p}_outputs *) = {p}_init;",
+            f"static void (*volatile step)({arguments}) = {step};",
+            "static volatile double sink;",
+            "static double seconds(void)",
             "{",
-            *(f"    {p}_{group} {group};" for group in groups),
-            "    struct timespec begin, end;",
-            f"    {p}_init(&parameters, &states, &inputs, &outputs);",
-            "    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &begin);",
-            "    for (long k = 0; k < n; k++) {",
-            *inputs,
+            "    struct timespec now;",
+            "    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);",
+            "    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;",
+            "}",
+            "void run(long n, int feeds_back, const double *given, double *results)",
+            "{",
+            *variables,
+            set_up,
+            f"    for (long k = 0; k < n; k++, given += {width}, results += {count}) {{",
+            *assignments("given", inputs=True),
             "            if (!feeds_back) {",
-            *others,
+            *assignments("given", inputs=False),
             "            }",
             "            step(&parameters, &states, &inputs, &outputs);",
-            *results,
-            f"            given += {len(rows)};",
-            f"            results += {len(results)};",
+            *(
+                f"            results[{i}] = (double){text.replace('->', '.')};"
+                for i, text in enumerate(export.results)
+            ),
             "    }",
-            "    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &end);",
-            "    return (double)(end.tv_sec - begin.tv_sec) + 1e-9 * (double)(end.tv_nsec - begin.tv_nsec);",
+            "}",
+            "double cost(long n, long times, const double *given)",
+            "{",
+            *variables,
+            "    double sum = 0.0;",
+            set_up,
+            "    const double begin = seconds();",
+            "    for (long j = 0; j < times; j++) {",
+            f"        for (const double *row = given; row < given + {len(groups['inputs'])} * n;"
+            f" row += {len(groups['inputs'])}) {{",
+            *compact(),
+            f"            {'step' if linkage == 'pointer' else step}(&parameters, &states, &inputs, &outputs);",
+            f"            sum += (double)outputs.{groups['outputs'][0].name};",
+            "        }",
+            "    }",
+            "    sink = sum;",
+            "    return seconds() - begin;",
             "}",
             "",
         ]
@@ -149,7 +183,7 @@ def _driver(export: Export) -> str:
 
 
 class LawC:
-    """The exported C of a law.
+    """The exported C of a law, or a C function that takes its place.
 
     Parameters
     ----------
@@ -157,21 +191,41 @@ class LawC:
         The law.
     folder : Path
         Where to compile.
+    step : str, optional
+        Another function of the same arguments than the exported one.
+    source : Path, optional
+        C file with that function; it may use the structs.
+    linkage : {"pointer", "unity", "separate"}
+        How its time is taken: called through a pointer, directly in the same file, or from another file.
+    flags : sequence of str
+        Of the compiler, after its usual ones.
     """
 
-    def __init__(self, export: Export, folder: Path) -> None:
+    def __init__(
+        self,
+        export: Export,
+        folder: Path,
+        *,
+        step: str = "",
+        source: Path | None = None,
+        linkage: Linkage = "pointer",
+        flags: Sequence[str] = (),
+    ) -> None:
         """Compile it."""
         self.export = export
         folder.mkdir(parents=True, exist_ok=True)
         (folder / f"{export.prefix}.h").write_text(header(export), encoding="utf-8")
-        (folder / f"{export.prefix}.c").write_text(implementation(export), encoding="utf-8")
-        source = folder / "driver.c"
-        source.write_text(_driver(export), encoding="utf-8")
-        self._run = _compile(source).run
-        self._run.restype = ctypes.c_double
+        law = folder / f"{export.prefix}.c"
+        law.write_text(implementation(export), encoding="utf-8")
+        driver = folder / "driver.c"
+        text = _driver(export, step or f"{export.prefix}_step", linkage, [source] if source else [])
+        driver.write_text(text, encoding="utf-8")
+        library = compile_(driver, *flags, *([str(law)] if linkage == "separate" else []))
+        self._run, self._cost = library.run, library.cost
+        self._cost.restype = ctypes.c_double
 
-    def run(self, rows: np.ndarray, *, feeds_back: bool) -> tuple[np.ndarray, float]:
-        """Outputs and next states of every sample, and the seconds that it took.
+    def run(self, rows: np.ndarray, *, feeds_back: bool) -> np.ndarray:
+        """Outputs and next states of every sample.
 
         Parameters
         ----------
@@ -182,8 +236,22 @@ class LawC:
         """
         rows = np.ascontiguousarray(rows, dtype=float)
         found = np.full((len(rows), len(self.export.results)), np.nan)
-        total = self._run(ctypes.c_long(len(rows)), int(feeds_back), _pointer(rows), _pointer(found))
-        return found, float(total)
+        self._run(ctypes.c_long(len(rows)), int(feeds_back), pointer(rows), pointer(found))
+        return found
+
+    def cost(self, given: Columns, times: int = 1) -> float:
+        """Seconds of a sample, with its inputs set and its states fed back; no more than that is done.
+
+        Parameters
+        ----------
+        given : mapping of str to array, shape (n,)
+            Inputs.
+        times : int
+            How often to go through them.
+        """
+        rows = np.ascontiguousarray(np.array([given[v.name] for v in self.export.groups["inputs"]], dtype=float).T)
+        n = len(rows)
+        return float(self._cost(ctypes.c_long(n), ctypes.c_long(times), pointer(rows))) / (n * times)
 
 
 def rows_of(export: Export, given: Columns) -> np.ndarray:
@@ -218,6 +286,65 @@ def run_casadi(law: Law, rows: np.ndarray) -> np.ndarray:
         target[:] = result
         state = result[first_next:].copy()
     return found
+
+
+class LawBuffer:
+    """A law in casadi's virtual machine through its buffer interface.
+
+    Parameters
+    ----------
+    export : Export
+        The law.
+    folder : Path
+        Where to compile the loop that calls it.
+    """
+
+    def __init__(self, export: Export, folder: Path) -> None:
+        """Set up the buffer, with everything at its start."""
+        law = export.law
+        labels = [variable for variable in law.given for _ in variable.starts]
+        self._arguments = np.array([start for v in law.given for start in export.start[v.name]], dtype=float)
+        self._results = np.zeros(law.function.n_out())
+        self._buffer, self._evaluate = law.function.buffer()
+        for i in range(self._arguments.size):
+            self._buffer.set_arg(i, memoryview(self._arguments[i : i + 1]))
+        for i in range(self._results.size):
+            self._buffer.set_res(i, memoryview(self._results[i : i + 1]))
+        self._inputs = np.array([i for i, v in enumerate(labels) if v.kind in INPUTS], dtype=np.int64)
+        self._states = np.array([i for i, v in enumerate(labels) if v.kind in STATES], dtype=np.int64)
+        self._names = [labels[i].name for i in self._inputs]
+        self._first_state = len(law.select(Kind.OUTPUT))
+        folder.mkdir(parents=True, exist_ok=True)
+        self._run = compile_(_loops(folder), "-ldl").run_buffer
+        self._run.restype = ctypes.c_double
+
+    def from_c(self, given: Columns) -> float:
+        """Seconds of a sample, with inputs set and states fed back, in a loop in C: no Python in it."""
+        rows = np.ascontiguousarray(np.array([given[name] for name in self._names], dtype=float).T)
+        # what casadi's C++ calls _function_buffer_eval(void *), and what Python's call of the buffer comes down to
+        library = ctypes.CDLL(casadi._casadi.__file__)
+        capsule = ctypes.pythonapi.PyCapsule_GetPointer
+        capsule.restype, capsule.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+        total = self._run(
+            ctypes.cast(library._ZN6casadi21_function_buffer_evalEPv, ctypes.c_void_p),
+            *(ctypes.c_void_p(capsule(self._buffer._self(), None)), pointer(self._arguments), pointer(self._results)),
+            *(pointer(self._inputs), ctypes.c_long(self._inputs.size)),
+            *(pointer(self._states), ctypes.c_long(self._states.size), ctypes.c_long(self._first_state)),
+            *(pointer(rows), ctypes.c_long(len(rows))),
+        )
+        return float(total) / len(rows)
+
+    def from_python(self, given: Columns, times: int = 20) -> float:
+        """Seconds of a call from Python, the mean of these inputs; setting them and the states is not in it."""
+        evaluate, total, n = self._evaluate, 0.0, len(next(iter(given.values())))
+        for i in range(n):
+            self._arguments[self._inputs] = [given[name][i] for name in self._names]
+            begin = time.thread_time()
+            for _ in range(times):
+                evaluate()
+            total += time.thread_time() - begin
+            self._arguments[self._states] = self._results[self._first_state :]
+        return total / (n * times)
 
 
 def casadi_by_rows(law: Law, rows: np.ndarray) -> tuple[np.ndarray, float]:

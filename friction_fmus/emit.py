@@ -6,14 +6,23 @@
 from __future__ import annotations
 
 import math
-import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-import casadi
 from casadi import Function
 
+from friction_fmus.branches import DECIDES, Block, Decision, plan
 from friction_fmus.errors import FrictionError
+from friction_fmus.expression_graph import (
+    COMPARE,
+    CONDITIONS,
+    FORMULA,
+    INFIX,
+    LIBM,
+    LOGIC,
+    Node,
+    graph,
+)
 
 
 @dataclass(frozen=True)
@@ -65,7 +74,7 @@ class Kernel:
     Attributes
     ----------
     lines : tuple of str
-        Declarations of constants, then assignments of all results.
+        Declarations, then statements, the last of them assignments of all results.
     functions : frozenset of str
         What it calls of <math.h>.
     """
@@ -74,104 +83,9 @@ class Kernel:
     functions: frozenset[str]
 
 
-# ---- operations -----------------------------------------------------------------------------------------------------
-
-_INFIX = {"ADD": "+", "SUB": "-", "MUL": "*", "DIV": "/"}
-_COMPARE = {"LT": "<", "LE": "<=", "EQ": "==", "NE": "!="}
-_LOGIC = {"AND": "&&", "OR": "||"}
-_CONDITIONS = {*_COMPARE, *_LOGIC, "NOT"}
-_LIBM = {
-    **{name.upper(): name for name in ("exp", "log", "pow", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan")},
-    **{name.upper(): name for name in ("sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "atan2", "log1p", "expm1")},
-    **{name.upper(): name for name in ("floor", "ceil", "fmod", "fabs", "copysign", "erf", "hypot", "remainder")},
-    "CONSTPOW": "pow",
-}
-# {0}, {1}: arguments
-_FORMULA = {
-    "NEG": "-{0}",
-    "SQ": "{0} * {0}",
-    "TWICE": "{two} * {0}",
-    "INV": "{one} / {0}",
-    "SIGN": "{0} < {zero} ? {minus_one} : {0} > {zero} ? {one} : {0}",
-    # the first of equal arguments, as fmin does; NaN in the first argument stays, where fmin gives the other
-    "FMIN": "{1} < {0} ? {1} : {0}",
-    "FMAX": "{1} > {0} ? {1} : {0}",
-}
-_NAMES = {getattr(casadi, name): name.removeprefix("OP_") for name in dir(casadi) if name.startswith("OP_")}
-_OPERATIONS = {*_INFIX, *_CONDITIONS, *_LIBM, *_FORMULA, "IF_ELSE_ZERO"}
+_IN_A_LINE = 12  # names of variables
 # results that are never -0.0, whatever the arguments
-_NO_MINUS_ZERO = {"FABS", "SQ", "EXP", "COSH", "HYPOT", "SELECT", *_CONDITIONS}
-
-
-@dataclass(frozen=True)
-class _Node:
-    """An operation: its name, the numbers of its arguments, and the value of a constant or number of an input."""
-
-    operation: str
-    arguments: tuple[int, ...] = ()
-    value: float = 0.0
-
-
-def _graph(function: Function) -> tuple[list[_Node], list[int]]:
-    """The operations of a scalar SX function in casadi's order, and which of them the results are."""
-    if not function.is_a("SXFunction"):
-        raise FrictionError(f"The function {function.name()} is not made of SX expressions; C is written from SX only")
-    for label, count, sparsity in (
-        ("argument", function.n_in(), function.sparsity_in),
-        ("result", function.n_out(), function.sparsity_out),
-    ):
-        for i in range(count):
-            if not (sparsity(i).is_scalar() and sparsity(i).is_dense()):
-                raise FrictionError(f"The {label} {i} of {function.name()} is not one number; split the vectors")
-
-    nodes: list[_Node] = []
-    numbers: dict[tuple[str, tuple[int, ...], bytes], int] = {}  # what was computed once is not computed again
-    held: dict[int, int] = {}  # place in casadi's work vector -> node
-    results = [0] * function.n_out()
-    for k in range(function.n_instructions()):
-        operation = _NAMES.get(function.instruction_id(k), str(function.instruction_id(k)))
-        reads, writes = function.instruction_input(k), function.instruction_output(k)
-        if operation == "OUTPUT":
-            results[writes[0]] = held[reads[0]]
-            continue
-        if operation in ("ASSIGN", "LIFT"):
-            held[writes[0]] = held[reads[0]]
-            continue
-        if operation == "INPUT":
-            node = _Node("INPUT", (), reads[0])
-        elif operation == "CONST":
-            node = _Node("CONST", (), function.instruction_constant(k))
-        elif operation in _OPERATIONS:
-            node = _joined(nodes, _Node(operation, tuple(held[place] for place in reads)))
-        else:
-            raise FrictionError(
-                f"{function.name()} uses the casadi operation {operation}, which cannot be written as C; "
-                "express it by arithmetic, if_else and the functions of <math.h>"
-            )
-        held[writes[0]] = numbers.setdefault((node.operation, node.arguments, struct.pack("d", node.value)), len(nodes))
-        if held[writes[0]] == len(nodes):
-            nodes.append(node)
-    return nodes, results
-
-
-def _joined(nodes: list[_Node], node: _Node) -> _Node:
-    """casadi writes if_else(c, a, b) as (c ? a : 0) + (!c ? b : 0); here it becomes one decision again."""
-    if node.operation == "ADD":
-        first, second = (nodes[argument] for argument in node.arguments)
-        if first.operation == second.operation == "IF_ELSE_ZERO":
-            opposite = nodes[second.arguments[0]]
-            if opposite.operation == "NOT" and opposite.arguments[0] == first.arguments[0]:
-                return _Node("SELECT", (*first.arguments, second.arguments[1]))
-    return node
-
-
-def _needed(nodes: list[_Node], results: Iterable[int]) -> list[int]:
-    """The nodes that the results are made of, in order."""
-    needed = set(results)
-    for number in range(len(nodes) - 1, -1, -1):
-        if number in needed:
-            needed.update(nodes[number].arguments)
-    return sorted(needed)
+_NO_MINUS_ZERO = {"FABS", "SQ", "EXP", "COSH", "HYPOT", "SELECT", *CONDITIONS}
 
 
 def kernel(
@@ -185,7 +99,8 @@ def kernel(
 ) -> Kernel:
     """Translate a casadi function into C statements.
 
-    All results are assigned after the last operation, so a result may be stored where an argument is.
+    All results are assigned after the last operation, so a result may be stored where an argument is. What only
+    one side of a decision needs is computed on that side, if it is enough to pay for a branch.
 
     Parameters
     ----------
@@ -213,53 +128,99 @@ def kernel(
     FrictionError
         For an operation without a C form, or a function that is not scalar.
     """
-    nodes, results = _graph(function)
+    nodes, results = graph(function)
     writer = _Writer(nodes, reads, real, frozenset(conditions), frozenset(taken))
-    for number in _needed(nodes, results):
-        writer.declare(number)
-    for number in results:
-        writer.copy(number)
+    block = plan(nodes, results)
+    last = block[-1] if block else None
+    joined = last.selects if isinstance(last, Decision) else ()  # what they take is stored there, among other results
+    taken_there = [number for select in joined for number in nodes[select].arguments[1:]]
+    copies = [line for number in (*results, *taken_there) for line in writer.copy(number)]
+    targets: dict[int, list[str]] = {}
     for number, target in zip(results, writes, strict=True):
-        writer.lines.append(f"{target} = {writer.number(number)};")
-    return Kernel(tuple(writer.lines), frozenset(writer.functions))
+        targets.setdefault(number, []).append(target)
+    lines = [*copies, *writer.block(block, targets)]
+    return Kernel(tuple(lines), frozenset(writer.functions))
 
 
 class _Writer:
     """Names every node and writes its declaration."""
 
     def __init__(
-        self, nodes: list[_Node], reads: Sequence[str], real: Real, conditions: frozenset[int], taken: frozenset[str]
+        self, nodes: list[Node], reads: Sequence[str], real: Real, conditions: frozenset[int], taken: frozenset[str]
     ) -> None:
-        self.lines: list[str] = []
         self.functions: set[str] = set()
         self._nodes = nodes
-        self._reads = reads
         self._real = real
         self._conditions = conditions
         self._taken = taken
         self._texts: dict[int, str] = {}
         self._copied: dict[int, str] = {}
         self._last = 0
+        for number, node in enumerate(nodes):
+            if node.operation == "CONST":
+                self._texts[number] = real.literal(node.value)
+            elif node.operation == "INPUT":
+                self._texts[number] = reads[int(node.value)]
 
-    def declare(self, number: int) -> None:
-        """Give the node a text: a literal, the expression of an argument, or the name of a new constant."""
-        node = self._nodes[number]
-        if node.operation == "CONST":
-            self._texts[number] = self._real.literal(node.value)
-        elif node.operation == "INPUT":
-            self._texts[number] = self._reads[int(node.value)]
-        else:
-            kind = "int" if node.operation in _CONDITIONS else self._real.name
+    def copy(self, number: int) -> list[str]:
+        """Keep an argument that may be stored as a result: its place may be overwritten by another result."""
+        if self._nodes[number].operation != "INPUT" or number in self._copied:
+            return []
+        value = self.number(number)
+        self._copied[number] = self._new_name()
+        return [f"const {self._real.name} {self._copied[number]} = {value};"]
+
+    def block(self, block: Block, targets: Mapping[int, Sequence[str]] | None = None) -> list[str]:
+        """Declarations, then statements, then what is assigned to the targets of nodes."""
+        left = dict(targets or {})
+        constants: list[str] = []
+        variables: dict[str, list[str]] = {}
+        statements: list[str] = []
+        for item in block:
+            if isinstance(item, Decision):
+                # nothing is computed behind the last decision: there results need no names
+                final = {number: left.pop(number) for number in item.selects if number in left and item is block[-1]}
+                names = {number: self._new_name() for number in item.selects if number not in final}
+                statements += self._decision(item, {**final, **{number: [name] for number, name in names.items()}})
+                variables.setdefault(self._real.name, []).extend(names.values())
+                self._texts.update(names)
+                continue
+            node = self._nodes[item]
+            kind = "int" if node.operation in CONDITIONS else self._real.name
             expression = self._expression(node)
-            self._texts[number] = self._new_name()
-            self.lines.append(f"const {kind} {self._texts[number]} = {expression};")
+            name = self._texts[item] = self._new_name()
+            if statements:  # C89 has no declarations behind statements
+                variables.setdefault(kind, []).append(name)
+                statements.append(f"{name} = {expression};")
+            else:
+                constants.append(f"const {kind} {name} = {expression};")
+        declared = [
+            f"{kind} {', '.join(names[first : first + _IN_A_LINE])};"
+            for kind, names in variables.items()
+            for first in range(0, len(names), _IN_A_LINE)
+        ]
+        results = [f"{target} = {self.number(number)};" for number, names in left.items() for target in names]
+        return [*constants, *declared, *statements, *results]
 
-    def copy(self, number: int) -> None:
-        """Keep an argument that is itself a result: its place may be overwritten by another result."""
-        if self._nodes[number].operation == "INPUT" and number not in self._copied:
-            value = self.number(number)
-            self._copied[number] = self._new_name()
-            self.lines.append(f"const {self._real.name} {self._copied[number]} = {value};")
+    def _decision(self, decision: Decision, targets: Mapping[int, Sequence[str]]) -> list[str]:
+        """Both sides, each with what only it needs."""
+        lines = [f"if ({self._truth(decision.condition)}) {{"]
+        for side, block in enumerate(decision.sides, start=1):
+            lines += [f"    {line}" for line in self.block(block)]
+            for number, names in targets.items():
+                value = self._side(self._nodes[number], side)
+                lines += [f"    {name} = {value};" for name in names]
+            lines.append("} else {" if side == 1 else "}")
+        return lines
+
+    def _side(self, node: Node, side: int) -> str:
+        """What a select takes on one side; casadi's sum of both turns -0.0 into 0.0."""
+        zero = self._real.literal(0.0)
+        if side == len(node.arguments):
+            return zero
+        value = self.number(node.arguments[side])
+        plain = node.operation == "IF_ELSE_ZERO" or self._never_minus_zero(node.arguments[side])
+        return value if plain else f"{value} + {zero}"
 
     def number(self, node: int) -> str:
         """The node as a number."""
@@ -274,7 +235,7 @@ class _Writer:
 
     def _is_condition(self, number: int) -> bool:
         node = self._nodes[number]
-        return node.operation in _CONDITIONS or (node.operation == "INPUT" and int(node.value) in self._conditions)
+        return node.operation in CONDITIONS or (node.operation == "INPUT" and int(node.value) in self._conditions)
 
     def _new_name(self) -> str:
         while True:
@@ -282,31 +243,27 @@ class _Writer:
             if f"t{self._last}" not in self._taken:
                 return f"t{self._last}"
 
-    def _expression(self, node: _Node) -> str:
+    def _expression(self, node: Node) -> str:
         operation, arguments = node.operation, node.arguments
         zero = self._real.literal(0.0)
-        if operation in _LOGIC:
-            return f" {_LOGIC[operation]} ".join(self._in_brackets(argument) for argument in arguments)
+        if operation in LOGIC:
+            return f" {LOGIC[operation]} ".join(self._in_brackets(argument) for argument in arguments)
         if operation == "NOT":
             plain = self._texts[arguments[0]]
             return f"!{plain}" if self._is_condition(arguments[0]) else f"{plain} == {zero}"
-        if operation == "IF_ELSE_ZERO":
-            return f"{self._truth(arguments[0])} ? {self.number(arguments[1])} : {zero}"
-        if operation == "SELECT":
-            choice = f"{self._truth(arguments[0])} ? {self.number(arguments[1])} : {self.number(arguments[2])}"
-            # casadi's sum turns -0.0 into 0.0
-            return choice if all(map(self._never_minus_zero, arguments[1:])) else f"({choice}) + {zero}"
+        if operation in DECIDES:
+            return f"{self._truth(arguments[0])} ? {self._side(node, 1)} : {self._side(node, 2)}"
         numbers = [self.number(argument) for argument in arguments]
-        if operation in _INFIX:
-            return f"{numbers[0]} {_INFIX[operation]} {numbers[1]}"
-        if operation in _COMPARE:
-            return f"{numbers[0]} {_COMPARE[operation]} {numbers[1]}"
-        if operation in _LIBM:
-            called = _LIBM[operation] + self._real.suffix
+        if operation in INFIX:
+            return f"{numbers[0]} {INFIX[operation]} {numbers[1]}"
+        if operation in COMPARE:
+            return f"{numbers[0]} {COMPARE[operation]} {numbers[1]}"
+        if operation in LIBM:
+            called = LIBM[operation] + self._real.suffix
             self.functions.add(called)
             return f"{called}({', '.join(numbers)})"
         one, two, minus_one = map(self._real.literal, (1.0, 2.0, -1.0))
-        return _FORMULA[operation].format(*numbers, zero=zero, one=one, two=two, minus_one=minus_one)
+        return FORMULA[operation].format(*numbers, zero=zero, one=one, two=two, minus_one=minus_one)
 
     def _in_brackets(self, node: int) -> str:
         return self._texts[node] if self._is_condition(node) else f"({self._truth(node)})"
@@ -315,6 +272,8 @@ class _Writer:
         node = self._nodes[number]
         if node.operation == "CONST":
             return node.value != 0.0 or math.copysign(1.0, node.value) > 0.0
-        if node.operation == "IF_ELSE_ZERO":
-            return self._never_minus_zero(node.arguments[1])
+        if node.operation in ("IF_ELSE_ZERO", "SUB"):
+            return self._never_minus_zero(node.arguments[1 if node.operation == "IF_ELSE_ZERO" else 0])
+        if node.operation == "ADD":
+            return any(map(self._never_minus_zero, node.arguments))
         return node.operation in _NO_MINUS_ZERO or self._is_condition(number)

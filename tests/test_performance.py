@@ -29,6 +29,7 @@ def test_the_page_names_every_benchmark() -> None:
         "linear_loops",
         "law_runs",
         "effects",  # has a page of its own
+        "law_variants",
     }
     assert set(BENCHMARKS) == {path.stem for path in (ROOT / "benchmarks").glob("*.py")} - helpers
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from casadi import SX, exp, fabs, if_else, logic_and, logic_or, sign
+from functools import reduce
+
+from casadi import SX, exp, fabs, fmin, if_else, logic_and, logic_or
 
 from friction_fmus.expressions import stribeck_level
 from friction_fmus.law import (
@@ -104,27 +106,33 @@ def gms_feedforward(
     Limits: a reversal between two samples is not seen. Noise in r makes the elements stick and slip: r must be the
     reference, not a measurement. The alpha_i must not all be 0. u_min must not exceed u_max.
     """
-    dr = increment(r, last, started, reset)
-    side = sign(dr)
+    dr = increment(r, last, started, reset)  # 0 under reset, so what moves is not reset
+    moving, side = dr != 0.0, if_else(dr > 0.0, 1.0, -1.0)
     S = stribeck_level(fabs(dr / Ts), Fc, Fs, vs, delta)
     total = sum(alpha[i] for i in range(ELEMENTS))
     unit = S / if_else(total > 0.0, total, 1.0)
-    decay = exp(-C * Ts / S)
-    before_way = if_else(reset, 0.0, way)
+    levels = [alpha[i] * unit for i in range(ELEMENTS)]
+    slipped = [logic_or(logic_and(side == way, slipping[i]), side * Fi[i] >= level) for i, level in enumerate(levels)]
+    decay = if_else(reduce(logic_or, slipped), exp(-C * Ts / S), 1.0)  # an exponential only if there is use for it
 
     forces, slips = [], []
-    for i in range(ELEMENTS):
-        level, before = alpha[i] * unit, if_else(reset, 0.0, Fi[i])
-        along = side * before
-        slipped = logic_or(logic_and(side == before_way, slipping[i]), along >= level)
+    for i, level in enumerate(levels):
+        along = side * Fi[i]
         stuck = along + k[i] * fabs(dr)
-        moved = if_else(slipped, level + (along - level) * decay, if_else(stuck < level, stuck, level))
-        forces.append(if_else(side == 0.0, before, side * moved))
-        slips.append(logic_and(side != 0.0, logic_or(slipped, stuck >= level)))
+        moved = if_else(slipped[i], level + (along - level) * decay, fmin(stuck, level))
+        forces.append(if_else(moving, side * moved, if_else(reset, 0.0, Fi[i])))
+        slips.append(if_else(moving, if_else(slipped[i], 1.0, stuck >= level), 0.0))
     F_pre = sum(forces)
     return {
         **feedforward(m * rdd, gain * (F_pre + sigma2 * rd), enable, u_min, u_max),
-        **when(enable, F_pre=F_pre, slips=sum(slips), way=if_else(side == 0.0, before_way, side), last=r, started=1.0),
+        **when(
+            enable,
+            F_pre=F_pre,
+            slips=sum(slips),
+            way=if_else(moving, side, if_else(reset, 0.0, way)),
+            last=r,
+            started=1.0,
+        ),
         "Fi": [if_else(enable, force, 0.0) for force in forces],
         "slipping": [if_else(enable, slip, 0.0) for slip in slips],
     }

@@ -100,5 +100,5 @@ def lugre_observer(
     F_hat = gain * (sigma0 * old + sigma1 * (drive - rate * old) + sigma2 * v)
     return {
         **limited(F_hat, F_hat, enable, u_min, u_max),
-        "z": if_else(reset, 0.0, if_else(enable, relaxed(old, drive, rate, Ts), 0.0)),
+        "z": if_else(enable, if_else(reset, 0.0, relaxed(old, drive, rate, Ts)), 0.0),
     }

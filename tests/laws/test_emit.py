@@ -14,8 +14,9 @@ import pytest
 from laws.draws import random_arguments
 
 from friction_fmus.catalogue import laws_folder
-from friction_fmus.emit import _OPERATIONS, DOUBLE, FLOAT, _graph, kernel
+from friction_fmus.emit import DOUBLE, FLOAT, kernel
 from friction_fmus.errors import FrictionError
+from friction_fmus.expression_graph import OPERATIONS, graph
 from friction_fmus.law import Kind
 from friction_fmus.law_block import block_source
 from friction_fmus.law_files import discover_laws
@@ -55,11 +56,11 @@ def special_pairs() -> np.ndarray:
 
 
 def test_the_synthetic_function_uses_every_operation():
-    nodes, _ = _graph(everything())
+    nodes, _ = graph(everything())
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
-    plain, _ = _graph(ca.Function("f", [x, y], [ca.if_else(x, y, 0)]))
+    plain, _ = graph(ca.Function("f", [x, y], [ca.if_else(x, y, 0)]))
     used = {node.operation for node in nodes} | {node.operation for node in plain}
-    assert _OPERATIONS - used == set()
+    assert OPERATIONS - used == set()
 
 
 def test_every_operation_has_casadis_bits(workshop, by_casadi, different_bits):
@@ -134,6 +135,52 @@ def test_a_result_may_be_stored_where_an_argument_is(results, expected, workshop
         values
     )
     assert tuple(values) == expected
+
+
+def test_branches_store_results_where_their_arguments_are(workshop):
+    """Two states change places in a branch that pays."""
+    long = ca.exp(A) + ca.exp(B)
+    results = [ca.if_else(A > 0, B, long), ca.if_else(A > 0, A, long)]
+    written = kernel(ca.Function("f", [A, B], results), ["p[0]", "p[1]"], ["p[0]", "p[1]"])
+    assert any(line.startswith("if (") for line in written.lines)
+    head = '__attribute__((visibility("default"))) void f(double *p)'
+    text = "\n".join(["#include <math.h>", f"{head};", "void f(double *p) {", *written.lines, "}", ""])
+    values = (ctypes.c_double * 2)(3.0, 5.0)
+    ctypes.CDLL(str(workshop.library(text))).f(values)
+    assert tuple(values) == (5.0, 3.0)
+
+
+def test_only_the_side_that_is_taken_is_computed():
+    """A call stands in the branch that needs it; one that both sides need before it; cheap sides have no branch."""
+    condition, both = A < B, ca.sin(A)
+    lines = kernel(ca.Function("f", [A, B], [ca.if_else(condition, ca.exp(A) + both, both)]), "ab", "c").lines
+    text = "\n".join(lines)
+    assert text.index("sin(a)") < text.index("if (") < text.index("exp(a)") < text.index("} else {")
+    cheap = kernel(ca.Function("f", [A, B], [ca.if_else(condition, A + 1, A - 1)]), "ab", "c").lines
+    assert not any("if" in line for line in cheap)
+
+
+def random_function(random: np.random.Generator) -> ca.Function:
+    """Operations and decisions on what was computed before, at random, some of them shared, some in circles."""
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    values, conditions = [x, y, x + y], [x < y, x > 0]
+    for _ in range(40):
+        a, b, c = (values[random.integers(len(values))] for _ in range(3))
+        condition = conditions[random.integers(len(conditions))]
+        kind = random.integers(5)
+        if kind == 0:
+            conditions.append([a < b, ca.logic_or(condition, a > c), ca.logic_not(condition)][random.integers(3)])
+        else:
+            values.append([a + b, ca.sin(a) - c, ca.if_else(condition, a, b), ca.if_else(condition, c, 0)][kind - 1])
+    return ca.Function("f", [x, y], values[-4:])
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_random_decisions_have_casadis_bits(seed, workshop, by_casadi, different_bits):
+    random = np.random.default_rng(seed)
+    function = random_function(random)
+    rows = np.concatenate([random.normal(size=(300, 2)), random.integers(-1, 2, (50, 2)).astype(float)])
+    assert not different_bits(by_casadi(function, rows), workshop.evaluator(function)(rows)).any()
 
 
 def test_literals_read_back_exactly():

@@ -1,0 +1,142 @@
+"""Other ways to write, to translate and to compile the two laws that are compared with C by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from unittest.mock import patch
+
+import casadi
+from casadi import MX, exp, expm1, fabs, if_else
+
+from benchmarks.law_runs import LawC
+from friction_fmus import branches
+from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.sources import Export
+from friction_fmus.law import BOOLEANS, Law
+
+CURVE = "stribeck_level({0}, Fc, Fs, vs, delta)"
+PLAIN_CURVE = "(Fc + (Fs - Fc) * casadi.exp(-(({0} / vs) ** delta)))"
+
+FORMULATIONS = {
+    "LuGreObserver": {
+        "implicit step in place of the exact one": (
+            "relaxed(old, drive, rate, Ts)",
+            "(old + Ts * drive) / (1.0 + Ts * rate)",
+        ),
+        "Stribeck curve by pow and exp, whatever the arguments": (
+            CURVE.format("fabs(v)"),
+            PLAIN_CURVE.format("fabs(v)"),
+        ),
+    },
+    "GMSFeedforward": {
+        "implicit step in place of the exact one": ("exp(-C * Ts / S)", "1.0 / (1.0 + C * Ts / S)"),
+        "Stribeck curve by pow and exp, whatever the arguments": (
+            CURVE.format("fabs(dr / Ts)"),
+            PLAIN_CURVE.format("fabs(dr / Ts)"),
+        ),
+        "attraction also if no element slips": (
+            "if_else(reduce(logic_or, slipped), exp(-C * Ts / S), 1.0)",
+            "exp(-C * Ts / S)",
+        ),
+    },
+}
+"""Law -> what is different -> text in the law file, and in its place."""
+
+FLAGS = {
+    "-O2 without -fno-math-errno": ("-fmath-errno",),
+    "-O3": ("-O3",),
+}
+
+
+def variants(export: Export, folder: Path) -> dict[str, LawC]:
+    """The law in all these ways, compiled."""
+    law = export.law
+    found = {text: LawC(export, folder / f"flags{i}", flags=flags) for i, (text, flags) in enumerate(FLAGS.items())}
+    found["included in the file that calls it"] = LawC(export, folder / "unity", linkage="unity")
+    found["called in a file of its own"] = LawC(export, folder / "separate", linkage="separate")
+    for i, (text, (old, new)) in enumerate(FORMULATIONS[law.name].items()):
+        path = folder / f"formulation{i}.py"
+        lines = law.path.read_text(encoding="utf-8")
+        if lines.count(old) != 1:
+            raise SystemExit(f"{law.path.name} does not have {old!r} once: the variant must be written anew")
+        path.write_text(
+            lines.replace(old, new).replace("from casadi", "import casadi\nfrom casadi", 1), encoding="utf-8"
+        )
+        found[text] = LawC(make_export(path), folder / path.stem)
+    with patch.object(branches, "PAYS", float("inf")):
+        found["both sides of every decision computed"] = LawC(export, folder / "selects")
+    found["C that casadi writes"] = by_casadi(export, law.function, folder / "casadi")
+    if law.name == "LuGreObserver":
+        found["C that casadi writes from MX"] = by_casadi(export, observer_in_mx(law, False), folder / "mx")
+        found["C that casadi writes from MX with short-circuit if_else"] = by_casadi(
+            export, observer_in_mx(law, True), folder / "short"
+        )
+    return found
+
+
+def by_casadi(export: Export, function: casadi.Function, folder: Path) -> LawC:
+    """The C that casadi writes for a function of the law's arguments, called on the same structs."""
+    folder.mkdir(parents=True, exist_ok=True)
+    generator = casadi.CodeGenerator("generated.c", {"with_export": False, "static_aux": True, "casadi_int": "int"})
+    generator.add(function)
+    generator.generate(f"{folder}/")
+    given, truths = [], []
+    for variable in export.law.given:
+        for place in export.places(variable):
+            if variable.kind in BOOLEANS:
+                truths.append(f"    const double truth{len(given)} = (double){place};")
+                given.append(f"&truth{len(given)}")
+            else:
+                given.append(f"&{place}")
+    p, count = export.prefix, len(export.results)
+    source = folder / "called.c"
+    source.write_text(
+        "\n".join(
+            [
+                '#include "generated.c"',
+                f"static void by_casadi(const {p}_parameters *parameters, {p}_states *states,",
+                f"                      const {p}_inputs *inputs, {p}_outputs *outputs)",
+                "{",
+                *truths,
+                f"    const double *arguments[{function.sz_arg()}] = {{{', '.join(given)}}};",
+                f"    double values[{count}], *results[{function.sz_res()}] = {{0}};",
+                f"    double w[{max(function.sz_w(), 1)}];",
+                f"    int iw[{max(function.sz_iw(), 1)}];",
+                f"    for (int i = 0; i < {count}; i++)",
+                "        results[i] = values + i;",
+                f"    {function.name()}(arguments, results, iw, w, 0);",
+                *(f"    {place} = values[{i}];" for i, place in enumerate(export.results)),
+                "    outputs->fault = 0;",
+                "}",
+                "",
+            ]
+        ),
+        encoding="utf-8",
+    )
+    return LawC(export, folder, step="by_casadi", source=source, flags=("-w",))
+
+
+def observer_in_mx(law: Law, short_circuit: bool) -> casadi.Function:
+    """LuGreObserver once more, in casadi's MX, whose decisions may be calls of functions."""
+    symbols = {variable.name: MX.sym(variable.name) for variable in law.given}
+    r, x, v, enable, reset, z = (symbols[name] for name in ("r", "x", "v", "enable", "reset", "z"))
+    gain, k, sigma0, sigma1, sigma2 = (symbols[name] for name in ("gain", "k", "sigma0", "sigma1", "sigma2"))
+    Fc, Fs, vs, delta, u_min, u_max, Ts = (
+        symbols[name] for name in ("Fc", "Fs", "vs", "delta", "u_min", "u_max", "Ts")
+    )
+
+    def decide(condition: MX, first: MX | float, second: MX | float) -> MX:
+        return if_else(condition, first, second, short_circuit)
+
+    old = decide(reset, 0.0, z)
+    rate = sigma0 * fabs(v) / (Fc + (Fs - Fc) * exp(-((fabs(v) / vs) ** delta)))
+    drive = v + k * (r - x)
+    slope = drive - rate * old
+    F_hat = gain * (sigma0 * old + sigma1 * slope + sigma2 * v)
+    q = rate * Ts
+    phi = decide(q < 1e-5, 1.0 - q / 2.0, -expm1(-q) / decide(q < 1e-5, 1.0, q))
+    u = decide(F_hat < u_min, u_min, decide(F_hat > u_max, u_max, F_hat))
+    u_sat = decide(F_hat < u_min, -1.0, decide(F_hat > u_max, 1.0, 0.0))
+    goes_on = decide(enable, decide(reset, 0.0, old + Ts * phi * slope), 0.0)
+    results = [decide(enable, u, 0.0), decide(enable, F_hat, 0.0), decide(enable, u_sat, 0.0), goes_on]
+    return casadi.Function(f"observer{int(short_circuit)}", list(symbols.values()), results)

@@ -1,0 +1,98 @@
+"""The operations of a casadi function, as C is written from them: which there are, and which are needed when."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+import casadi
+from casadi import Function
+
+from friction_fmus.errors import FrictionError
+
+INFIX = {"ADD": "+", "SUB": "-", "MUL": "*", "DIV": "/"}
+COMPARE = {"LT": "<", "LE": "<=", "EQ": "==", "NE": "!="}
+LOGIC = {"AND": "&&", "OR": "||"}
+CONDITIONS = {*COMPARE, *LOGIC, "NOT"}
+LIBM = {
+    **{name.upper(): name for name in ("exp", "log", "pow", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan")},
+    **{name.upper(): name for name in ("sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "atan2", "log1p", "expm1")},
+    **{name.upper(): name for name in ("floor", "ceil", "fmod", "fabs", "copysign", "erf", "hypot", "remainder")},
+    "CONSTPOW": "pow",
+}
+# {0}, {1}: arguments
+FORMULA = {
+    "NEG": "-{0}",
+    "SQ": "{0} * {0}",
+    "TWICE": "{two} * {0}",
+    "INV": "{one} / {0}",
+    "SIGN": "{0} < {zero} ? {minus_one} : {0} > {zero} ? {one} : {0}",
+    # the first of equal arguments, as fmin does; NaN in the first argument stays, where fmin gives the other
+    "FMIN": "{1} < {0} ? {1} : {0}",
+    "FMAX": "{1} > {0} ? {1} : {0}",
+}
+CALLS = {*LIBM} - {"FABS", "COPYSIGN", "SQRT"}  # the others are instructions
+_NAMES = {getattr(casadi, name): name.removeprefix("OP_") for name in dir(casadi) if name.startswith("OP_")}
+OPERATIONS = {*INFIX, *CONDITIONS, *LIBM, *FORMULA, "IF_ELSE_ZERO"}
+
+
+@dataclass(frozen=True)
+class Node:
+    """An operation: its name, the numbers of its arguments, and the value of a constant or number of an input."""
+
+    operation: str
+    arguments: tuple[int, ...] = ()
+    value: float = 0.0
+
+
+def graph(function: Function) -> tuple[list[Node], list[int]]:
+    """The operations of a scalar SX function in casadi's order, and which of them the results are."""
+    if not function.is_a("SXFunction"):
+        raise FrictionError(f"The function {function.name()} is not made of SX expressions; C is written from SX only")
+    for label, count, sparsity in (
+        ("argument", function.n_in(), function.sparsity_in),
+        ("result", function.n_out(), function.sparsity_out),
+    ):
+        for i in range(count):
+            if not (sparsity(i).is_scalar() and sparsity(i).is_dense()):
+                raise FrictionError(f"The {label} {i} of {function.name()} is not one number; split the vectors")
+
+    nodes: list[Node] = []
+    numbers: dict[tuple[str, tuple[int, ...], bytes], int] = {}  # what was computed once is not computed again
+    held: dict[int, int] = {}  # place in casadi's work vector -> node
+    results = [0] * function.n_out()
+    for k in range(function.n_instructions()):
+        operation = _NAMES.get(function.instruction_id(k), str(function.instruction_id(k)))
+        reads, writes = function.instruction_input(k), function.instruction_output(k)
+        if operation == "OUTPUT":
+            results[writes[0]] = held[reads[0]]
+            continue
+        if operation in ("ASSIGN", "LIFT"):
+            held[writes[0]] = held[reads[0]]
+            continue
+        if operation == "INPUT":
+            node = Node("INPUT", (), reads[0])
+        elif operation == "CONST":
+            node = Node("CONST", (), function.instruction_constant(k))
+        elif operation in OPERATIONS:
+            node = _joined(nodes, Node(operation, tuple(held[place] for place in reads)))
+        else:
+            raise FrictionError(
+                f"{function.name()} uses the casadi operation {operation}, which cannot be written as C; "
+                "express it by arithmetic, if_else and the functions of <math.h>"
+            )
+        held[writes[0]] = numbers.setdefault((node.operation, node.arguments, struct.pack("d", node.value)), len(nodes))
+        if held[writes[0]] == len(nodes):
+            nodes.append(node)
+    return nodes, results
+
+
+def _joined(nodes: list[Node], node: Node) -> Node:
+    """casadi writes if_else(c, a, b) as (c ? a : 0) + (!c ? b : 0); here it becomes one decision again."""
+    if node.operation == "ADD":
+        first, second = (nodes[argument] for argument in node.arguments)
+        if first.operation == second.operation == "IF_ELSE_ZERO":
+            opposite = nodes[second.arguments[0]]
+            if opposite.operation == "NOT" and opposite.arguments[0] == first.arguments[0]:
+                return Node("SELECT", (*first.arguments, second.arguments[1]))
+    return node
