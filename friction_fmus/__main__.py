@@ -42,16 +42,12 @@ def list_blocks(options: argparse.Namespace) -> None:
 
 def show(options: argparse.Namespace) -> None:
     """What a block is, when to use it, what it cannot do, its equations and variables."""
-    import tempfile
-
     from friction_fmus.catalogue import find
     from friction_fmus.package import describe_block
     from friction_fmus.show import show_block
 
     block = find(options.name)
-    with tempfile.TemporaryDirectory() as folder:
-        description = describe_block(block, Path(folder))
-    show_block(console, block, description)
+    show_block(console, block, describe_block(block))
 
 
 def cite(options: argparse.Namespace) -> None:

@@ -26,9 +26,12 @@ from friction_fmus.errors import BuildError
 from friction_fmus.law import Kind
 from friction_fmus.law_files import discover_laws
 from friction_fmus.model_description import build_time, model_description
-from friction_fmus.platforms import NATIVE, Platform, compiled, select
 from friction_fmus.version import VERSION
 from harness import toolchain
+from harness.platforms import NATIVE, Platform, compiled, native_library, select
+
+SHIPPED = Path(__file__).parent / "fmus"
+"""FMUs for all platforms in an installed package; a checkout has none."""
 
 HEADERS = ("block.h", "solver.h", "fmi2.h", "fmi2_instance.h", "fmi2_state.h")
 
@@ -73,39 +76,63 @@ def build(
         See their messages.
     """
     block = find(model)
-    code = with_start_values(block.code, start or {})
+    chosen = select(tuple(platforms))
+    target = Path(out_dir)
+    target.mkdir(parents=True, exist_ok=True)
     twin = domain == "rotational"
+    plain = not (start or name or files or twin) and tuple(platforms) in (("native",), ("all",))
+    if plain and (shipped := _shipped(model, block)):
+        return _copy(shipped, target / shipped.name)
+    code = with_start_values(block.code, start or {})
     code = rotational(code) if twin else code
     identifier = name or block.name + ("Rotational" if twin else "")
     code = renamed(code, identifier) if name else code
     block = replace(block, name=identifier, code=code)
     sources = identified(_sources(block, files or {}), identifier)
-    chosen = select(tuple(platforms))
     kept = toolchain.cache_folder() / f"{identifier}-{_key(sources, block, chosen)}.fmu"
     if not kept.is_file():
         kept.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix="friction-fmus-") as folder:
             _make(block, sources, chosen, Path(folder), kept)
-    target = Path(out_dir)
-    target.mkdir(parents=True, exist_ok=True)
     return _copy(kept, target / f"{identifier}.fmu")
 
 
-def resolve(name: str) -> Path:
-    """The FMU of a block as it stands in a system file: ``model = "LuGre"``."""
-    return build(name, toolchain.cache_folder() / "models")
+def _shipped(model: str | Path, block: Block) -> Path | None:
+    """The FMU of the installed package, if it is one of its blocks that is asked for."""
+    path = SHIPPED / f"{block.name}.fmu"
+    return path if str(model) == block.name and path.is_file() else None
 
 
-def describe_block(block: Block, folder: Path) -> Description:
-    """Compiles a block into `folder` and reads its variables.
+def fmu(name: str | Path) -> Path:
+    """The FMU of a block, with its start values: that of the installed package, for all platforms.
+
+    Parameters
+    ----------
+    name : str or Path
+        As of `build`. For a file, or in a checkout, the FMU is built, for this machine, and kept.
+
+    Returns
+    -------
+    Path
+        The FMU. Copy it before you change it.
+
+    Raises
+    ------
+    UnknownNameError, BuildError
+        See their messages.
+    """
+    return _shipped(name, find(name)) or build(name, toolchain.cache_folder() / "models")
+
+
+def describe_block(block: Block) -> Description:
+    """Compiles a block and reads its variables.
 
     Raises
     ------
     BuildError
         If it does not compile.
     """
-    library = folder / f"{block.name}{NATIVE.suffix}"
-    library.write_bytes(compiled(NATIVE, identified(_sources(block, {}), block.name), block.name))
+    library = native_library(identified(_sources(block, {}), block.name), block.name)
     return describe(library, _computed(block))
 
 

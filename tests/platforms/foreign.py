@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import sys
 import zipfile
 from collections.abc import Iterable
 from pathlib import Path
@@ -85,23 +84,3 @@ def drive(platform: str, fmus: Iterable[Path], folder: Path) -> dict[str, NDArra
 def _bits(file: Path) -> NDArray[np.uint64]:
     lines = file.read_text(encoding="ascii").splitlines()
     return np.array([[int(word, 16) for word in line.split()] for line in lines], dtype=np.uint64)
-
-
-if __name__ == "__main__":
-    import tempfile
-
-    found = {}
-    for name in RUNNERS:
-        with tempfile.TemporaryDirectory() as scratch:
-            found[name] = drive(name, sorted(Path(sys.argv[1]).glob("*.fmu")), Path(scratch))
-    for identifier, reference in found["linux64"].items():
-        for name in ("win64", "aarch64-linux"):
-            other = found[name][identifier]
-            a, b = reference.view(np.float64), other.view(np.float64)
-            scale = np.abs(a).max(axis=0)
-            error = (np.abs(a - b) / np.where(scale > 0, scale, 1.0)).max()
-            same = np.array_equal(reference, other)
-            if not same:
-                first = np.argwhere(reference != other)[0]
-                print(identifier, name, "differs", error, "at", first, a[tuple(first)], b[tuple(first)])
-            assert np.isfinite(a).all()

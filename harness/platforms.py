@@ -1,9 +1,8 @@
-"""The platforms for which FMUs are compiled, all of them on one machine."""
+"""The platforms for which libraries are compiled, all of them on one machine."""
 
 from __future__ import annotations
 
 import hashlib
-import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,9 +10,9 @@ from typing import Final, NamedTuple
 
 import fmpy
 
-from friction_fmus.errors import BuildError, nearest
-from friction_fmus.universal import universal
 from harness import toolchain
+from harness.errors import BuildError, nearest
+from harness.universal import universal
 
 
 class Platform(NamedTuple):
@@ -66,51 +65,53 @@ def select(names: tuple[str, ...]) -> tuple[Platform, ...]:
     chosen: dict[str, Platform] = {}
     for name in names:
         if name not in (known := {"native": NATIVE, "all": NATIVE, **PLATFORMS}):
-            raise BuildError(f"There is no platform {name!r}; there are {', '.join(known)}{nearest(name, known)}")
+            raise BuildError(f"There is no platform {name!r}; {nearest(name, known)}")
         for platform in PLATFORMS.values() if name == "all" else (known[name],):
             chosen[platform.folder] = platform
     return tuple(chosen.values())
 
 
-def compiled(platform: Platform, sources: Mapping[str, str], identifier: str) -> bytes:
-    """The library of a block for a platform.
+def compiled(platform: Platform, sources: Mapping[str, str], name: str, *, headers: bool = True) -> bytes:
+    """A library for a platform.
 
     Parameters
     ----------
     platform : Platform
         Where it is to run.
     sources : mapping of str to str
-        File name -> text, ``IDENTIFIER.c`` among them.
-    identifier : str
-        Model identifier.
+        File name -> text, ``NAME.c`` among them, the file to compile.
+    name : str
+        Of the library.
+    headers : bool
+        Whether it includes the FMI headers.
 
     Raises
     ------
     BuildError
         If it does not compile.
     """
-    slices = [_library(target, platform.suffix, sources, identifier) for target in platform.targets]
+    paths = [_kept(target, platform.suffix, sources, name, headers) for target in platform.targets]
+    slices = [path.read_bytes() for path in paths]
     return universal(slices) if len(slices) > 1 else slices[0]
 
 
-def _library(target: str | None, suffix: str, sources: Mapping[str, str], identifier: str) -> bytes:
-    """A library of one architecture, from the cache if it has it."""
+def native_library(sources: Mapping[str, str], name: str, *, headers: bool = True) -> Path:
+    """A library for this machine, in the cache; arguments as of `compiled`."""
+    return _kept(None, NATIVE.suffix, sources, name, headers)
+
+
+def _kept(target: str | None, suffix: str, sources: Mapping[str, str], name: str, headers: bool) -> Path:
+    """A library of one architecture in the cache, compiled if it is not there yet."""
     digest = hashlib.sha256()
-    for text in (toolchain.identity(target), identifier, *(part for item in sorted(sources.items()) for part in item)):
+    for text in (toolchain.identity(target), name, *(part for item in sorted(sources.items()) for part in item)):
         digest.update(text.encode() + b"\0")
-    kept = toolchain.cache_folder() / "libraries" / f"{identifier}-{digest.hexdigest()[:24]}{suffix}"
-    if kept.is_file():
-        return kept.read_bytes()
-    with tempfile.TemporaryDirectory(prefix="friction-fmus-") as scratch:
-        folder = Path(scratch)
-        for name, text in sources.items():
-            (folder / name).write_text(text, encoding="utf-8", newline="\n")
-        library = folder / f"{identifier}{suffix}"
-        toolchain.compile_library(folder, f"{identifier}.c", library, target=target)
-        content = library.read_bytes()
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, name = tempfile.mkstemp(dir=kept.parent, prefix=f".{kept.name}.")
-    with os.fdopen(descriptor, "wb") as file:
-        file.write(content)
-    Path(name).replace(kept)
-    return content
+    kept = toolchain.cache_folder() / "libraries" / f"{name}-{digest.hexdigest()[:24]}{suffix}"
+    if not kept.is_file():
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix="compile-", dir=kept.parent) as scratch:
+            for file, text in sources.items():
+                (Path(scratch) / file).write_text(text, encoding="utf-8", newline="\n")
+            library = Path(scratch) / f"{name}{suffix}"
+            toolchain.compile_library(Path(scratch), f"{name}.c", library, headers=headers, target=target)
+            library.replace(kept)
+    return kept
