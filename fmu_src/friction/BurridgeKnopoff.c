@@ -311,7 +311,8 @@ static bool step(Model *m, double h)
     double s = 0.0;
     for (long events = 0; s < h;) {
         if (f->moving == 0) {
-            const double largest = largest_force(&t, t.X, f->y), left = time_at_rest(1.0 - largest, t.X_rate, t.X_curvature);
+            const double largest = largest_force(&t, t.X, f->y),
+                         left = time_at_rest(1.0 - largest, t.X_rate, t.X_curvature);
             if (!(left < h - s)) {
                 pass(&t, h - s);
                 break;
