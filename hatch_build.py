@@ -1,36 +1,45 @@
-"""Compiles the engine of the harness into the wheel."""
+"""Compiles the engine of the harness and all FMUs into the wheel, for all platforms."""
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
-import sysconfig
-import types
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 ROOT = Path(__file__).parent
+sys.path.insert(0, str(ROOT))  # the packages that are to be packed
 
 
-class EngineHook(BuildHookInterface):  # type: ignore[type-arg]
-    """Adds ``harness/engine/engine.so``; an editable install compiles the engine when it is first used."""
+def build_fmus(names: list[str], folder: Path) -> None:
+    """FMUs for all platforms, in a process of its own: matplotlib draws their pictures."""
+    command = [sys.executable, "-m", "friction_fmus", "build", *names, "--platform", "all", "-o", str(folder)]
+    subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, check=True)
+
+
+class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
+    """Adds ``friction_fmus/fmus`` and ``harness/engine/binaries``; an editable install compiles on first use."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile before the files are collected."""
         if version == "editable":
             return
-        # the package without its __init__, whose dependencies a build does not have
-        package = types.ModuleType("harness")
-        package.__path__ = [str(ROOT / "harness")]
-        sys.modules["harness"] = package
-        from harness.toolchain import compile_library
+        from friction_fmus.catalogue import catalogue
+        from harness.native import sources
+        from harness.platforms import PLATFORMS, compiled
 
-        name = "engine.dll" if sys.platform == "win32" else "engine.so"
-        target = Path(self.directory).resolve() / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        compile_library(ROOT / "harness" / "engine", "engine.c", target, headers=False)
-        build_data["force_include"][str(target)] = f"harness/engine/{name}"
-        build_data["pure_python"] = False
-        platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
-        build_data["tag"] = f"py3-none-{platform}"
+        folder = Path(self.directory).resolve()
+        added = build_data["force_include"]
+        for platform in PLATFORMS.values():
+            name = f"{platform.folder}/engine{platform.suffix}"
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(compiled(platform, sources(), "engine", headers=False))
+            added[str(folder / name)] = f"harness/engine/binaries/{name}"
+        names, processes, fmus = list(catalogue()), os.cpu_count() or 1, folder / "fmus"
+        with ThreadPoolExecutor(processes) as pool:
+            list(pool.map(build_fmus, [names[k::processes] for k in range(processes)], [fmus] * processes))
+        added |= {str(fmus / f"{name}.fmu"): f"friction_fmus/fmus/{name}.fmu" for name in names}

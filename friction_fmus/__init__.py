@@ -2,7 +2,7 @@
 
 from friction_fmus.catalogue import Block, catalogue, find
 from friction_fmus.errors import BuildError, FrictionError, UnknownNameError
-from friction_fmus.package import build, build_record
+from friction_fmus.package import build, build_record, fmu
 from friction_fmus.version import VERSION
 
 __version__ = VERSION
@@ -16,4 +16,5 @@ __all__ = [
     "build_record",
     "catalogue",
     "find",
+    "fmu",
 ]

@@ -42,16 +42,12 @@ def list_blocks(options: argparse.Namespace) -> None:
 
 def show(options: argparse.Namespace) -> None:
     """What a block is, when to use it, what it cannot do, its equations and variables."""
-    import tempfile
-
     from friction_fmus.catalogue import find
     from friction_fmus.package import describe_block
     from friction_fmus.show import show_block
 
     block = find(options.name)
-    with tempfile.TemporaryDirectory() as folder:
-        description = describe_block(block, Path(folder))
-    show_block(console, block, description)
+    show_block(console, block, describe_block(block))
 
 
 def cite(options: argparse.Namespace) -> None:
@@ -77,7 +73,7 @@ def build_blocks(options: argparse.Namespace) -> None:
         raise FrictionError(f"--set goes with one model, not with {len(names)}; build them one by one")
     with progress_bar() as bar:
         for name in bar.track(names, description="building"):
-            path = build(name, options.output, start, options.name, domain=options.domain)
+            path = build(name, options.output, start, options.name, domain=options.domain, platforms=options.platform)
             bar.console.print(path) if bar.console.is_terminal else print(path)
 
 
@@ -134,6 +130,13 @@ def parser() -> argparse.ArgumentParser:
     building.add_argument("--set", action="append", metavar="NAME=VALUE", help="other start value; may be repeated")
     domains = ("translational", "rotational")
     building.add_argument("--domain", choices=domains, default=domains[0], help="rotational: N.m, rad, kg.m2")
+    building.add_argument(
+        "--platform",
+        nargs="+",
+        default=["native"],
+        metavar="PLATFORM",
+        help="native (default), all, linux64, win64, darwin64, aarch64-linux, aarch64-darwin",
+    )
     building.add_argument("--name", metavar="IDENTIFIER", help="other model identifier and file name")
     checking = command("check", check_files, "look for faults in FMUs, also other people's")
     checking.add_argument("files", nargs="+", type=Path, metavar="FILE")

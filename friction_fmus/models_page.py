@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 from friction_fmus.catalogue import FEATURES, Block, catalogue
 from friction_fmus.describe import STATE, STATE_OUTPUT
 from friction_fmus.notes import INDENT, Paragraph, paragraphs
@@ -29,9 +26,7 @@ def models_page() -> str:
 
 
 def _table_row(block: Block) -> str:
-    with tempfile.TemporaryDirectory() as folder:
-        variables = describe_block(block, Path(folder)).variables
-    states = sum(v.role in (STATE, STATE_OUTPUT) for v in variables)
+    states = sum(v.role in (STATE, STATE_OUTPUT) for v in describe_block(block).variables)
     marks = ["x" if feature in block.features else "" for feature in FEATURES]
     return f"| [{block.name}](#{block.name.lower()}) | {' | '.join(marks)} | {states} |"
 

@@ -8,7 +8,7 @@ import re
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -28,6 +28,10 @@ from friction_fmus.law_files import discover_laws
 from friction_fmus.model_description import build_time, model_description
 from friction_fmus.version import VERSION
 from harness import toolchain
+from harness.platforms import NATIVE, Platform, compiled, native_library, select
+
+SHIPPED = Path(__file__).parent / "fmus"
+"""FMUs for all platforms in an installed package; a checkout has none."""
 
 HEADERS = ("block.h", "solver.h", "fmi2.h", "fmi2_instance.h", "fmi2_state.h")
 
@@ -40,6 +44,7 @@ def build(
     files: Mapping[str, str] | None = None,
     *,
     domain: Literal["translational", "rotational"] = "translational",
+    platforms: Sequence[str] = ("native",),
 ) -> Path:
     """Builds one FMU.
 
@@ -57,6 +62,8 @@ def build(
         Further or replaced headers of the block, such as ``series.h`` of `Record`.
     domain : {"translational", "rotational"}
         The rotational twin has N.m, rad and kg.m2 for N, m and kg, and the suffix ``Rotational``.
+    platforms : sequence of str
+        Which binaries it gets: ``"native"``, ``"all"`` or names such as ``"win64"``, see `PLATFORMS`.
 
     Returns
     -------
@@ -69,40 +76,63 @@ def build(
         See their messages.
     """
     block = find(model)
-    code = with_start_values(block.code, start or {})
+    chosen = select(tuple(platforms))
+    target = Path(out_dir)
+    target.mkdir(parents=True, exist_ok=True)
     twin = domain == "rotational"
+    plain = not (start or name or files or twin) and tuple(platforms) in (("native",), ("all",))
+    if plain and (shipped := _shipped(model, block)):
+        return _copy(shipped, target / shipped.name)
+    code = with_start_values(block.code, start or {})
     code = rotational(code) if twin else code
     identifier = name or block.name + ("Rotational" if twin else "")
     code = renamed(code, identifier) if name else code
     block = replace(block, name=identifier, code=code)
     sources = identified(_sources(block, files or {}), identifier)
-    kept = toolchain.cache_folder() / f"{identifier}-{_key(sources, block)}.fmu"
+    kept = toolchain.cache_folder() / f"{identifier}-{_key(sources, block, chosen)}.fmu"
     if not kept.is_file():
         kept.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix="friction-fmus-") as folder:
-            _make(block, sources, Path(folder), kept)
-    target = Path(out_dir)
-    target.mkdir(parents=True, exist_ok=True)
+            _make(block, sources, chosen, Path(folder), kept)
     return _copy(kept, target / f"{identifier}.fmu")
 
 
-def resolve(name: str) -> Path:
-    """The FMU of a block as it stands in a system file: ``model = "LuGre"``."""
-    return build(name, toolchain.cache_folder() / "models")
+def _shipped(model: str | Path, block: Block) -> Path | None:
+    """The FMU of the installed package, if it is one of its blocks that is asked for."""
+    path = SHIPPED / f"{block.name}.fmu"
+    return path if str(model) == block.name and path.is_file() else None
 
 
-def describe_block(block: Block, folder: Path) -> Description:
-    """Compiles a block into `folder` and reads its variables.
+def fmu(name: str | Path) -> Path:
+    """The FMU of a block, with its start values: that of the installed package, for all platforms.
+
+    Parameters
+    ----------
+    name : str or Path
+        As of `build`. For a file, or in a checkout, the FMU is built, for this machine, and kept.
+
+    Returns
+    -------
+    Path
+        The FMU. Copy it before you change it.
+
+    Raises
+    ------
+    UnknownNameError, BuildError
+        See their messages.
+    """
+    return _shipped(name, find(name)) or build(name, toolchain.cache_folder() / "models")
+
+
+def describe_block(block: Block) -> Description:
+    """Compiles a block and reads its variables.
 
     Raises
     ------
     BuildError
         If it does not compile.
     """
-    for name, text in identified(_sources(block, {}), block.name).items():
-        (folder / name).write_text(text, encoding="utf-8", newline="\n")
-    library = folder / f"{block.name}{fmpy.sharedLibraryExtension}"
-    toolchain.compile_library(folder, f"{block.name}.c", library)
+    library = native_library(identified(_sources(block, {}), block.name), block.name)
     return describe(library, _computed(block))
 
 
@@ -164,14 +194,15 @@ def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:
     return sources
 
 
-def _key(sources: Mapping[str, str], block: Block) -> str:
+def _key(sources: Mapping[str, str], block: Block, platforms: Sequence[Platform]) -> str:
     """Hash of all that decides the bytes of the FMU."""
     digest = hashlib.sha256()
     package = [path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("*.py"))]
     texts = [
         VERSION,
         build_time(),
-        toolchain.identity(),
+        *(toolchain.identity(target) for platform in (NATIVE, *platforms) for target in platform.targets),
+        *(platform.folder for platform in platforms),
         fmpy.__version__,
         block.kind,
         block.summary,
@@ -182,19 +213,21 @@ def _key(sources: Mapping[str, str], block: Block) -> str:
     return digest.hexdigest()[:24]
 
 
-def _make(block: Block, sources: Mapping[str, str], folder: Path, target: Path) -> None:
+def _make(block: Block, sources: Mapping[str, str], platforms: Sequence[Platform], folder: Path, target: Path) -> None:
     """Stages the unzipped FMU in `folder` and zips it to `target`."""
     staged = folder / "fmu"
     (staged / "sources").mkdir(parents=True)
     for name, text in sources.items():
         (staged / "sources" / name).write_text(text, encoding="utf-8", newline="\n")
-    library = staged / "binaries" / fmpy.platform / f"{block.name}{fmpy.sharedLibraryExtension}"
-    library.parent.mkdir(parents=True)
-    toolchain.compile_library(staged / "sources", f"{block.name}.c", library)
-    description = describe(library, _computed(block))
+    for place, platform in ((folder, NATIVE), *((staged, platform) for platform in platforms)):
+        library = place / "binaries" / platform.folder / f"{block.name}{platform.suffix}"
+        library.parent.mkdir(parents=True)
+        library.write_bytes(compiled(platform, sources, block.name))
+    native = folder / "binaries" / NATIVE.folder / f"{block.name}{NATIVE.suffix}"
+    description = describe(native, _computed(block))
     _check_start_values(block, description)
     (staged / "modelDescription.xml").write_bytes(model_description(block, description, block.name))
-    (staged / "model.png").write_bytes(picture(block, description, block.name, staged))
+    (staged / "model.png").write_bytes(picture(block, description, block.name, folder))
     licences = staged / "documentation" / "licenses"
     licences.mkdir(parents=True)
     (licences / "license.txt").write_text(_licence(), encoding="utf-8")

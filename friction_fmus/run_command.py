@@ -72,9 +72,9 @@ def open_system(path: Path) -> System:
     HarnessError
         If there is none.
     """
-    from friction_fmus.package import resolve
+    from friction_fmus.package import fmu
 
-    return System.from_ssp(path) if path.suffix.lower() == ".ssp" else System.from_toml(path, resolve=resolve)
+    return System.from_ssp(path) if path.suffix.lower() == ".ssp" else System.from_toml(path, resolve=fmu)
 
 
 def _keep(result: Result, message: str, path: Path) -> str:

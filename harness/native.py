@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-import hashlib
 import signal
-import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -16,10 +14,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from harness import toolchain
 from harness.errors import HarnessError, PartError, not_whole
 from harness.part import TYPE_ORDER, Native, Values
 from harness.plan import GET, SET, STEP, Plan
+from harness.platforms import NATIVE, native_library
 from harness.wire import split_name
 
 SAVE: Final = 3
@@ -75,24 +73,17 @@ class EngineData(ctypes.Structure):
 def library() -> ctypes.CDLL:
     """The compiled engine: the one of the wheel, or one built from the sources and kept in the cache."""
     folder = Path(__file__).parent / "engine"
-    shipped = next(folder.glob("engine.so"), None) or next(folder.glob("engine.dll"), None)
-    path = shipped or _built(folder)
-    engine = ctypes.CDLL(str(path))
+    shipped = folder / "binaries" / NATIVE.folder / f"engine{NATIVE.suffix}"
+    engine = ctypes.CDLL(str(shipped if shipped.is_file() else native_library(sources(), "engine", headers=False)))
     engine.engine_run.restype = _INT
     engine.engine_run.argtypes = (_POINTER, _INT, _INT)
     return engine
 
 
-def _built(folder: Path) -> Path:
-    sources = sorted((*folder.glob("*.h"), *folder.glob("*.c")))
-    content = b"".join(path.read_bytes() for path in sources) + toolchain.identity().encode()
-    path = toolchain.cache_folder() / f"engine-{hashlib.sha256(content).hexdigest()[:16]}.so"
-    if not path.is_file():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix="engine-", dir=path.parent) as scratch:
-            toolchain.compile_library(folder, "engine.c", Path(scratch) / path.name, headers=False)
-            (Path(scratch) / path.name).replace(path)
-    return path
+def sources() -> dict[str, str]:
+    """File name -> text of the engine's C files."""
+    folder = Path(__file__).parent / "engine"
+    return {path.name: path.read_text(encoding="utf-8") for path in sorted((*folder.glob("*.h"), *folder.glob("*.c")))}
 
 
 def bytes_of(struct: ctypes.Array[Any] | ctypes.Structure) -> NDArray[np.uint8]:

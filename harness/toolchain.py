@@ -36,15 +36,22 @@ def header_folder() -> Path:
     return Path(fmpy.__file__).parent / "c-code"
 
 
-def compiler() -> list[str]:
-    """The command that compiles, without files."""
-    if os.environ.get("CC"):
+def compiler(target: str | None = None) -> list[str]:
+    """The command that compiles, without files.
+
+    Parameters
+    ----------
+    target : str or None
+        What zig is to compile for, as ``x86_64-windows-gnu``; by default this machine, by the compiler ``CC`` if
+        that is set.
+    """
+    if target is None and os.environ.get("CC"):
         return shlex.split(os.environ["CC"])
     command = [sys.executable, "-m", "ziglang", "cc"]
-    if sys.platform == "linux":
+    if target is None and sys.platform == "linux":
         # an old glibc, so that the FMU runs on other people's machines
-        command += ["-target", f"{platform.machine()}-linux-gnu.2.17"]
-    return command
+        target = f"{platform.machine()}-linux-gnu.2.17"
+    return [*command, "-target", target] if target else command
 
 
 @cache
@@ -57,14 +64,16 @@ def _version(command: tuple[str, ...]) -> str:
         ) from error
 
 
-def identity() -> str:
+def identity(target: str | None = None) -> str:
     """All that decides what bytes come out for given sources."""
-    command = compiler()
+    command = compiler(target)
     shown = [part for part in command if part != sys.executable]
     return "\n".join([*shown, _version(tuple(command)), *FLAGS, *LINK_FLAGS])
 
 
-def compile_library(folder: Path, source: str, target: Path, *, headers: bool = True) -> None:
+def compile_library(
+    folder: Path, source: str, library: Path, *, headers: bool = True, target: str | None = None
+) -> None:
     """Compiles a C file to a shared library.
 
     Parameters
@@ -73,10 +82,12 @@ def compile_library(folder: Path, source: str, target: Path, *, headers: bool = 
         Holds the sources; the compiler runs there, so that no path enters the binary.
     source : str
         File to compile.
-    target : Path
-        Library to write.
+    library : Path
+        What to write.
     headers : bool
         Whether it includes the FMI headers.
+    target : str or None
+        As in `compiler`.
 
     Raises
     ------
@@ -84,10 +95,12 @@ def compile_library(folder: Path, source: str, target: Path, *, headers: bool = 
         With the compiler's first complaint.
     """
     include = ["-I", str(header_folder())] if headers else []
-    command = [*compiler(), *FLAGS, *include, source, "-o", str(target), *LINK_FLAGS]
-    if sys.platform == "linux":
+    command = [*compiler(target), *FLAGS, *include, source, "-o", str(library), *LINK_FLAGS]
+    if "linux" in (target or sys.platform):
         command.append("-Wl,--build-id=none")
-    _version(tuple(compiler()))
+    elif "macos" in (target or "") or sys.platform == "darwin":
+        command.append(f"-Wl,-install_name,@rpath/{library.name}")
+    _version(tuple(compiler(target)))
     run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if run.returncode != 0:
         complaints = [line for line in run.stderr.splitlines() if "error" in line] or run.stderr.splitlines()

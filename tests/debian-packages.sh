@@ -2,4 +2,5 @@
 # Installs the Debian packages that some tests need and are skipped without.
 set -euo pipefail
 apt-get update -q
-apt-get install -q -y --no-install-recommends libtbb12 gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-user
+apt-get install -q -y --no-install-recommends \
+    libtbb12 gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-user libc6-arm64-cross wine wine64

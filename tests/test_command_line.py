@@ -16,9 +16,9 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
+from friction_fmus import fmu
 from friction_fmus.__main__ import main, parser
 from friction_fmus.catalogue import catalogue
-from friction_fmus.package import resolve
 from friction_fmus.terminal import RunBar
 from harness import Parameter, ParameterSet, System, load_result, masters, write_ssv
 
@@ -140,7 +140,7 @@ def test_run_writes_what_it_also_writes_as_parquet(suffix: str, tmp_path: Path) 
 def test_run_goes_on_from_a_checkpoint_with_parameters_and_an_archive(tmp_path: Path) -> None:
     """A run in two parts of an .ssp archive, with a parameter set and a value: the same as in one part of the .toml."""
     write_ssv(ParameterSet("soft", {"friction.sigma0": Parameter(20.0, "N/mm")}), tmp_path / "soft.ssv")
-    with System.from_toml(STICK_SLIP, resolve=resolve) as system:
+    with System.from_toml(STICK_SLIP, resolve=fmu) as system:
         system.to_ssp(tmp_path / "system.ssp")
     options = ["--parameters", str(tmp_path / "soft.ssv"), "--set", "mass.k=3", "--record", "mass.*"]
     whole, first, second = (str(tmp_path / f"{name}.parquet") for name in ("whole", "first", "second"))
@@ -151,7 +151,7 @@ def test_run_goes_on_from_a_checkpoint_with_parameters_and_an_archive(tmp_path: 
     frames = [pd.read_parquet(path) for path in (whole, first, second)]
     assert {name.partition(".")[0] for name in frames[0]} == {"time", "mass"}
     assert (pd.concat([frames[1], frames[2].iloc[1:]]).to_numpy() == frames[0].to_numpy()).all()
-    with System.from_toml(STICK_SLIP, resolve=resolve) as system:
+    with System.from_toml(STICK_SLIP, resolve=fmu) as system:
         soft = system.with_start({"friction.sigma0": 2e4, "mass.k": 3.0}).run(stop=0.2)
     assert (soft["mass.x"].to_numpy() == frames[0]["mass.x"].to_numpy()).all()
 

@@ -13,11 +13,11 @@ from pathlib import Path
 import fmpy
 import pytest
 
+from friction_fmus import build, fmu
 from friction_fmus.catalogue import Block, catalogue
 from friction_fmus.documentation import notes_as_html
 from friction_fmus.models_page import models_page
 from friction_fmus.notes import paragraphs
-from friction_fmus.package import build, resolve
 from harness import DropOut, System
 
 ROOT = Path(__file__).parent.parent
@@ -96,7 +96,7 @@ def test_manipulators_of_the_harness_page_are_read(tmp_path: Path) -> None:
     text = (ROOT / "examples" / "stick_slip.toml").read_text(encoding="utf-8")
     path = tmp_path / "system.toml"
     path.write_text(text.replace('"mass.v -> friction.v"', shown) + "\n" + table, encoding="utf-8")
-    with System.from_toml(path, resolve=resolve) as system:
+    with System.from_toml(path, resolve=fmu) as system:
         assert (system.wires[0].gain, system.wires[0].offset, system.wires[0].delay) == (2.0, 1.0, 1)
         assert system.experiment is not None
         assert system.experiment.manipulators == (DropOut("friction.v", 0.2, seed=1, start=5.0, stop=6.0),)

@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from friction_fmus import fmu
 from friction_fmus.__main__ import main
-from friction_fmus.package import resolve
 from harness import System
 
 ROOT = Path(__file__).parent.parent
@@ -132,7 +132,7 @@ def test_page_of_sweeps_tells_the_truth(
     slips, rows = done.stdout.splitlines()
     assert rows == "3", done.stderr
     # counted once more, in runs of one system without a sweep
-    with System.from_toml(ROOT / "examples" / "stick_slip.toml", resolve) as system:
+    with System.from_toml(ROOT / "examples" / "stick_slip.toml", fmu) as system:
         for run, m in enumerate((0.5, 1.0, 2.0)):
             v = system.with_start({"mass.m": m}).run(stop=10.0)["mass.v"].to_numpy()
             assert ast.literal_eval(slips)[run] == int(((v[1:] > 1e-3) & (v[:-1] <= 1e-3)).sum()) > 0

@@ -225,7 +225,7 @@ static void equations(Model *m)
 }
 
 /* While all blocks are stuck: the time until the force, which has to grow by `gap`, has done so; INF if never. */
-static double wait(double gap, double rate, double curvature)
+static double time_at_rest(double gap, double rate, double curvature)
 {
     if (gap <= 0.0)
         return 0.0;
@@ -311,7 +311,8 @@ static bool step(Model *m, double h)
     double s = 0.0;
     for (long events = 0; s < h;) {
         if (f->moving == 0) {
-            const double largest = largest_force(&t, t.X, f->y), left = wait(1.0 - largest, t.X_rate, t.X_curvature);
+            const double largest = largest_force(&t, t.X, f->y),
+                         left = time_at_rest(1.0 - largest, t.X_rate, t.X_curvature);
             if (!(left < h - s)) {
                 pass(&t, h - s);
                 break;

@@ -1,0 +1,117 @@
+"""The platforms for which libraries are compiled, all of them on one machine."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import fmpy
+
+from harness import toolchain
+from harness.errors import BuildError, nearest
+from harness.universal import universal
+
+
+class Platform(NamedTuple):
+    """A folder in the binaries of an FMU.
+
+    Attributes
+    ----------
+    folder : str
+        Its name, of FMI 2.0 or, where that has none, the tuple of FMI 3.0.
+    suffix : str
+        Of a shared library.
+    targets : tuple of str or None
+        What zig compiles for: one library, or the slices of a universal one. None is this machine, by the compiler
+        ``CC`` if that is set.
+    """
+
+    folder: str
+    suffix: str
+    targets: tuple[str | None, ...]
+
+
+NATIVE: Final = Platform(fmpy.platform, fmpy.sharedLibraryExtension, (None,))
+"""This machine."""
+
+_CROSS = (
+    Platform("linux64", ".so", ("x86_64-linux-gnu.2.17",)),
+    Platform("win64", ".dll", ("x86_64-windows-gnu",)),
+    # importers on Apple silicon look into darwin64, so that it has both
+    Platform("darwin64", ".dylib", ("x86_64-macos", "aarch64-macos")),
+    Platform("aarch64-linux", ".so", ("aarch64-linux-gnu.2.17",)),
+    Platform("aarch64-darwin", ".dylib", ("aarch64-macos",)),
+)
+PLATFORMS: Final[Mapping[str, Platform]] = {platform.folder: platform for platform in _CROSS}
+"""Those that can be named."""
+
+
+def select(names: tuple[str, ...]) -> tuple[Platform, ...]:
+    """Platforms by name.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Keys of `PLATFORMS`, ``"native"`` for this machine, ``"all"`` for all.
+
+    Raises
+    ------
+    BuildError
+        For an unknown name.
+    """
+    chosen: dict[str, Platform] = {}
+    for name in names:
+        if name not in (known := {"native": NATIVE, "all": NATIVE, **PLATFORMS}):
+            raise BuildError(f"There is no platform {name!r}; {nearest(name, known)}")
+        for platform in PLATFORMS.values() if name == "all" else (known[name],):
+            chosen[platform.folder] = platform
+    return tuple(chosen.values())
+
+
+def compiled(platform: Platform, sources: Mapping[str, str], name: str, *, headers: bool = True) -> bytes:
+    """A library for a platform.
+
+    Parameters
+    ----------
+    platform : Platform
+        Where it is to run.
+    sources : mapping of str to str
+        File name -> text, ``NAME.c`` among them, the file to compile.
+    name : str
+        Of the library.
+    headers : bool
+        Whether it includes the FMI headers.
+
+    Raises
+    ------
+    BuildError
+        If it does not compile.
+    """
+    paths = [_kept(target, platform.suffix, sources, name, headers) for target in platform.targets]
+    slices = [path.read_bytes() for path in paths]
+    return universal(slices) if len(slices) > 1 else slices[0]
+
+
+def native_library(sources: Mapping[str, str], name: str, *, headers: bool = True) -> Path:
+    """A library for this machine, in the cache; arguments as of `compiled`."""
+    return _kept(None, NATIVE.suffix, sources, name, headers)
+
+
+def _kept(target: str | None, suffix: str, sources: Mapping[str, str], name: str, headers: bool) -> Path:
+    """A library of one architecture in the cache, compiled if it is not there yet."""
+    digest = hashlib.sha256()
+    for text in (toolchain.identity(target), name, *(part for item in sorted(sources.items()) for part in item)):
+        digest.update(text.encode() + b"\0")
+    kept = toolchain.cache_folder() / "libraries" / f"{name}-{digest.hexdigest()[:24]}{suffix}"
+    if not kept.is_file():
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix="compile-", dir=kept.parent) as scratch:
+            for file, text in sources.items():
+                (Path(scratch) / file).write_text(text, encoding="utf-8", newline="\n")
+            library = Path(scratch) / f"{name}{suffix}"
+            toolchain.compile_library(Path(scratch), f"{name}.c", library, headers=headers, target=target)
+            library.replace(kept)
+    return kept

@@ -1,0 +1,46 @@
+"""Universal binaries of macOS: libraries of several architectures in one file.
+
+The format is that of ``mach-o/fat.h``: a table of the slices, big-endian, then the slices, each at a page.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+MAGIC = 0xCAFEBABE
+SLICE_MAGIC = 0xFEEDFACF
+"""Of a 64 bit Mach-O file of a little-endian machine."""
+PAGE_BITS = 14
+"""Pages of Apple silicon have 16 kB."""
+
+
+def universal(slices: Sequence[bytes]) -> bytes:
+    """One binary for the architectures of several.
+
+    Parameters
+    ----------
+    slices : sequence of bytes
+        64 bit Mach-O files, of one architecture each. Their signatures stay valid.
+
+    Returns
+    -------
+    bytes
+        The universal binary.
+
+    Raises
+    ------
+    ValueError
+        If a slice is no 64 bit Mach-O file.
+    """
+    page = 1 << PAGE_BITS
+    header = struct.pack(">II", MAGIC, len(slices))
+    content = b""
+    for each in slices:
+        magic, cpu, kind = struct.unpack_from("<III", each) if len(each) >= 12 else (0, 0, 0)
+        if magic != SLICE_MAGIC:
+            raise ValueError(f"A slice of a universal binary begins with {magic:#x}, it is no 64 bit Mach-O file")
+        content += b"\0" * (-len(content) % page)
+        header += struct.pack(">IIIII", cpu, kind, page + len(content), len(each), PAGE_BITS)
+        content += each
+    return header + b"\0" * (page - len(header)) + content
