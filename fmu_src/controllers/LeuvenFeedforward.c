@@ -21,6 +21,12 @@
    false u, F_hat, u_sat and the states are 0; coming back, dr is 0 again, however far r has gone. u goes to the input f
    of a position controller, whose own m must then be 0. Feedforward does not change the stability of the loop.
 
+   While an input is NaN or infinite outputs and states are held; the sample after it takes the whole displacement since
+   the last good one.
+
+   A >= 2 max(Fs, Fc) is required: with less, the curve that begins at a reversal ends below the Stribeck level, r stays
+   below 1, and z grows without bound in any steady motion.
+
    Limits: those of Leuven: F_hat jumps where an inner loop closes and, by sigma1 times the jump, with a jump of rd. A
    reversal between two samples is not seen. When the stacks are full the innermost loop is forgotten, with a warning.
    u_min must not exceed u_max. */
@@ -48,6 +54,7 @@
     OUTPUT    (F_hat,    FORCE,                      "friction that is compensated, times gain")            \
     OUTPUT    (z_hat,    LENGTH,                     "deflection, z at this sample")                        \
     OUTPUT    (u_sat,    NO_UNIT,                    "active limit: -1 lower, +1 upper, 0 none")            \
+    OUTPUT_FLAG(fault,                    "true: an input is NaN or infinite, outputs and states are held") \
     LOCAL     (F,        FORCE,                      "friction force along the reference")                  \
     LOCAL     (Fh,       FORCE,                      "hysteresis force at the normal force Fn0")            \
     LOCAL     (der_z,    VELOCITY,                   "time derivative of z")                                \
@@ -80,12 +87,20 @@
 #include "reversals.h"
 
 #define SAMPLED
-#define WARNING "more reversal points than the stacks hold; inner loops are forgotten"
-#define MEMORY  struct reversals
+#define GUARDED
+#define REQUIRES relations
+#define WARNING  "more reversal points than the stacks hold; inner loops are forgotten"
+#define MEMORY   struct reversals
 
 #include "block.h"
+#include "limits.h"
 #include "held_reference.h"
 #include "leuven.h"
+
+static const char *relations(const Model *m)
+{
+    return m->A >= 2.0 * fmax(m->Fs, m->Fc) ? limits_in_order(m) : "A >= 2 max(Fs, Fc)";
+}
 
 static void forget(Model *m)
 {

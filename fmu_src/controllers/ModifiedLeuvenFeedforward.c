@@ -20,6 +20,9 @@
    false u, F_hat, u_sat and the states are 0; coming back, dr is 0 again, however far r has gone. u goes to the input f
    of a position controller, whose own m must then be 0. Feedforward does not change the stability of the loop.
 
+   While an input is NaN or infinite outputs and states are held; the sample after it takes the whole displacement since
+   the last good one.
+
    Limits: those of ModifiedLeuven: W1 + ... + WN must be at least Fs and Fc, which a warning says otherwise; small n
    makes loops that do not close. F_hat jumps with a jump of rd by sigma1 times the jump. A reversal between two samples
    is not seen. u_min must not exceed u_max. */
@@ -46,6 +49,7 @@
     OUTPUT    (F_hat,    FORCE,                      "friction that is compensated, times gain")            \
     OUTPUT    (z_hat,    LENGTH,                     "deflection, z at this sample")                        \
     OUTPUT    (u_sat,    NO_UNIT,                    "active limit: -1 lower, +1 upper, 0 none")            \
+    OUTPUT_FLAG(fault,                    "true: an input is NaN or infinite, outputs and states are held") \
     LOCAL     (F,        FORCE,                      "friction force along the reference")                  \
     LOCAL     (Fh,       FORCE,                      "hysteresis force at the normal force Fn0")            \
     LOCAL     (der_z,    VELOCITY,                   "time derivative of z")                                \
@@ -77,9 +81,12 @@
 /* clang-format on */
 
 #define SAMPLED
-#define WARNING "the sum of W is below Fs or Fc, so that the force cannot reach the Stribeck curve"
+#define GUARDED
+#define REQUIRES limits_in_order
+#define WARNING  "the sum of W is below Fs or Fc, so that the force cannot reach the Stribeck curve"
 
 #include "block.h"
+#include "limits.h"
 #include "held_reference.h"
 #include "modified_leuven.h"
 
