@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, fabs, if_else
+from casadi import SX, fabs, if_else, logic_and
 
 from friction_fmus.expressions import stribeck_level
 from friction_fmus.law import (
@@ -35,6 +35,11 @@ from friction_fmus.law_parts.observers import adapted, limited, relaxed
         "F_hat": Output(FORCE, "friction that is compensated, times gain"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
         "theta": Output(NO_UNIT, "estimated normal force, relative to the one of the parameters"),
+    },
+    conditions={
+        "theta_min <= theta0 <= theta_max": lambda theta_min, theta0, theta_max: logic_and(
+            theta_min <= theta0, theta0 <= theta_max
+        ),
     },
 )
 def adaptive_lugre(
@@ -101,8 +106,8 @@ def adaptive_lugre(
     While enable is false u, F_hat and u_sat are 0, z = 0 and theta = theta0; reset acts in its own sample.
 
     Limits: at rest within the stiction band F_n is not observed from v alone, and s integrates into theta until it
-    breaks away or theta_max stops it. A wrong mass or sigma2 goes into theta. Needs theta_min <= theta0 <= theta_max
-    and u_min <= u_max.
+    breaks away or theta_max stops it. A wrong mass or sigma2 goes into theta. theta_min <= theta0 <= theta_max is
+    required, and u_min <= u_max.
     """
     old = if_else(reset, 0.0, z)
     theta = theta0 + if_else(reset, 0.0, learned)

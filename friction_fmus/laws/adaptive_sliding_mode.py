@@ -36,6 +36,10 @@ from friction_fmus.law_parts.observers import adapted, limited
         "Fc_hat": Output(FORCE, "estimated Coulomb friction"),
         "Fv_hat": Output(DAMPING, "estimated viscous coefficient"),
     },
+    conditions={
+        "Fc0 <= Fc_max": lambda Fc0, Fc_max: Fc0 <= Fc_max,
+        "Fv0 <= Fv_max": lambda Fv0, Fv_max: Fv0 <= Fv_max,
+    },
 )
 def adaptive_sliding_mode(
     r: SX = Input(LENGTH, 0.0, "reference position"),
@@ -97,7 +101,7 @@ def adaptive_sliding_mode(
 
     Limits: the estimates converge only as far as tracking needs it: at one speed only Fc + Fv |rd| is learned. F_hat
     jumps where the reference reverses, as in StaticFeedforward. A narrow layer chatters: ImplicitSlidingMode does
-    not. Needs Fc0 <= Fc_max, Fv0 <= Fv_max, u_min <= u_max.
+    not. Fc0 <= Fc_max, Fv0 <= Fv_max and u_min <= u_max are required.
     """
     Fc_hat = Fc0 + if_else(reset, 0.0, learned_c)
     Fv_hat = Fv0 + if_else(reset, 0.0, learned_v)
