@@ -7,7 +7,8 @@
        y[k]     = F_hat[k] + rate (L e)[k],   e = r - x
        (L e)[k] = m (e[k+1] - 2 e[k] + e[k-1])/Ts^2
                   + Kd (e[k+1] - e[k-1])/(2 Ts) + Kp e[k]
-                  + Ki Ts (sum of all e before k)
+                  + Ki Ts (sum of all e before k, but those that push F_hat
+                    further into a limit that it has met)
        q[i]     = sin(2 pi fq Ts i)/(pi i) cos^2(pi i/(2 (M + 1))), of the sum 1
        u        = clip(gain F_hat, u_min, u_max)
 
@@ -79,6 +80,7 @@ struct period {
     double integral;    /* of the errors before the last one                         */
     bool known;         /* there is a last sample                                    */
     int missing;        /* errors among the last two that are not known              */
+    double limited;     /* the limit that the last force met: -1 lower, +1 upper     */
 };
 
 #include "block.h"
@@ -126,7 +128,7 @@ static void sample(Model *model)
     const int half = half_of(model);
     const int64_t ring = N + half + 1;
     const int64_t k = model->run.tick + ring; /* k - N - M is not negative */
-    const double e = r - x;
+    const double e = r - x, heard = past->e[0] * past->limited > 0.0 ? 0.0 : past->e[0];
 
     if (reset || !enable)
         *past = (struct period){.known = false};
@@ -135,14 +137,14 @@ static void sample(Model *model)
         past->e[0] = past->e[1] = e;
         past->missing = 0;
     } else if (past->missing == 2) {
-        past->integral += Ts * past->e[0];
+        past->integral += Ts * heard;
         past->e[0] = past->e[1] = e;
     } else {
         const double second = (e - 2.0 * past->e[0] + past->e[1]) / (Ts * Ts);
         const double first = (e - past->e[1]) / (2.0 * Ts);
         if (past->missing == 0)
             past->y[(k - 1) % ring] += rate * (m * second + Kd * first + Kp * past->e[0] + Ki * past->integral);
-        past->integral += Ts * past->e[0];
+        past->integral += Ts * heard;
         past->e[1] = past->e[0];
         past->e[0] = e;
     }
@@ -152,7 +154,9 @@ static void sample(Model *model)
     double force = past->q[0] * past->y[(k - N) % ring];
     for (int i = 1; i <= half; i++)
         force += past->q[i] * (past->y[(k - N - i) % ring] + past->y[(k - N + i) % ring]);
-    force = clip(force, u_min, u_max);
-    past->y[k % ring] = force;
-    compensate(model, force);
+    const double learned = clip(force, u_min, u_max);
+    past->limited = sign(force - learned);
+    past->y[k % ring] = learned;
+    compensate(model, learned);
+    model->u_sat = enable ? past->limited : 0.0;
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else
 
-from friction_fmus.expressions import stribeck_level
+from friction_fmus.expressions import stribeck_level, unless_winding_up
 from friction_fmus.law import (
     DAMPING,
     FORCE,
@@ -58,6 +58,8 @@ def lugre_observer(
 
         g(v)  = Fc + (Fs - Fc) exp(-|v/vs|^delta)
         z'    = v - sigma0 |v|/g(v) z + k (r - x)
+                without k (r - x) while u is limited and r - x pushes further
+                into that limit
         F_hat = gain (sigma0 z + sigma1 z' + sigma2 v)
         u     = clip(F_hat, u_min, u_max)
 
@@ -96,9 +98,8 @@ def lugre_observer(
     """
     old = if_else(reset, 0.0, z)
     rate = sigma0 * fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
-    drive = v + k * (r - x)
-    F_hat = gain * (sigma0 * old + sigma1 * (drive - rate * old) + sigma2 * v)
-    return {
-        **limited(F_hat, F_hat, enable, u_min, u_max),
-        "z": if_else(reset, 0.0, if_else(enable, relaxed(old, drive, rate, Ts), 0.0)),
-    }
+    injected = k * (r - x)
+    F_hat = gain * (sigma0 * old + sigma1 * (v + injected - rate * old) + sigma2 * v)
+    outputs = limited(F_hat, F_hat, enable, u_min, u_max)
+    drive = v + unless_winding_up(injected, outputs["u_sat"])
+    return {**outputs, "z": if_else(reset, 0.0, if_else(enable, relaxed(old, drive, rate, Ts), 0.0))}
