@@ -7,8 +7,8 @@
        z, Fi: as the friction block ModifiedLeuven moves them over Ts
               at the held velocity w
        F     = (F1 + ... + FN + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 rd
-       F_hat = gain F
-       u     = clip(mass rdd + F_hat, u_min, u_max)
+       F_hat = F
+       u     = clip(mass rdd + gain F_hat, u_min, u_max)
 
    F_hat is the force of the block ModifiedLeuven at the end of a step with the velocity w, if rd is w: this block
    contains that one's code, with its equations and parameters. Forces of the load follow Fn where it is known.
@@ -46,7 +46,7 @@
     COMMAND   (enable,   1,                          "false: u = 0, F_hat = 0 and the states at their start") \
     COMMAND   (reset,    0,                          "true: the states at their start")                     \
     OUTPUT    (u,        FORCE,                      "feedforward force, within u_min and u_max")           \
-    OUTPUT    (F_hat,    FORCE,                      "friction that is compensated, times gain")            \
+    OUTPUT    (F_hat,    FORCE,                      "estimated friction force; u contains gain F_hat")     \
     OUTPUT    (z_hat,    LENGTH,                     "deflection, z at this sample")                        \
     OUTPUT    (u_sat,    NO_UNIT,                    "active limit: -1 lower, +1 upper, 0 none")            \
     OUTPUT_FLAG(fault,                    "true: an input is NaN or infinite, outputs and states are held") \

@@ -39,9 +39,9 @@ def fading(sigma1: SX, speed: SX, v_d: SX) -> SX:
     return if_else(fades, sigma1 * exp(-((speed / if_else(fades, v_d, 1.0)) ** 2)), sigma1)
 
 
-def feedforward(inertia: SX, friction: SX, enable: SX, u_min: SX, u_max: SX) -> dict[str, SX]:
-    """The outputs u, F_hat and u_sat: the sum within its limits, all 0 unless enabled."""
-    wanted = inertia + friction
+def feedforward(inertia: SX, friction: SX, gain: SX, enable: SX, u_min: SX, u_max: SX) -> dict[str, SX]:
+    """The outputs u, F_hat and u_sat: inertia and a share of the friction within limits, all 0 unless enabled."""
+    wanted = inertia + gain * friction
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
         "F_hat": if_else(enable, friction, 0.0),

@@ -32,7 +32,7 @@ from friction_fmus.law_parts.observers import adapted, limited, relaxed
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
         "theta": Output(NO_UNIT, "estimated normal force, relative to the one of the parameters"),
     },
@@ -77,8 +77,9 @@ def adaptive_lugre(
         z'         = v - sigma0 |v|/g(v) z
         g(v)       = Fc + (Fs - Fc) exp(-|v/vs|^delta)
         F_n        = sigma0 z + sigma1 z'
-        F_hat      = gain (theta F_n + sigma2 v)
-        u          = clip(m (rdd + lam (rd - v)) + Ks s + F_hat, u_min, u_max)
+        F_hat      = theta F_n + sigma2 v
+        w          = m (rdd + lam (rd - v)) + Ks s + gain F_hat
+        u          = clip(w, u_min, u_max)
         theta_next = theta + Ts Gamma s F_n,  within theta_min and theta_max
         theta_next = theta while u is limited and s pushes further into that limit
 
@@ -116,9 +117,8 @@ def adaptive_lugre(
 
     rate = sigma0 * fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
     F_n = sigma0 * old + sigma1 * (v - rate * old)
-    F_hat = gain * (theta * F_n + sigma2 * v)
-    wanted = m * (rdd + lam * ed) + Ks * s + F_hat
-    outputs = limited(wanted, F_hat, enable, u_min, u_max)
+    F_hat = theta * F_n + sigma2 * v
+    outputs = limited(m * (rdd + lam * ed) + Ks * s, F_hat, gain, enable, u_min, u_max)
 
     runs = if_else(reset, 0.0, enable)
     after = adapted(theta, Gamma * s * F_n, s, outputs["u_sat"], theta_min, theta_max, Ts)

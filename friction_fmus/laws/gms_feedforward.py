@@ -34,7 +34,7 @@ ELEMENTS = 10
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "F_pre": Output(FORCE, "sum of the forces Fi of the elements"),
         "slips": Output(NO_UNIT, "number of elements that slip"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
@@ -81,8 +81,8 @@ def gms_feedforward(
                 it is that, and the element slips
         slip:   Fi becomes t + (Fi - t) exp(-C Ts / S(w)),
                 t = sgn(dr) alpha_i S(w)
-        F_hat = gain (F1 + ... + F10 + sigma2 rd)
-        u     = clip(m rdd + F_hat, u_min, u_max)
+        F_hat = F1 + ... + F10 + sigma2 rd
+        u     = clip(m rdd + gain F_hat, u_min, u_max)
 
     Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (the model); Lampaert, Swevers, Al-Bender, American Control
     Conference, 2004, where it is the best of Dahl, LuGre, Leuven and GMS in feedforward about presliding (from a
@@ -123,7 +123,7 @@ def gms_feedforward(
         slips.append(logic_and(side != 0.0, logic_or(slipped, stuck >= level)))
     F_pre = sum(forces)
     return {
-        **feedforward(m * rdd, gain * (F_pre + sigma2 * rd), enable, u_min, u_max),
+        **feedforward(m * rdd, F_pre + sigma2 * rd, gain, enable, u_min, u_max),
         **when(enable, F_pre=F_pre, slips=sum(slips), way=if_else(side == 0.0, before_way, side), last=r, started=1.0),
         "Fi": [if_else(enable, force, 0.0) for force in forces],
         "slipping": [if_else(enable, slip, 0.0) for slip in slips],

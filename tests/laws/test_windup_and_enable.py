@@ -221,3 +221,23 @@ def test_switching_on_at_rest_is_no_bump(any_library: Library) -> None:
             run.step(k * Ts, Ts)
             if values is rest and "u" in library.variables and library.identifier != "Dither":
                 assert abs(run.get1("u")) < 1e-9 * max(1.0, place)
+
+
+def test_an_estimate_of_friction_has_a_gain_that_does_not_scale_it(any_library: Library) -> None:
+    """Estimates that do not hear u are the same with gain 0.5, and u then has half of what they give with gain 1."""
+    library = any_library
+    if "F_hat" not in library.variables:
+        return
+    wide = {"u_min": -1e9, "u_max": 1e9}
+    with Instance(library) as full, Instance(library) as half, Instance(library) as none:
+        for run, gain in ((full, 1.0), (half, 0.5), (none, 0.0)):
+            run.initialise(gain=gain, **wide)
+        for k, values in enumerate(enabled(library, 8, 50)):
+            for run in (full, half, none):
+                run.set(values)
+                run.step(k * Ts, Ts)
+            (u1, F1), (u2, F2), (u3, _) = (run.get("u", "F_hat") for run in (full, half, none))
+            if library.identifier != "TustinFeedback":  # gain scales cogging, too
+                assert u1 - u3 == pytest.approx(F1, rel=1e-6, abs=1e-9 * (1.0 + abs(u3)))
+            assert F1 == F2
+            assert u2 == pytest.approx(0.5 * (u1 + u3), rel=1e-9, abs=1e-12)
