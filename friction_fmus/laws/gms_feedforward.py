@@ -121,8 +121,7 @@ def gms_feedforward(
     shares = [if_else(used[i], alpha[i], 0.0) for i in range(ELEMENTS)]
     total = sum(shares)
     unit = S / if_else(total > 0.0, total, 1.0)
-    attraction = C / S
-    decay = exp(-attraction * Ts)
+    decay = exp(-C * Ts / S)
     before_way = if_else(reset, 0.0, way)
     moves, same = side != 0.0, side == before_way
 
@@ -138,7 +137,7 @@ def gms_feedforward(
         forces.append(if_else(moves, side * moved, before))
         slips.append(logic_and(logic_and(moves, used[i]), logic_or(slipped, stuck >= level)))
     F_pre = sum(forces)
-    stretching = rd * (sum(used) - sum(slips)) - side * attraction * creep
+    stretching = rd * (sum(used) - sum(slips)) - side * (C * creep / S)
     load = if_else(Fn == Fn0, 1.0, if_else(Fn > 0.0, Fn, 0.0) / Fn0)
     friction = load * (F_pre + sigma * stretching) + sigma2 * rd
     return {
