@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, fabs, floor, if_else, logic_and, logic_not, logic_or
+from casadi import SX, floor, if_else, logic_and, logic_not, logic_or
 
 from friction_fmus.expressions import clip, limits
 from friction_fmus.law import (
@@ -40,7 +40,7 @@ def square(pair: SX) -> SX:
     },
     conditions={
         "zero = 0, |zero| > 1 or zero_phase": lambda zero, zero_phase: logic_or(
-            logic_or(zero == 0.0, fabs(zero) > 1.0), zero_phase
+            logic_or(zero == 0.0, zero**2 > 1.0), zero_phase
         ),
         "pair = 0, |pair| > 1 or zero_phase": lambda pair, zero_phase: logic_or(
             logic_or(square(pair) == 0.0, square(pair) > 1.0), zero_phase
