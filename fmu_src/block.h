@@ -20,6 +20,8 @@
      SAMPLED    `sample(Model *m)` is called at start + k Ts; the table then has FIXED(Ts, ...)
      GUARDED    of a SAMPLED block whose table begins with its inputs and has OUTPUT_FLAG(fault, ...): inputs may be
                 NaN or infinite; `fault` is then true and the sample is not taken, so outputs and states are held
+     SKIPS_BY   of a GUARDED block, the name of `static void f(Model *m)`, called in place of `sample` then: for what
+                goes on with time in m->memory; it reads no Real input and writes no output
      REQUIRES   the name of `static const char *f(const Model *m)`: the relation of parameters that does not hold, as
                 text, or NULL; with one that does not hold the block is not initialised and makes no step   */
 
@@ -281,6 +283,9 @@ static inline double *value_of(Model *m, uint32_t index) { return (double *)(voi
 
 #ifdef SAMPLED
 static void sample(Model *m);
+#ifdef SKIPS_BY
+static void SKIPS_BY(Model *m);
+#endif
 #else
 static void equations(Model *m);
 #endif

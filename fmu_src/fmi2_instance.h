@@ -139,6 +139,10 @@ static void take_sample(Model *m)
     m->fault = bad_input(m) < INPUTS;
     if (m->fault == 0.0)
         sample(m);
+#ifdef SKIPS_BY
+    else
+        SKIPS_BY(m);
+#endif
 }
 #elif defined SAMPLED
 static void take_sample(Model *m) { sample(m); }

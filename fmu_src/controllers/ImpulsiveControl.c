@@ -22,6 +22,9 @@
 
    While enable is false u and u_sat are 0 and the counters are at 0. reset ends a pulse in its own sample.
 
+   While an input is NaN or infinite the outputs are held, that of a pulse, too; the samples count as those of the
+   pulse, and the dwell begins anew.
+
    Limits: d is right for Fs = Fc, a stiff actuator and f = 0; static friction above Fc makes every slide longer, and
    where Fp is Fs the slide is longer than the error for small errors: choose tp short enough for
 
@@ -43,6 +46,7 @@
     COMMAND  (reset,   0,                             "true: no pulse, the counters at 0")                       \
     OUTPUT   (u,       FORCE,                         "f and the pulse, within u_min and u_max")                 \
     OUTPUT   (u_sat,   NO_UNIT,                       "active limit: -1 lower, +1 upper, 0 none")                \
+    OUTPUT_FLAG(fault,                         "true: an input is NaN or infinite, outputs and states are held") \
     LOCAL    (pulse,   FORCE,                         "force of the pulse, 0 between pulses")                    \
     TALLY    (pulses,                                 "pulses begun")                                            \
     FIXED    (Ts,      TIME,     1e-3,   1e-9,  INF,  "sample time")                                             \
@@ -62,7 +66,10 @@
 /* clang-format on */
 
 #define SAMPLED
-#define MEMORY struct train
+#define GUARDED
+#define REQUIRES limits_in_order
+#define SKIPS_BY skip
+#define MEMORY   struct train
 
 struct train {
     int at_rest;   /* samples in a row                    */
@@ -72,12 +79,21 @@ struct train {
 };
 
 #include "block.h"
+#include "limits.h"
 
 /* The force that slides the mass by a distance within tp and the time it takes to stop. */
 static double force_for(double distance, double tp, double m, double Fc, double Fs)
 {
     const double force = 0.5 * (Fc + sqrt(Fc * Fc + 8.0 * m * Fc * distance / (tp * tp)));
     return force > Fs ? force : Fs;
+}
+
+static void skip(Model *model)
+{
+    struct train *const train = &model->memory;
+    if (train->left > 0)
+        train->left--;
+    train->at_rest = 0;
 }
 
 static void sample(Model *model)

@@ -31,6 +31,8 @@
    reset forgets what was learned, in its own sample. While enable is false u, F_hat and u_sat are 0, nothing is
    recorded and k is 0; what was learned stays.
 
+   While an input is NaN or infinite the outputs are held and the trial goes on, but nothing is learned from it.
+
    Limits: N samples at most 4096; after N samples F_hat is 0 and nothing is recorded. Above fq nothing is learned, but
    what Q takes away is not learned either: the error of a reversal keeps its sharpest part. fq belongs below the
    frequency up to which m, Kp, Kd, Ki describe the loop. u_min must not exceed u_max. */
@@ -50,6 +52,7 @@
     OUTPUT   (u,         FORCE,                         "force of the trial gain F_hat, within u_min and u_max")  \
     OUTPUT   (F_hat,     FORCE,                         "learned force")                                          \
     OUTPUT   (u_sat,     NO_UNIT,                       "active limit: -1 lower, +1 upper, 0 none")               \
+    OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite, outputs and states are held") \
     LOCAL    (rms,       LENGTH,                        "root mean square error of the last trial")               \
     TALLY    (trial,                                    "trials that are over")                                   \
     FIXED    (Ts,        TIME,      1e-3,   1e-9, INF,  "sample time")                                            \
@@ -72,17 +75,22 @@
 enum { LONGEST = 4096 }; /* samples of a trial */
 
 #define SAMPLED
-#define MEMORY struct trials
+#define GUARDED
+#define REQUIRES limits_in_order
+#define SKIPS_BY skip
+#define MEMORY   struct trials
 
 struct trials {
-    double w[LONGEST]; /* learned force        */
-    double e[LONGEST]; /* error of this trial  */
-    int k;             /* samples of this trial so far */
-    bool ended;        /* trial_end of the last sample */
-    double rms, trial; /* of the last trial; trials so far */
+    double w[LONGEST]; /* learned force                         */
+    double e[LONGEST]; /* error of this trial                   */
+    int k;             /* samples of this trial so far          */
+    bool spoilt;       /* one of them had a bad input           */
+    bool ended;        /* trial_end of the last sample          */
+    double rms, trial; /* of the last trial; trials so far      */
 };
 
 #include "block.h"
+#include "limits.h"
 #include "compensation.h"
 
 /* The learning step between two trials. */
@@ -107,7 +115,8 @@ static void learn_from(Model *model)
         past->w[k] = clip(past->w[k], u_min, u_max);
 }
 
-static void sample(Model *model)
+/* Begins and ends trials; whether this sample is one of a trial. */
+static bool in_trial(Model *model)
 {
     GIVEN(model)
     struct trials *const past = &model->memory;
@@ -120,16 +129,34 @@ static void sample(Model *model)
             sum += square(past->e[k]);
         past->rms = sqrt(sum / past->k);
         past->trial += 1.0;
-        if (learn)
+        if (learn && !past->spoilt)
             learn_from(model);
         past->k = 0;
     }
     past->ended = trial_end;
+    if (!enable)
+        past->k = 0;
+    past->spoilt = past->spoilt && past->k > 0;
+    return enable && past->k < N;
+}
+
+static void skip(Model *model)
+{
+    struct trials *const past = &model->memory;
+    if (in_trial(model)) {
+        past->e[past->k] = past->k > 0 ? past->e[past->k - 1] : 0.0;
+        past->k++;
+        past->spoilt = true;
+    }
+}
+
+static void sample(Model *model)
+{
+    GIVEN(model)
+    struct trials *const past = &model->memory;
 
     double force = 0.0;
-    if (!enable) {
-        past->k = 0;
-    } else if (past->k < N) {
+    if (in_trial(model)) {
         past->e[past->k] = r - x;
         force = past->w[past->k++];
     }

@@ -8,8 +8,8 @@
        z, stacks: as the friction block Leuven moves them over Ts
                   at the held velocity w
        F     = (Fh + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 rd
-       F_hat = gain F
-       u     = clip(mass rdd + F_hat, u_min, u_max)
+       F_hat = F
+       u     = clip(mass rdd + gain F_hat, u_min, u_max)
 
    F_hat is the force of the block Leuven at the end of a step with the velocity w, if rd is w: this block contains
    that one's code, with its equations, decisions and parameters. Forces of the load follow Fn where it is known.
@@ -20,6 +20,12 @@
    The first sample, and one with reset, takes r as where the axis stands: dr = 0 and no history there. While enable is
    false u, F_hat, u_sat and the states are 0; coming back, dr is 0 again, however far r has gone. u goes to the input f
    of a position controller, whose own m must then be 0. Feedforward does not change the stability of the loop.
+
+   While an input is NaN or infinite outputs and states are held; the sample after it takes the whole displacement since
+   the last good one.
+
+   A >= 2 max(Fs, Fc) is required: with less, the curve that begins at a reversal ends below the Stribeck level, r stays
+   below 1, and z grows without bound in any steady motion.
 
    Limits: those of Leuven: F_hat jumps where an inner loop closes and, by sigma1 times the jump, with a jump of rd. A
    reversal between two samples is not seen. When the stacks are full the innermost loop is forgotten, with a warning.
@@ -45,9 +51,10 @@
     COMMAND   (enable,   1,                          "false: u = 0, F_hat = 0 and the states at their start") \
     COMMAND   (reset,    0,                          "true: the states at their start")                     \
     OUTPUT    (u,        FORCE,                      "feedforward force, within u_min and u_max")           \
-    OUTPUT    (F_hat,    FORCE,                      "friction that is compensated, times gain")            \
+    OUTPUT    (F_hat,    FORCE,                      "estimated friction force; u contains gain F_hat")     \
     OUTPUT    (z_hat,    LENGTH,                     "deflection, z at this sample")                        \
     OUTPUT    (u_sat,    NO_UNIT,                    "active limit: -1 lower, +1 upper, 0 none")            \
+    OUTPUT_FLAG(fault,                    "true: an input is NaN or infinite, outputs and states are held") \
     LOCAL     (F,        FORCE,                      "friction force along the reference")                  \
     LOCAL     (Fh,       FORCE,                      "hysteresis force at the normal force Fn0")            \
     LOCAL     (der_z,    VELOCITY,                   "time derivative of z")                                \
@@ -80,12 +87,20 @@
 #include "reversals.h"
 
 #define SAMPLED
-#define WARNING "more reversal points than the stacks hold; inner loops are forgotten"
-#define MEMORY  struct reversals
+#define GUARDED
+#define REQUIRES relations
+#define WARNING  "more reversal points than the stacks hold; inner loops are forgotten"
+#define MEMORY   struct reversals
 
 #include "block.h"
+#include "limits.h"
 #include "held_reference.h"
 #include "leuven.h"
+
+static const char *relations(const Model *m)
+{
+    return m->A >= 2.0 * fmax(m->Fs, m->Fc) ? limits_in_order(m) : "A >= 2 max(Fs, Fc)";
+}
 
 static void forget(Model *m)
 {

@@ -20,6 +20,9 @@
    last sample after all limits, so that nothing winds up when the actuator saturates. In a system file the wire to
    u_prev needs a delay.
 
+   While an input is NaN or infinite the outputs and the memory are held; the mean force of an interval of which one end
+   was such a sample is left out.
+
    Before the first sample the velocity was v0 and the mean forces count as 0. reset empties the memory, so that F_hat
    is 0 in that very sample. While enable is false u, F_hat and u_sat are 0 and the memory is empty.
 
@@ -41,6 +44,7 @@
     OUTPUT   (u,      FORCE,                        "compensation force gain F_hat, within u_min and u_max")         \
     OUTPUT   (F_hat,  FORCE,                        "estimated friction force, positive for a positive velocity")    \
     OUTPUT   (u_sat,  NO_UNIT,                      "active limit: -1 lower, +1 upper, 0 none")                      \
+    OUTPUT_FLAG(fault,                             "true: an input is NaN or infinite, outputs and states are held") \
     FIXED    (Ts,     TIME,     1e-3,   1e-9, INF,  "sample time")                                                   \
     COUNT    (window, 10,       1,      LONGEST,    "intervals that are looked at")                                  \
     FIXED    (v0,     VELOCITY, 0.0,   -INF,  INF,  "velocity before the first sample")                               \
@@ -51,17 +55,26 @@
     PARAMETER(u_max,  FORCE,    100.0, -INF,  INF,  "upper limit of u")
 /* clang-format on */
 
+#include <stdbool.h>
+#include <stddef.h>
+
 enum { LONGEST = 64 };
 
 #define SAMPLED
-#define MEMORY struct past
+#define GUARDED
+#define REQUIRES limits_in_order
+#define SKIPS_BY skip
+#define MEMORY   struct past
 
 struct past {
-    double force[LONGEST]; /* mean forces, the one of sample k at k modulo n */
-    double v;              /* velocity of the last sample                    */
+    double force[LONGEST]; /* mean forces, in a ring of n           */
+    size_t latest;         /* place of the latest                   */
+    double v;              /* velocity of the last sample           */
+    bool unknown;          /* that sample was bad: v is an older one */
 };
 
 #include "block.h"
+#include "limits.h"
 #include "compensation.h"
 
 /* Weight of the interval j before the last one. */
@@ -77,24 +90,28 @@ static double weight(double n, double j, int degree)
     return w;
 }
 
+static void skip(Model *model) { model->memory.unknown = true; }
+
 static void sample(Model *model)
 {
     GIVEN(model)
     struct past *const past = &model->memory;
     const size_t n = (size_t)clip(window, 1.0, LONGEST);
-    const size_t now = (size_t)model->run.tick % n;
 
     if (model->run.tick == 0)
         past->v = v0;
     const double force = u_prev - m * (v - past->v) / Ts;
-    if (reset || !enable)
+    if (reset || !enable) {
         *past = (struct past){.v = 0.0};
-    else
-        past->force[now] = force;
+    } else if (!past->unknown) {
+        past->latest = (past->latest + 1) % n;
+        past->force[past->latest] = force;
+    }
     past->v = v;
+    past->unknown = false;
 
     double estimate = 0.0;
     for (size_t j = 0; j < n; j++)
-        estimate += weight((double)n, (double)j, degree) * past->force[(now + n - j) % n];
+        estimate += weight((double)n, (double)j, degree) * past->force[(past->latest + n - j) % n];
     compensate(model, estimate);
 }

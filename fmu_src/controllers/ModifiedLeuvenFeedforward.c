@@ -7,8 +7,8 @@
        z, Fi: as the friction block ModifiedLeuven moves them over Ts
               at the held velocity w
        F     = (F1 + ... + FN + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 rd
-       F_hat = gain F
-       u     = clip(mass rdd + F_hat, u_min, u_max)
+       F_hat = F
+       u     = clip(mass rdd + gain F_hat, u_min, u_max)
 
    F_hat is the force of the block ModifiedLeuven at the end of a step with the velocity w, if rd is w: this block
    contains that one's code, with its equations and parameters. Forces of the load follow Fn where it is known.
@@ -19,6 +19,9 @@
    The first sample, and one with reset, takes r as where the axis stands: dr = 0 and no history there. While enable is
    false u, F_hat, u_sat and the states are 0; coming back, dr is 0 again, however far r has gone. u goes to the input f
    of a position controller, whose own m must then be 0. Feedforward does not change the stability of the loop.
+
+   While an input is NaN or infinite outputs and states are held; the sample after it takes the whole displacement since
+   the last good one.
 
    Limits: those of ModifiedLeuven: W1 + ... + WN must be at least Fs and Fc, which a warning says otherwise; small n
    makes loops that do not close. F_hat jumps with a jump of rd by sigma1 times the jump. A reversal between two samples
@@ -43,9 +46,10 @@
     COMMAND   (enable,   1,                          "false: u = 0, F_hat = 0 and the states at their start") \
     COMMAND   (reset,    0,                          "true: the states at their start")                     \
     OUTPUT    (u,        FORCE,                      "feedforward force, within u_min and u_max")           \
-    OUTPUT    (F_hat,    FORCE,                      "friction that is compensated, times gain")            \
+    OUTPUT    (F_hat,    FORCE,                      "estimated friction force; u contains gain F_hat")     \
     OUTPUT    (z_hat,    LENGTH,                     "deflection, z at this sample")                        \
     OUTPUT    (u_sat,    NO_UNIT,                    "active limit: -1 lower, +1 upper, 0 none")            \
+    OUTPUT_FLAG(fault,                    "true: an input is NaN or infinite, outputs and states are held") \
     LOCAL     (F,        FORCE,                      "friction force along the reference")                  \
     LOCAL     (Fh,       FORCE,                      "hysteresis force at the normal force Fn0")            \
     LOCAL     (der_z,    VELOCITY,                   "time derivative of z")                                \
@@ -77,9 +81,12 @@
 /* clang-format on */
 
 #define SAMPLED
-#define WARNING "the sum of W is below Fs or Fc, so that the force cannot reach the Stribeck curve"
+#define GUARDED
+#define REQUIRES limits_in_order
+#define WARNING  "the sum of W is below Fs or Fc, so that the force cannot reach the Stribeck curve"
 
 #include "block.h"
+#include "limits.h"
 #include "held_reference.h"
 #include "modified_leuven.h"
 

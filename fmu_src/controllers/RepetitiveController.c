@@ -7,7 +7,8 @@
        y[k]     = F_hat[k] + rate (L e)[k],   e = r - x
        (L e)[k] = m (e[k+1] - 2 e[k] + e[k-1])/Ts^2
                   + Kd (e[k+1] - e[k-1])/(2 Ts) + Kp e[k]
-                  + Ki Ts (sum of all e before k)
+                  + Ki Ts (sum of all e before k, but those that push F_hat
+                    further into a limit that it has met)
        q[i]     = sin(2 pi fq Ts i)/(pi i) cos^2(pi i/(2 (M + 1))), of the sum 1
        u        = clip(gain F_hat, u_min, u_max)
 
@@ -27,6 +28,9 @@
    reset forgets what was learned, in its own sample. While enable is false u, F_hat and u_sat are 0 and nothing is
    known.
 
+   While an input is NaN or infinite the outputs are held, the period goes on, and nothing is learned from such a
+   sample, from the one before it and from the one after it.
+
    Limits: N at most 4096; M is at most N - 2. A period that differs from N Ts spoils the highest harmonics first. Q is
    not 1 at the harmonics near fq: they remain in part. u_min must not exceed u_max. */
 
@@ -43,6 +47,7 @@
     OUTPUT   (u,      FORCE,                        "periodic force gain F_hat, within u_min and u_max")          \
     OUTPUT   (F_hat,  FORCE,                        "learned force")                                              \
     OUTPUT   (u_sat,  NO_UNIT,                      "active limit: -1 lower, +1 upper, 0 none")                   \
+    OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite, outputs and states are held") \
     FIXED    (Ts,     TIME,      1e-3,   1e-9, INF, "sample time")                                                \
     COUNT    (N,      1000,              2, LONGEST, "samples of the period")                                     \
     COUNT    (M,      16,                0, TAPS,   "samples that Q looks back and ahead")                        \
@@ -63,7 +68,10 @@
 enum { LONGEST = 4096, TAPS = 64, RING = LONGEST + TAPS + 1 };
 
 #define SAMPLED
-#define MEMORY struct period
+#define GUARDED
+#define REQUIRES limits_in_order
+#define SKIPS_BY skip
+#define MEMORY   struct period
 
 struct period {
     double y[RING];     /* of the last N + M samples, sample k at k modulo N + M + 1 */
@@ -71,9 +79,12 @@ struct period {
     double e[2];        /* the last two errors                                       */
     double integral;    /* of the errors before the last one                         */
     bool known;         /* there is a last sample                                    */
+    int missing;        /* errors among the last two that are not known              */
+    double limited;     /* the limit that the last force met: -1 lower, +1 upper     */
 };
 
 #include "block.h"
+#include "limits.h"
 #include "compensation.h"
 
 /* Q's values for i = 0 ... M. */
@@ -92,34 +103,60 @@ static void design(double *q, int M, double corner)
         q[i] /= sum;
 }
 
+/* Samples that Q looks back and ahead. */
+static int half_of(const Model *model)
+{
+    GIVEN(model)
+    return M < N - 2 ? M : N - 2;
+}
+
+/* The force of a sample that is not known is taken from the period before. */
+static void skip(Model *model)
+{
+    GIVEN(model)
+    struct period *const past = &model->memory;
+    const int64_t ring = N + half_of(model) + 1, k = model->run.tick + ring;
+
+    past->y[k % ring] = past->y[(k - N) % ring];
+    past->missing = 2;
+}
+
 static void sample(Model *model)
 {
     GIVEN(model)
     struct period *const past = &model->memory;
-    const int half = M < N - 2 ? M : N - 2;
+    const int half = half_of(model);
     const int64_t ring = N + half + 1;
     const int64_t k = model->run.tick + ring; /* k - N - M is not negative */
-    const double e = r - x;
+    const double e = r - x, heard = past->e[0] * past->limited > 0.0 ? 0.0 : past->e[0];
 
     if (reset || !enable)
         *past = (struct period){.known = false};
     if (!past->known) {
         design(past->q, half, fq * Ts);
         past->e[0] = past->e[1] = e;
+        past->missing = 0;
+    } else if (past->missing == 2) {
+        past->integral += Ts * heard;
+        past->e[0] = past->e[1] = e;
     } else {
         const double second = (e - 2.0 * past->e[0] + past->e[1]) / (Ts * Ts);
         const double first = (e - past->e[1]) / (2.0 * Ts);
-        past->y[(k - 1) % ring] += rate * (m * second + Kd * first + Kp * past->e[0] + Ki * past->integral);
-        past->integral += Ts * past->e[0];
+        if (past->missing == 0)
+            past->y[(k - 1) % ring] += rate * (m * second + Kd * first + Kp * past->e[0] + Ki * past->integral);
+        past->integral += Ts * heard;
         past->e[1] = past->e[0];
         past->e[0] = e;
     }
     past->known = enable;
+    past->missing -= past->missing > 0;
 
     double force = past->q[0] * past->y[(k - N) % ring];
     for (int i = 1; i <= half; i++)
         force += past->q[i] * (past->y[(k - N - i) % ring] + past->y[(k - N + i) % ring]);
-    force = clip(force, u_min, u_max);
-    past->y[k % ring] = force;
-    compensate(model, force);
+    const double learned = clip(force, u_min, u_max);
+    past->limited = sign(force - learned);
+    past->y[k % ring] = learned;
+    compensate(model, learned);
+    model->u_sat = enable ? past->limited : 0.0;
 }

@@ -40,8 +40,8 @@ static void follow_reference(Model *m, void (*forget)(Model *), bool known)
 static void feed_forward(Model *m)
 {
     GIVEN(m)
-    const double friction = gain * m->F, wanted = mass * rdd + friction;
-    m->F_hat = enable ? friction : 0.0;
+    const double wanted = mass * rdd + gain * m->F;
+    m->F_hat = enable ? m->F : 0.0;
     m->u = enable ? clip(wanted, u_min, u_max) : 0.0;
     m->u_sat = !enable ? 0.0 : wanted < u_min ? -1.0 : wanted > u_max ? 1.0 : 0.0;
 }

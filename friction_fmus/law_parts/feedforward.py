@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, exp, expm1, if_else, logic_and, logic_not
+from casadi import SX, exp, expm1, if_else, logic_and, logic_not, logic_or
 
 from friction_fmus.expressions import clip, limits
 
@@ -39,9 +39,9 @@ def fading(sigma1: SX, speed: SX, v_d: SX) -> SX:
     return if_else(fades, sigma1 * exp(-((speed / if_else(fades, v_d, 1.0)) ** 2)), sigma1)
 
 
-def feedforward(inertia: SX, friction: SX, enable: SX, u_min: SX, u_max: SX) -> dict[str, SX]:
-    """The outputs u, F_hat and u_sat: the sum within its limits, all 0 unless enabled."""
-    wanted = inertia + friction
+def feedforward(inertia: SX, friction: SX, gain: SX, enable: SX, u_min: SX, u_max: SX) -> dict[str, SX]:
+    """The outputs u, F_hat and u_sat: inertia and a share of the friction within limits, all 0 unless enabled."""
+    wanted = inertia + gain * friction
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
         "F_hat": if_else(enable, friction, 0.0),
@@ -73,3 +73,13 @@ def reference_shift(force: SX, shift: SX, integral: SX, Kp: SX, Kd: SX, Ki: SX, 
     """
     rate = (force - Kp * shift - Ki * integral) / Kd
     return rate, shift + Ts * rate, integral + Ts * shift
+
+
+def settles_slowly(Kp: SX, Ki: SX, Ts: SX) -> SX:
+    """Whether the product of the two poles of `reference_shift` is below 1; Ki = 0 leaves its integral unused."""
+    return logic_or(Ts * Ki < Kp, Ki == 0.0)
+
+
+def settles_fast(Kp: SX, Kd: SX, Ki: SX, Ts: SX) -> SX:
+    """Whether the polynomial of the poles of `reference_shift` is positive at -1."""
+    return 2.0 * Ts * Kp < 4.0 * Kd + Ts**2 * Ki

@@ -7,8 +7,9 @@ from casadi import SX, expm1, fabs, if_else
 from friction_fmus.expressions import clip, limits
 
 
-def limited(wanted: SX, F_hat: SX, enable: SX, u_min: SX, u_max: SX) -> dict[str, SX]:
-    """The outputs u, F_hat and u_sat; all 0 while enable is false."""
+def limited(rest: SX, F_hat: SX, gain: SX, enable: SX, u_min: SX, u_max: SX) -> dict[str, SX]:
+    """The outputs u, F_hat and u_sat, u from a share of the friction and the rest; all 0 while enable is false."""
+    wanted = rest + gain * F_hat
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
         "F_hat": if_else(enable, F_hat, 0.0),

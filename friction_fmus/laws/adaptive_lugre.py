@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, fabs, if_else
+from casadi import SX, fabs, if_else, logic_and
 
 from friction_fmus.expressions import stribeck_level
 from friction_fmus.law import (
@@ -32,9 +32,14 @@ from friction_fmus.law_parts.observers import adapted, limited, relaxed
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
         "theta": Output(NO_UNIT, "estimated normal force, relative to the one of the parameters"),
+    },
+    conditions={
+        "theta_min <= theta0 <= theta_max": lambda theta_min, theta0, theta_max: logic_and(
+            theta_min <= theta0, theta0 <= theta_max
+        ),
     },
 )
 def adaptive_lugre(
@@ -72,8 +77,9 @@ def adaptive_lugre(
         z'         = v - sigma0 |v|/g(v) z
         g(v)       = Fc + (Fs - Fc) exp(-|v/vs|^delta)
         F_n        = sigma0 z + sigma1 z'
-        F_hat      = gain (theta F_n + sigma2 v)
-        u          = clip(m (rdd + lam (rd - v)) + Ks s + F_hat, u_min, u_max)
+        F_hat      = theta F_n + sigma2 v
+        w          = m (rdd + lam (rd - v)) + Ks s + gain F_hat
+        u          = clip(w, u_min, u_max)
         theta_next = theta + Ts Gamma s F_n,  within theta_min and theta_max
         theta_next = theta while u is limited and s pushes further into that limit
 
@@ -101,8 +107,8 @@ def adaptive_lugre(
     While enable is false u, F_hat and u_sat are 0, z = 0 and theta = theta0; reset acts in its own sample.
 
     Limits: at rest within the stiction band F_n is not observed from v alone, and s integrates into theta until it
-    breaks away or theta_max stops it. A wrong mass or sigma2 goes into theta. Needs theta_min <= theta0 <= theta_max
-    and u_min <= u_max.
+    breaks away or theta_max stops it. A wrong mass or sigma2 goes into theta. theta_min <= theta0 <= theta_max is
+    required, and u_min <= u_max.
     """
     old = if_else(reset, 0.0, z)
     theta = theta0 + if_else(reset, 0.0, learned)
@@ -111,9 +117,8 @@ def adaptive_lugre(
 
     rate = sigma0 * fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
     F_n = sigma0 * old + sigma1 * (v - rate * old)
-    F_hat = gain * (theta * F_n + sigma2 * v)
-    wanted = m * (rdd + lam * ed) + Ks * s + F_hat
-    outputs = limited(wanted, F_hat, enable, u_min, u_max)
+    F_hat = theta * F_n + sigma2 * v
+    outputs = limited(m * (rdd + lam * ed) + Ks * s, F_hat, gain, enable, u_min, u_max)
 
     runs = if_else(reset, 0.0, enable)
     after = adapted(theta, Gamma * s * F_n, s, outputs["u_sat"], theta_min, theta_max, Ts)

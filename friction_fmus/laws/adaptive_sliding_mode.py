@@ -31,10 +31,14 @@ from friction_fmus.law_parts.observers import adapted, limited
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
         "Fc_hat": Output(FORCE, "estimated Coulomb friction"),
         "Fv_hat": Output(DAMPING, "estimated viscous coefficient"),
+    },
+    conditions={
+        "Fc0 <= Fc_max": lambda Fc0, Fc_max: Fc0 <= Fc_max,
+        "Fv0 <= Fv_max": lambda Fv0, Fv_max: Fv0 <= Fv_max,
     },
 )
 def adaptive_sliding_mode(
@@ -68,9 +72,9 @@ def adaptive_sliding_mode(
     """Tracking of a reference by sliding mode; Coulomb and viscous friction are learned on the way.
 
         s      = (rd - v) + lam (r - x)
-        F_hat  = gain ((Fc_hat + excess exp(-(rd/vs)^2)) sgn(rd) + Fv_hat rd)
+        F_hat  = (Fc_hat + excess exp(-(rd/vs)^2)) sgn(rd) + Fv_hat rd
         sgn(0) = 0
-        w      = m (rdd + lam (rd - v)) + Ks s + K sat(s/phi) + F_hat
+        w      = m (rdd + lam (rd - v)) + Ks s + K sat(s/phi) + gain F_hat
         u      = clip(w, u_min, u_max)
         Fc_hat_next = Fc_hat + Ts Gamma_c s sgn(rd),  within 0 and Fc_max
         Fv_hat_next = Fv_hat + Ts Gamma_v s rd,       within 0 and Fv_max
@@ -97,16 +101,16 @@ def adaptive_sliding_mode(
 
     Limits: the estimates converge only as far as tracking needs it: at one speed only Fc + Fv |rd| is learned. F_hat
     jumps where the reference reverses, as in StaticFeedforward. A narrow layer chatters: ImplicitSlidingMode does
-    not. Needs Fc0 <= Fc_max, Fv0 <= Fv_max, u_min <= u_max.
+    not. Fc0 <= Fc_max, Fv0 <= Fv_max and u_min <= u_max are required.
     """
     Fc_hat = Fc0 + if_else(reset, 0.0, learned_c)
     Fv_hat = Fv0 + if_else(reset, 0.0, learned_v)
     ed = rd - v
     s = ed + lam * (r - x)
 
-    F_hat = gain * ((Fc_hat + excess * exp(-((rd / vs) ** 2))) * sign(rd) + Fv_hat * rd)
-    wanted = m * (rdd + lam * ed) + Ks * s + K * clip(s / phi, SX(-1.0), SX(1.0)) + F_hat
-    outputs = limited(wanted, F_hat, enable, u_min, u_max)
+    F_hat = (Fc_hat + excess * exp(-((rd / vs) ** 2))) * sign(rd) + Fv_hat * rd
+    tracking = m * (rdd + lam * ed) + Ks * s + K * clip(s / phi, SX(-1.0), SX(1.0))
+    outputs = limited(tracking, F_hat, gain, enable, u_min, u_max)
 
     outside = if_else(fabs(s) <= phi, 0.0, s)
     active, zero = outputs["u_sat"], SX(0.0)

@@ -32,7 +32,7 @@ from friction_fmus.law_parts.observers import limited, relaxed
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
         "theta_0": Output(NO_UNIT, "estimated factor of sigma0"),
         "theta_1": Output(NO_UNIT, "estimated factor of sigma0 sigma1"),
@@ -94,15 +94,16 @@ def andfc(
         z1'    = v_hat - sigma0 a z1 - k1 a s
         f_0    = sigma0 z0,   f_1 = -sigma0 sigma1 a z1
         f_2    = (sigma1 + sigma2) v_hat
-        F      = theta_0 f_0 + theta_1 f_1 + theta_2 f_2,   F_hat = gain F
-        u      = clip(m (rdd + lam (rd - v_hat)) + Ks s + F_hat, u_min, u_max)
+        F_hat  = theta_0 f_0 + theta_1 f_1 + theta_2 f_2
+        w      = m (rdd + lam (rd - v_hat)) + Ks s + gain F_hat
+        u      = clip(w, u_min, u_max)
         theta_i_next = theta_i + Ts Gamma_i s f_i,  within 0 and theta_max
 
     Tan, Kanellakopoulos: Adaptive nonlinear friction compensation with parametric uncertainties, American Control
     Conference, 1999 (the dual observers, from memory; the velocity observer and the scaling are this library's).
-    g(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta); z0 and z1 follow the exact solution for constant inputs. F_last is F of
-    the last sample; F is kept within theta_max max(Fc, Fs) + sigma2 |v_hat|, without which wrong factors would make
-    the observer unstable. Adaptation and injection stop while u is limited and s pushes further into that limit.
+    g(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta); z0 and z1 follow the exact solution for constant inputs. F_last is F_hat
+    of the last sample; F_hat is kept within theta_max max(Fc, Fs) + sigma2 |v_hat|, without which wrong factors would
+    make the observer unstable. Adaptation and injection stop while u is limited and s pushes further into that limit.
 
     The signs are those of s = rd - v + lam e (published ones are often for the negative of it): with the true factors
     th_i and the true deflection z,
@@ -145,8 +146,7 @@ def andfc(
 
     ed = rd - v
     s = ed + lam * (r - x)
-    wanted = m * (rdd + lam * ed) + Ks * s + gain * friction
-    outputs = limited(wanted, gain * friction, enable, u_min, u_max)
+    outputs = limited(m * (rdd + lam * ed) + Ks * s, friction, gain, enable, u_min, u_max)
     heard = unless_winding_up(s, outputs["u_sat"])
     speeds = (Gamma0, Gamma1, Gamma2)
     after = [

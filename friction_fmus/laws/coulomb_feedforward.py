@@ -27,7 +27,7 @@ from friction_fmus.law_parts.feedforward import feedforward
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -45,8 +45,8 @@ def coulomb_feedforward(
 ) -> dict[str, SX]:
     """The force that moves an exactly known mass with Coulomb friction along the reference.
 
-        F_hat = gain Fc sgn(rd),   sgn(0) = 0
-        u     = clip(m rdd + F_hat, u_min, u_max)
+        F_hat = Fc sgn(rd),   sgn(0) = 0
+        u     = clip(m rdd + gain F_hat, u_min, u_max)
 
     Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey). The friction is that of the friction
     block Coulomb in motion. The number Fc is half the difference of the forces of two slow motions, one each way.
@@ -61,5 +61,5 @@ def coulomb_feedforward(
     within the presliding range (some micrometres) it can be worse than none. At rest nothing is compensated. u_min
     must not exceed u_max.
     """
-    F_hat = gain * sign(rd) * if_else(logic_and(asymmetric, rd < 0.0), Fc_neg, Fc)
-    return feedforward(m * rdd, F_hat, enable, u_min, u_max)
+    F_hat = sign(rd) * if_else(logic_and(asymmetric, rd < 0.0), Fc_neg, Fc)
+    return feedforward(m * rdd, F_hat, gain, enable, u_min, u_max)

@@ -39,7 +39,7 @@ def closed(gap: SX, path: SX, n: SX) -> SX:
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "z_hat": Output(LENGTH, "deflection of the contact, z at this sample"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
@@ -68,8 +68,8 @@ def dahl_feedforward(
         w  = 1 - sgn(dr) sigma z / Fc
         n = 1:   w becomes w exp(-sigma |dr| / Fc)
         n /= 1:  |w|^(1-n) becomes |w|^(1-n) - (1 - n) sigma |dr| / Fc
-        F_hat = gain (sigma z + Fv rd),   z of the new w
-        u     = clip(m rdd + F_hat, u_min, u_max)
+        F_hat = sigma z + Fv rd,   z of the new w
+        u     = clip(m rdd + gain F_hat, u_min, u_max)
 
     Dahl friction depends on the path only, so the step over the displacement dr is exact however the reference moved in
     between, if it did not turn. The friction is that of the friction block Dahl, with the same parameters. Lampaert,
@@ -94,6 +94,6 @@ def dahl_feedforward(
     moves = logic_and(path != 0.0, size != 0.0)
     now = before + if_else(moves, gap * closed(if_else(moves, size, 1.0), path, n), 0.0)
     return {
-        **feedforward(m * rdd, gain * (sigma * now + Fv * rd), enable, u_min, u_max),
+        **feedforward(m * rdd, sigma * now + Fv * rd, gain, enable, u_min, u_max),
         **when(enable, z_hat=now, z=now, last=r, started=1.0),
     }

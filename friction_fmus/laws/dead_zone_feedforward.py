@@ -28,7 +28,7 @@ from friction_fmus.law_parts.feedforward import feedforward
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "linear and friction force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -49,9 +49,9 @@ def dead_zone_feedforward(
     """Below a small velocity of the reference the force that the linear part wants is added once more, up to T_dz.
 
         u_lin = m rdd + f
-        |rd| <  DV:  F_hat = gain sgn(u_lin) min(|u_lin|, T_dz)
-        |rd| >= DV:  F_hat = gain (Fc sgn(rd) + Fv rd)
-        u = clip(u_lin + F_hat, u_min, u_max)
+        |rd| <  DV:  F_hat = sgn(u_lin) min(|u_lin|, T_dz)
+        |rd| >= DV:  F_hat = Fc sgn(rd) + Fv rd
+        u = clip(u_lin + gain F_hat, u_min, u_max)
 
     Our interpretation of a description, not a published equation: a comparison of compensators mentions a torque-based
     friction model in feedforward, similar to Karnopp's, with a dead-zone torque for friction below the stiction torque;
@@ -73,5 +73,5 @@ def dead_zone_feedforward(
     """
     u_lin = m * rdd + f
     rest = logic_or(fabs(rd) < DV, rd == 0.0)
-    F_hat = gain * if_else(rest, clip(u_lin, -T_dz, T_dz), sign(rd) * Fc + Fv * rd)
-    return feedforward(u_lin, F_hat, enable, u_min, u_max)
+    F_hat = if_else(rest, clip(u_lin, -T_dz, T_dz), sign(rd) * Fc + Fv * rd)
+    return feedforward(u_lin, F_hat, gain, enable, u_min, u_max)

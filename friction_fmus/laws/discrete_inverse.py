@@ -1,8 +1,8 @@
-"""Inverse of a sampled plant with one zero outside the unit circle, by preview."""
+"""Inverse of a sampled plant with a zero, or a pair of zeros, outside the unit circle, by preview."""
 
 from __future__ import annotations
 
-from casadi import SX, floor, if_else, logic_and, logic_not
+from casadi import SX, floor, if_else, logic_and, logic_not, logic_or
 
 from friction_fmus.expressions import clip, limits
 from friction_fmus.law import (
@@ -23,15 +23,31 @@ POLES = 4
 ZEROS = 2
 
 
+def square(pair: SX) -> SX:
+    """Square of the absolute value of a complex number."""
+    return pair[0] ** 2 + pair[1] ** 2
+
+
 @law(
     "DiscreteInverse",
-    "Inverse of a sampled plant, a zero outside the unit circle by preview or zero-phase (ZPETC)",
+    "Inverse of a sampled plant, zeros outside the unit circle by preview or zero-phase (ZPETC)",
     source="Gross, Tomizuka, Messner, ASME JDSMC 116(1), 1994; Tomizuka, ASME JDSMC 109(1), 1987",
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "r_now": Output(LENGTH, "what the plant follows: r of preview + 1 samples before"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+    conditions={
+        "zero = 0, |zero| > 1 or zero_phase": lambda zero, zero_phase: logic_or(
+            logic_or(zero == 0.0, zero**2 > 1.0), zero_phase
+        ),
+        "pair = 0, |pair| > 1 or zero_phase": lambda pair, zero_phase: logic_or(
+            logic_or(square(pair) == 0.0, square(pair) > 1.0), zero_phase
+        ),
+        "zero = 0 or pair = 0": lambda zero, pair: logic_or(zero == 0.0, square(pair) == 0.0),
+        "zero and pair not 1": lambda zero, pair: logic_and(zero != 1.0, logic_or(pair[0] != 1.0, pair[1] != 0.0)),
+        "preview >= 2 with a pair": lambda preview, pair: logic_or(preview >= 2.0, square(pair) == 0.0),
     },
 )
 def discrete_inverse(
@@ -44,6 +60,9 @@ def discrete_inverse(
     started: SX = State(NO_UNIT, 0.0, "1 if there was a sample before"),
     K: SX = Parameter(LENGTH + "/(" + FORCE + ")", 1.25e-7, "gain of the plant", min=1e-30),
     zero: SX = Parameter(NO_UNIT, -5.82842712474619, "zero outside the unit circle, 0: none"),
+    pair: SX = Parameter(
+        NO_UNIT, (0.0, 0.0), "real and imaginary part of a pair of zeros outside the unit circle, 0: none"
+    ),
     inner: SX = Parameter(
         NO_UNIT, (-0.1715728752538099, 0.0), "zeros inside the unit circle, 0: none", min=-0.999, max=0.999
     ),
@@ -56,23 +75,33 @@ def discrete_inverse(
     """The force that makes the position x of a sampled linear plant follow a reference which is known N samples ahead.
 
         plant: A(q) x[k+1] = K B(q) (u[k] - zero u[k-1])
+               or A(q) x[k+1] = K B(q) (u[k] - p u[k-1] + n u[k-2])
+               with p = 2 pair1, n = pair1^2 + pair2^2
         A(q)  = 1 + a1 q + a2 q^2 + a3 q^3 + a4 q^4,   q x[k] = x[k-1]
         B(q)  = (1 - inner1 q) (1 - inner2 q) = 1 + b1 q + b2 q^2
         s[k]  = r_now[k+1],   r_now[k] = r[k-N-1]
         w[k]  = -(s[k+1]/zero + s[k+2]/zero^2 + ... + s[k+N]/zero^N)
-        w[k]  = (s[k] - zero s[k+1]) / (1 - zero)^2    if zero_phase
-        w[k]  = s[k]                                   if zero = 0
+        w[k]  = g2 s[k+2] + g3 s[k+3] + ... + gN s[k+N]      of a pair,
+                g1 = 0, g2 = 1/n, n g[i+2] = p g[i+1] - g[i]
+        w[k]  = (s[k] - zero s[k+1]) / (1 - zero)^2          if zero_phase
+        w[k]  = (s[k] - p s[k+1] + n s[k+2]) / (1 - p + n)^2 for a pair then
+        w[k]  = s[k]                                         if there is none
         u[k]  = A(q) w[k] / K - b1 u[k-1] - b2 u[k-2]
 
     A zero outside the unit circle has no stable inverse that is causal, but one that looks ahead. Truncated after N
     samples it leaves exactly the error
 
         r_now[k] - x[k] = r_now[k+N] / zero^N
+        r_now[k] - x[k] = n g[N+1] r_now[k+N-1] - gN r_now[k+N]    of a pair
 
     Gross, Tomizuka, Messner, ASME Journal of Dynamic Systems, Measurement, and Control 116(1), 1994 (the series);
     Tomizuka, same journal 109(1), 1987 (zero phase error tracking controller, ZPETC; both from memory of the papers).
-    ZPETC needs one sample of preview only, and has no lag at any frequency, but the gain |1 - zero z^-1|^2 / (1 -
-    zero)^2, which for a negative zero falls towards high frequencies.
+    ZPETC needs one sample of preview only, two for a pair, and has no lag at any frequency, but the gain
+    |1 - zero z^-1|^2 / (1 - zero)^2, which for a negative zero falls towards high frequencies.
+
+    Required are |zero| > 1 and |pair| > 1, unless zero_phase: the series of a zero inside the circle diverges with N,
+    and on it never settles. zero_phase takes zeros anywhere but at 1, where it divides by 0. Only one of zero and pair
+    may be there, and a pair needs two samples of preview.
 
     The start values are a mass of 1 kg behind a hold with a delay of half a sample of 1 ms: zeros -3 -/+ 2 sqrt(2).
 
@@ -84,14 +113,16 @@ def discrete_inverse(
     enable is false u, u_sat, r_now and the states are 0. The limits do not act on the states. N is rounded down.
     Feedforward does not change the stability of the loop.
 
-    Limits: all zeros are real. zero, of any sign, must lie outside the unit circle (|zero| > 1); near the circle N
-    grows. Two zeros outside have to be approximated. Friction needs a law of its own. The plant's model
-    has to be right up to the frequencies of r. u_min must not exceed u_max.
+    Limits: the zeros inside the circle are real, and at most two are outside: a pair, or a double one (pair2 = 0). Near
+    the circle N grows. Friction needs a law of its own. The plant's model has to be right up to the frequencies of r.
+    u_min must not exceed u_max.
     """
     N = floor(preview)
     fresh = logic_not(logic_and(started, logic_not(reset)))
     past = [r, *(if_else(fresh, r, line[j]) for j in range(LONGEST + 1))]
-    back = if_else(zero == 0.0, 0.0, 1.0 / if_else(zero == 0.0, 1.0, zero))
+    p, n = 2.0 * pair[0], square(pair)
+    paired, single = n > 0.0, zero != 0.0
+    over_n, over_zero = 1.0 / if_else(paired, n, 1.0), 1.0 / if_else(single, zero, 1.0)
 
     def delayed(count: SX) -> SX:
         chosen = past[0]
@@ -99,12 +130,17 @@ def discrete_inverse(
             chosen = if_else(count == j, past[j], chosen)
         return chosen
 
-    series = SX(0.0)
+    # w[k+N], w[k+N-1], ... w[k] by w[i] - zero w[i-1] = s[i], or w[i] - p w[i-1] + n w[i-2] = s[i], solved for the last
+    first, second = if_else(paired, p * over_n, over_zero), if_else(paired, -over_n, 0.0)
+    later, series = SX(0.0), SX(0.0)
     for j in range(LONGEST):
-        series = if_else(j < N, series * back + past[j], series)
-    gap = if_else(zero == 1.0, 1.0, 1.0 - zero)
-    now, ahead = delayed(N), delayed(N - 1.0)
-    w_now = if_else(zero_phase, (now - zero * ahead) / gap**2, if_else(zero == 0.0, now, -back * series))
+        newer = if_else(paired, over_n * past[j - 1] if j else 0.0, -over_zero * past[j])
+        found = first * series + second * later + newer
+        later, series = if_else(j < N, series, later), if_else(j < N, found, series)
+    now, ahead, beyond = delayed(N), delayed(N - 1.0), delayed(N - 2.0)
+    gap = 1.0 - zero - p + n
+    even = (now - (zero + p) * ahead + n * beyond) / if_else(gap == 0.0, 1.0, gap) ** 2
+    w_now = if_else(zero_phase, even, if_else(logic_or(paired, single), series, now))
     w_past = [if_else(fresh, w_now, w[i]) for i in range(POLES)]
 
     b = -(inner[0] + inner[1]), inner[0] * inner[1]

@@ -30,6 +30,9 @@ from friction_fmus.law import (
         "u": Output(FORCE, "f with the dither, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
+    conditions={
+        "frequency < 1/(2 Ts)": lambda frequency, Ts: 2.0 * frequency * Ts < 1.0,
+    },
 )
 def dither(
     f: SX = Input(FORCE, 0.0, "force to which the dither is added before the limits", optional=True),
@@ -64,6 +67,8 @@ def dither(
     Use it where an actuator may be shaken far above the bandwidth of the position loop. It stands between the
     controller and the plant, or its u goes to the input f of the controller. The start values move 1 kg by some
     +-30 um at +-40 mm/s.
+
+    frequency < 1/(2 Ts) is required: samples show a faster oscillation as a slower one, and at 1/(2 Ts) the sine is 0.
 
     While enable is false u and u_sat are 0 and the phase is at its start; gain 0 passes f. reset acts in its own
     sample.

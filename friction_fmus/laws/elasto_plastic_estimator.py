@@ -28,8 +28,8 @@ from friction_fmus.law_parts.observers import limited
     source="Hayward, Armstrong, Altpeter, Dupont, IEEE TCST 17(3), 2009",
     Ts=1e-3,
     outputs={
-        "u": Output(FORCE, "compensation force F_hat, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -55,7 +55,7 @@ def elasto_plastic_estimator(
         z_m   = Fc/sigma0,   z_b = elastic z_m
         alpha = 0                       where z is against the motion, or |z| <= z_b
         alpha = (|z| - z_b)/(z_m - z_b)  beyond
-        F_hat = gain (sigma0 z + Fv v),   u = clip(F_hat, u_min, u_max)
+        F_hat = sigma0 z + Fv v,   u = clip(gain F_hat, u_min, u_max)
 
     Hayward, Armstrong, Altpeter, Dupont: Discrete-time elasto-plastic friction estimation, IEEE Transactions on Control
     Systems Technology 17(3), 2009 (the idea; the equations are from memory of the elasto-plastic model of Dupont et
@@ -93,9 +93,8 @@ def elasto_plastic_estimator(
     q = exp(-D * (path - free) / (z_m * (z_m - z_b)))
     after = if_else(step == 0.0, old, sign(step) * (z_m - D * y * q / (D - y * (1.0 - q))))
 
-    F_hat = gain * (sigma0 * after + Fv * v)
     return {
-        **limited(F_hat, F_hat, enable, u_min, u_max),
+        **limited(SX(0.0), sigma0 * after + Fv * v, gain, enable, u_min, u_max),
         "running": enable,
         "x_last": if_else(enable, x, 0.0),
         "z": if_else(enable, after, 0.0),

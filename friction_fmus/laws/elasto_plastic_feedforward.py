@@ -78,7 +78,7 @@ def slid(z: SX, u: SX, z_max: SX, z_ba: SX) -> SX:
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "z_hat": Output(LENGTH, "mean bristle deflection, z at this sample"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
@@ -113,8 +113,8 @@ def elasto_plastic_feedforward(
         dr    = r - last,   w = dr / Ts,   last: the reference of the sample before
         dz/dr = 1 - alpha(z, sgn(dr)) sgn(dr) sigma0 z / S(w)     over dr
         dz/dt = rd (1 - alpha(z, sgn(rd)) sgn(rd) sigma0 z / S(rd))
-        F_hat = gain (sigma0 z + sigma1(rd) dz/dt + sigma2 rd)
-        u     = clip(m rdd + F_hat, u_min, u_max)
+        F_hat = sigma0 z + sigma1(rd) dz/dt + sigma2 rd
+        u     = clip(m rdd + gain F_hat, u_min, u_max)
 
     Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002. alpha, sigma1(v) and the parameters are those of the
     friction block ElastoPlastic: alpha is 0 up to the break-away deflection z_ba and against the deflection, 1 beyond
@@ -148,6 +148,6 @@ def elasto_plastic_feedforward(
     stretching = rd * (1.0 - alpha * along / steady)
     friction = sigma0 * now + fading(sigma1, rd, v_d) * stretching + sigma2 * rd
     return {
-        **feedforward(m * rdd, gain * friction, enable, u_min, u_max),
+        **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
         **when(enable, z_hat=now, z=now, last=r, started=1.0),
     }

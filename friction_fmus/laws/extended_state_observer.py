@@ -29,7 +29,7 @@ from friction_fmus.law_parts.observers import limited
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
         "v_est": Output(VELOCITY, "estimated velocity"),
     },
@@ -61,8 +61,8 @@ def extended_state_observer(
         x_hat = x_p   + (1 - p^3) (x - x_p)
         v_hat = v_p   + 3/2 (1 - p)^2 (1 + p)/Ts (x - x_p)
         F_est = F_est - m (1 - p)^3/Ts^2 (x - x_p),   p = exp(-wo Ts)
-        F_hat = gain F_est
-        w     = m (wc^2 (r - x_hat) + 2 wc (rd - v_hat) + rdd) + F_hat
+        F_hat = F_est
+        w     = m (wc^2 (r - x_hat) + 2 wc (rd - v_hat) + rdd) + gain F_hat
         u     = clip(w, u_min, u_max)
 
     Gao: Scaling and bandwidth-parameterization based controller tuning, American Control Conference, 2003 (from
@@ -94,9 +94,9 @@ def extended_state_observer(
     velocity = if_else(fresh, 0.0, v_p + 1.5 * (1.0 - p) ** 2 * (1.0 + p) / Ts * residual)
     friction = if_else(fresh, 0.0, F_est - m * (1.0 - p) ** 3 / Ts**2 * residual)
 
-    wanted = m * (wc**2 * (r - position) + 2.0 * wc * (rd - velocity) + rdd) + gain * friction
+    tracking = m * (wc**2 * (r - position) + 2.0 * wc * (rd - velocity) + rdd)
     return {
-        **limited(wanted, gain * friction, enable, u_min, u_max),
+        **limited(tracking, friction, gain, enable, u_min, u_max),
         "v_est": if_else(enable, velocity, 0.0),
         "running": enable,
         "x_hat": if_else(enable, position, 0.0),

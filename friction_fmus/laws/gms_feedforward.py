@@ -36,16 +36,22 @@ ELEMENTS = 10
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "F_pre": Output(FORCE, "sum of the forces Fi of the elements"),
         "slips": Output(NO_UNIT, "number of elements that slip"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+    },
+    conditions={
+        "alpha[1] + ... + alpha[N] > 0": lambda alpha, N: (
+            sum(if_else(i < N, alpha[i], 0.0) for i in range(ELEMENTS)) > 0.0
+        ),
     },
 )
 def gms_feedforward(
     r: SX = Input(LENGTH, 0.0, "reference position"),
     rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
     rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    Fn: SX = Input("N", 1.0, "normal force", optional=True),
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and the states at their start"),
     reset: SX = Command(False, "true: the states at their start"),
     Fi: SX = State(FORCE, (0.0,) * ELEMENTS, "force of the element", nominal=0.1),
@@ -55,21 +61,22 @@ def gms_feedforward(
     started: SX = State(NO_UNIT, 0.0, "1 if there was a sample before"),
     gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
     m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    N: SX = Parameter(NO_UNIT, 10.0, "number of elements that are used", min=1.0, max=float(ELEMENTS)),
     k: SX = Parameter(
         STIFFNESS,
         (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3),
         "stiffness of the element",
         min=0.0,
     ),
-    alpha: SX = Parameter(
-        NO_UNIT, (0.1,) * ELEMENTS, "share of the element in the Stribeck level, 0: not used", min=0.0
-    ),
+    alpha: SX = Parameter(NO_UNIT, (0.1,) * ELEMENTS, "share of the element in the Stribeck level", min=0.0),
     C: SX = Parameter(FORCE + "/s", 100.0, "attraction to the Stribeck level", min=0.0),
+    sigma: SX = Parameter(DAMPING, 0.0, "damping of each element", min=0.0),
     sigma2: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
     Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=1e-9),
     Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=1e-9),
     vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
     delta: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0),
+    Fn0: SX = Parameter("N", 1.0, "normal force at which the parameters hold", min=1e-12),
     u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
     u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
     Ts: SX = SampleTime(),
@@ -83,13 +90,16 @@ def gms_feedforward(
                 it is that, and the element slips
         slip:   Fi becomes t + (Fi - t) exp(-C Ts / S(w)),
                 t = sgn(dr) alpha_i S(w)
-        F_hat = gain (F1 + ... + F10 + sigma2 rd)
-        u     = clip(m rdd + F_hat, u_min, u_max)
+        F_hat = (F1 + ... + FN + sigma (z1' + ... + zN')) max(Fn, 0)/Fn0
+                + sigma2 rd
+        zi'   = rd of an element that sticks,
+                sgn(dr) C (alpha_i - sgn(dr) Fi/S(w))/ki of one that slips
+        u     = clip(m rdd + gain F_hat, u_min, u_max)
 
     Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (the model); Lampaert, Swevers, Al-Bender, American Control
     Conference, 2004, where it is the best of Dahl, LuGre, Leuven and GMS in feedforward about presliding (from a
-    summary, the papers were not read). Parameters as in the friction block GMS, without its damping sigma; alpha_i are
-    used as alpha_i / (alpha_1 + ... + alpha_10). The start values are those of the block.
+    summary, the papers were not read). Parameters and start values as in the friction block GMS; alpha_i are used as
+    alpha_i / (alpha_1 + ... + alpha_N), a sum that must be above 0. N is rounded up.
 
     F_hat is the force of the block GMS at the end of a step with the velocity w, if rd is w. An element that reaches
     its level within a sample is put there: left to the attraction C alone, as the equations of the model sampled by
@@ -104,27 +114,34 @@ def gms_feedforward(
     f of a position controller, whose own m must then be 0. Feedforward does not change the stability of the loop.
 
     Limits: a reversal between two samples is not seen. Noise in r makes the elements stick and slip: r must be the
-    reference, not a measurement. The alpha_i must not all be 0. u_min must not exceed u_max.
+    reference, not a measurement. u_min must not exceed u_max.
     """
     dr = increment(r, last, started, reset)  # 0 under reset, so what moves is not reset
     moving, side = dr != 0.0, if_else(dr > 0.0, 1.0, -1.0)
     S = stribeck_level(fabs(dr / Ts), Fc, Fs, vs, delta)
-    total = sum(alpha[i] for i in range(ELEMENTS))
+    used = [i < N for i in range(ELEMENTS)]
+    shares = [if_else(used[i], alpha[i], 0.0) for i in range(ELEMENTS)]
+    total = sum(shares)
     unit = S / if_else(total > 0.0, total, 1.0)
-    levels = [alpha[i] * unit for i in range(ELEMENTS)]
+    levels = [share * unit for share in shares]
     slipped = [logic_or(logic_and(side == way, slipping[i]), side * Fi[i] >= level) for i, level in enumerate(levels)]
     decay = if_else(reduce(logic_or, slipped), exp(-C * Ts / S), 1.0)  # an exponential only if there is use for it
 
-    forces, slips = [], []
+    forces, slips, creep = [], [], SX(0.0)
     for i, level in enumerate(levels):
         along = side * Fi[i]
         stuck = along + k[i] * fabs(dr)
-        moved = if_else(slipped[i], level + (along - level) * decay, fmin(stuck, level))
+        behind = (along - level) * decay
+        moved = if_else(slipped[i], level + behind, fmin(stuck, level))
+        creep += if_else(logic_and(slipped[i], k[i] > 0.0), behind / if_else(k[i] > 0.0, k[i], 1.0), 0.0)
         forces.append(if_else(moving, side * moved, if_else(reset, 0.0, Fi[i])))
-        slips.append(if_else(moving, if_else(slipped[i], 1.0, stuck >= level), 0.0))
+        slips.append(if_else(logic_and(moving, used[i]), if_else(slipped[i], 1.0, stuck >= level), 0.0))
     F_pre = sum(forces)
+    stretching = rd * (sum(used) - sum(slips)) - if_else(moving, side * (C * creep / S), 0.0)
+    load = if_else(Fn == Fn0, 1.0, if_else(Fn > 0.0, Fn, 0.0) / Fn0)
+    friction = load * (F_pre + if_else(sigma > 0.0, sigma * stretching, 0.0)) + sigma2 * rd
     return {
-        **feedforward(m * rdd, gain * (F_pre + sigma2 * rd), enable, u_min, u_max),
+        **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
         **when(
             enable,
             F_pre=F_pre,

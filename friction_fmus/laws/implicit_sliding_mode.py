@@ -29,7 +29,7 @@ from friction_fmus.law_parts.observers import limited
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "force of the sliding mode: in sliding the friction of the last sample"),
+        "F_hat": Output(FORCE, "force of the sliding mode: in sliding, with gain 1, the friction of the last sample"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -52,8 +52,8 @@ def implicit_sliding_mode(
     """Sliding mode whose sign is that of the next sample, which makes it one saturation.
 
         s     = (rd - v) + lam (r - x)
-        F_hat = gain clip(m s/Ts, -K, K)
-        u     = clip(m (rdd + lam (rd - v)) + F_hat + f, u_min, u_max)
+        F_hat = clip(m s/Ts, -K, K)
+        u     = clip(m (rdd + lam (rd - v)) + f + gain F_hat, u_min, u_max)
 
     Acary, Brogliato: Implicit Euler numerical scheme and chattering-free implementation of sliding mode systems,
     Systems and Control Letters 59(5), 2010; Kikuuwe, Fujimoto: Proxy-based sliding mode control, IEEE ICRA 2006. The
@@ -83,5 +83,4 @@ def implicit_sliding_mode(
     """
     ed = rd - v
     s = ed + lam * (r - x)
-    F_hat = gain * clip(m * s / Ts, -K, K)
-    return limited(m * (rdd + lam * ed) + F_hat + f, F_hat, enable, u_min, u_max)
+    return limited(m * (rdd + lam * ed) + f, clip(m * s / Ts, -K, K), gain, enable, u_min, u_max)

@@ -30,7 +30,7 @@ from friction_fmus.law_parts.observers import limited
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -72,8 +72,8 @@ def implicit_super_twisting(
 
         s_next = s - (Ts/m) c1 sqrt(m L |s_next|) sgn(s_next)
                =>  y = (-b + sqrt(b^2 + 4 |s|))/2,   b = Ts c1 sqrt(L/m)
-        F_hat  = gain w_next
-        p      = m (rdd + lam (rd - v)) + c1 sqrt(m L) y sgn(s) + F_hat + f
+        F_hat  = w_next
+        p      = m (rdd + lam (rd - v)) + c1 sqrt(m L) y sgn(s) + f + gain F_hat
         u      = clip(p, u_min, u_max)
         w_next = w while u is limited and s pushes further into that limit
 
@@ -100,8 +100,7 @@ def implicit_super_twisting(
     b = Ts * c1 * sqrt(L / m)
     # the root without the difference of nearly equal numbers
     y = 2.0 * fabs(s) / (b + sqrt(b**2 + 4.0 * fabs(s)) + if_else(s == 0.0, 1.0, 0.0))
-    F_hat = gain * (old + step)
-    wanted = m * (rdd + lam * ed) + c1 * sqrt(m * L) * y * sign(s) + F_hat + f
-    outputs = limited(wanted, F_hat, enable, u_min, u_max)
+    twisting = m * (rdd + lam * ed) + c1 * sqrt(m * L) * y * sign(s) + f
+    outputs = limited(twisting, old + step, gain, enable, u_min, u_max)
     after = old + unless_winding_up(step, outputs["u_sat"])
     return {**outputs, "w": if_else(reset, 0.0, if_else(enable, after, 0.0))}

@@ -29,7 +29,7 @@ from friction_fmus.law_parts.feedforward import feedforward, when
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "viscous friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "viscous friction force; u contains gain F_hat"),
         "r_motor": Output(LENGTH, "position of the motor that belongs to r"),
         "rd_motor": Output(VELOCITY, "velocity of the motor that belongs to r"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
@@ -56,12 +56,12 @@ def inverse_dynamics(
     """The force on the motor that moves the load exactly along the reference.
 
         x_m   = r + c (m_load rdd + Fv_load rd),   c: compliance
-        F_hat = gain (Fv x_m' + Fv_load rd)
-        u     = clip(m x_m'' + m_load rdd + F_hat, u_min, u_max)
+        F_hat = Fv x_m' + Fv_load rd
+        u     = clip(m x_m'' + m_load rdd + gain F_hat, u_min, u_max)
 
-    One mass with viscous friction is c = 0: u = clip((m + m_load) rdd + F_hat, u_min, u_max). Two masses with a spring
-    of the stiffness 1/c between them have no zeros from the force at the motor to the load, so their inverse is a sum
-    of derivatives of the reference, up to the fourth (snap), and needs no filter: Boerlage, Tousain, Steinbuch,
+    One mass with viscous friction is c = 0: u = clip((m + m_load) rdd + gain F_hat, u_min, u_max). Two masses with a
+    spring of the stiffness 1/c between them have no zeros from the force at the motor to the load, so their inverse is
+    a sum of derivatives of the reference, up to the fourth (snap), and needs no filter: Boerlage, Tousain, Steinbuch,
     American Control Conference, 2004, for the feedforward of jerk and snap (from memory of the paper).
 
     Use it with a reference whose fourth derivative is bounded, for an axis whose first resonance shows in the error at
@@ -79,10 +79,10 @@ def inverse_dynamics(
     bent = compliance * (m_load * rdd + Fv_load * rd)
     bent_d = compliance * (m_load * jerk + Fv_load * rdd)
     bent_dd = compliance * (m_load * snap + Fv_load * jerk)
-    friction = gain * (Fv * (rd + bent_d) + Fv_load * rd)
+    friction = Fv * (rd + bent_d) + Fv_load * rd
     moved = when(enable, r_motor=bent, rd_motor=bent_d)
     return {
-        **feedforward(m * (rdd + bent_dd) + m_load * rdd, friction, enable, u_min, u_max),
+        **feedforward(m * (rdd + bent_dd) + m_load * rdd, friction, gain, enable, u_min, u_max),
         "r_motor": r + moved["r_motor"],
         "rd_motor": rd + moved["rd_motor"],
     }

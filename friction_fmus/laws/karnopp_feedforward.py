@@ -28,7 +28,7 @@ from friction_fmus.law_parts.feedforward import feedforward
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -47,9 +47,9 @@ def karnopp_feedforward(
 ) -> dict[str, SX]:
     """The inertia force of the reference and the friction that Karnopp's model has along it.
 
-        |rd| <  DV:  F_hat = gain clip(m rdd, -Fs, Fs)
-        |rd| >= DV:  F_hat = gain (Fc sgn(rd) + Fv rd)
-        u = clip(m rdd + F_hat, u_min, u_max)
+        |rd| <  DV:  F_hat = clip(m rdd, -Fs, Fs)
+        |rd| >= DV:  F_hat = Fc sgn(rd) + Fv rd
+        u = clip(m rdd + gain F_hat, u_min, u_max)
 
     The friction is that of the friction block Karnopp (Karnopp, ASME Journal of Dynamic Systems, Measurement, and
     Control 107(1), 1985) whose external force is the inertia force m rdd: in the band, friction is what balances it, up
@@ -68,5 +68,5 @@ def karnopp_feedforward(
     """
     force = m * rdd
     rest = logic_or(fabs(rd) < DV, rd == 0.0)
-    F_hat = gain * if_else(rest, clip(force, -Fs, Fs), sign(rd) * Fc + Fv * rd)
-    return feedforward(force, F_hat, enable, u_min, u_max)
+    F_hat = if_else(rest, clip(force, -Fs, Fs), sign(rd) * Fc + Fv * rd)
+    return feedforward(force, F_hat, gain, enable, u_min, u_max)

@@ -33,7 +33,7 @@ from friction_fmus.law_parts.feedforward import fading, feedforward, increment, 
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "z_hat": Output(LENGTH, "mean bristle deflection, z at this sample"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
@@ -73,9 +73,9 @@ def lugre_feedforward(
         dr    = r - last,   w = dr / Ts,   last: the reference of the sample before
         t     = sgn(dr) g(w) / sigma0
         z     becomes t + (z - t) exp(-sigma0 |dr| / g(w))
-        F_hat = gain (sigma0 z + sigma1(rd) (rd - sigma0 |rd| z/g(rd)) + sigma2 rd)
+        F_hat = sigma0 z + sigma1(rd) (rd - sigma0 |rd| z/g(rd)) + sigma2 rd
         sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d > 0, else sigma1
-        u     = clip(m rdd + F_hat, u_min, u_max)
+        u     = clip(m rdd + gain F_hat, u_min, u_max)
 
     Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995 (the model, start values from its Table I);
     Lampaert, Swevers, Al-Bender, American Control Conference, 2004, compare it in feedforward with the Dahl, Leuven and
@@ -115,6 +115,6 @@ def lugre_feedforward(
     viscous = if_else(logic_and(asymmetric, rd < 0.0), sigma2_neg, sigma2)
     friction = sigma0 * now + fading(sigma1, rd, v_d) * stretching + viscous * rd
     return {
-        **feedforward(m * rdd, gain * friction, enable, u_min, u_max),
+        **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
         **when(enable, z_hat=now, z=now, last=r, started=1.0),
     }

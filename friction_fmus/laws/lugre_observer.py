@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else
 
-from friction_fmus.expressions import stribeck_level
+from friction_fmus.expressions import stribeck_level, unless_winding_up
 from friction_fmus.law import (
     DAMPING,
     FORCE,
@@ -29,8 +29,8 @@ from friction_fmus.law_parts.observers import limited, relaxed
     source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995",
     Ts=1e-3,
     outputs={
-        "u": Output(FORCE, "compensation force F_hat, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -58,8 +58,10 @@ def lugre_observer(
 
         g(v)  = Fc + (Fs - Fc) exp(-|v/vs|^delta)
         z'    = v - sigma0 |v|/g(v) z + k (r - x)
-        F_hat = gain (sigma0 z + sigma1 z' + sigma2 v)
-        u     = clip(F_hat, u_min, u_max)
+                without k (r - x) while u is limited and r - x pushes further
+                into that limit
+        F_hat = sigma0 z + sigma1 z' + sigma2 v
+        u     = clip(gain F_hat, u_min, u_max)
 
     Canudas de Wit, Olsson, Astrom, Lischinsky: A new model for control of systems with friction, IEEE TAC 40(3), 1995.
     u goes to the input f of a position controller H(s), which makes the paper's law u = H(s) (r - x) + F_hat + m rdd.
@@ -96,9 +98,8 @@ def lugre_observer(
     """
     old = if_else(reset, 0.0, z)
     rate = sigma0 * fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
-    drive = v + k * (r - x)
-    F_hat = gain * (sigma0 * old + sigma1 * (drive - rate * old) + sigma2 * v)
-    return {
-        **limited(F_hat, F_hat, enable, u_min, u_max),
-        "z": if_else(enable, if_else(reset, 0.0, relaxed(old, drive, rate, Ts)), 0.0),
-    }
+    injected = k * (r - x)
+    F_hat = sigma0 * old + sigma1 * (v + injected - rate * old) + sigma2 * v
+    outputs = limited(SX(0.0), F_hat, gain, enable, u_min, u_max)
+    drive = v + unless_winding_up(injected, outputs["u_sat"])
+    return {**outputs, "z": if_else(enable, if_else(reset, 0.0, relaxed(old, drive, rate, Ts)), 0.0)}

@@ -31,7 +31,7 @@ from friction_fmus.law_parts.observers import limited
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -64,9 +64,9 @@ def modelled_output_karnopp(
         Vs      = KP (r - x) + Kv1 rd
         v_model = Gsys(s) Vs
         Gsys    = CV G/(1 + CV G) = 1/(1 + s m/CV)   for G = 1/(m s)
-        F_hat   = gain clip(CV (Vs - v_model), -Fs, Fs)      for |v_model| < DV
-        F_hat   = gain (Fc sgn(v_model) + Fv v_model)        otherwise
-        u       = clip(CV (Vs - v) + Ka rdd + Kv2 rd + F_hat, u_min, u_max)
+        F_hat   = clip(CV (Vs - v_model), -Fs, Fs)   for |v_model| < DV
+        F_hat   = Fc sgn(v_model) + Fv v_model       otherwise
+        u       = clip(CV (Vs - v) + Ka rdd + Kv2 rd + gain F_hat, u_min, u_max)
 
     The friction is that of Karnopp, ASME Journal of Dynamic Systems, Measurement and Control 107, 1985: inside the band
     it balances the force that acts, which here is the one of the model, m dv_model/dt = CV (Vs - v_model). The
@@ -98,10 +98,10 @@ def modelled_output_karnopp(
     Vs = KP * (r - x) + Kv1 * rd
     drive = CV * (Vs - old)
     stuck = clip(drive, -Fs, Fs)
-    F_hat = gain * if_else(fabs(old) < DV, stuck, Fc * sign(old) + Fv * old)
-    wanted = CV * (Vs - v) + Ka * rdd + Kv2 * rd + F_hat
+    F_hat = if_else(fabs(old) < DV, stuck, Fc * sign(old) + Fv * old)
+    loop = CV * (Vs - v) + Ka * rdd + Kv2 * rd
     after = Vs + (old - Vs) * exp(-CV * Ts / m)
     return {
-        **limited(wanted, F_hat, enable, u_min, u_max),
+        **limited(loop, F_hat, gain, enable, u_min, u_max),
         "v_model": if_else(reset, 0.0, if_else(enable, after, 0.0)),
     }

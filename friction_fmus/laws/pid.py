@@ -55,6 +55,9 @@ def pid(
     reversal: SX = Parameter(
         NO_UNIT, 1.0, "factor of the integral at a reversal, 1: none, 0: reset", min=-1.0, max=1.0
     ),
+    Fc_turned: SX = Parameter(
+        FORCE, 0.0, "Coulomb friction in the integral, whose sign turns at a reversal, 0: none", min=0.0
+    ),
     v_zc: SX = Parameter(VELOCITY, 0.0, "speed beyond which a reversal counts", min=0.0),
     u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
     u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
@@ -67,8 +70,9 @@ def pid(
         I_next = I + Ts e
         I_next = I while u is limited and e pushes further into that limit
         I_next = I while |e| <= db, and from then on until |e| > db_ratio db
-        I      = reversal I, before it is used, at a reversal: |v| > v_zc and v has
-                 the other sign than the last v of which that was true
+        I      = reversal I + 2 Fc_turned sgn(v)/Ki, before it is used, at a
+                 reversal: |v| > v_zc and v has the other sign than the last v
+                 of which that was true
 
     Astrom, Hagglund: Advanced PID Control, ISA 2006 (conditional integration against windup). Ki = 0 is PD
     control. The start values place three poles near 10 Hz for a mass of 1 kg without friction.
@@ -80,8 +84,10 @@ def pid(
 
     Dead-band and reversal are there against hunting, and off with the start values. A dead-band with db_ratio above 1
     does not chatter on a noisy error. reversal = 0 is a reset of the integral, -1 turns its sign, as Coulomb friction
-    turns its own, values between scale it. v_zc must exceed the noise of v and the velocity at which the contact rings
-    in presliding, else every swing is a reversal.
+    turns its own, values between scale it. Fc_turned leaves what else the integral holds, as a load, and turns friction
+    alone: before the reversal Ki I contains -Fc sgn(v), after it it should contain Fc sgn(v), v being the new velocity;
+    reversal is then 1. It may be set up to Coulomb friction, more pushes; with Ki = 0 it does nothing. v_zc must exceed
+    the noise of v and the velocity at which the contact rings in presliding, else every swing is a reversal.
 
     The linear loop with viscous friction s2 is stable for (Kd + s2) Kp > mass Ki, if Ts is short against its time
     constants.
@@ -94,7 +100,8 @@ def pid(
     """
     start = 0.0
     moves = fabs(v) > v_zc
-    turned = if_else(logic_and(moves, side * v < 0.0), reversal * integral, integral)
+    flip = if_else(Ki > 0.0, 2.0 * Fc_turned * sign(v) / if_else(Ki > 0.0, Ki, 1.0), 0.0)
+    turned = if_else(logic_and(moves, side * v < 0.0), reversal * integral + flip, integral)
     old = if_else(reset, start, turned)
     e = r - x
     hold = logic_or(fabs(e) <= db, logic_and(held, fabs(e) <= db_ratio * db))

@@ -21,7 +21,7 @@ from friction_fmus.law import (
     State,
     law,
 )
-from friction_fmus.law_parts.feedforward import reference_shift, when
+from friction_fmus.law_parts.feedforward import reference_shift, settles_fast, settles_slowly, when
 
 
 @law(
@@ -33,6 +33,10 @@ from friction_fmus.law_parts.feedforward import reference_shift, when
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),
         "u_hat": Output(FORCE, "feedforward force that it stands for"),
+    },
+    conditions={
+        "Ts Ki < Kp or Ki = 0": settles_slowly,
+        "2 Ts Kp < 4 Kd + Ts^2 Ki": settles_fast,
     },
 )
 def prefilter(
@@ -67,12 +71,18 @@ def prefilter(
     Use it where a controller has no input for a force, as many drives: its reference input gives the same result. The
     controller's own m and f must be 0, and CascadePPI needs the gains of the PID that it is equal to.
 
+    The recursion is unstable by itself, whatever the loop, unless
+
+        Ts Ki < Kp or Ki = 0   and   2 Ts Kp < 4 Kd + Ts^2 Ki
+
+    (Jury's conditions of its polynomial z^2 - (2 - Ts Kp/Kd) z + 1 - Ts Kp/Kd + Ts^2 Ki/Kd), which is required.
+
     While reset is true the states are 0 in that very sample; while enable is false they are 0 and r and rd pass. Coming
     back, d begins at 0: the force d' Kd is there at once, as a feedforward's would be.
 
     Limits: the identity holds while the controller's u is not limited: its anti-windup sees r_out. Kp, Kd, Ki and Ts
-    must be those of the controller. The recursion is stable for Ts Ki < Kp and 2 Ts Kp < 4 Kd + Ts^2 Ki. The position
-    error that the controller sees contains d, so limits of a following error have to allow for it.
+    must be those of the controller. The position error that the controller sees contains d, so limits of a following
+    error have to allow for it.
     """
     u_hat = gain * (m * rdd + f)
     moved = if_else(reset, 0.0, shift)

@@ -21,7 +21,7 @@ from friction_fmus.law import (
     State,
     law,
 )
-from friction_fmus.law_parts.feedforward import at_most, reference_shift, when
+from friction_fmus.law_parts.feedforward import at_most, reference_shift, settles_fast, settles_slowly, when
 
 PREVIEW = 4
 # weights of f(j) - f(-j) and of f(j) - 2 f(0) + f(-j), j = 1 ... 4
@@ -41,6 +41,10 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
         "r_now": Output(LENGTH, "r of four samples before"),
         "rd_now": Output(VELOCITY, "its velocity"),
         "rdd_now": Output(ACCELERATION, "its acceleration"),
+    },
+    conditions={
+        "Ts Ki < Kp or Ki = 0": settles_slowly,
+        "2 Ts Kp < 4 Kd + Ts^2 Ki": settles_fast,
     },
 )
 def preview_prefilter(

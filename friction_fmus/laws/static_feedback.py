@@ -25,8 +25,8 @@ from friction_fmus.law_parts.observers import limited
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     Ts=1e-3,
     outputs={
-        "u": Output(FORCE, "compensation force F_hat, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -47,8 +47,8 @@ def static_feedback(
 
         g(v)  = Fc + (Fs - Fc) exp(-|v/vs|^delta)
         sat   = v/vt within -1 and 1
-        F_hat = gain (sat g(v) + Fv v)
-        u     = clip(F_hat, u_min, u_max)
+        F_hat = sat g(v) + Fv v
+        u     = clip(gain F_hat, u_min, u_max)
 
     Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey); Coulomb friction alone is Fs = Fc.
     Parameters as in the friction block Stribeck. u goes to the input f of a position controller. While enable is
@@ -62,14 +62,14 @@ def static_feedback(
 
         Kd > gain (Fs/vt + Fv)
 
-    and a sample time that is short against mass/Kd. With real friction above F_hat at every velocity the damper adds
-    no energy and the loop settles with less Kd, too; where gain g exceeds the real friction it does not, and a limit
-    cycle appears whose amplitude grows with the excess.
+    and a sample time that is short against mass/Kd. With real friction above gain F_hat at every velocity the damper
+    adds no energy and the loop settles with less Kd, too; where gain g exceeds the real friction it does not, and a
+    limit cycle appears whose amplitude grows with the excess.
 
     Limits: at rest it compensates nothing, so the stiction error of the position loop stays. A wide vt leaves friction
     uncompensated just after a reversal, a narrow one feeds back noise. Presliding is not modelled. The delay of the
     velocity signal turns the damper into a source of oscillation earlier than the condition says. u_min must not
     exceed u_max.
     """
-    F_hat = gain * (clip(v / vt, SX(-1.0), SX(1.0)) * stribeck_level(fabs(v), Fc, Fs, vs, delta) + Fv * v)
-    return limited(F_hat, F_hat, enable, u_min, u_max)
+    F_hat = clip(v / vt, SX(-1.0), SX(1.0)) * stribeck_level(fabs(v), Fc, Fs, vs, delta) + Fv * v
+    return limited(SX(0.0), F_hat, gain, enable, u_min, u_max)

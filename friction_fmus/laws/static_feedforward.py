@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_and, sign
 
-from friction_fmus.expressions import clip, limits, stribeck_level
+from friction_fmus.expressions import stribeck_level
 from friction_fmus.law import (
     ACCELERATION,
     DAMPING,
@@ -19,6 +19,7 @@ from friction_fmus.law import (
     Switch,
     law,
 )
+from friction_fmus.law_parts.feedforward import feedforward
 
 
 @law(
@@ -28,7 +29,7 @@ from friction_fmus.law import (
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain"),
+        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -56,8 +57,8 @@ def static_feedforward(
     """The force that moves an exactly known mass with static friction along the reference.
 
         g(rd) = Fc + (Fs - Fc) exp(-|rd/vs|^delta)
-        F_hat = gain (sgn(rd) g(rd) + Fv rd + offset),   sgn(0) = 0
-        u     = clip(m rdd + F_hat, u_min, u_max)
+        F_hat = sgn(rd) g(rd) + Fv rd + offset,   sgn(0) = 0
+        u     = clip(m rdd + gain F_hat, u_min, u_max)
 
     Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey of the curve and of its feedforward);
     Coulomb friction alone is Fs = Fc. With asymmetric, rd < 0 has its own parameters. Parameters as in the friction
@@ -82,10 +83,5 @@ def static_feedforward(
         if_else(own, vs_neg, vs),
         if_else(own, delta_neg, delta),
     )
-    F_hat = gain * (sign(rd) * level + if_else(own, Fv_neg, Fv) * rd + offset)
-    wanted = m * rdd + F_hat
-    return {
-        "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
-        "F_hat": if_else(enable, F_hat, 0.0),
-        "u_sat": if_else(enable, limits(wanted, u_min, u_max), 0.0),
-    }
+    F_hat = sign(rd) * level + if_else(own, Fv_neg, Fv) * rd + offset
+    return feedforward(m * rdd, F_hat, gain, enable, u_min, u_max)

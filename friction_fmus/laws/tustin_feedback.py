@@ -28,7 +28,7 @@ POINTS = 16
     Ts=1e-3,
     outputs={
         "u": Output(FORCE, "compensation force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "friction that is compensated, times gain, without cogging"),
+        "F_hat": Output(FORCE, "estimated friction force, without cogging; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -52,8 +52,8 @@ def tustin_feedback(
     """Friction of the measured velocity with a level that depends on the position, and the cogging of a linear motor.
 
         F(v)  = (Fc + (Fs - Fc) exp(-|v|/vs)) sgn(v) + Fv v
-        F_hat = gain level(x) F(v)  for |v| >= v_min, else 0
-        u     = clip(F_hat + gain cogging(x), u_min, u_max)
+        F_hat = level(x) F(v)  for |v| >= v_min, else 0
+        u     = clip(gain (F_hat + cogging(x)), u_min, u_max)
 
     Tustin's curve has the exponent 1: its slope at rest is not 0. Armstrong-Helouvry, Dupont, Canudas de Wit,
     Automatica 30(7), 1994. level(x) and cogging(x) are straight lines between 16 points at x0, x0 + pitch/16, ..., and
@@ -78,5 +78,5 @@ def tustin_feedback(
     phase = (x - x0) / pitch
     place = POINTS * (phase - floor(phase))
     curve = (Fc + (Fs - Fc) * exp(-fabs(v) / vs)) * sign(v) + Fv * v
-    F_hat = if_else(fabs(v) < v_min, 0.0, gain * periodic_table(place, level) * curve)
-    return limited(F_hat + gain * periodic_table(place, cogging), F_hat, enable, u_min, u_max)
+    F_hat = if_else(fabs(v) < v_min, 0.0, periodic_table(place, level) * curve)
+    return limited(gain * periodic_table(place, cogging), F_hat, gain, enable, u_min, u_max)

@@ -30,8 +30,8 @@ def test_it_is_its_recursion():
     for sample, result in zip(samples, found, strict=True):
         rd, ed = sample["rd"], sample["rd"] - sample["v"]
         s, sign = ed + 63.0 * (sample["r"] - sample["x"]), float(np.sign(sample["rd"]))
-        F_hat = 0.9 * ((Fc + 0.5 * math.exp(-((rd / 1e-3) ** 2))) * sign + Fv * rd)
-        u = 2.0 * (sample["rdd"] + 63.0 * ed) + 127.0 * s + 0.5 * max(-1.0, min(1.0, s / 0.03)) + F_hat
+        F_hat = (Fc + 0.5 * math.exp(-((rd / 1e-3) ** 2))) * sign + Fv * rd
+        u = 2.0 * (sample["rdd"] + 63.0 * ed) + 127.0 * s + 0.5 * max(-1.0, min(1.0, s / 0.03)) + 0.9 * F_hat
         assert result["F_hat"] == pytest.approx(F_hat, abs=1e-11)
         assert result["u"] == pytest.approx(max(-limit, min(limit, u)), abs=1e-10)
         assert (result["Fc_hat"], result["Fv_hat"]) == pytest.approx((Fc, Fv), rel=1e-10)

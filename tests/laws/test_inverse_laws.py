@@ -48,7 +48,7 @@ def run(law: Law, samples: Iterable[dict[str, float]], **parameters: float | tup
 
 def test_one_mass_with_viscous_friction():
     found = INVERSE.evaluate({"rd": 0.5, "rdd": -2.0, "jerk": 7.0, "snap": 9.0, "m": 3.0, "Fv": 4.0, "gain": 0.5})
-    assert (found["u"], found["F_hat"]) == (3.0 * -2.0 + 0.5 * 4.0 * 0.5, 1.0)
+    assert (found["u"], found["F_hat"]) == (3.0 * -2.0 + 0.5 * 4.0 * 0.5, 4.0 * 0.5)
     assert (found["r_motor"], found["rd_motor"]) == (0.0, 0.5)
 
 

@@ -31,8 +31,8 @@ def test_it_is_its_recursion():
         Vs = 20.0 * (sample["r"] - sample["x"]) + 0.8 * sample["rd"]
         drive = 50.0 * (Vs - model)
         stuck = abs(model) < 5e-3
-        friction = 0.9 * (min(max(drive, -1.5), 1.5) if stuck else math.copysign(1.0, model) + 3.0 * model)
-        u = 50.0 * (Vs - sample["v"]) + 4.0 * sample["rdd"] + 2.0 * sample["rd"] + friction
+        friction = min(max(drive, -1.5), 1.5) if stuck else math.copysign(1.0, model) + 3.0 * model
+        u = 50.0 * (Vs - sample["v"]) + 4.0 * sample["rdd"] + 2.0 * sample["rd"] + 0.9 * friction
         assert result["F_hat"] == pytest.approx(friction, rel=1e-9, abs=1e-12)
         assert result["u"] == pytest.approx(min(u, 6.0), rel=1e-9, abs=1e-12)
         inside += stuck

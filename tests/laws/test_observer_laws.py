@@ -34,8 +34,9 @@ def test_static_feedback_is_its_formula(v, gain, Fs):
     p = {"Fc": 20.4, "Fs": Fs, "vs": 2e-3, "delta": 0.7}
     found = STATIC.evaluate({**p, "v": v, "vt": 5e-3, "Fv": 203.5, "gain": gain})
     part = min(max(v / 5e-3, -1.0), 1.0)
-    expected = gain * (part * level(v, **p) + 203.5 * v)
-    assert found["F_hat"] == found["u"] == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    expected = part * level(v, **p) + 203.5 * v
+    assert found["F_hat"] == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    assert found["u"] == pytest.approx(gain * expected, rel=1e-12, abs=1e-12)
 
 
 def test_static_feedback_at_rest_and_disabled():
@@ -100,9 +101,10 @@ def test_the_observer_is_the_exact_step():
     z = 0.0
     for k in range(200):
         after, rate = bristle(v[k], e[k], 30.0, z, 1e-3)
-        force = 0.7 * (P95["sigma0"] * z + P95["sigma1"] * rate + P95["sigma2"] * v[k])
+        force = P95["sigma0"] * z + P95["sigma1"] * rate + P95["sigma2"] * v[k]
         # relative to the largest term: the sum cancels
         assert found[k]["F_hat"] == pytest.approx(force, abs=1e-11 * (1.0 + P95["sigma1"] * abs(v[k])))
+        assert found[k]["u"] == pytest.approx(0.7 * found[k]["F_hat"], rel=1e-15)
         assert found[k]["z"] == pytest.approx(after, rel=1e-9, abs=1e-17)
         z = found[k]["z"]
 

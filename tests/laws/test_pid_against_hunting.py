@@ -56,6 +56,45 @@ def test_every_sign_change_counts_without_a_threshold():
     assert found == pytest.approx([1.0, 1.0, -0.5, 0.25])
 
 
+@pytest.mark.parametrize(("reversal", "Fc", "Ki"), [(1.0, 1.5, 30.0), (0.5, 0.7, 1e4), (1.0, 2.0, 0.0)])
+def test_the_sign_of_friction_in_the_integral_turns(reversal, Fc, Ki):
+    """A recursion of its own, in random motion with an error; the force of friction changes by 2 Fc."""
+    random = np.random.default_rng(7)
+    v, e = random.normal(size=(2, 300)) * [[1.0], [1e-2]]
+    found = run(
+        [{"v": a, "r": b} for a, b in zip(v, e, strict=True)],
+        Kp=0.0, Kd=0.0, Ki=Ki, reversal=reversal, Fc_turned=Fc, v_zc=0.5, u_min=-5.0, u_max=5.0,
+    )  # fmt: skip
+    integral, last, turns = 0.0, 0.0, 0
+    for k in range(300):
+        if abs(v[k]) > 0.5:
+            if last * v[k] < 0.0:
+                integral = reversal * integral + (2.0 * Fc * np.sign(v[k]) / Ki if Ki else 0.0)
+                turns += 1
+            last = v[k]
+        wanted = Ki * integral
+        assert found[k]["u"] == pytest.approx(np.clip(wanted, -5.0, 5.0), rel=1e-9, abs=1e-12)
+        further = abs(wanted) > 5.0 and wanted * e[k] > 0.0
+        integral += 0.0 if further else Ts * e[k]
+        assert found[k]["integral"] == pytest.approx(integral, rel=1e-9, abs=1e-15)
+    assert turns > 50
+
+
+def test_a_load_stays_in_the_integral_where_friction_turns():
+    """Ki I = load + Fc sgn(v) at constant speed; after the reversal it is load - Fc at once."""
+    load, Fc, Ki = 3.0, 1.5, 250e3
+    found = run(
+        [{"v": 0.1}, {"v": 1e-5}, {"v": -0.1}],
+        integral=(load + Fc) / Ki,
+        Fc_turned=Fc,
+        v_zc=1e-3,
+        Kp=0.0,
+        Kd=0.0,
+        Ki=Ki,
+    )
+    assert [result["u"] for result in found] == pytest.approx([load + Fc, load + Fc, load - Fc])
+
+
 def test_reset_and_disable_forget_the_side_and_the_band():
     assert integrals([{"v": 1.0}, {"v": -1.0, "reset": 1.0}], integral=1.0, reversal=0.5)[1] == 0.0
     off = run([{"v": 1.0, "r": 1.0}, {"v": 1.0, "enable": 0.0}, {"v": -1.0, "r": 2.5}], db=2.0, db_ratio=1.5, Kp=0.0)

@@ -41,9 +41,9 @@ def slide(law: Law, n: int, v: float, friction: Callable[[int], float], **values
 def test_first_order_is_one_saturation(r, rd, rdd, x, v, f, gain):
     found = FIRST.evaluate({"r": r, "rd": rd, "rdd": rdd, "x": x, "v": v, "f": f, "gain": gain, "m": 2.0, "K": 9.0})
     s = rd - v + 63.0 * (r - x)
-    part = gain * min(max(2.0 * s / 1e-3, -9.0), 9.0)
+    part = min(max(2.0 * s / 1e-3, -9.0), 9.0)
     assert found["F_hat"] == pytest.approx(part, rel=1e-9, abs=1e-9)
-    assert found["u"] == pytest.approx(2.0 * (rdd + 63.0 * (rd - v)) + part + f, rel=1e-9, abs=1e-9)
+    assert found["u"] == pytest.approx(2.0 * (rdd + 63.0 * (rd - v)) + gain * part + f, rel=1e-9, abs=1e-9)
 
 
 def test_the_saturation_solves_the_implicit_equation():

@@ -29,11 +29,11 @@ def test_it_is_its_formula(x, v, gain):
     place = ((x - 0.01) / 0.03) % 1.0 * N
     level, cogging = (np.interp(place, np.arange(N + 1), np.append(table, table[0])) for table in (LEVEL, COGGING))
     curve = (20.4 + 10.6 * math.exp(-abs(v) / 2e-3)) * float(np.sign(v)) + 203.5 * v
-    friction = gain * level * curve if abs(v) >= 5e-4 else 0.0
+    friction = level * curve if abs(v) >= 5e-4 else 0.0
     tables = {"level": tuple(LEVEL), "cogging": tuple(COGGING)}
     found = LAW.evaluate({**CURVE, **tables, "x": x, "v": v, "gain": gain, "pitch": 0.03, "x0": 0.01, "v_min": 5e-4})
     assert found["F_hat"] == pytest.approx(friction, abs=1e-9)
-    assert found["u"] == pytest.approx(friction + gain * cogging, abs=1e-9)
+    assert found["u"] == pytest.approx(gain * (friction + cogging), abs=1e-9)
 
 
 def test_the_exponent_is_one():
