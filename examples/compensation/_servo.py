@@ -28,6 +28,7 @@ def follow(
     reference: Mapping[str, float],
     stop: float,
     *,
+    source: str = "Sine",
     addition: tuple[str, Mapping[str, float]] | None = None,
     friction: str | None = "LuGre",
     start: Mapping[str, float] = NOTHING,
@@ -37,7 +38,7 @@ def follow(
     inner: int = 1,
     record: Sequence[str] = ("*",),
 ) -> Result:
-    """Run a controller, a mass of 1 kg and its friction along a sum of sines.
+    """Run a controller, a mass of 1 kg and its friction along a reference.
 
     Parameters
     ----------
@@ -47,9 +48,11 @@ def follow(
     settings : mapping of str to float
         Parameters of the controller.
     reference : mapping of str to float
-        Parameters of the block Sine.
+        Parameters of the reference.
     stop : float
         End of the run [s], rounded to samples.
+    source : str
+        Name of the block that gives the reference.
     addition : tuple or None
         Name and parameters of a block, the part ``addition``, whose u goes to the input f of the controller.
     friction : str or None
@@ -90,7 +93,7 @@ def follow(
             lines += [Wire("servo.u", f"{part.name}.u_prev", delay=inner)] if "u_prev" in taken else []
             if isinstance(part, FmuPart):
                 values[f"{part.name}.Ts"] = Ts
-        parts = [block("reference", "Sine", {}), *sampled, *others, block("mass", "Mass", {})]
+        parts = [block("reference", source, {}), *sampled, *others, block("mass", "Mass", {})]
         if friction:
             parts.append(block("friction", friction, {}))
             lines += ["mass.v -> friction.v", "friction.F -> mass.F_friction"]
