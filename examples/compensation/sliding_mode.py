@@ -133,7 +133,9 @@ def main(folder: Path, full: bool = False) -> Effect:
         Check("5 mm: variation of the explicit over the implicit law", shaken / quiet, "", 100.0),
         near("5 mm, implicit: error over that at half the sample time", calm / half["implicit"], 2.0, 0.02),
         near("5 mm, super-twisting: error over that at half the sample time", fine / half["super-twisting"], 4.0, 0.02),
-        near("5 mm, explicit: error of the velocity with ten times K over that with K", swing[1] / swing[0], 10.0, 0.05),
+        near(
+            "5 mm, explicit: error of the velocity with ten times K over that with K", swing[1] / swing[0], 10.0, 0.05
+        ),
         near("5 mm, implicit: error with ten times K over that with K", tame / calm, 1.0, 1e-6),
     ]
     return Effect(
