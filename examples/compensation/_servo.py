@@ -8,10 +8,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import MappingProxyType
 
+from _loop import TS, rms
 from friction_fmus import build
 from harness import FmuPart, Part, Result, System, Wire
-
-from _loop import TS, rms
 
 NOTHING: Mapping[str, float] = MappingProxyType({})
 

@@ -15,7 +15,8 @@ and the error is still 30 times that before. The law ANDFC measures the position
 stiffness, damping and viscous friction, the first two of which the load moves. It learns slower: one second after the
 step its error is 13 times that before at 5 mm, and 3 times at 50 µm; without adaptation it would be 205 and 1110 times.
 
-The errors were computed independently, with a Runge-Kutta method at steps of 2 µs for the axis and the laws written anew.
+The errors were computed independently, with a Runge-Kutta method at steps of 2 µs for the axis and the laws written
+anew.
 
 Source: Canudas de Wit, Lischinsky, Int. J. Adaptive Control and Signal Processing 11, 1997; Tan, Kanellakopoulos,
 American Control Conference, 1999 (ANDFC).

@@ -3,7 +3,7 @@
 Without a model of friction a compensator can only tell from the motion what friction was, and is late. On a friction
 that grows at the rate c the estimate misses c times its lag, for which each observer has a closed form: the disturbance
 observer with a low-pass of order 1 or 2, the extended-state observer, and a polynomial through the last ten mean
-forces; a straight line (degree 1) has no lag at all, and four times the noise of a mean value.
+forces; a straight line (degree 1) has no lag at all, and four times the variance of noise of a mean value.
 
 The left figure shows a mass of 1 kg that is held by a PD controller against a load that grows by 20 N/s. All observers
 but the straight line are tuned to a lag near 2.5 ms. The right figure shows what they leave of the error of the PD on
@@ -147,8 +147,8 @@ def main(folder: Path, full: bool = False) -> Effect:
                 checks.append(near(f"5 mm, {name}, lag of {1e3 * lag:g} ms: ratio", value, each, 0.05))
     *late, straight = (each[-1] for each in ratios.values())
     return Effect(
-        f"On a sine of 5 mm observers of one lag leave {100.0 * min(late):.1f} to {100.0 * max(late):.1f} % of the error, "
-        f"the straight line {100.0 * straight:.1f} %.",
+        f"On a sine of 5 mm observers of one lag leave {100.0 * min(late):.1f} to {100.0 * max(late):.1f} % of the "
+        f"error, the straight line {100.0 * straight:.1f} %.",
         tuple(checks),
     )
 
