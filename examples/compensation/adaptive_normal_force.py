@@ -80,7 +80,7 @@ def run(law: str, A: float) -> Result:
 def learned(since: Array) -> Array:
     """Theta, a time after the step, in motion in one direction."""
     fast, slow = np.roots([1.0, KS, GAMMA])
-    return 1.5 - 0.5 * (fast * np.exp(slow * since) - slow * np.exp(fast * since)) / (fast - slow)
+    return np.asarray(1.5 - 0.5 * (fast * np.exp(slow * since) - slow * np.exp(fast * since)) / (fast - slow))
 
 
 def main(folder: Path, full: bool = False) -> Effect:

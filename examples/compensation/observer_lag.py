@@ -141,8 +141,8 @@ def main(folder: Path, full: bool = False) -> Effect:
 
     if full:
         without = error(run(None, 5e-3), SETTLED)
-        for lag, expected in LAGS.items():
-            for name, each in zip(("observer, order 1", "extended state"), expected, strict=True):
+        for lag, both in LAGS.items():
+            for name, each in zip(("observer, order 1", "extended state"), both, strict=True):
                 value = error(run(name, 5e-3, lag), SETTLED) / without
                 checks.append(near(f"5 mm, {name}, lag of {1e3 * lag:g} ms: ratio", value, each, 0.05))
     *late, straight = (each[-1] for each in ratios.values())

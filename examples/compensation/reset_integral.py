@@ -61,11 +61,7 @@ def energy(result: Result) -> Array:
     a, b, c = KD, KP, KI
     e = deviation(result)
     integral = result["servo.integral"].to_numpy()
-    V = (
-        (a * e - result["mass.v"].to_numpy()) ** 2 / 2.0
-        + (b - c / a) * e**2 / 2.0
-        + a * c * (integral + e / a) ** 2 / 2.0
-    )
+    V = (a * e - result["mass.v"].to_numpy()) ** 2 + (b - c / a) * e**2 + a * c * (integral + e / a) ** 2
     return np.asarray(V / V[0])
 
 
