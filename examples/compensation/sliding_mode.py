@@ -6,10 +6,11 @@ Computed with the sign that s will have in the next sample it becomes a saturati
 the force which friction needs.
 
 The figure shows the force on 1 kg with LuGre friction on a sine of 5 mm at 1 Hz, sampled at 2 kHz, K = 2 N: both
-errors are near Fc Ts/(m lam), that of the s = F Ts/m at which the implicit law rests, but the input of the explicit law
-varies some 800 times as much. A K ten times as large makes the swing of the velocity about its reference ten times as large,
-and changes nothing with the implicit law. In presliding the two errors differ: at 5 µm that of the implicit law is a
-third of the other one, at 50 µm it is 1.6 times as large, as the explicit law shakes the contact loose.
+errors are near Fc Ts/(m lam), that of the s = F Ts/m at which the implicit law rests, but the input of the explicit
+law varies some 800 times as much. A K ten times as large makes the swing of the velocity about its reference ten
+times as large, and changes nothing with the implicit law. In presliding the two errors differ: at 5 µm that of the
+implicit law is a third of the other one, at 50 µm it is 1.6 times as large, as the explicit law shakes the contact
+loose.
 
 Below, the error over the sample time: that of the implicit law is proportional to Ts, that of the super-twisting law,
 in the split implicit form of this library, to Ts^2. Solved implicitly in both of its equations at once, as published,
