@@ -94,7 +94,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     viscous = SIGMA2 * RATIO * A
     checks: list[Check] = []
     strokes = list(MEANS)
-    found = {}
+    found: dict[str, dict[float, float]] = {}
     for friction, settling in (("LuGre", 100e-6), ("ElastoPlastic", 400e-6)):
         # the force of the bristles' damping has no mean
         forces = mean_forces(friction, [RATIO], strokes, A, {"sigma1": 0.0}, settling=settling)
@@ -112,11 +112,11 @@ def main(folder: Path, full: bool = False) -> Effect:
     ]
 
     means.axhline(LONG, color=BLACK, lw=1.0, ls=":", label="law of Coulomb friction")
-    means.axhline(SHORT, color=BLACK, lw=1.0, ls="--", label="v0 / mean of |v|")
+    means.axhline(SHORT, color=BLACK, lw=1.0, ls="--", label="Fc v0 / mean of |v|")
     means.axvspan(1.0, 15.0, color=GREY, alpha=0.25, lw=0.0, label="presliding")
-    for (name, forces), colour in zip(found.items(), (RED, BLUE), strict=True):
+    for (name, curve), colour in zip(found.items(), (RED, BLUE), strict=True):
         micrometres = [1e6 * stroke for stroke in strokes]
-        means.semilogx(micrometres, list(forces.values()), color=colour, marker="o", ms=5, lw=1.2, label=name)
+        means.semilogx(micrometres, list(curve.values()), color=colour, marker="o", ms=5, lw=1.2, label=name)
     means.set(xlabel="stroke [µm]", ylabel="mean friction [N]", ylim=(0.0, 1.1))
     means.legend(fontsize=9)
 
@@ -130,10 +130,10 @@ def main(folder: Path, full: bool = False) -> Effect:
         checks.append(near(name, 1e3 * e[-1], 1e3 * LEFT[frequency], 5e-3, "mm"))
         if frequency != 200.0:
             stroke = AD / (2.0 * pi * frequency) ** 2
-            errors.plot(t, 1e3 * e, color=colour, lw=1.5, label=f"LuGre, stroke {1e6 * stroke:.2g} µm")
+            errors.plot(t, 1e3 * e, color=colour, lw=1.5, label=f"LuGre, stroke {1e6 * stroke:.3g} µm")
             errors.plot(t, 1e3 * law, color=colour, lw=1.0, ls=":")
     t, e = settle("ElastoPlastic", 600.0)
-    errors.plot(t, 1e3 * e, color=BLUE, lw=1.5, label="ElastoPlastic, stroke 3.5 µm")
+    errors.plot(t, 1e3 * e, color=BLUE, lw=1.5, label="ElastoPlastic, stroke 3.52 µm")
     errors.plot([], [], color=GREY, lw=1.0, ls=":", label="law of Coulomb friction")
     errors.set(xlabel="time [s]", ylabel="error [mm]", ylim=(0.0, 165.0))
     errors.legend(fontsize=9, loc="lower left")

@@ -64,7 +64,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         off = max(abs(force - law(ratio)) for (ratio, _), force in found.items()) / FC
         checks.append(Check(f"{name}: largest deviation of the mean force from the law over Fc", off, "", 0.0, 5e-4))
         means.plot(line, [law(each) for each in line], color=colour, lw=1.0)
-        means.plot(RATIOS, found.values(), color=colour, ls="", marker="o", ms=5, label=name)
+        means.plot(RATIOS, list(found.values()), color=colour, ls="", marker="o", ms=5, label=name)
 
     deviations = []
     for frequency in (FREQUENCY, 50.0, 500.0) if full else (FREQUENCY,):
@@ -76,7 +76,7 @@ def main(folder: Path, full: bool = False) -> Effect:
             Check(f"mass, {frequency:g} Hz: largest deviation of its velocity from the law over A", off, "", 0.0, 1e-3)
         )
         if frequency == FREQUENCY:
-            speeds.plot(found_speeds.keys(), found_speeds.values(), color=RED, ls="", marker="o", ms=6, label="shaken")
+            speeds.plot(PUSHES, list(found_speeds.values()), color=RED, ls="", marker="o", ms=6, label="shaken")
     still = [abs(creep(push, False)) for push in PUSHES]
     checks.append(Check("mass without dither: velocity", max(still), "m/s", 0.0, 0.0))
     line = np.linspace(0.0, 1.0, 101)

@@ -85,8 +85,8 @@ def main(folder: Path, full: bool = False) -> Effect:
             assert x[-1] == x[-5]
             found.append(float(x[-1]))
             worst = max(worst, abs(x[-1] / slide(force, n * TS) - 1.0))
-        law = np.geomspace(1.3, 25.0, 60)
-        slides.loglog(law, 1e3 * slide(law, n * TS), color=colour, lw=1.0)
+        law = np.geomspace(1.3, 25.0, 60).tolist()
+        slides.loglog(law, [1e3 * slide(each, n * TS) for each in law], color=colour, lw=1.0)
         slides.loglog(
             FORCES, 1e3 * np.array(found), color=colour, ls="", marker="o", ms=5, label=f"{1e3 * n * TS:g} ms"
         )

@@ -93,7 +93,8 @@ def main(folder: Path, full: bool = False) -> Effect:
     looks = {"slow": (RED, "o", "LuGre, moving goal"), "jump": (BLUE, "s", "LuGre, goal jumps")}
     looks["rigid"] = (BLACK, "x", "rigid, goal jumps")
     for case, (colour, marker, label) in looks.items():
-        errors.plot(left[case].keys(), left[case].values(), color=colour, marker=marker, ls="", ms=6, label=label)
+        shares, stays = list(left[case]), list(left[case].values())
+        errors.plot(shares, stays, color=colour, marker=marker, ls="", ms=6, label=label)
     ways.set(xlabel="time [s]", ylabel="position / (Fs/Kp)")
     ways.legend(fontsize=9, loc=(0.03, 0.62))
     errors.set(xlabel="goal / (Fs/Kp)", ylabel="error that stays / (Fs/Kp)", xlim=(0.0, 2.2), ylim=(0.0, 1.1))
