@@ -6,9 +6,9 @@ Fs, so that any error up to Fs/Kp may stay, and a goal that is nearer than that 
 The figure shows 1 kg with Kp = 3 N/m and Kd = 6 N s/m, the gains of the 1995 paper without the integral, so that Fs/Kp
 is half a metre. On the left the goal moves away at 10 mm/s and stops: at 0.95 Fs/Kp the axis has given way by some 70
 µm in its presliding range, at 1.05 Fs/Kp it has broken away. On the right is what is left at the end. A rigid contact
-(KarnoppMass) breaks away at Fs/Kp, however fast the goal comes. On LuGre it matters how fast: a goal that jumps makes
-the axis swing in its presliding range at more than the Stribeck velocity, static friction falls on the way, and the
-axis breaks away at goals from 0.7 Fs/Kp on, which is little more than Fc/Kp. The bound of the error is Fs/Kp for all.
+(KarnoppMass) breaks away at Fs/Kp, even if the goal jumps. On LuGre it matters how fast it comes: if it jumps, the
+axis swings in its presliding range at more than the Stribeck velocity, static friction falls on the way, and the axis
+breaks away at goals from 0.7 Fs/Kp on, which is little more than Fc/Kp. The bound of the error is Fs/Kp for all.
 
 The ways and errors on LuGre were computed independently, with a Runge-Kutta method at 5 µs from sample to sample.
 
