@@ -22,17 +22,22 @@ static void branching(const law_parameters *p, law_states *s, const law_inputs *
         return;
     }
     const double rate = p->sigma0 * fabs(in->v) / stribeck(p, fabs(in->v));
-    const double slope = in->v + p->k * (in->r - in->x) - rate * s->z;
-    const double F = p->gain * (p->sigma0 * s->z + p->sigma1 * slope + p->sigma2 * in->v);
+    const double injected = p->k * (in->r - in->x);
+    double slope = in->v + injected - rate * s->z;
+    const double F = p->sigma0 * s->z + p->sigma1 * slope + p->sigma2 * in->v, wanted = p->gain * F;
     out->F_hat = F;
-    if (F < p->u_min) {
+    if (wanted < p->u_min) {
         out->u = p->u_min;
         out->u_sat = -1.0;
-    } else if (F > p->u_max) {
+        if (injected < 0.0) /* it would push further into the limit */
+            slope = in->v - rate * s->z;
+    } else if (wanted > p->u_max) {
         out->u = p->u_max;
         out->u_sat = 1.0;
+        if (injected > 0.0)
+            slope = in->v - rate * s->z;
     } else {
-        out->u = F;
+        out->u = wanted;
         out->u_sat = 0.0;
     }
     if (!in->reset) {
@@ -48,12 +53,13 @@ static void branch_free(const law_parameters *p, law_states *s, const law_inputs
     const double z = in->reset ? 0.0 : s->z, ratio = fabs(in->v) / p->vs;
     const double g = p->Fc + (p->Fs - p->Fc) * exp(-pow(ratio, p->delta));
     const double rate = p->sigma0 * fabs(in->v) / g;
-    const double slope = in->v + p->k * (in->r - in->x) - rate * z;
-    const double F = p->gain * (p->sigma0 * z + p->sigma1 * slope + p->sigma2 * in->v);
+    const double injected = p->k * (in->r - in->x), slope = in->v + injected - rate * z;
+    const double F = p->sigma0 * z + p->sigma1 * slope + p->sigma2 * in->v, wanted = p->gain * F;
     const double q = rate * p->Ts, phi = q < 1e-5 ? 1.0 - 0.5 * q : -expm1(-q) / q;
-    const double limited = F < p->u_min ? p->u_min : F > p->u_max ? p->u_max : F;
-    const double side = (double)((F > p->u_max) - (F < p->u_min));
-    const double next = goes_on ? z + p->Ts * slope * phi : 0.0;
+    const double limited = wanted < p->u_min ? p->u_min : wanted > p->u_max ? p->u_max : wanted;
+    const double side = (double)((wanted > p->u_max) - (wanted < p->u_min));
+    const double kept = side * injected > 0.0 ? 0.0 : injected; /* pushes no further into a limit */
+    const double next = goes_on ? z + p->Ts * (in->v + kept - rate * z) * phi : 0.0;
     out->u = ok ? on ? limited : 0.0 : out->u;
     out->F_hat = ok ? on ? F : 0.0 : out->F_hat;
     out->u_sat = ok ? on ? side : 0.0 : out->u_sat;
