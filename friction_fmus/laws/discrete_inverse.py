@@ -45,7 +45,6 @@ def square(pair: SX) -> SX:
         "pair = 0, |pair| > 1 or zero_phase": lambda pair, zero_phase: logic_or(
             logic_or(square(pair) == 0.0, square(pair) > 1.0), zero_phase
         ),
-        "zero = 0 or pair = 0": lambda zero, pair: logic_or(zero == 0.0, square(pair) == 0.0),
         "zero and pair not 1": lambda zero, pair: logic_and(zero != 1.0, logic_or(pair[0] != 1.0, pair[1] != 0.0)),
         "preview >= 2 with a pair": lambda preview, pair: logic_or(preview >= 2.0, square(pair) == 0.0),
     },
@@ -100,8 +99,8 @@ def discrete_inverse(
     |1 - zero z^-1|^2 / (1 - zero)^2, which for a negative zero falls towards high frequencies.
 
     Required are |zero| > 1 and |pair| > 1, unless zero_phase: the series of a zero inside the circle diverges with N,
-    and on it never settles. zero_phase takes zeros anywhere but at 1, where it divides by 0. Only one of zero and pair
-    may be there, and a pair needs two samples of preview.
+    and on it never settles. zero_phase takes zeros anywhere but at 1, where it divides by 0. A pair stands in
+    place of zero, and needs two samples of preview.
 
     The start values are a mass of 1 kg behind a hold with a delay of half a sample of 1 ms: zeros -3 -/+ 2 sqrt(2).
 
@@ -121,7 +120,9 @@ def discrete_inverse(
     fresh = logic_not(logic_and(started, logic_not(reset)))
     past = [r, *(if_else(fresh, r, line[j]) for j in range(LONGEST + 1))]
     p, n = 2.0 * pair[0], square(pair)
-    paired, single = n > 0.0, zero != 0.0
+    paired = n > 0.0
+    zero = if_else(paired, 0.0, zero)
+    single = zero != 0.0
     over_n, over_zero = 1.0 / if_else(paired, n, 1.0), 1.0 / if_else(single, zero, 1.0)
 
     def delayed(count: SX) -> SX:

@@ -112,7 +112,8 @@ def test_inputs_and_parameters_may_be_set_early(library: Library, when: str) -> 
     for name in library.names("parameter", type="Real"):
         v = library.variables[name]
         if when != "after it" or v.variability == "tunable":
-            value = (library.start(name) or 0.1) * draw.uniform(0.9, 1.1)
+            unset = 2.0 if name.startswith("pair[") else 0.1  # zeros belong outside the unit circle
+            value = (library.start(name) or unset) * draw.uniform(0.9, 1.1)
             values[name] = min(max(value, float(v.min or "-inf")), float(v.max or "inf"))
     with Instance(library) as run:
         if when == "instantiated":

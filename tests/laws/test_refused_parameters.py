@@ -50,7 +50,6 @@ CASES: list[tuple[str, str, Mapping[str, float], Mapping[str, float]]] = [
     ("DiscreteInverse", "zero = 0, |zero| > 1 or zero_phase", {"zero": -1.0}, {"zero": -1.01}),
     ("DiscreteInverse", "zero = 0, |zero| > 1 or zero_phase", {"zero": 0.5}, {"zero": 0.5, "zero_phase": 1.0}),
     ("DiscreteInverse", "pair = 0, |pair| > 1 or zero_phase", PAIR | {"pair[2]": 0.8}, PAIR),
-    ("DiscreteInverse", "zero = 0 or pair = 0", PAIR | {"zero": 2.0}, PAIR),
     ("DiscreteInverse", "zero and pair not 1", {"zero": 1.0, "zero_phase": 1.0}, {"zero": 0.9, "zero_phase": 1.0}),
     ("DiscreteInverse", "preview >= 2 with a pair", PAIR | {"preview": 1.9}, PAIR | {"preview": 2.0}),
 ]
