@@ -68,7 +68,7 @@ def motion(n: int) -> dict[str, np.ndarray]:
     r, rd = 0.01 * np.sin(phase), 0.02 * np.pi * np.cos(phase)
     on, off = np.ones(n), np.zeros(n)
     rdd = -0.04 * np.pi**2 * np.sin(phase)
-    return {"r": r, "x": 0.999 * r, "v": 0.999 * rd, "rd": rd, "rdd": rdd, "enable": on, "reset": off}
+    return {"r": r, "x": 0.999 * r, "v": 0.999 * rd, "rd": rd, "rdd": rdd, "Fn": on, "enable": on, "reset": off}
 
 
 def by_hand(name: str, folder: Path, rounds: int) -> list[Row]:

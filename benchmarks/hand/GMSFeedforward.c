@@ -122,7 +122,7 @@ static void branch_free(const law_parameters *p, law_states *s, const law_inputs
         const int slipped = ((side == way) & (s->slipping[i] != 0.0)) | (along >= level);
         const double stuck = along + p->k[i] * path, least = stuck < level ? stuck : level;
         const double behind = (along - level) * decay, moved = slipped ? level + behind : least;
-        creep += (slipped & (p->k[i] > 0.0) ? behind : 0.0) / (p->k[i] > 0.0 ? p->k[i] : 1.0);
+        creep += ((slipped & (p->k[i] > 0.0)) ? behind : 0.0) / (p->k[i] > 0.0 ? p->k[i] : 1.0);
         force[i] = side == 0.0 ? before : side * moved;
         slip[i] = (double)((side != 0.0) & (i < p->N) & (slipped | (stuck >= level)));
     }
