@@ -77,12 +77,10 @@ def build(
     """
     block = find(model)
     chosen = select(tuple(platforms))
-    target = Path(out_dir)
-    target.mkdir(parents=True, exist_ok=True)
     twin = domain == "rotational"
     plain = not (start or name or files or twin) and tuple(platforms) in (("native",), ("all",))
     if plain and (shipped := _shipped(model, block)):
-        return _copy(shipped, target / shipped.name)
+        return _copy(shipped, Path(out_dir) / shipped.name)
     code = with_start_values(block.code, start or {})
     code = rotational(code) if twin else code
     identifier = name or block.name + ("Rotational" if twin else "")
@@ -91,10 +89,9 @@ def build(
     sources = identified(_sources(block, files or {}), identifier)
     kept = toolchain.cache_folder() / f"{identifier}-{_key(sources, block, chosen)}.fmu"
     if not kept.is_file():
-        kept.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix="friction-fmus-") as folder:
             _make(block, sources, chosen, Path(folder), kept)
-    return _copy(kept, target / f"{identifier}.fmu")
+    return _copy(kept, Path(out_dir) / f"{identifier}.fmu")
 
 
 def _shipped(model: str | Path, block: Block) -> Path | None:
@@ -268,7 +265,8 @@ def _zip(folder: Path, target: Path) -> None:
 
 
 def _copy(source: Path, target: Path) -> Path:
-    """Copies so that the target is complete or absent."""
+    """Copies so that the target is complete or absent; makes its folder."""
+    target.parent.mkdir(parents=True, exist_ok=True)
     descriptor, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
     os.close(descriptor)
     try:
