@@ -84,7 +84,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         axes[0].plot(since, estimate, color=colour, lw=1.3, label=f"estimate, {label}")
     axes[0].set(xlabel="time after a reversal [ms]", ylabel="force [N]")
     axes[0].set_title("5 mm", fontsize=10)
-    axes[0].legend(loc="lower right", fontsize=9)
+    axes[0].legend(loc="upper left", fontsize=9)
     for column, colour, label in ((0, RED, "position to 1 nm"), (1, BLUE, "to 0.3 µm")):
         shown = [ratio[column] for ratio in ratios]
         axes[1].loglog([1e3 * each for each in RATIOS], shown, color=colour, marker="o", ms=4, label=label)
