@@ -92,7 +92,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     axes[1].axhline(FC + VISCOUS * speeds[0], color=BLACK, ls=":", lw=1.3)
     axes[1].set(xlabel="position [mm]", ylabel="force [N]", ylim=(-1.2, 2.2))
     for each in axes:
-        each.legend(loc="upper center", ncols=3, fontsize=9)
+        each.legend(loc="upper center", ncols=3, fontsize=8)
     save(figure, __file__, folder)
 
     checks, found = [], []
