@@ -21,7 +21,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from _effect import Effect, command_line, near
+from _effect import Check, Effect, command_line, near
 from _loop import BLACK, BLUE, FC, GAINS, RED, TS, Array, panels, save
 from friction_fmus import build
 from friction_fmus.procedures import Loop, separate, train
@@ -72,7 +72,7 @@ def learned_over_position(speed: float) -> Array:
     table = slice(round(SETTLED / TS), samples - round(REST / TS))
     place = np.mod(speed * (times[table] - 0.5 * RISE), PITCH)
     order = np.argsort(place)
-    return np.interp(X, place[order], training.forces[-1][table][order], period=PITCH)
+    return np.asarray(np.interp(X, place[order], training.forces[-1][table][order], period=PITCH))
 
 
 def main(folder: Path, full: bool = False) -> Effect:
@@ -95,10 +95,11 @@ def main(folder: Path, full: bool = False) -> Effect:
         each.legend(loc="upper center", ncols=3, fontsize=8)
     save(figure, __file__, folder)
 
-    checks, found = [], []
+    checks: list[Check] = []
+    found: list[tuple[float, float]] = []
     for speed, table in zip(speeds, tables, strict=True):
-        amplitude = 2.0 * abs(np.mean(table.cogging * np.exp(-2j * pi * X / PITCH)))
-        found.append((amplitude, table.friction.mean()))
+        amplitude = float(2.0 * abs(np.mean(table.cogging * np.exp(-2j * pi * X / PITCH))))
+        found.append((amplitude, float(table.friction.mean())))
         name = f"{1e3 * speed:g} mm/s"
         checks.append(near(f"{name}: amplitude of the cogging", amplitude, COGGING, 5e-3, "N"))
         checks.append(near(f"{name}: friction", found[-1][1], FC + VISCOUS * speed, 3e-3, "N"))
