@@ -57,7 +57,7 @@ def axis(learned: Part, speed: float, times: Array, folder: Path) -> System:
 def learned_over_position(speed: float) -> Array:
     """Force at the positions X, in a motion of a speed of any sign [N]."""
     samples = round((SETTLED + PITCH / abs(speed) + REST) / TS)
-    times = TS * np.arange(samples + 1)
+    times: Array = TS * np.arange(samples + 1, dtype=np.float64)
     with TemporaryDirectory() as folder:
         training = train(
             lambda part: axis(part, speed, times, Path(folder)),
