@@ -127,6 +127,7 @@ def train(
     trials: int = 15,
     rate: float = 0.5,
     fq: float = 50.0,
+    master: str = "gauss-seidel",
 ) -> Training:
     """Learn the force of a motion in repeated runs, each of which begins in the same state.
 
@@ -147,6 +148,8 @@ def train(
         Learning steps; one more trial than that is run.
     rate, fq : float
         Learning rate, and corner frequency of the zero-phase filter Q [Hz].
+    master : str
+        Who steps when, as of `System.run`.
 
     Returns
     -------
@@ -177,7 +180,8 @@ def train(
     for _ in range(trials + 1):
         learned = SeriesPart("learned", times, {"F": force}, {"F": "N"}, interpolation="previous", beyond="hold")
         with system(learned) as made:
-            result = made.run(stop=samples * Ts, step=Ts / every, decimate=every, record=[reference, position])
+            signals = [reference, position]
+            result = made.run(stop=samples * Ts, step=Ts / every, decimate=every, record=signals, master=master)
         error = (result[reference].to_numpy() - result[position].to_numpy())[:samples]
         forces.append(force)
         errors.append(error)
