@@ -120,7 +120,8 @@ def gms_feedforward(
     moving, side = dr != 0.0, if_else(dr > 0.0, 1.0, -1.0)
     S = stribeck_level(fabs(dr / Ts), Fc, Fs, vs, delta)
     used = [i < N for i in range(ELEMENTS)]
-    shares = [if_else(used[i], alpha[i], 0.0) for i in range(ELEMENTS)]
+    every = used[-1]
+    shares = [if_else(every, alpha[i], if_else(used[i], alpha[i], 0.0)) for i in range(ELEMENTS)]
     total = sum(shares)
     unit = S / if_else(total > 0.0, total, 1.0)
     levels = [share * unit for share in shares]
@@ -131,15 +132,16 @@ def gms_feedforward(
     for i, level in enumerate(levels):
         along = side * Fi[i]
         stuck = along + k[i] * fabs(dr)
-        behind = (along - level) * decay
-        moved = if_else(slipped[i], level + behind, fmin(stuck, level))
-        creep += if_else(logic_and(slipped[i], k[i] > 0.0), behind / if_else(k[i] > 0.0, k[i], 1.0), 0.0)
+        moved = if_else(slipped[i], level + (along - level) * decay, fmin(stuck, level))
+        creep += if_else(logic_and(slipped[i], k[i] > 0.0), (moved - level) / if_else(k[i] > 0.0, k[i], 1.0), 0.0)
         forces.append(if_else(moving, side * moved, if_else(reset, 0.0, Fi[i])))
-        slips.append(if_else(logic_and(moving, used[i]), if_else(slipped[i], 1.0, stuck >= level), 0.0))
+        slips.append(if_else(moving, if_else(slipped[i], 1.0, stuck >= level), 0.0))
+    slips = [if_else(every, slip, if_else(used[i], slip, 0.0)) for i, slip in enumerate(slips)]
     F_pre = sum(forces)
-    stretching = rd * (sum(used) - sum(slips)) - if_else(moving, side * (C * creep / S), 0.0)
+    creeping = if_else(moving, if_else(sigma > 0.0, side * (C * creep / S), 0.0), 0.0)
+    stretching = rd * (N - sum(slips)) - creeping
     load = if_else(Fn == Fn0, 1.0, if_else(Fn > 0.0, Fn, 0.0) / Fn0)
-    friction = load * (F_pre + if_else(sigma > 0.0, sigma * stretching, 0.0)) + sigma2 * rd
+    friction = load * (F_pre + sigma * stretching) + sigma2 * rd
     return {
         **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
         **when(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else
 
-from friction_fmus.expressions import stribeck_level, unless_winding_up
+from friction_fmus.expressions import limits, stribeck_level, unless_winding_up
 from friction_fmus.law import (
     DAMPING,
     FORCE,
@@ -100,6 +100,8 @@ def lugre_observer(
     rate = sigma0 * fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
     injected = k * (r - x)
     F_hat = sigma0 * old + sigma1 * (v + injected - rate * old) + sigma2 * v
-    outputs = limited(SX(0.0), F_hat, gain, enable, u_min, u_max)
-    drive = v + unless_winding_up(injected, outputs["u_sat"])
-    return {**outputs, "z": if_else(enable, if_else(reset, 0.0, relaxed(old, drive, rate, Ts)), 0.0)}
+    drive = v + unless_winding_up(injected, limits(gain * F_hat, u_min, u_max))
+    return {
+        **limited(SX(0.0), F_hat, gain, enable, u_min, u_max),
+        "z": if_else(enable, if_else(reset, 0.0, relaxed(old, drive, rate, Ts)), 0.0),
+    }
