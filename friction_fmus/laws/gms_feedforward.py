@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import reduce
 
-from casadi import SX, exp, fabs, fmin, if_else, logic_and, logic_or
+from casadi import SX, ceil, exp, fabs, fmin, if_else, logic_and, logic_or
 
 from friction_fmus.expressions import stribeck_level
 from friction_fmus.law import (
@@ -125,7 +125,8 @@ def gms_feedforward(
     total = sum(shares)
     unit = S / if_else(total > 0.0, total, 1.0)
     levels = [share * unit for share in shares]
-    slipped = [logic_or(logic_and(side == way, slipping[i]), side * Fi[i] >= level) for i, level in enumerate(levels)]
+    goes_on = side == way
+    slipped = [logic_or(logic_and(goes_on, slipping[i] > 0.0), side * Fi[i] >= level) for i, level in enumerate(levels)]
     decay = if_else(reduce(logic_or, slipped), exp(-C * Ts / S), 1.0)  # an exponential only if there is use for it
 
     forces, slips, creep = [], [], SX(0.0)
@@ -133,15 +134,17 @@ def gms_feedforward(
         along = side * Fi[i]
         stuck = along + k[i] * fabs(dr)
         moved = if_else(slipped[i], level + (along - level) * decay, fmin(stuck, level))
+        slips_now = if_else(slipped[i], 1.0, stuck >= level)
         creep += if_else(logic_and(slipped[i], k[i] > 0.0), (moved - level) / if_else(k[i] > 0.0, k[i], 1.0), 0.0)
         forces.append(if_else(moving, side * moved, if_else(reset, 0.0, Fi[i])))
-        slips.append(if_else(moving, if_else(slipped[i], 1.0, stuck >= level), 0.0))
+        slips.append(if_else(moving, slips_now, 0.0))
     slips = [if_else(every, slip, if_else(used[i], slip, 0.0)) for i, slip in enumerate(slips)]
     F_pre = sum(forces)
+    stretching = if_else(sigma > 0.0, rd * (ceil(N) - sum(slips)), 0.0)
     creeping = if_else(moving, if_else(sigma > 0.0, side * (C * creep / S), 0.0), 0.0)
-    stretching = rd * (N - sum(slips)) - creeping
+    F_el = F_pre + sigma * (stretching - creeping)
     load = if_else(Fn == Fn0, 1.0, if_else(Fn > 0.0, Fn, 0.0) / Fn0)
-    friction = load * (F_pre + sigma * stretching) + sigma2 * rd
+    friction = load * F_el + sigma2 * rd
     return {
         **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
         **when(

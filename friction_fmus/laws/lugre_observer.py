@@ -20,7 +20,7 @@ from friction_fmus.law import (
     State,
     law,
 )
-from friction_fmus.law_parts.observers import limited, relaxed
+from friction_fmus.law_parts.observers import acting, limited
 
 
 @law(
@@ -99,9 +99,11 @@ def lugre_observer(
     old = if_else(reset, 0.0, z)
     rate = sigma0 * fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
     injected = k * (r - x)
-    F_hat = sigma0 * old + sigma1 * (v + injected - rate * old) + sigma2 * v
-    drive = v + unless_winding_up(injected, limits(gain * F_hat, u_min, u_max))
+    slope = v + injected - rate * old
+    F_hat = sigma0 * old + sigma1 * slope + sigma2 * v
+    active = limits(gain * F_hat, u_min, u_max)
+    held = if_else(active != 0.0, v + unless_winding_up(injected, active) - rate * old, slope)
     return {
         **limited(SX(0.0), F_hat, gain, enable, u_min, u_max),
-        "z": if_else(enable, if_else(reset, 0.0, relaxed(old, drive, rate, Ts)), 0.0),
+        "z": if_else(enable, if_else(reset, 0.0, old + acting(rate, Ts) * held), 0.0),
     }
