@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import reduce
-
 from casadi import SX, ceil, exp, fabs, fmin, if_else, logic_and, logic_or
 
 from friction_fmus.expressions import stribeck_level
@@ -127,7 +125,7 @@ def gms_feedforward(
     levels = [share * unit for share in shares]
     goes_on = side == way
     slipped = [logic_or(logic_and(goes_on, slipping[i] > 0.0), side * Fi[i] >= level) for i, level in enumerate(levels)]
-    decay = if_else(reduce(logic_or, slipped), exp(-C * Ts / S), 1.0)  # an exponential only if there is use for it
+    decay = exp(-C * Ts / S)
 
     forces, slips, creep = [], [], SX(0.0)
     for i, level in enumerate(levels):
@@ -140,7 +138,7 @@ def gms_feedforward(
         slips.append(if_else(moving, slips_now, 0.0))
     slips = [if_else(every, slip, if_else(used[i], slip, 0.0)) for i, slip in enumerate(slips)]
     F_pre = sum(forces)
-    stretching = if_else(sigma > 0.0, rd * (ceil(N) - sum(slips)), 0.0)
+    stretching = rd * (if_else(every, ELEMENTS, ceil(N)) - sum(slips))
     creeping = if_else(moving, if_else(sigma > 0.0, side * (C * creep / S), 0.0), 0.0)
     F_el = F_pre + sigma * (stretching - creeping)
     load = if_else(Fn == Fn0, 1.0, if_else(Fn > 0.0, Fn, 0.0) / Fn0)
