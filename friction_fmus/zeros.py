@@ -29,6 +29,7 @@ class Zeros:
     """
 
     def __init__(self, nodes: Sequence[Node], results: Iterable[int], conditions: Collection[int]) -> None:
+        """Find which zeros are seen in a result."""
         self._nodes = nodes
         self._conditions = conditions
         self._seen = set(results)

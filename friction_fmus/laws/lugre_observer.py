@@ -96,14 +96,14 @@ def lugre_observer(
     Limits: needs a measured velocity; delay and noise in it are multiplied by sigma1. The estimate pushes where the
     parameters are larger than those of the axis: keep gain below 1 then. u_min must not exceed u_max.
     """
-    old = if_else(reset, 0.0, z)
     rate = sigma0 * fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
     injected = k * (r - x)
-    slope = v + injected - rate * old
-    F_hat = sigma0 * old + sigma1 * slope + sigma2 * v
+    slope = v + injected - rate * z
+    F_hat = if_else(reset, sigma1 * (v + injected), sigma0 * z + sigma1 * slope) + sigma2 * v
     active = limits(gain * F_hat, u_min, u_max)
-    held = if_else(active != 0.0, v + unless_winding_up(injected, active) - rate * old, slope)
+    # apart from the usual case, which has computed its slope for F_hat
+    held = if_else(active != 0.0, v + unless_winding_up(injected, active) - rate * z, slope)
     return {
         **limited(SX(0.0), F_hat, gain, enable, u_min, u_max),
-        "z": if_else(enable, if_else(reset, 0.0, old + acting(rate, Ts) * held), 0.0),
+        "z": if_else(enable, if_else(reset, 0.0, z + acting(rate, Ts) * held), 0.0),
     }
