@@ -20,8 +20,8 @@ PLAIN_CURVE = "(Fc + (Fs - Fc) * casadi.exp(-(({0} / vs) ** delta)))"
 FORMULATIONS = {
     "LuGreObserver": {
         "implicit step in place of the exact one": (
-            "relaxed(old, drive, rate, Ts)",
-            "(old + Ts * drive) / (1.0 + Ts * rate)",
+            "acting(rate, Ts)",
+            "Ts / (1.0 + Ts * rate)",
         ),
         "Stribeck curve by pow and exp, whatever the arguments": (
             CURVE.format("fabs(v)"),
@@ -33,10 +33,6 @@ FORMULATIONS = {
         "Stribeck curve by pow and exp, whatever the arguments": (
             CURVE.format("fabs(dr / Ts)"),
             PLAIN_CURVE.format("fabs(dr / Ts)"),
-        ),
-        "attraction also if no element slips": (
-            "if_else(reduce(logic_or, slipped), exp(-C * Ts / S), 1.0)",
-            "exp(-C * Ts / S)",
         ),
     },
 }

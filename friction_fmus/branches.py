@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ DECIDES = ("SELECT", "IF_ELSE_ZERO")
 PAYS = 6
 """Number of operations that a branch must spare, else both sides are computed."""
 
-_ALL, _ITSELF = -1, -2  # in place of one select
+_ITSELF = -1  # in place of a group of selects
 _CALL = 10  # operations that a call of the C library takes the time of
 
 
@@ -41,21 +41,21 @@ Block = tuple["int | Decision", ...]
 
 
 class _Edge(NamedTuple):
-    """One side of a decision, and the select that makes it if others of the same condition cannot join."""
+    """One side of a decision, and which group of the selects of its condition takes it."""
 
     condition: int
     side: int
-    select: int
+    group: int
 
 
 _Path = tuple[_Edge, ...]
 
 
 class _CircleError(Exception):
-    """Selects of one condition depend on each other: they cannot join."""
+    """Selects of one condition depend on each other: they cannot all join."""
 
-    def __init__(self, condition: int) -> None:
-        self.condition = condition
+    def __init__(self, conditions: Sequence[int]) -> None:
+        self.conditions = conditions
 
 
 def plan(nodes: Sequence[Node], results: Iterable[int]) -> Block:
@@ -75,12 +75,27 @@ def plan(nodes: Sequence[Node], results: Iterable[int]) -> Block:
     """
     wanted = tuple(results)
     order = _needed(nodes, wanted)
-    apart: set[int] = set()
+    groups: dict[int, int] = {}
+    tried: dict[int, int] = {}  # condition -> how often its selects were parted
     while True:
         try:
-            return _Scheduler(nodes, _paths(nodes, order, wanted, apart), apart).block(())
+            return _Scheduler(nodes, _paths(nodes, order, wanted, groups), groups).block(())
         except _CircleError as circle:
-            apart.add(circle.condition)
+            condition = min(circle.conditions, key=lambda condition: tried.get(condition, 0))
+            tried[condition] = tried.get(condition, 0) + 1
+            groups |= _parted(nodes, order, condition, singly=tried[condition] > 1)
+
+
+def _parted(nodes: Sequence[Node], order: Sequence[int], condition: int, *, singly: bool) -> dict[int, int]:
+    """Groups of the selects of a condition: by how many of them each depends on in a row, or a group for each."""
+    depth: dict[int, int] = {}
+    groups: dict[int, int] = {}
+    for number in order:
+        depth[number] = max((depth[argument] for argument in nodes[number].arguments), default=0)
+        if nodes[number].operation in DECIDES and nodes[number].arguments[0] == condition:
+            groups[number] = number if singly else depth[number]
+            depth[number] += 1
+    return groups
 
 
 def _needed(nodes: Sequence[Node], results: Iterable[int]) -> list[int]:
@@ -91,13 +106,12 @@ def _needed(nodes: Sequence[Node], results: Iterable[int]) -> list[int]:
     return sorted(found)
 
 
-def _edge(nodes: Sequence[Node], number: int, side: int, apart: Collection[int]) -> _Edge:
-    condition = nodes[number].arguments[0]
-    return _Edge(condition, side, number if condition in apart else _ALL)
+def _edge(nodes: Sequence[Node], number: int, side: int, groups: Mapping[int, int]) -> _Edge:
+    return _Edge(nodes[number].arguments[0], side, groups.get(number, 0))
 
 
 def _paths(
-    nodes: Sequence[Node], order: Sequence[int], results: Sequence[int], apart: Collection[int]
+    nodes: Sequence[Node], order: Sequence[int], results: Sequence[int], groups: Mapping[int, int]
 ) -> dict[int, _Path]:
     """What must be decided, and how, for a node to be needed, the outermost decision first."""
     paths: dict[int, _Path] = dict.fromkeys(results, ())
@@ -106,17 +120,17 @@ def _paths(
         for position, argument in enumerate(node.arguments):
             path = paths[number]
             if node.operation in DECIDES and position > 0:
-                path = (*path, _edge(nodes, number, position, apart))
+                path = (*path, _edge(nodes, number, position, groups))
             paths[argument] = _common(paths.get(argument, path), path)
     spared: dict[tuple[int, int], int] = {}
     for number in order:
         operation = nodes[number].operation
         if operation not in ("CONST", "INPUT"):
-            for condition, _, select in paths[number]:
+            for condition, _, group in paths[number]:
                 weight = _CALL if operation in CALLS else 1
-                spared[condition, select] = spared.get((condition, select), 0) + weight
+                spared[condition, group] = spared.get((condition, group), 0) + weight
     return {
-        number: tuple(edge for edge in paths[number] if spared.get((edge.condition, edge.select), 0) >= PAYS)
+        number: tuple(edge for edge in paths[number] if spared.get((edge.condition, edge.group), 0) >= PAYS)
         for number in order
         if nodes[number].operation not in ("CONST", "INPUT")
     }
@@ -133,10 +147,10 @@ def _common(first: _Path, second: _Path) -> _Path:
 class _Scheduler:
     """Orders the nodes of a block; decisions of one condition become one where nothing stands between them."""
 
-    def __init__(self, nodes: Sequence[Node], paths: dict[int, _Path], apart: Collection[int]) -> None:
+    def __init__(self, nodes: Sequence[Node], paths: dict[int, _Path], groups: Mapping[int, int]) -> None:
         self._nodes = nodes
         self._paths = paths
-        self._apart = apart
+        self._groups = groups
         self._within: dict[_Path, list[int]] = {}
         for number, path in paths.items():
             for length in range(len(path) + 1):
@@ -144,19 +158,19 @@ class _Scheduler:
 
     def block(self, path: _Path) -> Block:
         """The block behind these decisions."""
-        units: dict[tuple[int, int], list[int]] = {}  # (condition, select) -> selects
-        owner: dict[int, tuple[int, int]] = {}  # node -> unit in which it is computed; (node, -2) is the node itself
+        units: dict[tuple[int, int], list[int]] = {}  # (condition, group) -> selects
+        owner: dict[int, tuple[int, int]] = {}  # node -> unit in which it is computed; (node, -1) is the node itself
         for number in self._within.get(path, ()):
             own = self._paths[number] == path
             key = (number, _ITSELF)
             if own and self._nodes[number].operation in DECIDES:
-                edge = _edge(self._nodes, number, 1, self._apart)
+                edge = _edge(self._nodes, number, 1, self._groups)
                 if any((*path, edge._replace(side=side)) in self._within for side in (1, 2)):
-                    key = (edge.condition, edge.select)
+                    key = (edge.condition, edge.group)
                     units.setdefault(key, []).append(number)
             elif not own:
                 edge = self._paths[number][len(path)]
-                key = (edge.condition, edge.select)
+                key = (edge.condition, edge.group)
             owner[number] = key
 
         selects = {number for members in units.values() for number in members}
@@ -165,19 +179,19 @@ class _Scheduler:
         for number, key in owner.items():
             arguments = [argument for argument in self._nodes[number].arguments if argument in owner]
             if any(owner[argument] == key and argument in selects for argument in arguments):
-                raise _CircleError(key[0])
+                raise _CircleError([key[0]])
             waits[key] |= {owner[argument] for argument in arguments} - {key}
             last[key] = max(last.get(key, -1), number)
         ordered = _ordered(waits, last)
         if len(ordered) < len(waits):
-            raise _CircleError(next(key[0] for key in waits if key not in ordered and key[1] == _ALL))
+            raise _CircleError([key[0] for key in waits if key not in ordered and key[1] != _ITSELF])
         items: list[int | Decision] = []
-        for condition, select in ordered:
-            if select == _ITSELF:
+        for condition, group in ordered:
+            if group == _ITSELF:
                 items.append(condition)
             else:
-                first, second = (self.block((*path, _Edge(condition, side, select))) for side in (1, 2))
-                items.append(Decision(condition, tuple(units[condition, select]), (first, second)))
+                first, second = (self.block((*path, _Edge(condition, side, group))) for side in (1, 2))
+                items.append(Decision(condition, tuple(units[condition, group]), (first, second)))
         return tuple(items)
 
 

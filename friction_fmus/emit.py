@@ -23,6 +23,7 @@ from friction_fmus.expression_graph import (
     Node,
     graph,
 )
+from friction_fmus.zeros import Zeros
 
 
 @dataclass(frozen=True)
@@ -84,8 +85,6 @@ class Kernel:
 
 
 _IN_A_LINE = 12  # names of variables
-# results that are never -0.0, whatever the arguments
-_NO_MINUS_ZERO = {"FABS", "SQ", "EXP", "COSH", "HYPOT", "SELECT", *CONDITIONS}
 
 
 def kernel(
@@ -129,7 +128,8 @@ def kernel(
         For an operation without a C form, or a function that is not scalar.
     """
     nodes, results = graph(function)
-    writer = _Writer(nodes, reads, real, frozenset(conditions), frozenset(taken))
+    truths = frozenset(conditions)
+    writer = _Writer(nodes, reads, real, truths, frozenset(taken), Zeros(nodes, results, truths))
     block = plan(nodes, results)
     last = block[-1] if block else None
     joined = last.selects if isinstance(last, Decision) else ()  # what they take is stored there, among other results
@@ -146,13 +146,20 @@ class _Writer:
     """Names every node and writes its declaration."""
 
     def __init__(
-        self, nodes: list[Node], reads: Sequence[str], real: Real, conditions: frozenset[int], taken: frozenset[str]
+        self,
+        nodes: list[Node],
+        reads: Sequence[str],
+        real: Real,
+        conditions: frozenset[int],
+        taken: frozenset[str],
+        zeros: Zeros,
     ) -> None:
         self.functions: set[str] = set()
         self._nodes = nodes
         self._real = real
         self._conditions = conditions
         self._taken = taken
+        self._zeros = zeros
         self._texts: dict[int, str] = {}
         self._copied: dict[int, str] = {}
         self._last = 0
@@ -187,7 +194,7 @@ class _Writer:
                 continue
             node = self._nodes[item]
             kind = "int" if node.operation in CONDITIONS else self._real.name
-            expression = self._expression(node)
+            expression = self._expression(item)
             name = self._texts[item] = self._new_name()
             if statements:  # C89 has no declarations behind statements
                 variables.setdefault(kind, []).append(name)
@@ -208,19 +215,18 @@ class _Writer:
         for side, block in enumerate(decision.sides, start=1):
             lines += [f"    {line}" for line in self.block(block)]
             for number, names in targets.items():
-                value = self._side(self._nodes[number], side)
+                value = self._side(number, side)
                 lines += [f"    {name} = {value};" for name in names]
             lines.append("} else {" if side == 1 else "}")
         return lines
 
-    def _side(self, node: Node, side: int) -> str:
+    def _side(self, number: int, side: int) -> str:
         """What a select takes on one side; casadi's sum of both turns -0.0 into 0.0."""
-        zero = self._real.literal(0.0)
+        node, zero = self._nodes[number], self._real.literal(0.0)
         if side == len(node.arguments):
             return zero
         value = self.number(node.arguments[side])
-        plain = node.operation == "IF_ELSE_ZERO" or self._never_minus_zero(node.arguments[side])
-        return value if plain else f"{value} + {zero}"
+        return f"{value} + {zero}" if self._zeros.becomes_plus(number, side) else value
 
     def number(self, node: int) -> str:
         """The node as a number."""
@@ -243,7 +249,8 @@ class _Writer:
             if f"t{self._last}" not in self._taken:
                 return f"t{self._last}"
 
-    def _expression(self, node: Node) -> str:
+    def _expression(self, number: int) -> str:
+        node = self._nodes[number]
         operation, arguments = node.operation, node.arguments
         zero = self._real.literal(0.0)
         if operation in LOGIC:
@@ -252,7 +259,7 @@ class _Writer:
             plain = self._texts[arguments[0]]
             return f"!{plain}" if self._is_condition(arguments[0]) else f"{plain} == {zero}"
         if operation in DECIDES:
-            return f"{self._truth(arguments[0])} ? {self._side(node, 1)} : {self._side(node, 2)}"
+            return f"{self._truth(arguments[0])} ? {self._side(number, 1)} : {self._side(number, 2)}"
         numbers = [self.number(argument) for argument in arguments]
         if operation in INFIX:
             return f"{numbers[0]} {INFIX[operation]} {numbers[1]}"
@@ -267,13 +274,3 @@ class _Writer:
 
     def _in_brackets(self, node: int) -> str:
         return self._texts[node] if self._is_condition(node) else f"({self._truth(node)})"
-
-    def _never_minus_zero(self, number: int) -> bool:
-        node = self._nodes[number]
-        if node.operation == "CONST":
-            return node.value != 0.0 or math.copysign(1.0, node.value) > 0.0
-        if node.operation in ("IF_ELSE_ZERO", "SUB"):
-            return self._never_minus_zero(node.arguments[1 if node.operation == "IF_ELSE_ZERO" else 0])
-        if node.operation == "ADD":
-            return any(map(self._never_minus_zero, node.arguments))
-        return node.operation in _NO_MINUS_ZERO or self._is_condition(number)

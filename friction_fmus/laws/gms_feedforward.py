@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from functools import reduce
-
-from casadi import SX, exp, fabs, fmin, if_else, logic_and, logic_or
+from casadi import SX, ceil, exp, fabs, fmin, if_else, logic_and, logic_or
 
 from friction_fmus.expressions import stribeck_level
 from friction_fmus.law import (
@@ -120,26 +118,29 @@ def gms_feedforward(
     moving, side = dr != 0.0, if_else(dr > 0.0, 1.0, -1.0)
     S = stribeck_level(fabs(dr / Ts), Fc, Fs, vs, delta)
     used = [i < N for i in range(ELEMENTS)]
-    shares = [if_else(used[i], alpha[i], 0.0) for i in range(ELEMENTS)]
+    every = used[-1]  # decided first: then there is nothing to decide for each element
+    shares = [if_else(every, alpha[i], if_else(used[i], alpha[i], 0.0)) for i in range(ELEMENTS)]
     total = sum(shares)
     unit = S / if_else(total > 0.0, total, 1.0)
-    levels = [share * unit for share in shares]
-    slipped = [logic_or(logic_and(side == way, slipping[i]), side * Fi[i] >= level) for i, level in enumerate(levels)]
-    decay = if_else(reduce(logic_or, slipped), exp(-C * Ts / S), 1.0)  # an exponential only if there is use for it
+    decay = exp(-C * Ts / S)
 
     forces, slips, creep = [], [], SX(0.0)
-    for i, level in enumerate(levels):
-        along = side * Fi[i]
+    for i, share in enumerate(shares):
+        level, along = share * unit, side * Fi[i]
+        slipped = logic_or(logic_and(side == way, slipping[i] > 0.0), along >= level)
         stuck = along + k[i] * fabs(dr)
-        behind = (along - level) * decay
-        moved = if_else(slipped[i], level + behind, fmin(stuck, level))
-        creep += if_else(logic_and(slipped[i], k[i] > 0.0), behind / if_else(k[i] > 0.0, k[i], 1.0), 0.0)
+        moved = if_else(slipped, level + (along - level) * decay, fmin(stuck, level))
+        creep += if_else(logic_and(slipped, k[i] > 0.0), (moved - level) / if_else(k[i] > 0.0, k[i], 1.0), 0.0)
         forces.append(if_else(moving, side * moved, if_else(reset, 0.0, Fi[i])))
-        slips.append(if_else(logic_and(moving, used[i]), if_else(slipped[i], 1.0, stuck >= level), 0.0))
+        slips.append(if_else(moving, if_else(slipped, 1.0, stuck >= level), 0.0))
+    slips = [if_else(every, slip, if_else(used[i], slip, 0.0)) for i, slip in enumerate(slips)]
     F_pre = sum(forces)
-    stretching = rd * (sum(used) - sum(slips)) - if_else(moving, side * (C * creep / S), 0.0)
+    stretching = rd * (if_else(every, ELEMENTS, ceil(N)) - sum(slips))
+    # in this order all that needs S is behind the one decision on moving
+    creeping = if_else(moving, if_else(sigma > 0.0, side * (C * creep / S), 0.0), 0.0)
+    F_el = F_pre + sigma * (stretching - creeping)
     load = if_else(Fn == Fn0, 1.0, if_else(Fn > 0.0, Fn, 0.0) / Fn0)
-    friction = load * (F_pre + if_else(sigma > 0.0, sigma * stretching, 0.0)) + sigma2 * rd
+    friction = load * F_el + sigma2 * rd
     return {
         **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
         **when(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else
 
-from friction_fmus.expressions import stribeck_level, unless_winding_up
+from friction_fmus.expressions import limits, stribeck_level, unless_winding_up
 from friction_fmus.law import (
     DAMPING,
     FORCE,
@@ -20,7 +20,7 @@ from friction_fmus.law import (
     State,
     law,
 )
-from friction_fmus.law_parts.observers import limited, relaxed
+from friction_fmus.law_parts.observers import acting, limited
 
 
 @law(
@@ -96,10 +96,14 @@ def lugre_observer(
     Limits: needs a measured velocity; delay and noise in it are multiplied by sigma1. The estimate pushes where the
     parameters are larger than those of the axis: keep gain below 1 then. u_min must not exceed u_max.
     """
-    old = if_else(reset, 0.0, z)
     rate = sigma0 * fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
     injected = k * (r - x)
-    F_hat = sigma0 * old + sigma1 * (v + injected - rate * old) + sigma2 * v
-    outputs = limited(SX(0.0), F_hat, gain, enable, u_min, u_max)
-    drive = v + unless_winding_up(injected, outputs["u_sat"])
-    return {**outputs, "z": if_else(enable, if_else(reset, 0.0, relaxed(old, drive, rate, Ts)), 0.0)}
+    slope = v + injected - rate * z
+    F_hat = if_else(reset, sigma1 * (v + injected), sigma0 * z + sigma1 * slope) + sigma2 * v
+    active = limits(gain * F_hat, u_min, u_max)
+    # apart from the usual case, which has computed its slope for F_hat
+    held = if_else(active != 0.0, v + unless_winding_up(injected, active) - rate * z, slope)
+    return {
+        **limited(SX(0.0), F_hat, gain, enable, u_min, u_max),
+        "z": if_else(enable, if_else(reset, 0.0, z + acting(rate, Ts) * held), 0.0),
+    }

@@ -160,6 +160,23 @@ def test_only_the_side_that_is_taken_is_computed():
     assert not any("if" in line for line in cheap)
 
 
+def test_minus_zero_is_made_plus_only_where_a_result_shows_it():
+    """By IEEE 754: a comparison and a square do not tell the zeros apart, a sum may, and a divisor always does."""
+    chosen = ca.if_else(A < B, A, B)
+    for result, shows in ((chosen < 1, False), (chosen**2, False), (chosen - A, True), (1 / (chosen - 3), True)):
+        lines = kernel(ca.Function("f", [A, B], [result]), "ab", "c").lines
+        assert any("+ 0.0" in line for line in lines) == shows
+
+
+def test_selects_that_need_each_other_share_two_branches():
+    """All of the first ones are taken in one branch, all that need them in a second."""
+    first = [ca.if_else(A < B, ca.exp(A + i), ca.sin(B + i)) for i in range(3)]
+    total = sum(first)
+    second = [ca.if_else(A < B, ca.cos(total + i), total) for i in range(3)]
+    lines = kernel(ca.Function("f", [A, B], [sum(second) * total]), "ab", "c").lines
+    assert sum(line.startswith("if (") for line in lines) == 2
+
+
 def random_function(random: np.random.Generator) -> ca.Function:
     """Operations and decisions on what was computed before, at random, some of them shared, some in circles."""
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
