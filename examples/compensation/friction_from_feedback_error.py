@@ -1,0 +1,108 @@
+"""What the feedback adds at constant speed is the friction that is missing
+
+At constant speed inertia takes no force: what the feedback adds to a friction feedforward is the error of the
+feedforward. Put into a table, it makes the next pass better. This identifies friction over speed, if the axis moves
+evenly: where friction falls with speed the damping of the controller must exceed the steepest fall of the curve,
+0.858 (Fs - Fc)/vs, here 429 N s/m. With less the axis sticks and slips, and the mean force is not the friction at that
+speed.
+
+The figure shows the table of an axis of 1 kg with LuGre friction, without a friction feedforward at first, for two
+proportional-derivative controllers: Kd = 600 N s/m, Kp = 90 kN/m, and Kd = 20 N s/m, Kp = 100 N/m. The axis starts at
+rest, 1.5 times as far as its controller needs to break it away behind a reference that moves from the start on. Means
+are taken from 6 s to 10 s, with the second controller from 30 s to 60 s, in samples of 0.5 ms. With the first one the
+second pass has nothing left to add. With the second one the axis sticks and slips at low speed; those points are told
+apart by their ripple of velocity.
+
+The true friction is the Stribeck curve of the plant, Fc + (Fs - Fc) exp(-(v/vs)^2) + sigma2 v.
+
+Source: Johnson, Lorenz, IEEE Transactions on Industry Applications 28(6), 1992.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from _effect import Check, Effect, command_line, near
+from _loop import BLACK, BLUE, FC, FS, GREY, RED, TS, VS, Array, panels, save
+from friction_fmus import build
+from friction_fmus.conditions import steepest_fall
+from friction_fmus.procedures import identify_from_feedback
+from harness import FmuPart, SeriesPart, System
+
+FIRM, SOFT = {"Kp": 9e4, "Kd": 600.0}, {"Kp": 100.0, "Kd": 20.0}  # [N/m], [N s/m]
+VISCOUS = 0.4  # [N s/m]
+
+
+def level(v: Array) -> Array:
+    """The friction of the plant in steady motion [N]."""
+    return np.asarray(FC + (FS - FC) * np.exp(-((v / VS) ** 2)) + VISCOUS * v)
+
+
+def axis(folder: Path, gains: dict[str, float], stop: float) -> Callable[[float, float], System]:
+    """The axis with a controller, for a speed and a force that is added."""
+
+    def system(speed: float, force: float) -> System:
+        ends = np.array([0.0, stop])
+        series = {"r": speed * ends + 1.5 * FS / gains["Kp"] * np.sign(speed), "rd": np.full(2, speed)}
+        reference = SeriesPart("reference", ends, series, {"r": "m", "rd": "m/s"}, beyond="hold")
+        models = {"pid": "PID", "mass": "Mass", "friction": "LuGre"}
+        parts = [FmuPart(name, build(model, folder)) for name, model in models.items()]
+        wires = ["reference.r -> pid.r", "reference.rd -> pid.rd", "mass.x -> pid.x", "mass.v -> pid.v"]
+        wires += ["pid.u -> mass.F_drive", "mass.v -> friction.v", "friction.F -> mass.F_friction"]
+        start = {f"pid.{name}": value for name, value in (gains | {"Ki": 0.0, "m": 0.0, "Ts": TS}).items()}
+        return System([reference, *parts], wires, start | {"pid.rdd": 0.0, "pid.f": force})
+
+    return system
+
+
+def main(folder: Path, full: bool = False) -> Effect:
+    """Draw both tables, check that the firm one is right after two passes."""
+    slow = (3e-4, 1e-3, 2e-3, 1e-2, 0.1)
+    speeds = np.array([1e-4, *slow, *(-v for v in slow), 0.5] if full else slow)
+    with TemporaryDirectory() as fmus:
+        how = {"control": "pid.u", "velocity": "mass.v", "step": TS}
+        firm = identify_from_feedback(axis(Path(fmus), FIRM, 10.0), speeds, settled=6.0, stop=10.0, **how)
+        soft = identify_from_feedback(axis(Path(fmus), SOFT, 60.0), slow, settled=30.0, stop=60.0, **how)
+
+    figure, (table, passes) = panels("What the feedback adds is the friction that is missing", 1, 2, (9.0, 3.8))
+    line = np.geomspace(1e-4, 0.2)
+    table.semilogx(1e3 * line, level(line), color=GREY, lw=1.4, label="of the plant")
+    forward = speeds > 0.0
+    table.plot(1e3 * speeds[forward], firm.levels[-1][forward], "o", color=BLUE, label="Kd = 600 N s/m")
+    table.plot(1e3 * np.array(slow), soft.levels[-1], "x", color=RED, label="Kd = 20 N s/m")
+    table.set(xlabel="speed [mm/s]", ylabel="friction found [N]", ylim=(0.9, 1.6))
+    table.legend(fontsize=9)
+    for found, colour in ((firm, BLUE), (soft, RED)):
+        for column in range(len(slow)):
+            errors = np.abs(found.levels[:, column] - level(np.abs(found.speeds[column])))
+            passes.semilogy(range(len(errors)), np.maximum(errors, 1e-12), "o-", color=colour, lw=1.0, ms=4)
+    passes.set(xlabel="passes", ylabel="error of the table [N]", xticks=range(3))
+    passes.axhline(1e-3, color=BLACK, lw=0.6, ls=":")
+    save(figure, __file__, folder)
+
+    checks = [
+        Check("steepest fall of the curve over Kd = 600 N s/m", steepest_fall(FC, FS, VS) / FIRM["Kd"], "", 0.0, 1.0),
+        Check("steepest fall of the curve over Kd = 20 N s/m", steepest_fall(FC, FS, VS) / SOFT["Kd"], "", 1.0),
+    ]
+    for speed, value, left in zip(speeds, firm.friction, firm.feedback[-1], strict=True):
+        name = f"Kd = 600 N s/m, {1e3 * speed:g} mm/s"
+        checks.append(
+            near(f"{name}: friction after two passes", value, float(np.sign(speed) * level(abs(speed))), 1e-3, "N")
+        )
+        checks.append(Check(f"{name}: what the second pass adds", abs(1e3 * left), "mN", 0.0, 1.0))
+    sticks = soft.ripple[-1] >= 1.0
+    checks.append(Check("Kd = 20 N s/m: speeds at which the axis sticks", float(sticks.sum()), "", 1.0))
+    wrong = np.abs(soft.levels[-1] - level(np.array(slow)))[sticks].max()
+    checks.append(Check("Kd = 20 N s/m: largest error of a mean force there", wrong, "N", 0.02))
+    worst = np.abs(np.abs(firm.friction) - level(np.abs(speeds))).max()
+    return Effect(
+        f"With Kd = 600 N s/m two passes find the friction to {worst:.1e} N at all speeds; with Kd = 20 N s/m the axis "
+        f"sticks at {int(sticks.sum())} of {len(slow)} speeds, where the mean force is up to {wrong:.2f} N off.",
+        tuple(checks),
+    )
+
+
+if __name__ == "__main__":
+    command_line(main)
