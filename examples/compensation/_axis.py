@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import pi
 from types import MappingProxyType
 
-from _loop import TS, inputs_of, simulate
+import numpy as np
+
+from _loop import TS, Array, inputs_of, simulate
 from harness import Result, Wire
 
 Settings = Mapping[str, float]
@@ -13,6 +16,17 @@ Block = tuple[str, Settings]
 
 SINE = ("r", "rd", "rdd")
 """Outputs of the blocks Sine, Multisine and Profile: position, velocity and acceleration."""
+
+
+def cosine(A: float, f: float) -> Block:
+    """A reference A cos(2 pi f t), amplitude in m and frequency in Hz."""
+    return "Sine", {"amplitude[1]": A, "frequency[1]": f, "phase[1]": pi / 2.0}
+
+
+def error(result: Result, since: float = 0.0, position: str = "reference.r") -> Array:
+    """Reference minus position, from a time on [m]."""
+    late = result["time"].to_numpy() > since + 1e-9
+    return np.asarray((result[position] - result["mass.x"]).to_numpy()[late])
 
 
 def follow(
@@ -28,6 +42,7 @@ def follow(
     outputs: tuple[str, str, str] = SINE,
     Ts: float = TS,
     inner: int = 1,
+    master: str = "newton",
 ) -> Result:
     """A mass that a controller leads along a reference, against friction.
 
@@ -52,6 +67,8 @@ def follow(
         Sample time of controller and compensators [s].
     inner : int
         Communication steps in a sample.
+    master : str
+        Who steps when.
 
     Returns
     -------
@@ -63,7 +80,9 @@ def follow(
     values = {f"{part}.{name}": value for part, (_, given) in blocks.items() for name, value in given.items()}
     sources = {name: f"reference.{port}" for name, port in zip(("r", "rd", "rdd"), outputs, strict=True)}
     sources |= {"x": "mass.x", "v": "mass.v", "u_prev": "mass.F_ext"}
-    lines = {"mass.F_drive": "servo.u"} | dict(zip(("servo.f", "mass.F_load"), (f"{part}.u" for part in added)))
+    lines = {"mass.F_drive": "servo.u"} | dict(
+        zip(("servo.f", "mass.F_load"), (f"{part}.u" for part in added), strict=False)
+    )
     for part in (*added, "servo"):
         values[f"{part}.Ts"] = Ts
         lines |= {f"{part}.{name}": sources[name] for name in sorted(inputs_of(blocks[part][0]) & sources.keys())}
@@ -74,5 +93,5 @@ def follow(
     own = [wire if isinstance(wire, Wire) else Wire(*wire.split(" -> ")) for wire in wires]
     usual = [Wire(source, target) for target, source in lines.items() if target not in {wire.target for wire in own}]
     models = {part: block for part, (block, _) in blocks.items()}
-    result = simulate(models, [*usual, *own], values, stop, step=Ts / inner)
+    result = simulate(models, [*usual, *own], values, stop, step=Ts / inner, master=master)
     return result.isel(time=slice(None, None, inner))
