@@ -10,6 +10,7 @@ import numpy as np
 
 from _loop import TS, Array, inputs_of, simulate
 from harness import Result, Wire
+from harness.wire import parse_wire
 
 Settings = Mapping[str, float]
 Block = tuple[str, Settings]
@@ -90,7 +91,7 @@ def follow(
         lines |= {"friction.v": "mass.v", "mass.F_friction": "friction.F"}
     else:
         values["mass.F_friction"] = 0.0
-    own = [wire if isinstance(wire, Wire) else Wire(*wire.split(" -> ")) for wire in wires]
+    own = [wire if isinstance(wire, Wire) else parse_wire(wire) for wire in wires]
     usual = [Wire(source, target) for target, source in lines.items() if target not in {wire.target for wire in own}]
     models = {part: block for part, (block, _) in blocks.items()}
     result = simulate(models, [*usual, *own], values, stop, step=Ts / inner, master=master)

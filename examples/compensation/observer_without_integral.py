@@ -6,8 +6,8 @@ the axis moves as if it had no friction.
 
 The figure shows 1 kg with LuGre friction on its way to a goal at 1 m, with the gains of the 1995 paper, Kp = 3 and
 Kd = 6. With Ki = 4 it hunts, with Ki = 0 it stays away from the goal. With Ki = 0 and the observer, with the exact
-model, it follows the free motion of m s^2 + Kd s + Kp: ten seconds on it is within 5 mm, and it goes on towards the goal
-at the slow pole, -0.55 / s, through the whole presliding range.
+model, it follows the free motion of m s^2 + Kd s + Kp: ten seconds on it is within 5 mm, and it goes on towards the
+goal at the slow pole, -0.55 / s, through the whole presliding range.
 
 What is left after 20 s was computed independently, with a Runge-Kutta method of steps of 5 µs from sample to sample.
 
