@@ -90,7 +90,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         axis.set_xticklabels(["0.25", "0.5", "1"])
         axis.set_title(f"sine of {1e3 * A:g} mm", fontsize=10)
     axes[0].set(ylabel="error, rms [µm]")
-    axes[1].legend(loc=(0.3, 0.6), fontsize=9)
+    axes[1].legend(loc=(0.03, 0.52), fontsize=9)
     save(figure, __file__, folder)
     ratios = ", ".join(
         f"{found[A, 5e-4, 'observer'] / found[A, 5e-4, 'feedforward']:.1f} times at {1e3 * A:g} mm" for A in SHOWN
