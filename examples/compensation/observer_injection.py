@@ -104,8 +104,8 @@ def main(folder: Path, full: bool = False) -> Effect:
     ten, fifteen, twenty = (found[SHOWN, hertz] for hertz in COLOURS)
     return Effect(
         f"With poles at 20 Hz the error falls from {twenty[0]:.0f} to {twenty[-1]:.1f} nm as k goes from 0 to "
-        f"1000 / s; at 15 Hz from {fifteen[0]:.0f} to {min(fifteen):.1f} nm and then to {fifteen[-1]:.0f} nm, at 10 Hz from "
-        f"{ten[0]:.0f} to {min(ten):.0f} nm and then to {ten[-1]:.0f} nm.",
+        f"1000 / s; at 15 Hz from {fifteen[0]:.0f} to {min(fifteen):.1f} nm and then to {fifteen[-1]:.0f} nm, at 10 Hz "
+        f"from {ten[0]:.0f} to {min(ten):.0f} nm and then to {ten[-1]:.0f} nm.",
         tuple(checks),
     )
 
