@@ -149,3 +149,8 @@ def find(model: str | Path) -> Block:
     if len(laws) != 1:
         raise FrictionError(f"{path} defines {len(laws)} laws; a law file defines exactly one with @law")
     return laws[0]
+
+
+def library_name(block: Block) -> str:
+    """The name in the catalogue of a block that may have another name by now; empty for a block of the user's."""
+    return next((known.name for known in catalogue().values() if known.path == block.path), "")
