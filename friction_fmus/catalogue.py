@@ -71,6 +71,12 @@ def source_folder() -> Path:
     return inside if inside.is_dir() else Path(__file__).parent.parent / "fmu_src"
 
 
+def package_text(name: str) -> str:
+    """The text of ``LICENSE`` or ``CHANGELOG.md``: inside an installed package, beside it in a checkout."""
+    inside = Path(__file__).parent / name
+    return (inside if inside.is_file() else Path(__file__).parent.parent / name).read_text(encoding="utf-8")
+
+
 def laws_folder() -> Path:
     """The folder of the laws that come with the package."""
     return Path(__file__).parent / "laws"

@@ -41,7 +41,7 @@ def estimate(bench: Bench) -> tuple[Panel, ...]:
 
 def _over_velocity(bench: Bench, velocity: Vector, estimated: Vector, caption: str) -> Panel:
     shown = slice(-POINTS - 1, None)
-    axis = bench.axis("v" if bench.has("v") else "rd" if bench.has("rd") else "v_est")
+    axis = bench.axis(next(name for name in ("v", "v_est", "rd") if bench.has(name)))
     return Panel((Curve(velocity[shown], estimated[shown]),), axis, bench.axis("F_hat"), caption)
 
 
@@ -72,7 +72,7 @@ def tracking(bench: Bench) -> tuple[Panel, ...]:
 
 def held_error(bench: Bench) -> tuple[Panel, ...]:
     """Force over time after the position error has jumped and stays."""
-    times = _times(bench, 200)
+    times = _times(bench, 60)
     error = np.where(times > 0.1 * times[-1], 1e-3, 0.0)
     (force,) = bench.run(times, {"r": error}, ["u"])
     caption = f"Force when the reference jumps by 0.001 {bench.variables['r'].unit} and the axis stays where it is."
@@ -90,7 +90,7 @@ def alternating_error(bench: Bench) -> tuple[Panel, ...]:
 
 def own_course(bench: Bench) -> tuple[Panel, ...]:
     """Force over time without any input."""
-    times = _times(bench, 200)
+    times = _times(bench, 120)
     (force,) = bench.run(times, {}, ["u"])
     return (Panel((Curve(times, force),), TIME, bench.axis("u"), "Force with all inputs at zero."),)
 

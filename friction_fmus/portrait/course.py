@@ -7,15 +7,23 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi2 import FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from numpy.typing import NDArray
 
 from friction_fmus.catalogue import Block, library_name
 from friction_fmus.describe import BOOLEAN, INPUT, OUTPUT, REAL, STATE_OUTPUT, Description, Variable
 
-Vector = NDArray[np.float64]
+Vector = NDArray[np.floating[Any]]
+
+SILENT = fmi2CallbackFunctions(
+    logger=fmi2CallbackLoggerTYPE(lambda *_: None),
+    allocateMemory=defaultCallbacks.allocateMemory,
+    freeMemory=defaultCallbacks.freeMemory,
+)
+"""Callbacks of a run that may be refused: then there is no picture, and nobody wants to read of it."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +38,15 @@ class Curve:
         What it is, for a panel with several; empty for the only one.
     aside : bool
         Whether it is there for comparison: what goes into the block.
+    detail : bool
+        Whether it is left out of the icon.
     """
 
     x: Vector
     y: Vector
     label: str = ""
     aside: bool = False
+    detail: bool = False
 
 
 @dataclass(frozen=True)
@@ -50,12 +61,15 @@ class Panel:
         Name and unit of each axis.
     caption : str
         What was done to the block, for the documentation.
+    equal : bool
+        Whether both axes have one scale.
     """
 
     curves: tuple[Curve, ...]
     x: tuple[str, str]
     y: tuple[str, str]
     caption: str
+    equal: bool = False
 
 
 class Bench:
@@ -72,6 +86,7 @@ class Bench:
     """
 
     def __init__(self, block: Block, description: Description, folder: Path) -> None:
+        """Sort the variables."""
         self._block = block
         self.model = library_name(block)
         self._description = description
@@ -110,7 +125,7 @@ class Bench:
             modelIdentifier=self._block.name,
             instanceName=self._block.name,
         )
-        fmu.instantiate()
+        fmu.instantiate(callbacks=SILENT)
         try:
             fmu.setupExperiment(startTime=start)
             fmu.enterInitializationMode()
@@ -151,9 +166,20 @@ class Bench:
 
 
 class Session:
-    """An instance in initialization mode, then stepped. Inputs that the block lacks are left out."""
+    """An instance in initialization mode, then stepped. Inputs that the block lacks are left out.
+
+    Parameters
+    ----------
+    fmu : FMU2Slave
+        The instance.
+    variables : mapping of str to Variable
+        Of the block, by name.
+    outputs : sequence of str
+        What `step` and `values` return.
+    """
 
     def __init__(self, fmu: FMU2Slave, variables: Mapping[str, Variable], outputs: Sequence[str]) -> None:
+        """Find the value references."""
         self._fmu = fmu
         self._inputs = {name: v for name, v in variables.items() if v.role == INPUT}
         self._outputs = [variables[name].reference for name in outputs]

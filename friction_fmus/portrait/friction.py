@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 
@@ -41,7 +42,9 @@ def _elastic_reach(bench: Bench, speed: float) -> float | None:
 
 def _moving(bench: Bench, velocity: Vector) -> dict[str, Vector]:
     """The inputs of a motion; where other forces matter at rest they are large enough to break away."""
-    forces = [v.start for v in bench.variables.values() if v.unit == bench.variables["F"].unit and math.isfinite(v.start)]
+    forces = [
+        v.start for v in bench.variables.values() if v.unit == bench.variables["F"].unit and math.isfinite(v.start)
+    ]
     return {"v": velocity, "F_ext": 10.0 * max(map(abs, forces), default=1.0) * np.sign(velocity)}
 
 
@@ -66,16 +69,16 @@ def _sliding(bench: Bench, peak: float, reach: float) -> Panel:
 
 
 def _loop(bench: Bench, speed: float, amplitude: float) -> Panel:
-    """A slow path to and fro, with a smaller loop within; the first approach is left out."""
-    turns = amplitude * np.array([0.0, 1.0, -1.0, 0.2, -0.5, 1.0])
-    path = np.concatenate([np.linspace(a, b, 60, endpoint=False) for a, b in zip(turns, turns[1:], strict=False)])
+    """A slow path to and fro, then one with a smaller loop within; the first approach is left out."""
+    turns = amplitude * np.array([0.0, 1.0, -1.0, 1.0, -0.3, 0.4, -1.0])
+    path = np.concatenate([np.linspace(a, b, 60, endpoint=False) for a, b in pairwise(turns)])
     path = np.append(path, turns[-1])
     steps = np.diff(path)
     times = np.concatenate([[0.0], np.cumsum(np.abs(steps) / speed)])
     velocity = np.append(np.sign(steps) * speed, 0.0)
     (force,) = bench.run(times, _moving(bench, velocity), ["F"])
     return Panel(
-        (Curve(path[60:], force[60:]),),
+        (Curve(path[60:181], force[60:181]), Curve(path[180:], force[180:], detail=True)),
         ("displacement", _path_unit(bench)),
         bench.axis("F"),
         "Friction before sliding: a slow motion to and fro with a smaller loop within the large one.",

@@ -23,7 +23,7 @@ def circle(bench: Bench) -> tuple[Panel, ...]:
     turn = 2.0 * math.pi * bench.start("radius", 0.01) / bench.start("feed", 0.01)
     times = np.linspace(0.0, 1.2 * turn, 401)
     x, y = bench.run(times, {}, ["x", "y"])
-    return (Panel((Curve(x, y),), bench.axis("x"), bench.axis("y"), "Path of the two axes."),)
+    return (Panel((Curve(x, y),), bench.axis("x"), bench.axis("y"), "Path of the two axes.", equal=True),)
 
 
 def staircase(bench: Bench) -> tuple[Panel, ...]:
