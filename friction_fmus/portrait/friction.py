@@ -70,7 +70,7 @@ def _sliding(bench: Bench, peak: float, reach: float) -> Panel:
 
 def _loop(bench: Bench, speed: float, amplitude: float) -> Panel:
     """A slow path to and fro, then one with a smaller loop within; the first approach is left out."""
-    turns = amplitude * np.array([0.0, 1.0, -1.0, 1.0, -0.3, 0.4, -1.0])
+    turns = amplitude * np.array([0.0, 1.0, -1.0, 1.0, 0.5, 0.9, -1.0])
     path = np.concatenate([np.linspace(a, b, 60, endpoint=False) for a, b in pairwise(turns)])
     path = np.append(path, turns[-1])
     steps = np.diff(path)

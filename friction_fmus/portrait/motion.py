@@ -40,8 +40,8 @@ def staircase(bench: Bench) -> tuple[Panel, ...]:
 def differentiation(bench: Bench) -> tuple[Panel, ...]:
     """The velocity found of a triangular motion, and the true one."""
     Ts = bench.start("Ts", 1e-3)
-    times = Ts * np.arange(121)
-    speed = np.where(np.arange(121) // 40 % 2 == 0, 1.0, -1.0)
+    times = Ts * np.arange(61)
+    speed = np.where(np.arange(61) // 20 % 2 == 0, 1.0, -1.0)
     x = np.concatenate([[0.0], np.cumsum(speed[:-1] * Ts)])
     (found,) = bench.run(times, {"x": x}, ["v"])
     curves = (Curve(times, speed, "true", aside=True), Curve(times, found, "v"))
