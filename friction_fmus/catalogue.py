@@ -71,6 +71,12 @@ def source_folder() -> Path:
     return inside if inside.is_dir() else Path(__file__).parent.parent / "fmu_src"
 
 
+def package_text(name: str) -> str:
+    """The text of ``LICENSE`` or ``CHANGELOG.md``: inside an installed package, beside it in a checkout."""
+    inside = Path(__file__).parent / name
+    return (inside if inside.is_file() else Path(__file__).parent.parent / name).read_text(encoding="utf-8")
+
+
 def laws_folder() -> Path:
     """The folder of the laws that come with the package."""
     return Path(__file__).parent / "laws"
@@ -149,3 +155,8 @@ def find(model: str | Path) -> Block:
     if len(laws) != 1:
         raise FrictionError(f"{path} defines {len(laws)} laws; a law file defines exactly one with @law")
     return laws[0]
+
+
+def library_name(block: Block) -> str:
+    """The name in the catalogue of a block that may have another name by now; empty for a block of the user's."""
+    return next((known.name for known in catalogue().values() if known.path == block.path), "")

@@ -1,51 +1,100 @@
-"""The documentation inside an FMU: index.html and the picture, both made from the block itself."""
+"""The page of documentation inside an FMU, made from the block itself."""
 
 from __future__ import annotations
 
-import io
-import math
+from collections.abc import Sequence
 from html import escape
-from itertools import groupby, pairwise
-from pathlib import Path
+from itertools import groupby
 
-import numpy as np
-from fmpy.fmi2 import FMU2Slave
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
 
-from friction_fmus.catalogue import Block
+from friction_fmus.catalogue import FEATURES, Block, library_name, package_text
 from friction_fmus.conditions import quotes
-from friction_fmus.describe import INPUT, OUTPUT, STATE_OUTPUT, Description
-from friction_fmus.model_description import ROLE
+from friction_fmus.describe import Description
+from friction_fmus.model_description import CAPABILITIES
 from friction_fmus.notes import Paragraph, paragraphs
+from friction_fmus.portrait import Figure
+from friction_fmus.terminals import Terminal
 from friction_fmus.variable_table import variable_groups
 from friction_fmus.version import VERSION
 
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #1a1a1a; }
-h1 small { font-weight: normal; color: #666; font-size: 1rem; }
-pre { background: #f5f6f8; padding: .8rem; overflow-x: auto; font-size: .9rem; }
+h1 { overflow-wrap: anywhere; }
+h1 small { font-weight: normal; color: #595959; font-size: 1rem; }
+pre, .wide { overflow-x: auto; }
+pre { background: #f5f6f8; padding: .8rem; font-size: .9rem; }
 table { border-collapse: collapse; font-size: .9rem; }
+caption { text-align: left; padding: .25rem 0; color: #595959; }
 th, td { text-align: left; padding: .25rem .7rem; border-bottom: 1px solid #ddd; vertical-align: top; }
-img { float: right; width: 14rem; margin: 0 0 1rem 1rem; }
+tbody th { font-weight: normal; }
+td:last-child { min-width: 12rem; }
+tbody th[scope=rowgroup] { font-weight: bold; padding-top: .8rem; }
+summary { cursor: pointer; font-weight: bold; padding: .4rem 0; }
+.icon { float: right; width: 9rem; height: auto; margin: 0 0 1rem 1rem; }
+.figures { display: flex; flex-wrap: wrap; gap: 1rem; clear: both; }
+figure { margin: 0; flex: 1 1 19rem; max-width: 29rem; }
+figure img { width: 100%; height: auto; }
+figcaption { font-size: .9rem; color: #404040; }
 """
 
 
-def index_page(block: Block, description: Description, identifier: str) -> str:
-    """documentation/index.html: what the block is, its equations, conditions, variables and source."""
-    heads = "".join(f"<th>{name}</th>" for name in ("name", "unit", "start", "range", "meaning"))
-    return (
-        f'<!DOCTYPE html>\n<html lang="en">\n<head><meta charset="utf-8"><title>{escape(identifier)}</title>\n'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>\n<body>\n'
-        f"<h1>{escape(identifier)} <small>{escape(block.kind)}</small></h1>\n"
-        f'<img src="../model.png" alt="{escape(block.summary)}">\n'
-        f"{notes_as_html(block.notes)}\n"
-        f"{_conditions(block.name)}"
-        f"<h2>Variables</h2>\n<table>\n<tr>{heads}</tr>\n{_variable_rows(description)}</table>\n"
-        f"<h2>Source</h2>\n<p>{escape(block.source)}</p>\n"
-        f"<pre>{escape(block.code)}</pre>\n"
-        f"<p>Made by friction-fmus {VERSION}; MIT licence, see licenses/license.txt.</p>\n</body>\n</html>\n"
+def index_page(block: Block, description: Description, figures: Sequence[Figure], connected: Sequence[Terminal]) -> str:
+    """documentation/index.html: what the block is, its equations, behaviour, conditions, variables and source.
+
+    Parameters
+    ----------
+    block, description : Block, Description
+        What it is.
+    figures : sequence of Figure
+        Beside the page as ``figure1.svg`` and so on.
+    connected : sequence of Terminal
+        Its terminals.
+    """
+    sections = (
+        _behaviour(figures),
+        _features(block),
+        _conditions(library_name(block)),
+        _variables(description),
+        _terminals(connected),
+        _capabilities(description),
+        _source(block),
+        f"<h2>Changes</h2>\n<details><summary>Change log of the library</summary>\n{_changes()}</details>\n",
     )
+    name = escape(block.name)
+    return (
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{name}</title>\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"
+        f"<h1>{name} <small>{escape(block.kind)}</small></h1>\n"
+        f'<img class="icon" src="../model.png" alt="Icon of {name}" width="200" height="200">\n'
+        f"<p><strong>{escape(block.summary)}.</strong></p>\n{notes_as_html(block.notes)}\n"
+        f"{''.join(sections)}</main>\n"
+        f'<footer>\n<p>Made by friction-fmus {VERSION}; <a href="licenses/license.txt">MIT licence</a>.</p>\n'
+        "</footer>\n</body>\n</html>\n"
+    )
+
+
+def _behaviour(figures: Sequence[Figure]) -> str:
+    """The figures, or why there are none."""
+    shown = "".join(
+        f'<figure>\n<img src="figure{number}.svg" alt="{escape(figure.alternative)}" width="403" height="288">\n'
+        f"<figcaption>{escape(figure.caption)}</figcaption>\n</figure>\n"
+        for number, figure in enumerate(figures, start=1)
+    )
+    text = (
+        f'<p>Run from the binary of this FMU, with its start values.</p>\n<div class="figures">\n{shown}</div>'
+        if shown
+        else "<p>With its start values it does not run by itself, so there is no figure.</p>"
+    )
+    return f"<h2>Behaviour</h2>\n{text}\n"
+
+
+def _features(block: Block) -> str:
+    """What a friction model shows, of the words of the catalogue."""
+    items = "".join(f"<li>{escape(name)}: {escape(FEATURES[name])}</li>\n" for name in block.features)
+    return f"<h2>Features</h2>\n<ul>\n{items}</ul>\n" if items else ""
 
 
 def _conditions(block: str) -> str:
@@ -74,101 +123,79 @@ def _html(paragraph: Paragraph) -> str:
     return f"<{tag}>{lead}{escape(paragraph.text)}</{tag}>"
 
 
-def _variable_rows(description: Description) -> str:
-    """Rows of the table of variables, each group below its title."""
-    rows = []
+def _table(caption: str, heads: Sequence[str], body: str) -> str:
+    """A table that scrolls by itself where the screen is narrow."""
+    cells = "".join(f'<th scope="col">{name}</th>' for name in heads)
+    return (
+        f'<div class="wide">\n<table>\n<caption>{caption}</caption>\n<thead>\n<tr>{cells}</tr>\n</thead>\n'
+        f"{body}</table>\n</div>\n"
+    )
+
+
+def _row(first: str, *cells: str) -> str:
+    return f'<tr><th scope="row">{escape(first)}</th>{"".join(f"<td>{escape(cell)}</td>" for cell in cells)}</tr>\n'
+
+
+def _variables(description: Description) -> str:
+    """The table of variables, each group below its title."""
+    body = ""
     for title, entries in variable_groups(description).items():
-        rows.append(f'<tr><th colspan="5">{escape(title)}</th></tr>\n')
-        for entry in entries:
-            cells = (entry.name, entry.unit, ", ".join(entry.starts), entry.limits, entry.text)
-            rows.append("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>\n")
-    return "".join(rows)
+        rows = [_row(e.name, e.unit, ", ".join(e.starts), e.limits, e.text) for e in entries]
+        head = f'<tr><th colspan="5" scope="rowgroup">{escape(title)}</th></tr>\n'
+        body += f"<tbody>\n{head}{''.join(rows)}</tbody>\n"
+    heads = ("name", "unit", "start", "range", "meaning")
+    return f"<h2>Variables</h2>\n{_table('Variables and their start values', heads, body)}"
 
 
-def picture(block: Block, description: Description, identifier: str, folder: Path) -> bytes:
-    """model.png: the friction loop or the signal of that very block, run from its binary, or its name.
-
-    Parameters
-    ----------
-    folder : Path
-        Unzipped FMU with a binary for this platform.
-    """
-    figure = Figure(figsize=(3.0, 3.0), dpi=100)
-    FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.08, 0.08, 0.84, 0.74))
-    figure.text(
-        0.5,
-        0.9,
-        identifier,
-        ha="center",
-        va="center",
-        fontsize=min(18.0, 260.0 / len(identifier)),
-        weight="bold",
+def _terminals(connected: Sequence[Terminal]) -> str:
+    """What can be connected at once."""
+    rows = "".join(
+        _row(each.name, each.rule, ", ".join(f"{m.name} = {m.variable} ({m.kind})" for m in each.members))
+        for each in connected
     )
-    names = {v.name: v for v in description.variables}
-    if block.kind == "friction" and "v" in names and names["v"].role == INPUT and "F" in names:
-        _draw_loop(axes, description, identifier, folder)
-    elif block.kind == "signal" and not any(ROLE[v.role][0] == "input" for v in names.values()):
-        first = next(v for v in description.variables if v.role in (OUTPUT, STATE_OUTPUT))
-        times = np.linspace(0.0, 1.0, 401)
-        values = _run(description, identifier, folder, times, None, first.reference)
-        axes.plot(times, values, color="tab:blue", lw=2)
-        axes.set_ylabel(f"{first.name} [{first.unit}]", labelpad=2)
-    else:
-        _draw_ports(axes, description)
-    axes.set_xticks([])
-    axes.set_yticks([])
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", metadata={"Software": None})
-    return stream.getvalue()
+    if not rows:
+        return ""
+    table = _table("Terminals: variables that are connected together", ("name", "rule", "members"), rows)
+    return f"<h2>Terminals</h2>\n{table}"
 
 
-def _draw_ports(axes, description: Description) -> None:  # type: ignore[no-untyped-def]
-    """Inputs on the left, outputs on the right, as in a block diagram."""
-    for causality, x, side in (("input", 0.05, "left"), ("output", 0.95, "right")):
-        names = [v.name for v in description.variables if ROLE[v.role][0] == causality]
-        for k, name in enumerate(names):
-            y = 1.0 - (k + 0.5) / len(names)
-            axes.text(x, y, name, ha=side, va="center", fontsize=13, color="tab:blue", transform=axes.transAxes)
-
-
-def _draw_loop(axes, description: Description, identifier: str, folder: Path) -> None:  # type: ignore[no-untyped-def]
-    """Friction against velocity over a slow and a fast period of a sinusoid, around the Stribeck velocity."""
-    names = {v.name: v for v in description.variables}
-    peak = 4.0 * names["vs"].start if "vs" in names else 1e-3
-    for frequency, colour in ((1.0, "tab:blue"), (20.0, "tab:orange")):
-        times = np.linspace(0.0, 2.0 / frequency, 1601)
-        velocity = peak * np.sin(2.0 * math.pi * frequency * times)
-        force = _run(description, identifier, folder, times, velocity, names["F"].reference)
-        axes.plot(velocity[801:], force[801:], color=colour, lw=1.8)
-    axes.axhline(0.0, color="0.8", lw=0.8, zorder=0)
-    axes.axvline(0.0, color="0.8", lw=0.8, zorder=0)
-    axes.set_xlabel("velocity", labelpad=2)
-    axes.set_ylabel("friction force", labelpad=2)
-
-
-def _run(
-    description: Description,
-    identifier: str,
-    folder: Path,
-    times: np.ndarray,
-    velocity: np.ndarray | None,
-    output: int,
-) -> np.ndarray:
-    fmu = FMU2Slave(
-        guid=description.guid, unzipDirectory=str(folder), modelIdentifier=identifier, instanceName=identifier
+def _capabilities(description: Description) -> str:
+    """What the FMU can do, by the words of the standard."""
+    steps = (
+        "It takes samples at multiples of Ts; between them its outputs are held."
+        if description.sampled
+        else "It is continuous in time; a communication step is integrated inside the FMU."
     )
-    fmu.instantiate()
-    fmu.setupExperiment(startTime=float(times[0]))
-    fmu.enterInitializationMode()
-    fmu.exitInitializationMode()
-    reference = next((v.reference for v in description.variables if v.name == "v"), 0)
-    values = [fmu.getReal([output])[0]]
-    for k, (begin, end) in enumerate(pairwise(times)):
-        if velocity is not None:
-            fmu.setReal([reference], [float(velocity[k + 1])])
-        fmu.doStep(float(begin), float(end - begin))
-        values.append(fmu.getReal([output])[0])
-    fmu.terminate()
-    fmu.freeInstance()
-    return np.array(values)
+    rows = "".join(_row(name, value, text) for name, (value, text) in CAPABILITIES.items())
+    table = _table("Capability flags", ("attribute", "value", "meaning"), rows)
+    return f"<h2>FMI features</h2>\n<p>FMI 2.0 for co-simulation, with sources. {steps}</p>\n{table}"
+
+
+def _source(block: Block) -> str:
+    entries = "".join(f"<pre>{escape(entry)}</pre>\n" for entry in block.bibtex)
+    code = f"<details><summary>C code of the block</summary>\n<pre>{escape(block.code)}</pre>\n</details>\n"
+    return f"<h2>Source</h2>\n<p>{escape(block.source)}</p>\n{entries}{code}"
+
+
+def _changes() -> str:
+    """CHANGELOG.md below a heading of second order; links into the repository, which is not here, are text."""
+    parser = MarkdownIt()
+    tokens = parser.parse(package_text("CHANGELOG.md"))
+    for token in tokens:
+        if token.type.startswith("heading"):
+            token.tag = f"h{int(token.tag[1]) + 1}"
+        token.children = _without_links(token.children) if token.children else token.children
+    first = next(k for k, token in enumerate(tokens) if token.type == "heading_close") + 1
+    return str(parser.renderer.render(tokens[first:], parser.options, {}))
+
+
+def _without_links(tokens: Sequence[Token]) -> list[Token]:
+    """Without the links to files; those to other sites stay."""
+    kept: list[Token] = []
+    local = False
+    for token in tokens:
+        if token.type == "link_open":
+            local = not str(token.attrs["href"]).startswith("http")
+        if not (local and token.type in ("link_open", "link_close")):
+            kept.append(token)
+    return kept

@@ -40,6 +40,17 @@ ROLE = {  # role -> causality, variability of a Real in a continuous block, init
 }
 """What the XML says of each role."""
 
+CAPABILITIES = {
+    "canHandleVariableCommunicationStepSize": ("true", "Communication steps of any length, also varying ones."),
+    "canInterpolateInputs": ("true", "Inputs may have a derivative: they are then linear in time over a step."),
+    "maxOutputDerivativeOrder": ("1", "First time derivatives of the outputs at the end of a step."),
+    "canNotUseMemoryManagementFunctions": ("true", "Several instances in one process; no memory is taken in a step."),
+    "canGetAndSetFMUstate": ("true", "The state can be saved and restored: steps can be repeated."),
+    "canSerializeFMUstate": ("true", "The saved state is bytes that a file can keep."),
+    "providesDirectionalDerivative": ("true", "Directional derivatives, for masters that solve implicitly."),
+}
+"""Attribute of CoSimulation -> its value, and what it means for a user."""
+
 LOG_CATEGORIES = {
     "logStatusWarning": "what is unusual but does not stop the simulation",
     "logStatusDiscard": "refused values and steps",
@@ -92,14 +103,7 @@ def model_description(block: Block, description: Description, identifier: str) -
     simulation = etree.SubElement(
         root,
         "CoSimulation",
-        modelIdentifier=identifier,
-        canHandleVariableCommunicationStepSize="true",
-        canInterpolateInputs="true",
-        maxOutputDerivativeOrder="1",
-        canNotUseMemoryManagementFunctions="true",
-        canGetAndSetFMUstate="true",
-        canSerializeFMUstate="true",
-        providesDirectionalDerivative="true",
+        {"modelIdentifier": identifier, **{name: value for name, (value, _) in CAPABILITIES.items()}},
     )
     etree.SubElement(etree.SubElement(simulation, "SourceFiles"), "File", name=f"{identifier}.c")
     units = list(dict.fromkeys(v.unit for v in variables if v.unit))

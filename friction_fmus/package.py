@@ -10,22 +10,25 @@ import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from importlib import resources
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
 import fmpy
+import matplotlib as mpl
 import numpy as np
 from numpy.typing import ArrayLike
 
-from friction_fmus.catalogue import Block, find, source_folder
+from friction_fmus.catalogue import Block, find, package_text, source_folder
 from friction_fmus.customise import Start, identified, renamed, rotational, with_start_values
 from friction_fmus.describe import FIXED, INPUT, PARAMETER, STATE, Description, describe
-from friction_fmus.documentation import index_page, picture
+from friction_fmus.documentation import index_page
 from friction_fmus.errors import BuildError
 from friction_fmus.law import Kind
 from friction_fmus.law_files import discover_laws
 from friction_fmus.model_description import build_time, model_description
+from friction_fmus.portrait import portray, terminal_icon
+from friction_fmus.terminals import terminals, terminals_and_icons
 from friction_fmus.version import VERSION
 from harness import toolchain
 from harness.platforms import NATIVE, Platform, compiled, native_library, select
@@ -194,20 +197,26 @@ def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:
 def _key(sources: Mapping[str, str], block: Block, platforms: Sequence[Platform]) -> str:
     """Hash of all that decides the bytes of the FMU."""
     digest = hashlib.sha256()
-    package = [path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("*.py"))]
     texts = [
         VERSION,
         build_time(),
         *(toolchain.identity(target) for platform in (NATIVE, *platforms) for target in platform.targets),
         *(platform.folder for platform in platforms),
-        fmpy.__version__,
+        *(module.__version__ for module in (fmpy, mpl)),
+        package_text("CHANGELOG.md"),
         block.kind,
         block.summary,
         block.source,
     ]
-    for text in (*texts, block.notes, *package, *(part for item in sorted(sources.items()) for part in item)):
+    for text in (*texts, block.notes, *_package(), *(part for item in sorted(sources.items()) for part in item)):
         digest.update(text.encode() + b"\0")
     return digest.hexdigest()[:24]
+
+
+@cache
+def _package() -> tuple[str, ...]:
+    """The texts of the modules that make the FMU, and of those that they quote."""
+    return tuple(path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.rglob("*.py")))
 
 
 def _make(block: Block, sources: Mapping[str, str], platforms: Sequence[Platform], folder: Path, target: Path) -> None:
@@ -224,12 +233,22 @@ def _make(block: Block, sources: Mapping[str, str], platforms: Sequence[Platform
     description = describe(native, _computed(block))
     _check_start_values(block, description)
     (staged / "modelDescription.xml").write_bytes(model_description(block, description, block.name))
-    (staged / "model.png").write_bytes(picture(block, description, block.name, folder))
-    licences = staged / "documentation" / "licenses"
-    licences.mkdir(parents=True)
-    (licences / "license.txt").write_text(_licence(), encoding="utf-8")
-    page = index_page(block, description, block.name)
-    (staged / "documentation" / "index.html").write_text(page, encoding="utf-8")
+    portrait = portray(block, description, folder)
+    (staged / "model.png").write_bytes(portrait.icon.png)
+    connected = terminals(description)
+    icons = {"icon": portrait.icon, **{each.shape: terminal_icon(each.shape) for each in connected}}
+    (staged / "terminalsAndIcons").mkdir()
+    (staged / "terminalsAndIcons" / "terminalsAndIcons.xml").write_bytes(terminals_and_icons(connected))
+    for name, image in icons.items():
+        (staged / "terminalsAndIcons" / f"{name}.png").write_bytes(image.png)
+        (staged / "terminalsAndIcons" / f"{name}.svg").write_bytes(image.svg)
+    pages = staged / "documentation"
+    (pages / "licenses").mkdir(parents=True)
+    (pages / "licenses" / "license.txt").write_text(package_text("LICENSE"), encoding="utf-8")
+    for number, figure in enumerate(portrait.figures, start=1):
+        (pages / f"figure{number}.svg").write_bytes(figure.svg)
+    page = index_page(block, description, portrait.figures, connected)
+    (pages / "index.html").write_text(page, encoding="utf-8")
     archive = folder / "archive.fmu"
     _zip(staged, archive)
     _copy(archive, target)
@@ -242,13 +261,6 @@ def _check_start_values(block: Block, description: Description) -> None:
                 f"The start value {v.name} = {v.start:g} of {block.name} lies outside "
                 f"[{v.min:g}, {v.max:g}]; choose one inside"
             )
-
-
-def _licence() -> str:
-    beside = Path(__file__).parent.parent / "LICENSE"
-    if beside.is_file():
-        return beside.read_text(encoding="utf-8")
-    return resources.files("friction_fmus").joinpath("LICENSE").read_text(encoding="utf-8")
 
 
 def _zip(folder: Path, target: Path) -> None:

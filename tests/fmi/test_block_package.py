@@ -92,6 +92,9 @@ def test_the_archive_is_as_section_2_3_of_the_standard_wants_it(library: Library
         "model.png",
         "documentation/index.html",
         "documentation/licenses/license.txt",
+        "terminalsAndIcons/terminalsAndIcons.xml",
+        "terminalsAndIcons/icon.png",
+        "terminalsAndIcons/icon.svg",
     ):
         assert wanted in names
     assert not [name for name in names if re.search(r"fmi2(Functions|FunctionTypes|TypesPlatform)\.h", name)]

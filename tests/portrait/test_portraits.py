@@ -1,0 +1,146 @@
+"""What is drawn of a block: its curves against closed forms, and pictures that depend on nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import fmpy
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from friction_fmus import catalogue
+from friction_fmus.catalogue import find
+from friction_fmus.describe import describe
+from friction_fmus.portrait.choice import OWN, experiment
+from friction_fmus.portrait.course import Bench, Curve, Panel
+from friction_fmus.portrait.drawing import chart, icon, labelled, symbol
+
+Panels = Callable[..., tuple[Panel, ...]]
+
+
+@pytest.fixture
+def panels(build_fmu: Callable[..., Path]) -> Panels:
+    """``panels(name, **start_values)`` -> what the experiment of a block gives."""
+
+    def run(name: str, **start: float) -> tuple[Panel, ...]:
+        folder = Path(fmpy.extract(str(build_fmu(name, **start))))
+        library = folder / "binaries" / fmpy.platform / f"{name}{fmpy.sharedLibraryExtension}"
+        bench = Bench(find(name), describe(library), folder)
+        chosen = experiment(bench)
+        assert chosen
+        return chosen(bench)
+
+    return run
+
+
+@pytest.mark.parametrize("name", ["LuGre", "Stribeck", "GMS"])
+def test_friction_of_steady_sliding_is_the_stribeck_curve(panels: Panels, name: str) -> None:
+    start = {"Fc": 2.0, "Fs": 3.0, "vs": 2e-3} | ({} if name == "GMS" else {"delta": 1.0})
+    delta = start.get("delta", 2.0)
+    (curve,) = panels(name, **start)[0].curves
+    v = curve.x
+    expected = np.sign(v) * (2.0 + 1.0 * np.exp(-(np.abs(v / 2e-3) ** delta)))
+    viscous = np.polyfit(v, curve.y - expected, 1)
+    assert curve.y == pytest.approx(expected + viscous[0] * v, abs=3e-3)
+    assert viscous == pytest.approx([0.4, 0.0], abs=0.05)
+    assert v.min() == -v.max() == -8e-3
+
+
+def test_the_loop_of_dahl_friction_is_made_of_exponentials(panels: Panels) -> None:
+    """F = -+ Fc + c exp(-+ sigma x / Fc) for n = 1, from each end of the motion."""
+    Fc, sigma = 2.0, 5e4
+    outer, inner = panels("Dahl", Fc=Fc, sigma=sigma)[1].curves
+    for curve in (outer, inner):
+        turns = np.flatnonzero(np.diff(np.sign(np.diff(curve.x)))) + 1
+        assert turns.size == (1 if curve is outer else 2)
+        for begin, end in zip([0, *turns], [*turns, curve.x.size - 1], strict=True):
+            path = np.abs(curve.x[begin : end + 1] - curve.x[begin])
+            level = Fc * np.sign(curve.x[end] - curve.x[begin])
+            expected = level + (curve.y[begin] - level) * np.exp(-sigma * path / Fc)
+            assert curve.y[begin : end + 1] == pytest.approx(expected, abs=1e-9)
+    assert inner.detail and not outer.detail
+
+
+@pytest.mark.parametrize(("name", "closes"), [("MaxwellSlip", True), ("GMS", True), ("LuGre", False), ("Dahl", False)])
+def test_inner_loops_close_if_the_model_remembers(panels: Panels, name: str, closes: bool) -> None:
+    """Nonlocal memory: behind an inner loop the outer one goes on as if nothing had been."""
+    _, inner = panels(name)[1].curves
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(inner.x)))) + 1
+    before = inner.y[turns[0]]
+    after = np.interp(inner.x[turns[0]], inner.x[turns[1] :][::-1], inner.y[turns[1] :][::-1])
+    assert abs(after - before) < 2e-2 if closes else abs(after - before) > 0.05
+
+
+def test_static_friction_has_no_loop(panels: Panels) -> None:
+    for name in ("Coulomb", "Viscous", "Tustin", "Karnopp", "Stribeck", "Stiction"):
+        assert len(panels(name)) == 1
+
+
+def test_coulomb_friction_is_a_step(panels: Panels) -> None:
+    (curve,) = panels("Coulomb", Fc=3.0)[0].curves
+    assert np.array_equal(curve.y, 3.0 * np.sign(curve.x))
+
+
+def test_a_pid_controller_jumps_and_ramps(panels: Panels) -> None:
+    (curve,) = panels("PID", Kp=1e3, Ki=2e4)[0].curves
+    ramp = curve.y > 0.0
+    slope, value = np.polyfit(curve.x[ramp], curve.y[ramp], 1)
+    assert slope == pytest.approx(2e4 * 1e-3)
+    assert curve.y[ramp][0] == pytest.approx(1e3 * 1e-3, rel=0.05)
+    assert value + slope * curve.x[ramp][-1] == pytest.approx(curve.y[-1])
+
+
+def test_an_observer_finds_coulomb_friction(panels: Panels) -> None:
+    for name in ("DisturbanceObserver", "KalmanFriction", "ExtendedStateObserver", "ImplicitSlidingMode"):
+        (curve,) = panels(name)[0].curves
+        for side in (-1.0, 1.0):
+            fast = side * curve.x > 0.9 * np.abs(curve.x).max()
+            assert np.median(curve.y[fast]) == pytest.approx(side * 1.0, abs=0.1), name
+
+
+def test_signals_and_sensors(panels: Panels) -> None:
+    (path,) = panels("Circle", radius=0.02)[0].curves
+    assert np.hypot(path.x, path.y) == pytest.approx(0.02)
+    true, stairs = panels("Quantiser", q=1e-3)[0].curves
+    assert true.aside and np.abs(stairs.y - stairs.x).max() <= 0.5e-3 * (1.0 + 1e-9)
+    assert stairs.y / 1e-3 == pytest.approx(np.rint(stairs.y / 1e-3))
+    (ripple,) = panels("Cogging", pitch=0.01)[0].curves
+    assert np.ptp(ripple.x) == pytest.approx(0.02, rel=0.02)
+    assert abs(np.fft.rfft(ripple.y)).argmax() == 2  # two periods
+
+
+def test_every_named_block_is_there() -> None:
+    assert set(OWN) <= set(catalogue())
+
+
+def test_pictures_do_not_depend_on_the_settings_of_the_user() -> None:
+    x = np.linspace(-1.0, 1.0, 101)
+    panel = Panel((Curve(x, x**3, "a"), Curve(x, x, "b", aside=True)), ("v", "m/s"), ("F", "N"), "A cube.")
+    first = chart(panel, "Cube"), icon("Cube", "friction", "", (panel,))
+    with mpl.rc_context({"lines.linewidth": 9.0, "font.size": 30.0, "svg.hashsalt": "other", "axes.facecolor": "red"}):
+        second = chart(panel, "Cube"), icon("Cube", "friction", "", (panel,))
+    assert first == second
+
+
+def test_axes_are_named_with_handy_numbers() -> None:
+    assert labelled(("F", "N")) == "F [N]"
+    assert labelled(("F", ""), -3) == "F [10⁻³]"
+    assert labelled(("v", "m/s"), -6) == "v [10⁻⁶ m/s]"
+    assert labelled(("ratio", "")) == "ratio"
+    x = np.array([0.0, 4e-5])
+    drawn = chart(Panel((Curve(x, 3e7 * x),), ("x", "m"), ("F", "N"), "A spring."), "Spring").decode()
+    assert "x [10⁻⁶ m]" in drawn and ">40<" in drawn and "F [N]" in drawn
+
+
+def test_icons_name_their_axes_by_letters() -> None:
+    assert symbol("v") == "$v$" and symbol("time") == "$t$" and symbol("F_hat") == r"$\hat{F}$"
+    assert symbol("acceleration") == ""
+
+
+def test_nothing_to_draw_leaves_the_frame() -> None:
+    x = np.zeros(3)
+    flat = Panel((Curve(x, x),), ("time", "s"), ("a", ""), "Nothing happens.")
+    empty, drawn = icon("A", "law", "", ()), icon("A", "law", "", (flat,))
+    assert empty.png.startswith(b"\x89PNG") and len(drawn.svg) > len(empty.svg)
