@@ -6,13 +6,19 @@ import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, Final
 
 import fmpy
 
 from harness.errors import FmuError
 from harness.part import Port, PortType, StartValue
 from harness.units import BaseUnit
+
+LARGEST: Final = 1 << 28
+"""What an archive may unpack to however small it is [bytes] ..."""
+
+RATIO: Final = 200
+"""... and how many times its size beyond that; deflate makes at most 1030 of it, text 20."""
 
 
 @dataclass(frozen=True)
