@@ -37,14 +37,14 @@ class Contents:
         As they stand in the archive.
     identifier : str
         Model identifier for co-simulation; empty if it is not known.
-    source_files : tuple of str
-        What the XML declares as sources.
+    source_files : tuple of str or None
+        What the XML declares as sources; None if it is not known.
     """
 
     path: Path
     members: tuple[zipfile.ZipInfo, ...]
     identifier: str = ""
-    source_files: tuple[str, ...] = ()
+    source_files: tuple[str, ...] | None = None
     names: frozenset[str] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -220,7 +220,9 @@ def _misnamed(contents: Contents) -> Iterator[Fault]:
 
 @rule("source-missing", "error", "2.2.1", "A file of SourceFiles is not in the folder sources.", "archive")
 def _source_missing(contents: Contents) -> Iterator[Fault]:
-    missing = [name for name in contents.source_files if str(PurePosixPath("sources", name)) not in contents.names]
+    missing = [
+        name for name in contents.source_files or () if str(PurePosixPath("sources", name)) not in contents.names
+    ]
     if missing:
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
         yield Fault(f"SourceFiles lists {missing[0]!r}{more}, not found in sources; add what is missing")
@@ -229,7 +231,7 @@ def _source_missing(contents: Contents) -> Iterator[Fault]:
 @rule("source-undeclared", "warning", "2.2.1", "There are C sources, but nothing says which to compile.", "archive")
 def _source_undeclared(contents: Contents) -> Iterator[Fault]:
     sources = [path for path in contents.below("sources") if path.suffix in (".c", ".cpp", ".cc")]
-    if sources and not contents.source_files and "sources/buildDescription.xml" not in contents.names:
+    if sources and contents.source_files == () and "sources/buildDescription.xml" not in contents.names:
         yield Fault(f"no SourceFiles names {sources[0]} and the others; list the files to compile")
 
 

@@ -159,8 +159,8 @@ def _supervise(folder: Path, once: bool, binary: str, time_limit: float) -> Iter
             return
         if not (lines and lines[-1].get("end")):
             yield _broken(folder, binary, ending, current)
-            if current == "load":
-                return
+            if current == "load" or (ending == "" and current not in CRASHES):
+                return  # what cannot be loaded or does not return would only take time
         refused = any(line.get("finding") == "instantiate-fails" for line in lines)
         names = [] if refused else names[names.index(current) + 1 :]
 
@@ -172,7 +172,7 @@ def _broken(folder: Path, binary: str, ending: str, current: str) -> Finding:
     special = CRASHES.get(current)
     how = "does not return within the time limit" if hangs else f"ends its process: {ending}"
     rule = RULES[special or ("binary-hangs" if hangs else "binary-crashes")]
-    return rule.finding(f"{function} {how} (probe {current}); {_ADVICE.get(special or '', _DEBUG)}", binary)
+    return rule.finding(f"{function} {how}; {_ADVICE.get(special or '', _DEBUG)}", binary)
 
 
 def _run(folder: Path, names: list[str], time_limit: float) -> str:

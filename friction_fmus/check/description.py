@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import fmpy
 from lxml import etree
@@ -210,7 +210,8 @@ def name_of(element: etree._Element) -> str:
 
 def line_of(element: etree._Element) -> int:
     """Its line."""
-    return int(element.sourceline or 1)  # type: ignore[call-overload]
+    line = element.sourceline
+    return line if isinstance(line, int) else 1
 
 
 def child_of(element: etree._Element) -> etree._Element | None:
@@ -253,6 +254,11 @@ def parse(data: bytes, file: str = DESCRIPTION) -> etree._Element | Finding:
     return root
 
 
+@cache
+def _schema(name: str) -> etree.XMLSchema:
+    return etree.XMLSchema(etree.parse(str(Path(fmpy.__file__).parent / "schema" / name)))
+
+
 def violations(root: etree._Element, schema: str) -> list[tuple[str, int]]:
     """What a file has against its schema, and the lines.
 
@@ -263,7 +269,7 @@ def violations(root: etree._Element, schema: str) -> list[tuple[str, int]]:
     schema : str
         Such as ``fmi2/fmi2ModelDescription.xsd``, from fmpy.
     """
-    path = Path(fmpy.__file__).parent / "schema" / schema
-    xsd = etree.XMLSchema(etree.parse(str(path)))
+    xsd = _schema(schema)
     xsd.validate(root.getroottree())
-    return [(f"{entry.message.removesuffix('.')}; see {path.name}", entry.line) for entry in list(xsd.error_log)]
+    log: Any = xsd.error_log  # its stubs do not know that it can be iterated
+    return [(f"{entry.message.removesuffix('.')}; see {Path(schema).name}", entry.line) for entry in log]

@@ -82,7 +82,7 @@ def _initial(model: Model) -> Iterator[Fault]:
 @rule("start-missing", "error", "2.2.7", "A variable that needs a start value has none.")
 def _start_missing(model: Model) -> Iterator[Fault]:
     for v in model.variables:
-        needs = v.initial in ("exact", "approx") or v.causality in ("input", "parameter")
+        needs = v.causality == "input" or (v.initial in ("exact", "approx") and v.causality != "independent")
         if needs and v.start is None and v.typed is not None:
             yield _at(v, f"{v.name} has no start value; give the one that the binary starts with")
 

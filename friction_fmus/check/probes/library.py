@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import locale
 import mmap
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -62,6 +63,16 @@ class _Callbacks(ctypes.Structure):
     _fields_ = tuple((name, c_void_p) for name in ("logger", "allocate", "free", "finished", "environment"))
 
 
+def settings_now() -> dict[str, object]:
+    """What a library may not change; the rounding mode where the C library can be asked."""
+    try:
+        rounding = int(ctypes.CDLL("libm.so.6").fegetround())
+    except (OSError, AttributeError):
+        rounding = None
+    place = str(Path.cwd())
+    return {"the working folder": place, "the locale": locale.setlocale(locale.LC_ALL), "the rounding mode": rounding}
+
+
 class MissingError(Exception):
     """A function that the library does not export."""
 
@@ -119,6 +130,7 @@ class Library:
         self.variables = [Variable(row) for row in job["variables"]]
         self.messages: list[tuple[int, str, str]] = []
         self.categories: set[str] = set()
+        self.settings = settings_now()
         self.mark("loading")
         self._handle = ctypes.CDLL(job["binary"])
         self.missing = [name for name in SIGNATURES if not hasattr(self._handle, f"fmi2{name}")]

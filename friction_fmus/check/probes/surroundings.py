@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
 import gc
-import locale
 import os
 import sys
 from collections.abc import Callable
@@ -12,7 +10,7 @@ from pathlib import Path
 from time import perf_counter
 
 from .host import Report, probe
-from .library import OK, WARNING, Instance, Library
+from .library import OK, WARNING, Instance, Library, settings_now
 
 _BLOCK = 0.4
 """How long a block of repetitions takes [s]."""
@@ -81,26 +79,11 @@ def memory_of_steps(library: Library, report: Report) -> None:
             report("memory-grows", f"every step takes another {growth:.0f} bytes; allocate nothing in fmi2DoStep")
 
 
-def _rounding() -> int | None:
-    """The rounding mode, where the C library can be asked."""
-    try:
-        return int(ctypes.CDLL("libm.so.6").fegetround())
-    except (OSError, AttributeError):
-        return None
-
-
-def _settings() -> dict[str, object]:
-    return {"the working folder": Path.cwd(), "the locale": locale.setlocale(locale.LC_ALL), "rounding": _rounding()}
-
-
 @probe()
 def settings(library: Library, report: Report) -> None:
-    """A run leaves the settings of the process alone."""
-    before = _settings()
-    with Instance(library) as run:
-        run.initialise().step(library.start_time, library.job["step"])
-    after = _settings()
-    changed = [name for name, value in before.items() if after[name] != value]
+    """All that was done until here has left the settings of the process alone."""
+    after = settings_now()
+    changed = [name for name, value in library.settings.items() if after[name] != value]
     if changed:
         report("process-changed", f"a run changes {' and '.join(changed)}; leave the process as it is")
 
