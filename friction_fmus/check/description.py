@@ -107,8 +107,10 @@ class Variable:
     def initial(self) -> str | None:
         """With its default."""
         written = self.element.get("initial")
-        if written is not None or self.causality in _INITIAL:
-            return written or _INITIAL[self.causality]
+        if written is not None:
+            return written
+        if self.causality in _INITIAL:
+            return _INITIAL[self.causality]
         return "exact" if self.variability == "constant" else "calculated"
 
     def get(self, attribute: str) -> str | None:

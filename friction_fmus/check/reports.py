@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -145,3 +146,7 @@ def rules_page() -> str:
                 lines.append(f"| `{rule.id}` | {rule.severity} | {rule.section} | {rule.summary} |")
         lines.append("")
     return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.stdout.write(rules_page())
