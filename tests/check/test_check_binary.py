@@ -108,7 +108,7 @@ def test_without_a_fault_nothing_is_found(faulty: Callable[..., Path]) -> None:
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_is_found_by_its_rule_and_no_other(faulty: Callable[..., Path], fault: str) -> None:
     rule, words, companions = FAULTS[fault]
-    found = check(faulty(fault), time_limit=1.0 if fault == "loop" else 20.0)
+    found = check(faulty(fault), time_limit=1.0 if fault == "loop" else 60.0)
     own = [finding for finding in found if finding.rule == rule]
     assert any(words in finding.message for finding in own), found
     assert all(finding.file == BINARY and finding.severity == RULES[rule].severity for finding in own)
