@@ -14,6 +14,7 @@ from pathlib import Path
 from rich.table import Table
 
 from friction_fmus import sweep_command
+from friction_fmus.check_command import add_check_options, check_files
 from friction_fmus.codegen.command import add_codegen_options, codegen
 from friction_fmus.doctor_command import add_doctor_options, examine_system
 from friction_fmus.errors import FrictionError
@@ -77,20 +78,6 @@ def build_blocks(options: argparse.Namespace) -> None:
             bar.console.print(path) if bar.console.is_terminal else print(path)
 
 
-def check_files(options: argparse.Namespace) -> int:
-    """Findings in FMUs; status 1 if there are any."""
-    from friction_fmus.check import check
-
-    faults = 0
-    for path in options.files:
-        findings = check(path)
-        faults += bool(findings)
-        console.print(f"{path}: {'no findings' if not findings else ''}", highlight=False, soft_wrap=True)
-        for finding in findings:
-            console.print(f"  {finding}", markup=False, highlight=False, soft_wrap=True)
-    return 1 if faults else 0
-
-
 def study(options: argparse.Namespace) -> None:
     """The study of a measured axis."""
     from friction_fmus.study import StudySettings, run_study, summary_table
@@ -139,7 +126,7 @@ def parser() -> argparse.ArgumentParser:
     )
     building.add_argument("--name", metavar="IDENTIFIER", help="other model identifier and file name")
     checking = command("check", check_files, "look for faults in FMUs, also other people's")
-    checking.add_argument("files", nargs="+", type=Path, metavar="FILE")
+    add_check_options(checking)
     examining = command("doctor", examine_system, "look for what makes a closed loop with friction fail")
     add_doctor_options(examining)
     running = command("run", run_system, "run a system of FMUs")

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import stat
 import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, Final
 
 import fmpy
+from lxml import etree
 
 from harness.errors import FmuError
 from harness.part import Port, PortType, StartValue
 from harness.units import BaseUnit
+
+LARGEST: Final = 1 << 28
+"""What an archive may unpack to however small it is [bytes] ..."""
+
+RATIO: Final = 200
+"""... and how many times its size beyond that; deflate makes at most 1030 of it, text 20."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +62,8 @@ def open_archive(path: Path) -> Archive:
     ------
     FmuError
         If the file is missing, not a zip, not an FMU, not FMI 2.0 co-simulation, has no binary for this
-        platform, or has members that would be written outside of the folder it is unpacked to.
+        platform, or has members that would be written outside of the folder it is unpacked to, are symbolic
+        links, stand twice or unpack to far more than their size; or if its XML has a DOCTYPE.
     """
     if not path.is_file():
         found = "it is a folder" if path.is_dir() else "there is no such file"
@@ -63,14 +72,16 @@ def open_archive(path: Path) -> Archive:
         raise FmuError(f"{path} is not an FMU: it is not a zip archive; export it again from the tool that made it")
     try:
         with zipfile.ZipFile(path) as archive:
-            members = archive.namelist()
-    except (zipfile.BadZipFile, OSError) as error:
+            entries = archive.infolist()
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
         raise FmuError(f"cannot open FMU {path}: {error}; copy or export it again") from error
-    outside = find_outside(members)
-    if outside is not None:
-        raise FmuError(f"{path} was not unpacked: its member '{outside}' points outside of it; do not use this file")
+    members = [entry.filename for entry in entries]
+    danger = _find_danger(entries)
+    if danger is not None:
+        raise FmuError(f"{path} was not unpacked: {danger}; do not use this file")
     if "modelDescription.xml" not in members:
         raise FmuError(f"{path} is not an FMU: it has no modelDescription.xml; export it again as FMI 2.0")
+    _refuse_entities(path)
     description = _read_description(path)
     _check_binary(path, description.coSimulation.modelIdentifier, members)
     return Archive(
@@ -79,6 +90,39 @@ def open_archive(path: Path) -> Archive:
         ports=_ports(path, description),
         variables={variable.name: variable for variable in description.modelVariables},
     )
+
+
+def _find_danger(entries: Iterable[zipfile.ZipInfo]) -> str | None:
+    """Why an archive must not be unpacked, as the middle of a sentence."""
+    seen: set[str] = set()
+    packed = unpacked = 0
+    for entry in entries:
+        if find_outside([entry.orig_filename]) is not None:
+            return f"its member '{entry.orig_filename}' points outside of it"
+        if entry.create_system == 3 and stat.S_ISLNK(entry.external_attr >> 16):
+            return f"its member '{entry.filename}' is a symbolic link"
+        if entry.filename in seen:
+            return f"it has two members '{entry.filename}'"
+        seen.add(entry.filename)
+        packed, unpacked = packed + entry.compress_size, unpacked + entry.file_size
+    if unpacked > LARGEST and unpacked > RATIO * packed:
+        return f"its {packed} bytes unpack to {unpacked}"
+    return None
+
+
+def _refuse_entities(path: Path) -> None:
+    """Entities come in by a DOCTYPE, which no FMU needs; what is not well-formed is for fmpy to say."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            data = archive.read("modelDescription.xml")
+    except Exception as error:  # zipfile and the codecs raise many kinds for broken members
+        raise FmuError(f"cannot read modelDescription.xml of {path}: {error}; copy or export it again") from error
+    try:
+        root = etree.fromstring(data, etree.XMLParser(resolve_entities=False, no_network=True))
+    except (etree.XMLSyntaxError, ValueError):
+        return
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise FmuError(f"modelDescription.xml of {path} has a DOCTYPE, by which entities come in; do not use this file")
 
 
 def find_outside(members: Iterable[str]) -> str | None:

@@ -58,6 +58,13 @@ def test_commands_of_the_readme_work(tmp_path: Path) -> None:
     assert (tmp_path / "stick_slip.png").is_file()
 
 
+def test_commands_of_the_check_page_work(tmp_path: Path) -> None:
+    (commands,) = blocks(ROOT / "docs" / "check.md", "commands")
+    for command in commands.splitlines():
+        run(command, tmp_path)
+    assert '"version": "2.1.0"' in (tmp_path / "check.sarif").read_text(encoding="utf-8")
+
+
 def test_main_command_of_the_readme_does_its_own_set_up(tmp_path: Path) -> None:
     (command,) = blocks(ROOT / "README.md", "main command")
     copy = tmp_path / "checkout"

@@ -1,0 +1,123 @@
+"""Checks of an FMU: the archive, the XML, and what the binary does in a process of its own.
+
+For any FMU of FMI 2.0 for co-simulation. The rules are functions in `archive`, `definitions`, `variables`, `structure`
+and `side_files`, and probes in `probes`; to add one, write one function.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from fmpy.validation import validate_fmu
+
+from friction_fmus.check import definitions, structure, variables
+from friction_fmus.check.archive import examine_archive, list_members, read_member
+from friction_fmus.check.binary import examine_binary
+from friction_fmus.check.description import NO_CO_SIMULATION, SCHEMA, VERSION, Model, line_of, parse, violations
+from friction_fmus.check.findings import DESCRIPTION, RULES, Finding, Rule, apply, declare
+from friction_fmus.check.side_files import examine_side_files
+from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+
+__all__ = ["RULES", "Finding", "Rule", "check"]
+
+_MODULES = (definitions, variables, structure)
+"""They add the rules of the XML."""
+
+_DANGEROUS = ("zip-", "path-outside", "path-backslash", "path-symlink", "path-duplicate")
+
+FMPY = declare("fmpy", "error", "2.2", "The check of fmpy finds what no other rule does.", "description")
+
+
+def check(
+    path: str | Path, *, static: bool = False, ignore: Collection[str] = (), time_limit: float = 30.0
+) -> list[Finding]:
+    """Looks for faults in one FMU.
+
+    Parameters
+    ----------
+    path : path-like
+        The FMU.
+    static : bool
+        Whether to leave the binary alone.
+    ignore : collection of str
+        Names of rules that do not count.
+    time_limit : float
+        How long each probe of the binary may take [s].
+
+    Returns
+    -------
+    list of Finding
+        By severity, empty if there is none. What is no FMU of FMI 2.0 for co-simulation is one finding.
+
+    Raises
+    ------
+    FrictionError
+        If the file cannot be read, a name in `ignore` is that of no rule, or the time limit is not positive.
+    """
+    for name in ignore:
+        if name not in RULES:
+            raise UnknownNameError(f"there is no rule {name!r}{nearest(name, RULES)}; `check --rules` lists them")
+    if not time_limit > 0.0:
+        raise FrictionError(f"the time limit is {time_limit} s; give a positive number of seconds")
+    try:
+        found = _examine(Path(path), static, time_limit)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise FrictionError(f"cannot check {path}: {reason}; give the path of an .fmu file") from error
+    order = ("error", "warning", "note")
+    chosen = [finding for finding in found if finding.rule not in ignore]
+    return sorted(chosen, key=lambda finding: (order.index(finding.severity), finding.file, finding.line or 0))
+
+
+def _examine(path: Path, static: bool, time_limit: float) -> list[Finding]:
+    contents = list_members(path)
+    if isinstance(contents, Finding):
+        return [contents]
+    if DESCRIPTION not in contents.names or any(f.rule == "zip-bomb" for f in apply("archive", contents)):
+        return examine_archive(contents)
+    data = read_member(path, DESCRIPTION)
+    root = parse(data) if isinstance(data, bytes) else data
+    if isinstance(root, Finding):
+        return [*examine_archive(contents), root]
+    model = Model(root)
+    refusals = list(_refusals(model))
+    if refusals:
+        return refusals
+    contents = replace(contents, identifier=model.identifier, source_files=model.source_files)
+    findings = examine_archive(contents)
+    findings += [SCHEMA.finding(text, DESCRIPTION, line=line) for text, line in violations(root, _XSD)]
+    findings += apply("description", model)
+    safe = not any(finding.rule.startswith(_DANGEROUS) for finding in findings)
+    if safe:
+        findings += examine_side_files(contents, model)
+        if not any(finding.severity == "error" for finding in findings):
+            findings += _fmpy(path)
+        if not static and contents.below("binaries"):
+            findings += examine_binary(contents, model, time_limit)
+    return findings
+
+
+_XSD = "fmi2/fmi2ModelDescription.xsd"
+
+
+def _refusals(model: Model) -> Iterator[Finding]:
+    """Why this is nothing that the rules are for."""
+    version = model.root.get("fmiVersion", "")
+    if model.root.tag != "fmiModelDescription":
+        text = f"the root element is {model.root.tag}, not fmiModelDescription; export it as FMI 2.0"
+        yield VERSION.finding(text, DESCRIPTION, line=line_of(model.root))
+    elif version != "2.0":
+        text = f"fmiVersion is {version!r}, and only 2.0 is checked; importers of FMI 2.0 refuse any other"
+        yield VERSION.finding(text, DESCRIPTION, line=line_of(model.root))
+    elif model.simulation is None:
+        kind = "for model exchange only" if model.root.find("ModelExchange") is not None else "for nothing"
+        text = f"the FMU is {kind}, and only co-simulation is checked; export it for co-simulation"
+        yield NO_CO_SIMULATION.finding(text, DESCRIPTION, line=line_of(model.root))
+
+
+def _fmpy(path: Path) -> list[Finding]:
+    """What fmpy finds; only asked where nothing else is wrong, so that no fault is told twice."""
+    with path.open("rb") as file:  # not the path: fmpy leaves the file open when it fails
+        return [FMPY.finding(f"fmpy says: {' '.join(text.split())}", DESCRIPTION) for text in validate_fmu(file)]

@@ -1,0 +1,225 @@
+"""The binary of an FMU under examination: its process is watched, and a crash or a hang of it is a finding."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from time import monotonic
+from typing import Any, Final
+
+from friction_fmus.check.archive import Contents, unpack
+from friction_fmus.check.description import Model, Variable, integer, real
+from friction_fmus.check.findings import RULES, Finding, declare
+from friction_fmus.check.probes import lifecycle, stepping, surroundings
+from friction_fmus.check.probes.host import CRASHES, PROBES, SEVERAL
+from friction_fmus.check.probes.library import TRACE_SIZE
+from friction_fmus.check.probes.rules import RULES as BINARY_RULES
+from friction_fmus.errors import FrictionError
+from harness.platforms import NATIVE
+
+_MODULES: Final = (lifecycle, stepping, surroundings)
+"""They add the probes, in this order."""
+
+for _id, (_severity, _section, _summary) in BINARY_RULES.items():
+    declare(_id, _severity, _section, _summary, "binary")  # type: ignore[arg-type]
+
+NO_BINARY = declare("no-binary-here", "note", "2.3", "There is no binary for this machine; none was run.", "binary")
+
+_FLAGS: Final = (
+    "canHandleVariableCommunicationStepSize",
+    "canInterpolateInputs",
+    "canBeInstantiatedOnlyOncePerProcess",
+    "canGetAndSetFMUstate",
+    "canSerializeFMUstate",
+    "providesDirectionalDerivative",
+)
+_PROGRAM: Final = (
+    "import sys; sys.path.append({folder!r}); from probes import lifecycle, stepping, surroundings; "
+    "from probes.host import main; main({place!r}, {names!r})"
+)
+_DEBUG: Final = "run that call in a debugger"
+_ADVICE: Final = {
+    "free-null": "return at once if there is no instance",
+    "misuse-crashes": "refuse what is not allowed, and do not rely on a logger",
+}
+_START_TIME: Final = 30.0
+"""What a process may take until the first probe begins [s]: a busy machine is no fault of the FMU."""
+
+
+def examine_binary(contents: Contents, model: Model, time_limit: float) -> list[Finding]:
+    """What the probes find.
+
+    Parameters
+    ----------
+    contents : Contents
+        The archive, in which no rule found a dangerous member.
+    model : Model
+        Its XML.
+    time_limit : float
+        How long a probe may take [s].
+
+    Raises
+    ------
+    OSError
+        If the FMU cannot be unpacked or no process be started.
+    FrictionError
+        If a probe itself fails.
+    """
+    binary = f"binaries/{NATIVE.folder}/{contents.identifier}{NATIVE.suffix}"
+    if binary not in contents.names:
+        found = sorted({path.parts[1] for path in contents.below("binaries") if len(path.parts) > 2})
+        there = ", ".join(found) or "none"
+        return [NO_BINARY.finding(f"there is no {binary} (binaries for: {there}); check it on such a machine")]
+    with tempfile.TemporaryDirectory(prefix="friction-fmus-check-", ignore_cleanup_errors=True) as name:
+        folder = Path(name).resolve()
+        unpack(contents, folder / "fmu")
+        job = _job(model) | {
+            "folder": str(folder),
+            "binary": str(folder / "fmu" / binary),
+            "resources": str(folder / "fmu" / "resources"),
+        }
+        (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
+        (folder / "trace").write_bytes(b" " * TRACE_SIZE)
+        findings = list(_supervise(folder, model.flag("canBeInstantiatedOnlyOncePerProcess"), binary, time_limit))
+    return list(dict.fromkeys(findings))
+
+
+def _job(model: Model) -> dict[str, Any]:
+    """All that the probes know of the XML, as JSON can say it."""
+    experiment = model.root.find("DefaultExperiment")
+    names = ("startTime", "stopTime", "stepSize")
+    given = {} if experiment is None else {name: real(experiment.get(name)) for name in names}
+    start, stop, step = given.get("startTime") or 0.0, given.get("stopTime"), given.get("stepSize")
+    if not step or not 0.0 < step < float("inf"):
+        step = (stop - start) / 500.0 if stop and 0.0 < stop - start < float("inf") else 1e-2
+    simulation = model.simulation
+    orders = None if simulation is None else integer(simulation.get("maxOutputDerivativeOrder"))
+    return {
+        "guid": model.root.get("guid", ""),
+        "start_time": start if abs(start) < float("inf") else 0.0,
+        "step": step,
+        "flags": {name: model.flag(name) for name in _FLAGS},
+        "output_derivatives": orders or 0,
+        "categories": [element.get("name") for element in model.all("LogCategories/Category")],
+        "variables": [row for v in model.variables if (row := _row(v)) is not None],
+    }
+
+
+def _row(v: Variable) -> dict[str, Any] | None:
+    reference = integer(v.reference)
+    if reference is None or not 0 <= reference < 1 << 32 or not v.type:
+        return None
+    kind = "Integer" if v.type == "Enumeration" else v.type
+    low, high, nominal = real(v.get("min")), real(v.get("max")), real(v.get("nominal"))
+    return {
+        "name": v.name,
+        "reference": reference,
+        "type": kind,
+        "causality": v.causality,
+        "variability": v.variability,
+        "initial": v.initial,
+        "start": _start(kind, v.start),
+        "low": -1e300 if low is None else low,
+        "high": 1e300 if high is None else high,
+        "nominal": nominal or 1.0,
+    }
+
+
+def _start(kind: str, text: str | None) -> Any:
+    if text is None or kind == "String":
+        return text
+    if kind == "Boolean":
+        return text.strip() in ("true", "1")
+    number = integer(text) if kind == "Integer" else real(text)
+    return number if kind == "Real" or number is None or -(1 << 31) <= number < 1 << 31 else None
+
+
+def _supervise(folder: Path, once: bool, binary: str, time_limit: float) -> Iterator[Finding]:
+    """Run all probes, in a new process after each that does not come back."""
+    names = [name for name in PROBES if not (once and name in SEVERAL)]
+    while names:
+        (folder / "report").write_bytes(b"")
+        ending = _run(folder, names[:1] if once else names, time_limit)
+        lines = [json.loads(line) for line in (folder / "report").read_bytes().splitlines()]
+        for line in lines:
+            if "fault" in line:
+                raise FrictionError(f"the probe {line['probe']} of {binary} failed itself: {line['fault']}; report it")
+            if "finding" in line:
+                yield RULES[line["finding"]].finding(line["message"], binary, variable=line["variable"])
+        begun = [line["probe"] for line in lines if "probe" in line]
+        current = begun[-1] if begun else "load"
+        if lines and lines[-1].get("end") == "load":
+            return
+        if not (lines and lines[-1].get("end")):
+            yield _broken(folder, binary, ending, current)
+            if current == "load" or (ending == "" and current not in CRASHES):
+                return  # what cannot be loaded or does not return would only take time
+        refused = any(line.get("finding") == "instantiate-fails" for line in lines)
+        names = [] if refused else names[names.index(current) + 1 :]
+
+
+def _broken(folder: Path, binary: str, ending: str, current: str) -> Finding:
+    """What the last call did to its process."""
+    function = (folder / "trace").read_bytes().decode(errors="replace").strip() or "a call"
+    hangs = ending == ""
+    special = CRASHES.get(current)
+    how = "does not return within the time limit" if hangs else f"ends its process: {ending}"
+    rule = RULES[special or ("binary-hangs" if hangs else "binary-crashes")]
+    return rule.finding(f"{function} {how}; {_ADVICE.get(special or '', _DEBUG)}", binary)
+
+
+def _run(folder: Path, names: list[str], time_limit: float) -> str:
+    """One process; how it ended, or nothing if it was killed for taking too long."""
+    program = _PROGRAM.format(folder=str(Path(__file__).parent), place=str(folder), names=names)
+    with (folder / "stdout").open("ab") as out, (folder / "stderr").open("ab") as err:
+        child = subprocess.Popen(
+            [sys.executable, "-I", "-X", "utf8", "-c", program],
+            stdin=subprocess.DEVNULL,
+            stdout=out,
+            stderr=err,
+            cwd=folder,
+            start_new_session=True,  # Ctrl-C is for the check, which then ends it
+        )
+        try:
+            return "" if _hangs(child, folder / "report", time_limit) else _ending(child.wait())
+        finally:
+            _end(child)
+
+
+def _hangs(child: subprocess.Popen[bytes], report: Path, time_limit: float) -> bool:
+    """Whether no probe begins for too long, while the process is there."""
+    seen, deadline = 0, monotonic() + max(time_limit, _START_TIME)
+    while child.poll() is None:
+        try:
+            child.wait(0.02)
+        except subprocess.TimeoutExpired:
+            size = report.stat().st_size
+            if size != seen:
+                seen, deadline = size, monotonic() + time_limit
+            if monotonic() > deadline:
+                return True
+    return False
+
+
+def _end(child: subprocess.Popen[bytes]) -> None:
+    """The process and what it has started."""
+    if os.name == "posix":
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(child.pid, signal.SIGKILL)
+    else:
+        child.kill()
+    child.wait()
+
+
+def _ending(status: int) -> str:
+    if status >= 0:
+        return f"exit status {status}"
+    known = {member.value: member.name for member in signal.Signals}
+    return f"{known.get(-status, f'signal {-status}')}"

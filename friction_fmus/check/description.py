@@ -1,0 +1,277 @@
+"""modelDescription.xml as the rules see it: everything as it is written, with the defaults of the standard."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import fmpy
+from lxml import etree
+
+from friction_fmus.check.findings import DESCRIPTION, Finding, declare
+
+_INITIAL: Final = {
+    "parameter": "exact",
+    "calculatedParameter": "calculated",
+    "input": None,
+    "independent": None,
+}
+"""Default of `initial` by causality; that of outputs and locals depends on the variability (section 2.2.7)."""
+
+MALFORMED = declare("xml-malformed", "error", "2.2", "modelDescription.xml cannot be read.", "description")
+ENTITIES = declare(
+    "xml-entities", "error", "2.2", "An XML file has a DOCTYPE, by which entities come in.", "description"
+)
+SCHEMA = declare("schema", "error", "2.2", "modelDescription.xml violates the schema of FMI 2.0.", "description")
+VERSION = declare("fmi-version", "error", "2.2.1", "The FMU is not of FMI 2.0.", "description")
+NO_CO_SIMULATION = declare("no-co-simulation", "error", "4.3.1", "The FMU is not for co-simulation.", "description")
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """An entry of ModelStructure.
+
+    Parameters
+    ----------
+    line : int
+        Line in the XML.
+    index : int
+        Of the variable, from 1.
+    dependencies : tuple of int or None
+        None if the attribute is missing: depends on everything.
+    kinds : tuple of str or None
+        dependenciesKind.
+    """
+
+    line: int
+    index: int
+    dependencies: tuple[int, ...] | None
+    kinds: tuple[str, ...] | None
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A ScalarVariable with the defaults of the standard and of its declared type.
+
+    Parameters
+    ----------
+    element : lxml.etree.Element
+        ScalarVariable.
+    typed : lxml.etree.Element or None
+        Real, Integer, Boolean, String or Enumeration.
+    declared : lxml.etree.Element or None
+        That element of its SimpleType.
+    index : int
+        From 1, as ModelStructure counts.
+    """
+
+    element: etree._Element
+    typed: etree._Element | None
+    declared: etree._Element | None
+    index: int
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.element.get("name", "")
+
+    @property
+    def line(self) -> int:
+        """Line in the XML."""
+        return line_of(self.element)
+
+    @property
+    def type(self) -> str:
+        """Real, Integer, Boolean, String or Enumeration."""
+        return "" if self.typed is None else name_of(self.typed)
+
+    @property
+    def reference(self) -> str:
+        """Value reference as it is written."""
+        return self.element.get("valueReference", "")
+
+    @property
+    def causality(self) -> str:
+        """With its default."""
+        return self.element.get("causality", "local")
+
+    @property
+    def variability(self) -> str:
+        """With its default, which is continuous also where it is not allowed."""
+        return self.element.get("variability", "continuous")
+
+    @cached_property
+    def initial(self) -> str | None:
+        """With its default."""
+        written = self.element.get("initial")
+        if written is not None:
+            return written
+        if self.causality in _INITIAL:
+            return _INITIAL[self.causality]
+        return "exact" if self.variability == "constant" else "calculated"
+
+    def get(self, attribute: str) -> str | None:
+        """An attribute of the type, its own or that of the declared type."""
+        for element in (self.typed, self.declared):
+            if element is not None and element.get(attribute) is not None:
+                return element.get(attribute)
+        return None
+
+    @property
+    def start(self) -> str | None:
+        """As it is written."""
+        return None if self.typed is None else self.typed.get("start")
+
+    @property
+    def settable(self) -> bool:
+        """Whether an environment may set it before the initialisation, `approx` included."""
+        return self.variability != "constant" and (
+            self.causality in ("parameter", "input") or self.initial in ("exact", "approx")
+        )
+
+
+@dataclass
+class Model:
+    """The XML.
+
+    Parameters
+    ----------
+    root : lxml.etree.Element
+        fmiModelDescription.
+    """
+
+    root: etree._Element
+    variables: list[Variable] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Collect the variables."""
+        types = {element.get("name"): child_of(element) for element in self.all("TypeDefinitions/SimpleType")}
+        self.variables = []
+        for index, element in enumerate(self.all("ModelVariables/ScalarVariable"), start=1):
+            typed = child_of(element)
+            declared = None if typed is None else types.get(typed.get("declaredType", ""))
+            self.variables.append(Variable(element, typed, declared, index))
+
+    def all(self, path: str) -> list[etree._Element]:
+        """Elements by their path."""
+        return list(self.root.iterfind(path))
+
+    @property
+    def simulation(self) -> etree._Element | None:
+        """The element CoSimulation."""
+        return self.root.find("CoSimulation")
+
+    @property
+    def identifier(self) -> str:
+        """Model identifier for co-simulation."""
+        return "" if self.simulation is None else self.simulation.get("modelIdentifier", "")
+
+    @property
+    def source_files(self) -> tuple[str, ...]:
+        """What the XML declares as sources for co-simulation."""
+        return tuple(element.get("name", "") for element in self.all("CoSimulation/SourceFiles/File"))
+
+    def flag(self, name: str) -> bool:
+        """A capability."""
+        return self.simulation is not None and self.simulation.get(name) in ("true", "1")
+
+    def unknowns(self, section: str) -> list[Unknown]:
+        """Entries of Outputs, Derivatives or InitialUnknowns."""
+        return [
+            Unknown(
+                line_of(element),
+                integer(element.get("index")) or 0,
+                _indices(element.get("dependencies")),
+                None if element.get("dependenciesKind") is None else tuple(element.get("dependenciesKind", "").split()),
+            )
+            for element in self.all(f"ModelStructure/{section}/Unknown")
+        ]
+
+    def variable(self, index: int) -> Variable | None:
+        """A variable by its index from 1."""
+        return self.variables[index - 1] if 1 <= index <= len(self.variables) else None
+
+    @cached_property
+    def states(self) -> set[int]:
+        """Indices of the continuous-time states: what a derivative is the derivative of."""
+        derivatives = (variable.get("derivative") for variable in self.variables if variable.type == "Real")
+        return {index for index in map(integer, derivatives) if index is not None}
+
+
+def _indices(text: str | None) -> tuple[int, ...] | None:
+    return None if text is None else tuple(integer(word) or 0 for word in text.split())
+
+
+def name_of(element: etree._Element) -> str:
+    """The tag of an element, also of a comment."""
+    return element.tag if isinstance(element.tag, str) else ""
+
+
+def line_of(element: etree._Element) -> int:
+    """Its line."""
+    line = element.sourceline
+    return line if isinstance(line, int) else 1
+
+
+def child_of(element: etree._Element) -> etree._Element | None:
+    """The first child that gives a type."""
+    types = ("Real", "Integer", "Boolean", "String", "Enumeration")
+    return next((child for child in element if name_of(child) in types), None)
+
+
+def integer(text: str | None) -> int | None:
+    """An integer as XML writes it; None where there is none."""
+    try:
+        return None if text is None or len(text) > 20 else int(text)
+    except ValueError:
+        return None
+
+
+def real(text: str | None) -> float | None:
+    """A number as XML writes it, infinities and NaN included; None where there is none."""
+    if text is None:
+        return None
+    special = {"INF": math.inf, "-INF": -math.inf, "NaN": math.nan}
+    try:
+        return special[text.strip()] if text.strip() in special else float(text)
+    except ValueError:
+        return None
+
+
+def parse(data: bytes, file: str = DESCRIPTION) -> etree._Element | Finding:
+    """The root of an XML file, without anything from outside of it, or why it cannot be read."""
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
+    try:
+        root = etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        line = error.lineno or None
+        return MALFORMED.finding(f"{file} is not well-formed: {error.msg}; export the FMU again", file, line=line)
+    except ValueError as error:  # such as an encoding that nobody knows
+        return MALFORMED.finding(f"{file} cannot be read: {error}; export the FMU again", file)
+    if root.getroottree().docinfo.internalDTD is not None:
+        return ENTITIES.finding(f"{file} has a DOCTYPE, which the standard has no use for; remove it", file, line=1)
+    return root
+
+
+@cache
+def _schema(name: str) -> etree.XMLSchema:
+    return etree.XMLSchema(etree.parse(str(Path(fmpy.__file__).parent / "schema" / name)))
+
+
+def violations(root: etree._Element, schema: str) -> list[tuple[str, int]]:
+    """What a file has against its schema, and the lines.
+
+    Parameters
+    ----------
+    root : lxml.etree.Element
+        The file.
+    schema : str
+        Such as ``fmi2/fmi2ModelDescription.xsd``, from fmpy.
+    """
+    xsd = _schema(schema)
+    xsd.validate(root.getroottree())
+    log: Any = xsd.error_log  # its stubs do not know that it can be iterated
+    return [(f"{entry.message.removesuffix('.')}; see {Path(schema).name}", entry.line) for entry in log]

@@ -1,0 +1,96 @@
+"""The process: does one probe after another and writes down what it finds before the next call can bring it down."""
+
+from __future__ import annotations
+
+import json
+import mmap
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+from .library import Library, MissingError, RefusedError
+
+Report = Callable[..., None]
+"""``report(rule, message, variable=None)``"""
+
+Probe = Callable[[Library, Report], None]
+
+PROBES: Final[dict[str, Probe]] = {}
+SEVERAL: Final[set[str]] = set()
+"""Probes that make more than one instance in a process."""
+CRASHES: Final[dict[str, str]] = {}
+"""The rule that a crash or a hang in a probe violates, where it is a special one."""
+
+
+def probe(*, several: bool = False, crash: str = "") -> Callable[[Probe], Probe]:
+    """Add a probe; its name is that of the function."""
+
+    def add(function: Probe) -> Probe:
+        PROBES[function.__name__] = function
+        if several:
+            SEVERAL.add(function.__name__)
+        if crash:
+            CRASHES[function.__name__] = crash
+        return function
+
+    return add
+
+
+def main(folder: str, names: list[str]) -> None:
+    """Do probes.
+
+    Parameters
+    ----------
+    folder : str
+        Holds ``job.json`` and ``trace``; gets ``report``.
+    names : list of str
+        Names of the probes.
+    """
+    _limit()
+    place = Path(folder)
+    job = json.loads((place / "job.json").read_text(encoding="utf-8"))
+    report_file = os.open(place / "report", os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+    with (place / "trace").open("r+b") as file:
+        trace = mmap.mmap(file.fileno(), 0)
+
+    def write(**line: Any) -> None:
+        os.write(report_file, json.dumps(line).encode() + b"\n")
+
+    def report(rule: str, message: str, variable: str | None = None) -> None:
+        write(finding=rule, message=message, variable=variable)
+
+    write(probe="load")
+    try:
+        library = Library(job, trace)
+    except OSError as error:
+        report("binary-not-loadable", f"the library cannot be loaded ({error}); build it for this platform")
+        write(end="load")
+        return
+    for name in names:
+        write(probe=name)
+        try:
+            PROBES[name](library, report)
+        except RefusedError as error:
+            rule = "instantiate-fails" if error.function == "Instantiate" else "call-refused"
+            advice = "let it succeed with the guid of the XML" if rule != "call-refused" else "allow the call there"
+            report(rule, f"fmi2{error.function} gave {error.status}{error.message}; {advice}")
+        except MissingError:
+            pass  # the first probe says so
+        except Exception as error:
+            write(probe=name, fault=f"{type(error).__name__}: {error}")
+            raise
+    write(end="all")
+    # without the destructors of the library: whether they run in order is the process's affair, not the FMU's
+    sys.stdout.flush()
+    os._exit(0)
+
+
+def _limit() -> None:
+    """No core files, and no endless output."""
+    if sys.platform != "win32":
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 26, 1 << 26))

@@ -1,0 +1,305 @@
+"""An FMU's library called function by function, with nothing between the check and the C code."""
+
+from __future__ import annotations
+
+import ctypes
+import locale
+import mmap
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from ctypes import CFUNCTYPE, POINTER, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from pathlib import Path
+from typing import Any, Final
+
+OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
+STATUS: Final = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
+CO_SIMULATION: Final = 1
+TRACE_SIZE: Final = 64
+
+_refs, _reals, _ints, _strings = POINTER(c_uint), POINTER(c_double), POINTER(c_int), POINTER(c_char_p)
+_state = c_void_p
+SIGNATURES: Final[dict[str, tuple[Any, ...]]] = {
+    "GetTypesPlatform": (),
+    "GetVersion": (),
+    "SetDebugLogging": (c_void_p, c_int, c_size_t, _strings),
+    "Instantiate": (c_char_p, c_int, c_char_p, c_char_p, c_void_p, c_int, c_int),
+    "FreeInstance": (c_void_p,),
+    "SetupExperiment": (c_void_p, c_int, c_double, c_double, c_int, c_double),
+    **dict.fromkeys(("EnterInitializationMode", "ExitInitializationMode", "Terminate", "Reset"), (c_void_p,)),
+    "GetReal": (c_void_p, _refs, c_size_t, _reals),
+    "GetInteger": (c_void_p, _refs, c_size_t, _ints),
+    "GetBoolean": (c_void_p, _refs, c_size_t, _ints),
+    "GetString": (c_void_p, _refs, c_size_t, _strings),
+    "SetReal": (c_void_p, _refs, c_size_t, _reals),
+    "SetInteger": (c_void_p, _refs, c_size_t, _ints),
+    "SetBoolean": (c_void_p, _refs, c_size_t, _ints),
+    "SetString": (c_void_p, _refs, c_size_t, _strings),
+    "GetFMUstate": (c_void_p, POINTER(_state)),
+    "SetFMUstate": (c_void_p, _state),
+    "FreeFMUstate": (c_void_p, POINTER(_state)),
+    "SerializedFMUstateSize": (c_void_p, _state, POINTER(c_size_t)),
+    "SerializeFMUstate": (c_void_p, _state, c_void_p, c_size_t),
+    "DeSerializeFMUstate": (c_void_p, c_void_p, c_size_t, POINTER(_state)),
+    "GetDirectionalDerivative": (c_void_p, _refs, c_size_t, _refs, c_size_t, _reals, _reals),
+    "SetRealInputDerivatives": (c_void_p, _refs, c_size_t, _ints, _reals),
+    "GetRealOutputDerivatives": (c_void_p, _refs, c_size_t, _ints, _reals),
+    "DoStep": (c_void_p, c_double, c_double, c_int),
+    "CancelStep": (c_void_p,),
+    "GetStatus": (c_void_p, c_int, _ints),
+    "GetRealStatus": (c_void_p, c_int, _reals),
+    "GetIntegerStatus": (c_void_p, c_int, _ints),
+    "GetBooleanStatus": (c_void_p, c_int, _ints),
+    "GetStringStatus": (c_void_p, c_int, _strings),
+}
+"""All functions of FMI 2.0 for co-simulation without their prefix, and the types of their arguments."""
+
+_RESULTS: Final = {"GetTypesPlatform": c_char_p, "GetVersion": c_char_p, "Instantiate": c_void_p, "FreeInstance": None}
+_LOGGER = CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p)
+_BUFFERS: Final[dict[str, Any]] = {"Real": c_double, "Integer": c_int, "Boolean": c_int, "String": c_char_p}
+
+
+class _Callbacks(ctypes.Structure):
+    _fields_ = tuple((name, c_void_p) for name in ("logger", "allocate", "free", "finished", "environment"))
+
+
+def settings_now() -> dict[str, object]:
+    """What a library may not change; the rounding mode where the C library can be asked."""
+    try:
+        rounding = int(ctypes.CDLL("libm.so.6").fegetround())
+    except (OSError, AttributeError):
+        rounding = None
+    place = str(Path.cwd())
+    return {"the working folder": place, "the locale": locale.setlocale(locale.LC_ALL), "the rounding mode": rounding}
+
+
+class MissingError(Exception):
+    """A function that the library does not export."""
+
+
+class RefusedError(Exception):
+    """A call that had to succeed did not.
+
+    Parameters
+    ----------
+    function, status : str
+        Without prefix, and as the standard writes it.
+    message : str
+        What the FMU logged last.
+    """
+
+    def __init__(self, function: str, status: str, message: str) -> None:
+        """Keep all three."""
+        super().__init__(function, status, message)
+        self.function, self.status, self.message = function, status, message
+
+
+class Variable:
+    """What a probe needs to know of a ScalarVariable."""
+
+    def __init__(self, row: dict[str, Any]) -> None:
+        """Take the row that the check sends."""
+        self.name: str = row["name"]
+        self.reference: int = row["reference"]
+        self.type: str = row["type"]
+        self.causality: str = row["causality"]
+        self.variability: str = row["variability"]
+        self.initial: str | None = row["initial"]
+        self.start: Any = row["start"]
+        self.low: float = row["low"]
+        self.high: float = row["high"]
+        self.nominal: float = row["nominal"]
+
+
+class Library:
+    """A loaded library and what the XML says about it.
+
+    Parameters
+    ----------
+    job : dict
+        What the check sends, see `friction_fmus.check.binary`.
+    trace : mmap
+        Takes the name of the function that is being called, for the case that it never returns.
+    """
+
+    def __init__(self, job: dict[str, Any], trace: mmap.mmap) -> None:
+        """Load it."""
+        self.job, self._trace = job, trace
+        self.guid: str = job["guid"]
+        self.start_time: float = job["start_time"]
+        self.variables = [Variable(row) for row in job["variables"]]
+        self.messages: list[tuple[int, str, str]] = []
+        self.categories: set[str] = set()
+        self.settings = settings_now()
+        self.mark("loading")
+        self._handle = ctypes.CDLL(job["binary"])
+        self.missing = [name for name in SIGNATURES if not hasattr(self._handle, f"fmi2{name}")]
+        for name, arguments in SIGNATURES.items():
+            if name not in self.missing:
+                function = getattr(self._handle, f"fmi2{name}")
+                function.argtypes, function.restype = arguments, _RESULTS.get(name, c_int)
+        libc = ctypes.cdll.msvcrt if sys.platform == "win32" else ctypes.CDLL(None)
+        self._logger = _LOGGER(self._log)
+        addresses = [ctypes.cast(function, c_void_p).value for function in (self._logger, libc.calloc, libc.free)]
+        self._callbacks = _Callbacks(*addresses, None, None)
+
+    def mark(self, function: str) -> None:
+        """Note what is being called."""
+        self._trace[:TRACE_SIZE] = function.encode()[:TRACE_SIZE].ljust(TRACE_SIZE)
+
+    def _log(self, _environment: object, _name: bytes, status: int, category: bytes, message: bytes) -> None:
+        names = (category or b"").decode(errors="replace"), (message or b"").decode(errors="replace")
+        self.categories.add(names[0])
+        self.messages = [*self.messages[-3:], (status, *names)]
+
+    def flag(self, name: str) -> bool:
+        """A capability."""
+        return bool(self.job["flags"].get(name))
+
+    def call(self, function: str, *arguments: object) -> Any:
+        """The result of a function without its prefix."""
+        if function in self.missing:
+            raise MissingError(function)
+        self.mark(f"fmi2{function}")
+        return getattr(self._handle, f"fmi2{function}")(*arguments)
+
+    def instantiate(self, guid: str | None = None, name: str = "checked") -> int | None:
+        """Address of a new instance, or None."""
+        folder = Path(self.job["resources"]).as_uri()
+        pointer: int | None = self.call(
+            "Instantiate",
+            name.encode(),
+            CO_SIMULATION,
+            (self.guid if guid is None else guid).encode(),
+            folder.encode(),
+            ctypes.addressof(self._callbacks),
+            0,
+            1,
+        )
+        return pointer
+
+
+class Instance:
+    """One instance; calls that are not `status` must succeed.
+
+    Parameters
+    ----------
+    library : Library
+        The FMU.
+    name : str
+        Instance name.
+
+    Raises
+    ------
+    RefusedError
+        If the FMU gives none.
+    """
+
+    def __init__(self, library: Library, name: str = "checked") -> None:
+        """Instantiate."""
+        self.library = library
+        self.pointer = library.instantiate(name=name)
+        if not self.pointer:
+            raise RefusedError("Instantiate", "no instance", last_message(library))
+
+    def __enter__(self) -> Instance:
+        """The instance."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Free it."""
+        self.free()
+
+    def free(self) -> None:
+        """Free it; once more does nothing."""
+        pointer, self.pointer = self.pointer, None
+        if pointer:
+            self.library.call("FreeInstance", pointer)
+
+    def status(self, function: str, *arguments: object) -> int:
+        """The status of a call."""
+        return int(self.library.call(function, self.pointer, *arguments))
+
+    def must(self, function: str, *arguments: object) -> None:
+        """Call and insist on fmi2OK or fmi2Warning."""
+        self.library.messages.clear()
+        status = self.status(function, *arguments)
+        if status not in (OK, WARNING):
+            name = STATUS[status] if 0 <= status < len(STATUS) else str(status)
+            raise RefusedError(function, name, last_message(self.library))
+
+    def set_up(self) -> Instance:
+        """fmi2SetupExperiment."""
+        self.must("SetupExperiment", 0, 0.0, self.library.start_time, 0, 0.0)
+        return self
+
+    def begin(self) -> Instance:
+        """As far as initialization mode."""
+        self.set_up().must("EnterInitializationMode")
+        return self
+
+    def initialise(self) -> Instance:
+        """As far as stepping."""
+        self.begin().must("ExitInitializationMode")
+        return self
+
+    def step(self, t: float, h: float) -> None:
+        """fmi2DoStep."""
+        self.must("DoStep", t, h, 1)
+
+    # ---- values
+
+    def read_status(self, v: Variable) -> tuple[int, Any]:
+        """Status and value of one variable."""
+        buffer = (_BUFFERS[v.type] * 1)()
+        status = self.status(f"Get{v.type}", (c_uint * 1)(v.reference), 1, buffer)
+        return status, (buffer[0] or b"").decode(errors="replace") if v.type == "String" else buffer[0]
+
+    def write_status(self, v: Variable, value: Any) -> int:
+        """Status of setting one variable."""
+        buffer = (_BUFFERS[v.type] * 1)(value.encode() if v.type == "String" else value)
+        return self.status(f"Set{v.type}", (c_uint * 1)(v.reference), 1, buffer)
+
+    def snapshot(self, variables: Iterable[Variable] | None = None) -> dict[str, Any]:
+        """All variables that can be read, NaN as text so that it equals itself."""
+        values = {}
+        for v in self.library.variables if variables is None else variables:
+            status, value = self.read_status(v)
+            if status in (OK, WARNING):
+                values[v.name] = "NaN" if value != value else value
+        return values
+
+    # ---- states
+
+    @contextmanager
+    def saved(self) -> Iterator[c_void_p]:
+        """The state of now as a pointer, freed at the end."""
+        state = c_void_p()
+        self.must("GetFMUstate", byref(state))
+        yield state
+        self.must("FreeFMUstate", byref(state))
+
+    def serialized(self, state: c_void_p) -> bytes:
+        """The bytes of a saved state."""
+        size = c_size_t()
+        self.must("SerializedFMUstateSize", state, byref(size))
+        buffer = ctypes.create_string_buffer(size.value)
+        self.must("SerializeFMUstate", state, buffer, size.value)
+        return buffer.raw
+
+    def restore(self, data: bytes) -> None:
+        """Deserialise a state and set it."""
+        state = c_void_p()
+        self.must("DeSerializeFMUstate", data, len(data), byref(state))
+        self.must("SetFMUstate", state)
+        self.must("FreeFMUstate", byref(state))
+
+
+def last_message(library: Library) -> str:
+    """What the FMU logged last, as the end of a sentence."""
+    return f"; it logged {library.messages[-1][2]!r}" if library.messages else ""
+
+
+def references(variables: Sequence[Variable]) -> Any:
+    """Their value references for a call."""
+    return (c_uint * len(variables))(*(v.reference for v in variables))

@@ -1,0 +1,177 @@
+"""Probes of functions, identity, values and the order of calls."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Callable
+from ctypes import byref, c_void_p
+
+from .host import Report, probe
+from .library import OK, WARNING, Instance, Library, MissingError, Variable, last_message
+
+_TOLERANCE = 1e-14
+"""Relative; a few units in the last place, as writers of XML with 15 to 17 digits make them."""
+
+
+@probe()
+def functions(library: Library, report: Report) -> None:
+    """All functions are there, and the library says what it is."""
+    if library.missing:
+        names = ", ".join(f"fmi2{name}" for name in library.missing)
+        report("function-missing", f"the library does not export {names}; export all, also those that only fail")
+    for function, expected in (("GetVersion", b"2.0"), ("GetTypesPlatform", b"default")):
+        if function not in library.missing:
+            answer = library.call(function)
+            if answer != expected:
+                report("version-answer", f"fmi2{function} gives {answer!r}; return {expected.decode()!r}")
+
+
+@probe(crash="free-null")
+def free_nothing(library: Library, report: Report) -> None:
+    """fmi2FreeInstance(NULL) does nothing."""
+    library.call("FreeInstance", None)
+
+
+@probe(several=True)
+def wrong_guid(library: Library, report: Report) -> None:
+    """Another guid gives no instance."""
+    other = "{00000000-1111-2222-3333-444444444444}"
+    pointer = library.instantiate(guid=other)
+    if pointer:
+        library.call("FreeInstance", pointer)
+        report("guid-not-checked", f"fmi2Instantiate takes the guid {other}; compare it with that of the XML")
+
+
+def _same(v: Variable, stated: object, read: object) -> bool:
+    if v.type == "Real" and isinstance(stated, float) and isinstance(read, float):
+        return abs(stated - read) <= _TOLERANCE * abs(stated)
+    return stated == (bool(read) if v.type == "Boolean" else read)
+
+
+@probe()
+def start_values(library: Library, report: Report) -> None:
+    """The binary starts with what the XML says; every variable can be read; what can be set takes its own value."""
+    with Instance(library) as run:
+        run.begin()
+        for v in library.variables:
+            status, value = run.read_status(v)
+            stated = v.start if v.initial == "exact" or v.causality == "input" else None
+            if status not in (OK, WARNING):
+                message = f"fmi2Get{v.type} of {v.name} fails{last_message(library)}; answer every declared variable"
+                report("variable-not-readable", message, v.name)
+            elif stated is not None and not _same(v, stated, value):
+                message = f"{v.name} starts at {value!r} but at {stated!r} in the XML; make them agree"
+                report("start-differs", message, v.name)
+        for v in library.variables:
+            settable = v.causality in ("parameter", "input") and v.start is not None
+            if settable and run.write_status(v, v.start) not in (OK, WARNING):
+                message = f"{v.name} does not take its start value {v.start}{last_message(library)}; accept it"
+                report("variable-not-settable", message, v.name)
+        run.must("ExitInitializationMode")
+        _check_outputs(library, report, run)
+
+
+def _check_outputs(library: Library, report: Report, run: Instance) -> None:
+    for v in library.variables:
+        if v.causality == "output" and v.type == "Real" and not math.isfinite(run.read_status(v)[1]):
+            message = f"{v.name} is not finite after initialisation; choose start values that work"
+            report("value-not-finite", message, v.name)
+
+
+# ---- the order of calls (section 4.2.4)
+
+_MODES = {"I": "instantiated", "N": "initialization mode", "C": "step complete", "T": "terminated"}
+
+
+def _in_mode(library: Library, mode: str) -> Instance:
+    run = Instance(library)
+    if mode == "I":
+        return run
+    run.begin()
+    if mode == "N":
+        return run
+    run.must("ExitInitializationMode")
+    run.step(library.start_time, library.job["step"])
+    if mode == "T":
+        run.must("Terminate")
+    return run
+
+
+def _real(library: Library, *causalities: str) -> Variable | None:
+    found = (v for v in library.variables if v.type == "Real" and v.causality in causalities and v.start is not None)
+    return next(found, None)
+
+
+def _get(run: Instance, v: Variable | None) -> int:
+    return OK if v is None else run.read_status(v)[0]
+
+
+def _set(run: Instance, v: Variable | None) -> int:
+    return OK if v is None else run.write_status(v, v.start)
+
+
+def _any_real(library: Library) -> Variable | None:
+    return next((v for v in library.variables if v.type == "Real"), None)
+
+
+@probe(several=True)
+def allowed(library: Library, report: Report) -> None:
+    """What the standard allows in each state is done."""
+    calls: dict[str, tuple[str, Callable[[Instance], int]]] = {
+        "SetDebugLogging": ("INCT", lambda run: run.status("SetDebugLogging", 1, 0, None)),
+        "SetReal of an input": ("NC", lambda run: _set(run, _real(library, "input"))),
+        "SetReal of a parameter": ("IN", lambda run: _set(run, _real(library, "parameter"))),
+        "GetReal": ("NCT", lambda run: _get(run, _any_real(library))),
+        "Terminate": ("C", lambda run: run.status("Terminate")),
+        "Reset": ("INCT", lambda run: run.status("Reset")),
+    }
+    if library.flag("canGetAndSetFMUstate"):
+        calls["GetFMUstate"] = ("INCT", lambda run: _state(run))
+    for name, (modes, call) in calls.items():
+        for mode in modes:
+            with _in_mode(library, mode) as run:
+                if call(run) not in (OK, WARNING):
+                    what = f"fmi2{name} is refused in the state {_MODES[mode]}{last_message(library)}"
+                    report("call-refused", f"{what}; allow it there")
+
+
+def _state(run: Instance) -> int:
+    state = c_void_p()
+    status = run.status("GetFMUstate", byref(state))
+    run.status("FreeFMUstate", byref(state))
+    return status
+
+
+@probe(several=True, crash="misuse-crashes")
+def forbidden(library: Library, report: Report) -> None:
+    """What the standard forbids in a state is refused."""
+    step = library.job["step"]
+    calls: dict[str, tuple[str, tuple[object, ...]]] = {
+        "SetupExperiment": ("NCT", (0, 0.0, library.start_time, 0, 0.0)),
+        "EnterInitializationMode": ("NCT", ()),
+        "ExitInitializationMode": ("ICT", ()),
+        "DoStep": ("INT", (library.start_time, step, 1)),
+        "Terminate": ("INT", ()),
+    }
+    accepted = []
+    for name, (modes, arguments) in calls.items():
+        for mode in modes:
+            try:
+                with _in_mode(library, mode) as run:
+                    if run.status(name, *arguments) in (OK, WARNING):
+                        accepted.append(f"fmi2{name} when {_MODES[mode]}")
+            except MissingError:
+                continue
+    if accepted:
+        shown = ", ".join(accepted)
+        report("call-order-accepted", f"accepted: {shown}; return fmi2Error and log why")
+
+
+@probe(several=True, crash="misuse-crashes")
+def without_logger(library: Library, report: Report) -> None:
+    """A refused fmi2Instantiate survives callbacks without a logger."""
+    callbacks = (c_void_p * 5)()
+    pointer = library.call("Instantiate", b"checked", 1, b"{wrong}", b"", ctypes.addressof(callbacks), 0, 1)
+    if pointer:
+        library.call("FreeInstance", pointer)

@@ -1,0 +1,244 @@
+"""Probes of steps, instances, saved states and derivatives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from ctypes import byref, c_double, c_int, c_size_t, c_void_p
+from typing import Any
+
+from .host import Report, probe
+from .library import DISCARD, OK, WARNING, Instance, Library, RefusedError, Variable, last_message, references
+
+_ODD = (1.0 / 3.0, 1.0 / 0.06, 1.0, 0.1)
+"""Steps that are no binary fractions, as multiples of the step that the XML prefers."""
+
+Trajectory = list[dict[str, Any]]
+
+
+def _steps(library: Library, count: int) -> Iterator[tuple[float, float]]:
+    """Time and length of steps that the FMU must be able to do, on the grid of a master that counts them."""
+    t, h = library.start_time, library.job["step"]
+    for k in range(count):
+        step = h * _ODD[k % 4] if library.flag("canHandleVariableCommunicationStepSize") else h
+        yield t, step
+        t += step
+
+
+def _drive(run: Instance, seed: int, count: int, first: int = 0) -> Trajectory:
+    """Steps with inputs that move, and all variables after each; a refused step ends it."""
+    states = []
+    for k, (t, h) in enumerate(_steps(run.library, first + count)):
+        if k >= first:
+            for v in run.library.variables:
+                if v.causality == "input" and v.type == "Real":
+                    _move(run, v, math.sin(1.0 + seed + 1.7 * k + v.reference))
+            if run.status("DoStep", t, h, 1) not in (OK, WARNING):
+                break
+            states.append(run.snapshot())
+    return states
+
+
+def _move(run: Instance, v: Variable, direction: float) -> None:
+    """Set a Real variable near its start value, within its limits."""
+    start = v.start if isinstance(v.start, float) else 0.0
+    run.write_status(v, min(max(start + 0.1 * v.nominal * direction, v.low), v.high))
+
+
+def _difference(a: Trajectory, b: Trajectory) -> tuple[str, Any, Any] | None:
+    """The first variable in which two trajectories differ, and its values."""
+    for left, right in zip(a, b, strict=False):
+        for name, value in left.items():
+            if name in right and right[name] != value:
+                return name, value, right[name]
+    return None
+
+
+@probe()
+def steps(library: Library, report: Report) -> None:
+    """Steps that the capabilities allow are done, and end at their end."""
+    told: set[str] = set()
+    clock = next((v for v in library.variables if v.causality == "independent" and v.type == "Real"), None)
+    with Instance(library) as run:
+        run.initialise()
+        for t, h in _steps(library, 8):
+            if run.status("DoStep", t, h, 1) not in (OK, WARNING):
+                where = f"the step from {t!r} s over {h!r} s is refused{last_message(library)}"
+                report("step-refused", f"{where}; do it, or do not declare variable steps")
+                return
+            if clock is not None:
+                status, time = run.read_status(clock)
+                rule = _judge_time(library, time, t + h) if status in (OK, WARNING) else None
+                if rule and rule not in told:
+                    told.add(rule)
+                    where = f"{clock.name} is {time!r} s after a step from {t!r} s over {h!r} s"
+                    report(rule, f"{where}; make it the sum of both", clock.name)
+        for v in library.variables:
+            if v.causality == "output" and v.type == "Real" and not math.isfinite(run.read_status(v)[1]):
+                report("value-not-finite", f"{v.name} is not finite after some steps; mend the start values", v.name)
+
+
+def _judge_time(library: Library, time: float, end: float) -> str | None:
+    """The rule that a time after a step violates, if any."""
+    if time == end:
+        return None
+    preferred = library.job["step"] * (1.0 + 1e-9)
+    if abs(time - end) <= 1e-9 * (preferred + abs(end)):
+        return "time-rounded"
+    variable = library.flag("canHandleVariableCommunicationStepSize")
+    return "time-own-grid" if variable and 0.0 < end - time <= preferred else "time-wrong"
+
+
+@probe()
+def rounded_steps(library: Library, report: Report) -> None:
+    """A master that counts its steps hands over times and steps that are rounded differently."""
+    h, first = library.job["step"], library.start_time
+    with Instance(library) as run:
+        run.initialise()
+        for k in range(8):
+            t, step = first + k * h, (first + (k + 1) * h) - (first + k * h)
+            t = math.nextafter(t, math.inf if k % 2 else -math.inf) if k else t
+            if run.status("DoStep", t, step, 1) not in (OK, WARNING):
+                if k:
+                    where = f"the step from {t!r} s over {step!r} s is refused{last_message(library)}"
+                    report("step-rounding", f"{where}; compare times with a tolerance")
+                return
+
+
+# ---- several instances
+
+
+@probe(several=True)
+def instances(library: Library, report: Report) -> None:
+    """Runs can be repeated, and another instance in between does not matter."""
+    trajectories = []
+    for _ in range(2):
+        with Instance(library) as run:
+            trajectories.append(_drive(run.initialise(), 1, 6))
+    if found := _difference(*trajectories):
+        name, a, b = found
+        report("not-reproducible", f"{name} is {a} in one run and {b} in the next; initialise all memory", name)
+        return
+    with Instance(library) as run:
+        try:
+            other = Instance(library, "other")
+        except RefusedError as error:
+            message = f"a second instance is refused{error.message}; allow it, or set canBeInstantiatedOnlyOncePerProcess"  # fmt: skip  # noqa: E501
+            report("second-instance", message)
+            return
+        with other:
+            run.initialise()
+            other.begin()
+            for v in library.variables:
+                if v.causality == "parameter" and v.type == "Real":
+                    _move(other, v, 1.0)
+            if other.status("ExitInitializationMode") not in (OK, WARNING):
+                return  # the values were ours
+            together: Trajectory = []
+            for k in range(6):
+                _drive(other, 2, 1, k)
+                together += _drive(run, 1, 1, k)
+    if found := _difference(trajectories[0], together):
+        name, a, b = found
+        message = f"{name} is {a} alone and {b} beside another instance; keep nothing in static variables"
+        report("instances-interfere", message, name)
+
+
+@probe()
+def reset(library: Library, report: Report) -> None:
+    """After a reset all is as at first."""
+    with Instance(library) as run:
+        run.begin()
+        start = run.snapshot()
+        run.must("ExitInitializationMode")
+        before = _drive(run, 1, 6)
+        run.must("Reset")
+        run.begin()
+        again = run.snapshot()
+        run.must("ExitInitializationMode")
+        after = _drive(run, 1, 6)
+    if found := _difference([start, *before], [again, *after]):
+        name, a, b = found
+        report("reset-incomplete", f"{name} is {a} at first and {b} after fmi2Reset; reset all of the memory", name)
+
+
+# ---- saved states
+
+
+@probe()
+def state(library: Library, report: Report) -> None:
+    """A saved state brings back every variable and the same future."""
+    if not library.flag("canGetAndSetFMUstate"):
+        return
+    with Instance(library) as run:
+        _drive(run.initialise(), 1, 4)
+        pointer = c_void_p()
+        run.must("GetFMUstate", byref(pointer))
+        saved = run.snapshot()
+        future = _drive(run, 1, 4, 4)
+        run.must("SetFMUstate", pointer)
+        if found := _difference([saved, *future], [run.snapshot(), *_drive(run, 1, 4, 4)]):
+            name, a, b = found
+            message = f"{name} is {a}, and {b} after fmi2SetFMUstate; save all of the memory"
+            report("state-not-restored", message, name)
+        run.must("FreeFMUstate", byref(pointer))
+        if pointer.value:
+            report("state-pointer", "fmi2FreeFMUstate leaves its argument as it was; set it to NULL")
+
+
+@probe(several=True)
+def serialization(library: Library, report: Report) -> None:
+    """The bytes of a state bring another instance to the same point."""
+    if not (library.flag("canGetAndSetFMUstate") and library.flag("canSerializeFMUstate")):
+        return
+    with Instance(library) as run:
+        _drive(run.initialise(), 1, 4)
+        with run.saved() as pointer:
+            data = run.serialized(pointer)
+        here = [run.snapshot(), *_drive(run, 1, 4, 4)]
+    with Instance(library) as other:
+        other.initialise().restore(data)
+        there = [other.snapshot(), *_drive(other, 1, 4, 4)]
+    if found := _difference(here, there):
+        name, a, b = found
+        report("state-not-serialized", f"{name} is {a}, and {b} in an instance with the same state; write all", name)
+
+
+# ---- derivatives
+
+
+def _continuous(library: Library, causality: str) -> list[Variable]:
+    return [
+        v for v in library.variables if v.type == "Real" and v.causality == causality and v.variability == "continuous"
+    ]
+
+
+@probe()
+def derivatives(library: Library, report: Report) -> None:
+    """Functions whose capability is declared are there for a call."""
+    inputs, outputs = _continuous(library, "input")[:1], _continuous(library, "output")[:1]
+    one, result = (c_double * 1)(1.0), (c_double * 1)()
+    order = (c_int * 1)(1)
+    calls: dict[str, tuple[bool, str, tuple[object, ...]]] = {
+        "SetRealInputDerivatives": (
+            library.flag("canInterpolateInputs") and bool(inputs),
+            "canInterpolateInputs",
+            (references(inputs), c_size_t(1), order, (c_double * 1)(0.0)),
+        ),
+        "GetRealOutputDerivatives": (
+            library.job["output_derivatives"] > 0 and bool(outputs),
+            "maxOutputDerivativeOrder",
+            (references(outputs), c_size_t(1), order, result),
+        ),
+        "GetDirectionalDerivative": (
+            library.flag("providesDirectionalDerivative") and bool(inputs and outputs),
+            "providesDirectionalDerivative",
+            (references(outputs), c_size_t(1), references(inputs), c_size_t(1), one, result),
+        ),
+    }
+    with Instance(library) as run:
+        run.initialise().step(library.start_time, library.job["step"])
+        for function, (declared, capability, arguments) in calls.items():
+            if declared and (status := run.status(function, *arguments)) >= DISCARD:
+                what = f"fmi2{function} returns status {status} in spite of {capability}{last_message(library)}"
+                report("capability", f"{what}; implement it or do not declare it")

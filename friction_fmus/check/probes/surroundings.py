@@ -1,0 +1,100 @@
+"""Probes of what an FMU does to its process: memory, output, settings."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter
+
+from .host import Report, probe
+from .library import OK, WARNING, Instance, Library, settings_now
+
+_BLOCK = 0.4
+"""How long a block of repetitions takes [s]."""
+_MOST = 2000
+_GROWTH = 1 << 16
+"""What is growth in a block of repetitions [bytes]."""
+
+
+def _resident() -> int:
+    """Memory of this process [bytes], its peak where the system tells no more, 0 where it tells nothing."""
+    try:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        pass
+    if sys.platform == "win32":
+        return 0
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
+
+def _grows(action: Callable[[], object]) -> float | None:
+    """Bytes for each repetition if memory grows in three blocks of them, after as much time to settle."""
+    start, count = perf_counter(), 0
+    while count < _MOST and perf_counter() - start < _BLOCK:
+        action()
+        count += 1
+    growth = []
+    for _ in range(3):
+        gc.collect()
+        before = _resident()
+        for _ in range(count):
+            action()
+        growth.append(_resident() - before)
+        if growth[-1] < _GROWTH:
+            return None
+    return min(growth) / count
+
+
+@probe(several=True)
+def memory_of_instances(library: Library, report: Report) -> None:
+    """Instances that come and go leave nothing behind."""
+
+    def live() -> None:
+        with Instance(library) as run:
+            run.initialise().step(library.start_time, library.job["step"])
+            run.must("Terminate")
+
+    if growth := _grows(live):
+        report("memory-grows", f"every instance leaves {growth:.0f} bytes behind; free all in fmi2FreeInstance")
+
+
+@probe()
+def memory_of_steps(library: Library, report: Report) -> None:
+    """A long run needs no more memory than a short one."""
+    with Instance(library) as run:
+        run.initialise()
+        h, done = library.job["step"], 0
+
+        def step() -> None:
+            nonlocal done
+            if run.status("DoStep", library.start_time + done * h, h, 1) in (OK, WARNING):
+                done += 1
+
+        if growth := _grows(step):
+            report("memory-grows", f"every step takes another {growth:.0f} bytes; allocate nothing in fmi2DoStep")
+
+
+@probe()
+def settings(library: Library, report: Report) -> None:
+    """All that was done until here has left the settings of the process alone."""
+    after = settings_now()
+    changed = [name for name, value in library.settings.items() if after[name] != value]
+    if changed:
+        report("process-changed", f"a run changes {' and '.join(changed)}; leave the process as it is")
+
+
+@probe()
+def messages(library: Library, report: Report) -> None:
+    """Messages come through the logger, in declared categories. The last probe, so that all have been logged."""
+    declared = library.job["categories"]
+    for name in sorted(library.categories - {""}):
+        if declared and name not in declared:
+            report("log-category", f"a message is logged in the category {name!r}; list it in LogCategories")
+    printed = [name for name in ("stdout", "stderr") if Path(library.job["folder"], name).stat().st_size]
+    if printed:
+        report("prints", f"the library prints to {' and '.join(printed)}; call the logger of the callbacks")

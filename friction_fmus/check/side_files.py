@@ -1,0 +1,63 @@
+"""Rules of the other XML files: terminals and icons, and how to build the sources (FMI 2.0.5, section 2.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from lxml import etree
+
+from friction_fmus.check.archive import Contents, read_member
+from friction_fmus.check.description import Model, line_of, name_of, parse, violations
+from friction_fmus.check.findings import Finding, declare
+
+TERMINALS: Final = "terminalsAndIcons/terminalsAndIcons.xml"
+BUILD: Final = "sources/buildDescription.xml"
+
+_TERMINALS = declare("terminals", "error", "2.3", f"{TERMINALS} is not as FMI 3.0 wants it.", "archive")
+_VARIABLE = declare("terminals-variable", "error", "2.3", "A terminal names a variable that does not exist.", "archive")
+_ICON = declare("terminals-icon", "warning", "2.3", "An icon that is named is not there.", "archive")
+_BUILD = declare("build-description", "error", "2.3", f"{BUILD} is wrong or names missing files.", "archive")
+
+
+def examine_side_files(contents: Contents, model: Model) -> Iterator[Finding]:
+    """What is wrong in those files, if they are there."""
+    for file, rule, schema, examine in (
+        (TERMINALS, _TERMINALS, "fmi3TerminalsAndIcons.xsd", _terminals),
+        (BUILD, _BUILD, "fmi3BuildDescription.xsd", _build),
+    ):
+        if file not in contents.names:
+            continue
+        data = read_member(contents.path, file)
+        root = parse(data, file) if isinstance(data, bytes) else data
+        if isinstance(root, Finding):
+            yield root
+            continue
+        for message, line in violations(root, f"fmi3/{schema}"):
+            yield rule.finding(message, file, line=line)
+        if root.get("fmiVersion") != "3.0":
+            text = f"fmiVersion is {root.get('fmiVersion')!r}; write 3.0, also in an FMU of FMI 2.0"
+            yield rule.finding(text, file, line=line_of(root))
+        yield from examine(contents, model, root)
+
+
+def _terminals(contents: Contents, model: Model, root: etree._Element) -> Iterator[Finding]:
+    names = {v.name for v in model.variables}
+    for element in root.iter("TerminalMemberVariable", "TerminalStreamMemberVariable"):
+        for attribute in ("variableName", "inStreamVariableName", "outStreamVariableName"):
+            name = element.get(attribute)
+            if name is not None and name not in names:
+                message = f"the terminal variable {name!r} is not in modelDescription.xml; correct the name"
+                yield _VARIABLE.finding(message, TERMINALS, line=line_of(element), variable=name)
+    for element in root.iter("TerminalGraphicalRepresentation", "Icon"):
+        base = element.get("iconBaseName", "") if name_of(element) != "Icon" else "icon"
+        if f"terminalsAndIcons/{base}.png" not in contents.names:
+            message = f"terminalsAndIcons/{base}.png is not there; add it, with an .svg beside it if you have one"
+            yield _ICON.finding(message, TERMINALS, line=line_of(element))
+
+
+def _build(contents: Contents, _model: Model, root: etree._Element) -> Iterator[Finding]:
+    for element in root.iter("SourceFile"):
+        if f"sources/{element.get('name')}" not in contents.names:
+            message = f"the source file {element.get('name')!r} is not in sources; add it or drop the entry"
+            yield _BUILD.finding(message, BUILD, line=line_of(element))

@@ -1,0 +1,167 @@
+"""Rules of ModelStructure (FMI 2.0.5, section 2.2.8)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from friction_fmus.check.description import Model, Unknown, Variable, integer, line_of
+from friction_fmus.check.findings import Fault, rule
+
+SECTIONS = ("Outputs", "Derivatives", "InitialUnknowns")
+
+
+def _entries(model: Model) -> Iterator[tuple[str, Unknown]]:
+    for section in SECTIONS:
+        for unknown in model.unknowns(section):
+            yield section, unknown
+
+
+def _line(model: Model, section: str) -> int:
+    """The line of a section, or where it should stand."""
+    found = model.all(f"ModelStructure/{section}") or model.all("ModelStructure") or [model.root]
+    return line_of(found[0])
+
+
+def _named(variables: list[Variable]) -> str:
+    shown = ", ".join(v.name for v in variables[:5])
+    return shown + (f" and {len(variables) - 5} more" if len(variables) > 5 else "")
+
+
+@rule("structure-index", "error", "2.2.8", "An index of ModelStructure is that of no variable, or stands twice.")
+def _index(model: Model) -> Iterator[Fault]:
+    seen = set()
+    for section, unknown in _entries(model):
+        if model.variable(unknown.index) is None:
+            message = f"{section} names variable {unknown.index} of {len(model.variables)}; indices count from 1"
+            yield Fault(message, unknown.line)
+        if (section, unknown.index) in seen:
+            yield Fault(f"{section} names variable {unknown.index} twice; keep one", unknown.line)
+        seen.add((section, unknown.index))
+
+
+@rule("outputs", "error", "2.2.8", "Outputs does not list all outputs, or lists other variables.")
+def _outputs(model: Model) -> Iterator[Fault]:
+    listed = {unknown.index: unknown for unknown in model.unknowns("Outputs")}
+    missing = [v for v in model.variables if v.causality == "output" and v.index not in listed]
+    if missing:
+        yield Fault(f"Outputs lacks {_named(missing)}; list every output", _line(model, "Outputs"), missing[0].name)
+    for index, unknown in listed.items():
+        v = model.variable(index)
+        if v is not None and v.causality != "output":
+            yield Fault(f"Outputs lists {v.name}, which is {v.causality}; remove it", unknown.line, v.name)
+
+
+@rule("derivatives", "error", "2.2.8", "Derivatives lists a variable that is the derivative of none.")
+def _derivatives(model: Model) -> Iterator[Fault]:
+    for unknown in model.unknowns("Derivatives"):
+        v = model.variable(unknown.index)
+        if v is not None and (v.type != "Real" or integer(v.get("derivative")) is None):
+            yield Fault(f"{v.name} in Derivatives has no attribute derivative; add or remove it", unknown.line, v.name)
+
+
+@rule("derivatives-missing", "warning", "2.2.8", "Derivatives lacks a variable with the attribute derivative.")
+def _derivatives_missing(model: Model) -> Iterator[Fault]:
+    needed = model.root.find("ModelExchange") is not None or model.flag("providesDirectionalDerivative")
+    listed = {unknown.index for unknown in model.unknowns("Derivatives")}
+    missing = [v for v in model.variables if v.type == "Real" and v.get("derivative") and v.index not in listed]
+    if needed and missing:
+        message = f"Derivatives lacks {_named(missing)}; list the derivatives of all states"
+        yield Fault(message, _line(model, "Derivatives"), missing[0].name)
+
+
+def _expected(model: Model) -> set[int]:
+    """Indices of what is not known before the initialisation."""
+    computed = ("approx", "calculated")
+    expected = {
+        v.index
+        for v in model.variables
+        if (v.causality == "output" and v.initial in computed) or v.causality == "calculatedParameter"
+    }
+    for unknown in model.unknowns("Derivatives"):
+        derivative = model.variable(unknown.index)
+        state = None if derivative is None else model.variable(integer(derivative.get("derivative")) or 0)
+        expected |= {v.index for v in (derivative, state) if v is not None and v.initial in computed}
+    return expected
+
+
+@rule("initial-unknowns-missing", "error", "2.2.8", "InitialUnknowns lacks a variable.")
+def _initial_missing(model: Model) -> Iterator[Fault]:
+    listed = {unknown.index for unknown in model.unknowns("InitialUnknowns")}
+    missing = [v for v in model.variables if v.index in _expected(model) - listed]
+    if missing:
+        message = f"InitialUnknowns lacks {_named(missing)}; list outputs, states and derivatives that are calculated"
+        yield Fault(message, _line(model, "InitialUnknowns"), missing[0].name)
+
+
+@rule("initial-unknowns-extra", "error", "2.2.8", "InitialUnknowns lists a variable that is known or does not count.")
+def _initial_extra(model: Model) -> Iterator[Fault]:
+    expected = _expected(model)
+    for unknown in model.unknowns("InitialUnknowns"):
+        v = model.variable(unknown.index)
+        if v is not None and v.index not in expected:
+            what = f"{v.causality}, initial {v.initial or 'not given'}"
+            yield Fault(f"InitialUnknowns lists {v.name} ({what}); remove it", unknown.line, v.name)
+
+
+@rule("initial-unknowns-order", "error", "2.2.8", "InitialUnknowns is not sorted by index.")
+def _initial_order(model: Model) -> Iterator[Fault]:
+    listed = [unknown.index for unknown in model.unknowns("InitialUnknowns")]
+    if listed != sorted(listed):
+        yield Fault("InitialUnknowns is not sorted by index; sort it", _line(model, "InitialUnknowns"))
+
+
+# ---- dependencies
+
+
+@rule("dependencies-index", "error", "2.2.8", "A dependency is no variable, or stands twice.")
+def _dependency_index(model: Model) -> Iterator[Fault]:
+    for section, unknown in _entries(model):
+        dependencies = unknown.dependencies or ()
+        wrong = [index for index in dependencies if model.variable(index) is None]
+        if wrong:
+            yield Fault(f"{section} depends on variable {wrong[0]}, which does not exist; correct it", unknown.line)
+        if len(set(dependencies)) < len(dependencies):
+            yield Fault(f"a dependency of variable {unknown.index} in {section} stands twice; keep one", unknown.line)
+
+
+@rule("dependencies-order", "error", "2.2.8", "Dependencies are not in ascending order.")
+def _dependency_order(model: Model) -> Iterator[Fault]:
+    for section, unknown in _entries(model):
+        dependencies = list(unknown.dependencies or ())
+        if dependencies != sorted(dependencies):
+            yield Fault(
+                f"dependencies of variable {unknown.index} in {section} are not sorted; sort them", unknown.line
+            )
+
+
+def _known(model: Model, section: str, v: Variable) -> bool:
+    """Whether something may depend on it."""
+    if v.causality in ("input", "independent"):
+        return True
+    if section == "InitialUnknowns":
+        return v.initial == "exact"
+    return v.index in model.states
+
+
+@rule("dependencies-impossible", "warning", "2.2.8", "A dependency is no input, no state and not the time.")
+def _impossible(model: Model) -> Iterator[Fault]:
+    for section, unknown in _entries(model):
+        for index in unknown.dependencies or ():
+            v = model.variable(index)
+            if v is not None and not _known(model, section, v):
+                allowed = "initial='exact'" if section == "InitialUnknowns" else "states"
+                message = f"in {section}, variable {unknown.index} depends on {v.name} ({v.causality})"
+                yield Fault(f"{message}; name inputs, {allowed} and time only", unknown.line, v.name)
+
+
+@rule("dependencies-kind", "error", "2.2.8", "dependenciesKind does not go with dependencies or with its section.")
+def _kind(model: Model) -> Iterator[Fault]:
+    for section, unknown in _entries(model):
+        if unknown.kinds is None:
+            continue
+        where = f"of variable {unknown.index} in {section}"
+        if unknown.dependencies is None or len(unknown.kinds) != len(unknown.dependencies):
+            yield Fault(f"dependenciesKind {where} has not one word for each dependency; add them", unknown.line)
+        wrong = [kind for kind in unknown.kinds if kind not in ("dependent", "constant")]
+        if section == "InitialUnknowns" and wrong:
+            yield Fault(f"dependenciesKind {where} is {wrong[0]}; write dependent or constant", unknown.line)

@@ -1,0 +1,200 @@
+"""Rules of ModelVariables (FMI 2.0.5, sections 2.2.7 and 2.2.9)."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+
+from friction_fmus.check.description import Model, Variable, integer, line_of, real
+from friction_fmus.check.findings import Fault, rule
+
+_INDICES = r"(\[\d+(,\d+)*\])?"
+_QUOTED = r"'([A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'"
+_PART = rf"([A-Za-z_]\w*|{_QUOTED}){_INDICES}"
+_STRUCTURED = re.compile(rf"{_PART}(\.{_PART})*|der\({_PART}(\.{_PART})*(,\d+)?\)", re.ASCII)
+
+# section 2.2.7, the tables of causality x variability and of initial
+_VARIABILITIES = {
+    "parameter": {"fixed", "tunable"},
+    "calculatedParameter": {"fixed", "tunable"},
+    "input": {"discrete", "continuous"},
+    "output": {"constant", "discrete", "continuous"},
+    "local": {"constant", "fixed", "tunable", "discrete", "continuous"},
+    "independent": {"continuous"},
+}
+
+
+def _initials(v: Variable) -> set[str | None]:
+    if v.causality in ("input", "independent"):
+        return {None}
+    if v.causality == "parameter" or v.variability == "constant":
+        return {"exact"}
+    if v.causality == "calculatedParameter" or v.variability in ("fixed", "tunable"):
+        return {"calculated", "approx"}
+    return {"exact", "calculated", "approx"}
+
+
+def _at(v: Variable, message: str) -> Fault:
+    return Fault(message, v.line, v.name)
+
+
+@rule("duplicate-variable", "error", "2.2.7", "Two variables have one name.")
+def _duplicate(model: Model) -> Iterator[Fault]:
+    seen: dict[str, Variable] = {}
+    for v in model.variables:
+        if v.name in seen:
+            yield _at(v, f"{v.name!r} stands in line {seen[v.name].line} already; rename one")
+        seen.setdefault(v.name, v)
+
+
+@rule("variable-name", "error", "2.2.9", "A name does not follow the declared naming convention.")
+def _name(model: Model) -> Iterator[Fault]:
+    structured = model.root.get("variableNamingConvention") == "structured"
+    for v in model.variables:
+        if structured and not _STRUCTURED.fullmatch(v.name):
+            yield _at(v, f"{v.name!r} is no structured name; rename it or declare the convention flat")
+        if not structured and (not v.name or re.search("[\r\n\t]", v.name)):
+            yield _at(v, f"{v.name!r} is empty or has a line break or tabulator; rename it")
+
+
+@rule("variability", "error", "2.2.7", "The causality does not go with the variability, or the type with continuous.")
+def _variability(model: Model) -> Iterator[Fault]:
+    for v in model.variables:
+        allowed = _VARIABILITIES.get(v.causality, {v.variability})
+        if v.variability not in allowed:
+            one = " or ".join(sorted(allowed))
+            yield _at(v, f"{v.name} is {v.causality} and {v.variability}; make it {one}")
+        elif v.variability == "continuous" and v.type not in ("Real", ""):
+            default = "" if v.element.get("variability") else ", which is the default"
+            yield _at(v, f"{v.name} is {v.type} and continuous{default}; write variability='discrete' or another")
+
+
+@rule("initial", "error", "2.2.7", "The value of initial does not go with causality and variability.")
+def _initial(model: Model) -> Iterator[Fault]:
+    for v in model.variables:
+        if v.variability in _VARIABILITIES.get(v.causality, ()) and v.initial not in _initials(v):
+            allowed = " or ".join(sorted(value or "nothing" for value in _initials(v)))
+            yield _at(v, f"{v.name} ({v.causality}, {v.variability}) has initial={v.initial!r}; write {allowed}")
+
+
+@rule("start-missing", "error", "2.2.7", "A variable that needs a start value has none.")
+def _start_missing(model: Model) -> Iterator[Fault]:
+    for v in model.variables:
+        needs = v.causality == "input" or (v.initial in ("exact", "approx") and v.causality != "independent")
+        if needs and v.start is None and v.typed is not None:
+            yield _at(v, f"{v.name} has no start value; give the one that the binary starts with")
+
+
+@rule("start-forbidden", "error", "2.2.7", "A calculated or independent variable has a start value.")
+def _start_forbidden(model: Model) -> Iterator[Fault]:
+    for v in model.variables:
+        if v.start is not None and (v.initial == "calculated" or v.causality == "independent"):
+            yield _at(v, f"{v.name} is computed but has start={v.start!r}; remove it or set initial='exact'")
+
+
+@rule("start-outside-limits", "error", "2.2.7", "A start value lies outside of min and max, or is no item.")
+def _start_outside(model: Model) -> Iterator[Fault]:
+    for v in model.variables:
+        start, low, high = real(v.start), real(v.get("min")), real(v.get("max"))
+        if v.type in ("Boolean", "String") or start is None:
+            continue
+        if low is not None and start < low:
+            yield _at(v, f"{v.name} starts at {v.start}, below its min {v.get('min')}; choose one inside")
+        if high is not None and start > high:
+            yield _at(v, f"{v.name} starts at {v.start}, above its max {v.get('max')}; choose one inside")
+        if v.type == "Enumeration" and v.declared is not None:
+            items = {integer(item.get("value")) for item in v.declared.iterfind("Item")}
+            if items and integer(v.start) not in items:
+                yield _at(v, f"{v.name} starts at {v.start}, which is no item of its type; choose one")
+
+
+@rule("number-not-finite", "error", "2.2.7", "A start, min, max or nominal is NaN or infinite.")
+def _not_finite(model: Model) -> Iterator[Fault]:
+    for v in model.variables:
+        for element in (v.typed,) if v.typed is not None and v.type == "Real" else ():
+            for attribute in ("start", "min", "max", "nominal"):
+                value = real(element.get(attribute))
+                if value is not None and not math.isfinite(value):
+                    yield _at(v, f"{attribute}={element.get(attribute)!r} of {v.name} is no finite number; give one")
+
+
+@rule("limits-reversed", "error", "2.2.7", "A max is below its min.")
+def _reversed(model: Model) -> Iterator[Fault]:
+    elements = [(v.typed, v.name, v.get("min"), v.get("max")) for v in model.variables]
+    elements += [(child, child.getparent(), child.get("min"), child.get("max"))  # type: ignore[misc]
+                 for child in model.all("TypeDefinitions/SimpleType/*")]  # fmt: skip
+    for element, owner, low_text, high_text in elements:
+        low, high = real(low_text), real(high_text)
+        if element is not None and low is not None and high is not None and high < low:
+            name = owner if isinstance(owner, str) else owner.get("name", "")
+            message = f"{name} has min {low_text} above max {high_text}; exchange them"
+            yield Fault(message, line_of(element), name)
+
+
+@rule("nominal", "error", "2.2.7", "A nominal value is not positive.")
+def _nominal(model: Model) -> Iterator[Fault]:
+    for v in model.variables:
+        value = real(v.get("nominal"))
+        if value is not None and value <= 0.0:
+            yield _at(v, f"{v.name} has nominal {v.get('nominal')}; give the size that its values have")
+
+
+@rule("value-reference-shared", "error", "2.2.7", "Variables with one value reference are no aliases.")
+def _shared(model: Model) -> Iterator[Fault]:
+    groups = defaultdict(list)
+    for v in model.variables:
+        base = "Integer" if v.type == "Enumeration" else v.type
+        groups[base, v.reference].append(v)
+    for (_, reference), group in groups.items():
+        names = ", ".join(v.name for v in group)
+        settable = [v for v in group if v.settable]
+        if len(settable) > 1:
+            yield _at(settable[1], f"{names} share value reference {reference}, and more than one can be set; renumber")
+        elif len({v.variability == "constant" for v in group}) > 1:
+            yield _at(group[1], f"{names} share value reference {reference}, but only some are constant; renumber")
+        elif len({v.get("unit") for v in group}) > 1:
+            yield _at(group[1], f"{names} share value reference {reference}, but not the unit; renumber")
+
+
+@rule("independent", "error", "2.2.7", "There are several independent variables, or one that is not Real.")
+def _independent(model: Model) -> Iterator[Fault]:
+    found = [v for v in model.variables if v.causality == "independent"]
+    for v in found:
+        if v.type not in ("Real", ""):
+            yield _at(v, f"the independent variable {v.name} is {v.type}; make it Real")
+    for v in found[1:]:
+        yield _at(v, f"{v.name} is independent, as {found[0].name} is; keep one")
+
+
+@rule("time-name", "note", "2.2.7", "The independent variable is not called time or has not the unit s.")
+def _time(model: Model) -> Iterator[Fault]:
+    for v in model.variables:
+        if v.causality == "independent" and (v.name != "time" or v.get("unit") not in (None, "s")):
+            yield _at(v, f"the independent variable is {v.name!r} in {v.get('unit')!r}; call it time, in s")
+
+
+@rule("derivative-of", "error", "2.2.7", "The attribute derivative points to no other continuous Real variable.")
+def _derivative(model: Model) -> Iterator[Fault]:
+    for v in model.variables:
+        text = v.get("derivative") if v.type == "Real" else None
+        state = model.variable(integer(text) or 0)
+        if text is not None and (state is None or state is v or state.type != "Real"):
+            yield _at(v, f"{v.name} is the derivative of variable {text}, which is no other Real variable; correct it")
+
+
+@rule("multiple-set", "error", "2.2.7", "canHandleMultipleSetPerTimeInstant stands at a variable that is no input.")
+def _multiple_set(model: Model) -> Iterator[Fault]:
+    for v in model.variables:
+        if v.element.get("canHandleMultipleSetPerTimeInstant") is not None and v.causality != "input":
+            yield _at(v, f"{v.name} is {v.causality}; remove canHandleMultipleSetPerTimeInstant, it is for inputs")
+
+
+@rule("reinit", "warning", "2.2.7", "reinit stands in an FMU for co-simulation only, or at what is no state.")
+def _reinit(model: Model) -> Iterator[Fault]:
+    exchange = model.root.find("ModelExchange") is not None
+    for v in model.variables:
+        has = v.typed is not None and v.typed.get("reinit") is not None
+        if has and not (exchange and v.index in model.states):
+            yield _at(v, f"{v.name} has reinit, which is for states in model exchange; remove it")

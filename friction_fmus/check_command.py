@@ -1,0 +1,50 @@
+"""The command ``check``: faults in FMUs, also other people's."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from friction_fmus.errors import FrictionError
+from friction_fmus.terminal import console, progress_bar
+
+
+def add_check_options(parser: argparse.ArgumentParser) -> None:
+    """The options of the command."""
+    parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="FMUs")
+    parser.add_argument("--format", choices=("text", "json", "sarif"), default="text", help="of the report")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="where to write it; default: the terminal")
+    parser.add_argument("--static", action="store_true", help="do not run the binary")
+    parser.add_argument("--ignore", action="append", default=[], metavar="RULE", help="may be repeated")
+    parser.add_argument("--timeout", type=float, default=30.0, metavar="S", help="for each probe of a binary [s]")
+    parser.add_argument("--rules", action="store_true", help="list the rules and do nothing else")
+
+
+def check_files(options: argparse.Namespace) -> int:
+    """Faults in FMUs, also other people's; status 1 if there are errors or warnings, 2 if one cannot be checked."""
+    from friction_fmus.check import check
+    from friction_fmus.check.reports import as_json, as_sarif, as_text, failed, rules_table
+
+    if options.rules:
+        console.print(rules_table())
+        return 0
+    if not options.files:
+        raise FrictionError("Say what to check: the paths of FMUs, or --rules for a list of what is looked for")
+    results = {}
+    with progress_bar() as bar:
+        for path in bar.track(options.files, description="checking"):
+            results[path] = check(path, static=options.static, ignore=options.ignore, time_limit=options.timeout)
+    if options.format == "text" and options.output is None:
+        as_text(results, console)
+    elif options.format == "text":
+        from rich.console import Console
+
+        with options.output.open("w", encoding="utf-8") as file:
+            as_text(results, Console(file=file, width=120))
+    else:
+        text = (as_json if options.format == "json" else as_sarif)(results) + "\n"
+        if options.output is None:
+            console.print(text, markup=False, highlight=False, soft_wrap=True, end="")
+        else:
+            options.output.write_text(text, encoding="utf-8")
+    return 1 if failed(results) else 0
