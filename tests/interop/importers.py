@@ -14,6 +14,8 @@ from fmi.instance import Instance, load
 from interop.loops import EVERY, STEP, STOP, Loop, Trajectories, description, ports, start_value, variables
 
 WORKERS = Path(__file__).parent / "workers"
+SMALL = 1e-6
+"""Differences are relative to what is larger than this: chains at rest show nothing but rounding."""
 ALONE = "block"
 """Name of the only part of a system of one."""
 
@@ -61,7 +63,7 @@ def as_trajectories(job: Mapping[str, Any], rows: Iterable[Iterable[float]]) -> 
 
 def deviation(found: Trajectories, expected: Trajectories, names: Iterable[str]) -> float:
     """The largest difference of these outputs, each relative to its largest value."""
-    return max(float(np.abs(found[n] - expected[n]).max() / (np.abs(expected[n]).max() or 1.0)) for n in names)
+    return max(float(np.abs(found[n] - expected[n]).max() / max(np.abs(expected[n]).max(), SMALL)) for n in names)
 
 
 def without_start(trajectories: Trajectories) -> Trajectories:

@@ -1,0 +1,147 @@
+"""Every FMU in fmpy: simulate_fmu, a loop by hand with FMU2Slave, and its container."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import attrs
+import fmpy
+import numpy as np
+import pytest
+from fmpy.container_fmu.cli import create_container_fmu
+from fmpy.container_fmu.config import Component, Configuration, Connection
+from fmpy.fmi2 import FMU2Slave
+from fmpy.model_description import CoSimulation, ModelDescription, ModelVariable, Unknown
+from interop.importers import ALONE, SMALL, default_experiment, deviation, without_start
+from interop.loops import EVERY, STEP, STOP, Loop, Trajectories, description
+
+
+def test_every_fmu_simulates_its_default_experiment(fmus: Mapping[str, Path]) -> None:
+    for block, fmu in fmus.items():
+        rows = fmpy.simulate_fmu(str(fmu))
+        assert rows["time"][-1] == pytest.approx(1.0)
+        for name, (value,) in default_experiment(fmu).items():
+            last = rows[name.removeprefix(f"{ALONE}.")][-1]
+            assert last == pytest.approx(value, rel=1e-9, abs=1e-9 * SMALL), (block, name)
+
+
+@contextmanager
+def slave(part: str, fmu: Path) -> Iterator[FMU2Slave]:
+    """An FMU2Slave, unpacked and instantiated."""
+    folder = fmpy.extract(str(fmu))
+    made = FMU2Slave(
+        guid=description(fmu).guid,
+        unzipDirectory=folder,
+        modelIdentifier=description(fmu).coSimulation.modelIdentifier,
+        instanceName=part,
+    )
+    made.instantiate()
+    yield made
+    made.terminate()
+    made.freeInstance()
+    shutil.rmtree(folder)
+
+
+def by_hand(loop: Loop) -> Trajectories:
+    """A master in the manner of Jacobi, as in fmpy's example of coupled clutches."""
+    with ExitStack() as stack:
+        slaves = {part: stack.enter_context(slave(part, fmu)) for part, fmu in loop.fmus.items()}
+
+        def get(name: str) -> float:
+            return float(slaves[name.split(".")[0]].getReal([loop.variable(name).valueReference])[0])
+
+        def put(name: str, value: float) -> None:
+            setter = getattr(slaves[name.split(".")[0]], f"set{loop.variable(name).type}")
+            setter([loop.variable(name).valueReference], [value])
+
+        def exchange() -> None:
+            for target, value in [(target, get(source)) for source, target in loop.wires]:
+                put(target, value)
+
+        for part in slaves.values():
+            part.setupExperiment(startTime=0.0)
+        for name, value in loop.start.items():
+            put(name, value)
+        for part in slaves.values():
+            part.enterInitializationMode()
+        for _ in slaves:  # as often as there are parts that a value may pass through
+            exchange()
+        for part in slaves.values():
+            part.exitInitializationMode()
+        rows = []
+        for k in range(round(STOP / STEP)):
+            for part in slaves.values():
+                part.doStep(currentCommunicationPoint=k * STEP, communicationStepSize=STEP)
+            if (k + 1) % EVERY == 0:
+                rows.append([get(name) for name in loop.outputs()])
+            exchange()
+    return dict(zip(loop.outputs(), np.array(rows).T, strict=True))
+
+
+def test_every_fmu_in_a_loop_by_hand_gives_the_trajectory_of_jacobi(loops: Mapping[str, Loop]) -> None:
+    errors = {block: deviation(by_hand(x), without_start(x.jacobi), x.outputs()) for block, x in loops.items()}
+    assert {block: error for block, error in errors.items() if not error < 1e-8} == {}
+
+
+def container(loop: Loop, folder: Path) -> Path:
+    """A container of a loop with all its outputs, and its inputs at the start as inputs."""
+    parts = {part: Component(part, fmu, description(fmu)) for part, fmu in loop.fmus.items()}
+    model = ModelDescription(
+        fmiVersion="2.0",
+        modelName="container",
+        instantiationToken="{container}",
+        coSimulation=CoSimulation(fixedInternalStepSize=STEP, canHandleVariableCommunicationStepSize=True),
+        # the library of the container counts from the second variable on
+        modelVariables=[ModelVariable("time", type="Real", causality="independent", variability="continuous")],
+    )
+    inside = {}
+
+    def expose(name: str, causality: str, **more: str) -> ModelVariable:
+        v = loop.variable(name)
+        made = ModelVariable(name, type=v.type, causality=causality, variability=v.variability, **more)
+        model.modelVariables.append(made)
+        inside[made] = [(parts[name.split(".")[0]], v)]
+        return made
+
+    for name, value in (loop.start | loop.first_inputs()).items():
+        expose(name, loop.variable(name).causality, start=str(value).lower())
+    for name in loop.outputs():
+        unknown = Unknown(expose(name, "output", initial="calculated"))
+        model.outputs.append(unknown)
+        model.initialUnknowns.append(unknown)
+    wires = [
+        Connection(
+            parts[source.split(".")[0]],
+            [attrs.evolve(loop.variable(source), type="Float64")],  # it writes the type as it stands, and reads this
+            parts[target.split(".")[0]],
+            [loop.variable(target)],
+        )
+        for source, target in loop.wires
+    ]
+    folder.mkdir()
+    path = folder.with_suffix(".fmu")
+    create_container_fmu(Configuration(False, model, list(parts.values()), wires, inside), folder, path)
+    return path
+
+
+def in_container(loop: Loop, folder: Path) -> Trajectories:
+    rows = fmpy.simulate_fmu(
+        str(container(loop, folder)),
+        stop_time=STOP,
+        step_size=STEP,
+        output_interval=EVERY * STEP,
+        output=loop.outputs(),
+    )
+    return {name: rows[name] for name in loop.outputs()}
+
+
+def test_every_fmu_in_a_container_gives_the_trajectory_of_jacobi(loops: Mapping[str, Loop], tmp_path: Path) -> None:
+    """It sets the inputs at the beginning of a step and reads as late as ecos: the states are compared."""
+    errors = {
+        block: deviation(without_start(in_container(x, tmp_path / block)), without_start(x.jacobi), x.states())
+        for block, x in loops.items()
+    }
+    assert {block: error for block, error in errors.items() if not error < 1e-8} == {}
