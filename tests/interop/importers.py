@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
+import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import fmpy
 import numpy as np
 from fmi.instance import Instance, load
+from fmpy import fmi2
+from fmpy.logging import addLoggerProxy
 from interop.loops import EVERY, STEP, STOP, Loop, Trajectories, description, ports, start_value, variables
 
 WORKERS = Path(__file__).parent / "workers"
@@ -82,6 +88,45 @@ def default_experiment(fmu: Path) -> Trajectories:
             run.step(k * job["step"], job["step"])
         names = ports(fmu, "output", "Real")
         return {f"{ALONE}.{name}": np.array([value]) for name, value in zip(names, run.get(*names), strict=True)}
+
+
+_LOGGER = fmi2.fmi2CallbackLoggerTYPE(fmi2.printLogMessage)
+
+
+def kept_callbacks() -> fmi2.fmi2CallbackFunctions:
+    """Callbacks with a logger that lives as long as the program.
+
+    fmpy's own live as long as an instance, but its C proxy calls the last of them also for later instances.
+    """
+    made = fmi2.fmi2CallbackFunctions()
+    made.logger = _LOGGER
+    made.allocateMemory, made.freeMemory = fmi2.defaultCallbacks.allocateMemory, fmi2.defaultCallbacks.freeMemory
+    addLoggerProxy(ctypes.byref(made))
+    return made
+
+
+@contextmanager
+def slave(part: str, fmu: Path, folder: Path) -> Iterator[fmi2.FMU2Slave]:
+    """An FMU in fmpy, unpacked and instantiated."""
+    said = fmpy.read_model_description(str(fmu))
+    fmpy.extract(str(fmu), str(folder))
+    made = fmi2.FMU2Slave(
+        guid=said.guid,
+        unzipDirectory=str(folder),
+        modelIdentifier=said.coSimulation.modelIdentifier,
+        instanceName=part,
+    )
+    made.instantiate(callbacks=kept_callbacks())
+    yield made
+    made.freeInstance()
+    shutil.rmtree(folder)
+
+
+def in_fmpy(fmu: Path, folder: Path, **options: Any) -> np.ndarray:
+    """The rows of `fmpy.simulate_fmu`."""
+    with slave(fmu.stem, fmu, folder) as instance:
+        rows: np.ndarray = fmpy.simulate_fmu(str(fmu), fmu_instance=instance, **options)
+    return rows
 
 
 def failures(

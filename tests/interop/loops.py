@@ -105,16 +105,21 @@ class Loop:
         """All Real outputs, ``part.port``."""
         return [f"{part}.{name}" for part, fmu in self.fmus.items() for name in ports(fmu, "output", "Real")]
 
-    def states(self) -> list[str]:
-        """The Real outputs that no input changes without a step: held ones, and those without feed-through."""
-        through = {
-            f"{part}.{unknown.variable.name}"
+    def feed_through(self) -> dict[str, list[str]]:
+        """Real outputs that inputs change without a step, with these inputs; held outputs are none."""
+        found = {
+            f"{part}.{unknown.variable.name}": [
+                f"{part}.{known.name}" for known in unknown.dependencies if known.causality == "input"
+            ]
             for part, fmu in self.fmus.items()
             for unknown in description(fmu).outputs
             if unknown.variable.variability != "discrete"
-            and any(known.causality == "input" for known in unknown.dependencies)
         }
-        return [name for name in self.outputs() if name not in through]
+        return {output: inputs for output, inputs in found.items() if inputs}
+
+    def states(self) -> list[str]:
+        """The Real outputs without feed-through."""
+        return [name for name in self.outputs() if name not in self.feed_through()]
 
     def real(self) -> Loop:
         """The same without start values of other types than Real."""

@@ -6,9 +6,8 @@ import logging
 from collections.abc import Mapping
 from pathlib import Path
 
-import fmpy
 import pytest
-from interop.importers import SMALL, default_experiment, deviation, without_start
+from interop.importers import SMALL, default_experiment, deviation, in_fmpy, without_start
 from interop.loops import EVERY, STEP, STOP, Loop, Trajectories
 
 assembly = pytest.importorskip("fmu_manipulation_toolbox.assembly")
@@ -46,8 +45,9 @@ def container(loop: Loop, step: float, folder: Path) -> Path:
 
 
 def simulate(loop: Loop, stop: float, step: float, interval: float, folder: Path) -> Trajectories:
-    rows = fmpy.simulate_fmu(
-        str(container(loop, step, folder)),
+    rows = in_fmpy(
+        container(loop, step, folder),
+        folder / "unpacked",
         stop_time=stop,
         step_size=step,
         output_interval=interval,
