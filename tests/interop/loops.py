@@ -214,3 +214,18 @@ def all_loops(find: Callable[[str], Path], blocks: Iterable[str], others: Mappin
         if made not in loops.values():
             loops[block] = made
     return loops
+
+
+def beside_each_other(loops: Mapping[str, Loop]) -> Loop:
+    """One system of all loops; the part ``mass`` of the loop of LuGre is ``LuGre_mass``."""
+    fmus, wires, start = {}, [], {}
+    for block, one in loops.items():
+        fmus |= {f"{block}_{part}": fmu for part, fmu in one.fmus.items()}
+        wires += [(f"{block}_{source}", f"{block}_{target}") for source, target in one.wires]
+        start |= {f"{block}_{name}": value for name, value in one.start.items()}
+    return Loop(fmus, tuple(wires), start)
+
+
+def of_loop(block: str, trajectories: Trajectories) -> Trajectories:
+    """The trajectories of one loop out of those of `beside_each_other`."""
+    return {name[len(block) + 1 :]: x for name, x in trajectories.items() if name.startswith(f"{block}_")}

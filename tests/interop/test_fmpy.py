@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from fmpy.container_fmu.cli import create_container_fmu
 from fmpy.container_fmu.config import Component, Configuration, Connection
 from fmpy.model_description import CoSimulation, ModelDescription, ModelVariable, Unknown
 from interop.importers import ALONE, SMALL, default_experiment, deviation, in_fmpy, slave, without_start
-from interop.loops import EVERY, STEP, STOP, Loop, Trajectories, description, ports
+from interop.loops import EVERY, STEP, STOP, Loop, Trajectories, beside_each_other, description, of_loop, ports
 
 
 def test_every_fmu_simulates_its_default_experiment(fmus: Mapping[str, Path]) -> None:
@@ -87,7 +88,7 @@ def in_order(loop: Loop) -> list[tuple[str, str]]:
 
 
 def container(loop: Loop, folder: Path) -> Path:
-    """A container of a loop with all its outputs, and its inputs at the start as inputs."""
+    """A container of a loop with all its outputs, and its start values as inputs and parameters."""
     parts = {part: Component(part, fmu, description(fmu)) for part, fmu in loop.fmus.items()}
     model = ModelDescription(
         fmiVersion="2.0",
@@ -106,7 +107,7 @@ def container(loop: Loop, folder: Path) -> Path:
         inside[made] = [(parts[name.split(".")[0]], v)]
         return made
 
-    for name, value in (loop.start | loop.first_inputs()).items():
+    for name, value in loop.start.items():
         expose(name, loop.variable(name).causality, start=str(value).lower())
     for name in loop.outputs():
         unknown = Unknown(variable=expose(name, "output", initial="calculated"))
@@ -127,22 +128,20 @@ def container(loop: Loop, folder: Path) -> Path:
     return path
 
 
-def in_container(loop: Loop, folder: Path) -> Trajectories:
+def test_every_fmu_in_a_container_gives_the_trajectory_of_jacobi(loops: Mapping[str, Loop], tmp_path: Path) -> None:
+    """It couples part by part at the beginning of a step, and reads as late as ecos: the states are compared."""
+    together = beside_each_other(loops)
+    first = {f"{block}_{name}": value for block, x in loops.items() for name, value in x.first_inputs().items()}
     rows = in_fmpy(
-        container(loop, folder),
-        folder / "unpacked",
+        container(replace(together, start=together.start | first), tmp_path / "container"),
+        tmp_path / "unpacked",
         stop_time=STOP,
         step_size=STEP,
         output_interval=EVERY * STEP,
-        output=loop.outputs(),
+        output=together.outputs(),
     )
-    return {name: rows[name] for name in loop.outputs()}
-
-
-def test_every_fmu_in_a_container_gives_the_trajectory_of_jacobi(loops: Mapping[str, Loop], tmp_path: Path) -> None:
-    """It couples part by part at the beginning of a step, and reads as late as ecos: the states are compared."""
+    found = {name: rows[name][1:] for name in together.outputs()}
     errors = {
-        block: deviation(without_start(in_container(x, tmp_path / block)), without_start(x.jacobi), x.states())
-        for block, x in loops.items()
+        block: deviation(of_loop(block, found), without_start(x.jacobi), x.states()) for block, x in loops.items()
     }
     assert {block: error for block, error in errors.items() if not error < 1e-8} == {}
