@@ -55,11 +55,10 @@ def in_worker(worker: str, jobs: Iterable[Mapping[str, Any]], python: str = sys.
         [python, str(WORKERS / f"{worker}.py")], input=json.dumps(jobs), capture_output=True, text=True, check=False
     )
     lines = [json.loads(line) for line in run.stdout.splitlines() if line.startswith("{")]  # libcosim logs there, too
-    answers: dict[str, Any] = {
-        line["end"]: line.get("error", line) for line in lines if "end" in line
-    }
-    unfinished = f"{worker} ended with {run.returncode}: {run.stderr[-500:]}"
-    return {job["name"]: answers.get(job["name"], unfinished) for job in jobs}
+    answers: dict[str, Any] = {line["end"]: line.get("error", line) for line in lines if "end" in line}
+    begun = [line["begin"] for line in lines if "begin" in line]
+    end = f"{worker} ended with {run.returncode} in {begun[-1:]}: {run.stderr[-500:]}"
+    return {job["name"]: answers.get(job["name"], end) for job in jobs}
 
 
 def as_trajectories(job: Mapping[str, Any], rows: Iterable[Iterable[float]]) -> Trajectories:

@@ -22,9 +22,7 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
     coordinator = Coordinator()
     coordinator.start(
         {
-            "fmus": [
-                {"id": part, "path": fmu, "initialization": start[part]} for part, fmu in job["fmus"].items()
-            ],
+            "fmus": [{"id": part, "path": fmu, "initialization": start[part]} for part, fmu in job["fmus"].items()],
             "connections": [{"source": a | {"type": "fmu"}, "target": b | {"type": "fmu"}} for a, b in ends],
             "cosim_method": job["method"],
             "iterative": False,
@@ -36,7 +34,7 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
         if step % job["every"] == 0:
             rows.append([coordinator.get_variable(tuple(name.split(".", 1)))[0] for name in job["outputs"]])
     order = [part for parts in coordinator.graph_engine.sequence_order for part in parts]
-    return {"rows": rows, "time": coordinator.master.current_time, "order": order}
+    return {"rows": rows, "order": order}
 
 
 for job in json.load(sys.stdin):

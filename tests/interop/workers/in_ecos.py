@@ -25,9 +25,8 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
             for _ in range(job["count"] // job["every"]):
                 simulation.step(job["every"])
                 rows.append([simulation.get_real(ecos(name)) for name in job["outputs"]])
-            time = simulation.get_time()
             simulation.terminate()
-    return {"rows": rows, "time": time}
+    return {"rows": rows}
 
 
 EcosLib.set_log_level("warn")

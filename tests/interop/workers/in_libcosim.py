@@ -9,7 +9,6 @@ import json
 import sys
 from typing import Any
 
-from libcosimpy.CosimEnums import CosimVariableCausality, CosimVariableType
 from libcosimpy.CosimExecution import CosimExecution
 from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
 from libcosimpy.CosimObserver import CosimObserver
@@ -45,11 +44,7 @@ def run(job: dict[str, Any]) -> dict[str, Any]:
         for name in job["outputs"]:
             slave, reference = place(name)
             rows[-1] += observer.last_real_values(slave, [reference])
-    return {
-        "rows": rows,
-        "time": execution.status().current_time * 1e-9,
-        "reals": {part: sum(v.type == CosimVariableType.REAL.value for v in vs.values()) for part, vs in variables.items()},
-    }
+    return {"rows": rows}
 
 
 log_output_level(CosimLogLevel.FATAL)
