@@ -8,6 +8,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import fmpy
@@ -63,6 +64,21 @@ def test_commands_of_the_check_page_work(tmp_path: Path) -> None:
     for command in commands.splitlines():
         run(command, tmp_path)
     assert '"version": "2.1.0"' in (tmp_path / "check.sarif").read_text(encoding="utf-8")
+
+
+def test_commands_of_the_page_on_importers_work(tmp_path: Path) -> None:
+    (commands,) = blocks(ROOT / "docs" / "interop.md", "commands")
+    for command in commands.splitlines():
+        run(command, tmp_path)
+    assert (tmp_path / "LuGre.csv").read_text(encoding="utf-8").splitlines()[-1].startswith("1.0,")
+
+
+def test_versions_of_the_page_on_importers_are_the_pinned_ones() -> None:
+    page = (ROOT / "docs" / "interop.md").read_text(encoding="utf-8")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    for pinned in project["project"]["optional-dependencies"]["interop"]:
+        name, version = pinned.split(";")[0].split("==")
+        assert f"| {name} {version} " in page
 
 
 def test_main_command_of_the_readme_does_its_own_set_up(tmp_path: Path) -> None:

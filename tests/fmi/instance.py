@@ -143,6 +143,8 @@ class Instance:
         logging: bool = True,
         logger: bool = True,
         callbacks: bool = True,
+        resources: bytes | None = None,
+        visible: bool = False,
     ) -> None:
         self.library = library
         self.messages: list[tuple[str, int, str, bytes]] = []
@@ -152,9 +154,9 @@ class Instance:
             name,
             kind,
             library.description.guid.encode() if guid is None else guid,
-            library.folder.joinpath("resources").as_uri().encode(),
+            library.folder.joinpath("resources").as_uri().encode() if resources is None else resources,
             ctypes.addressof(self._callbacks) if callbacks else None,
-            0,
+            int(visible),
             int(logging),
         )
 

@@ -1,0 +1,36 @@
+"""The FMUs of the catalogue, and the loops that they take part in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+from fmi.instance import Library, load
+from interop.loops import Loop, all_loops
+
+from friction_fmus import catalogue
+
+
+@pytest.fixture(params=tuple(catalogue()))
+def library(request: pytest.FixtureRequest, build_fmu: Callable[..., Path]) -> Library:
+    """Each block of the catalogue in turn."""
+    return load(build_fmu(request.param))
+
+
+@pytest.fixture(scope="session")
+def fmus(build_fmu: Callable[..., Path]) -> Mapping[str, Path]:
+    """All FMUs of the catalogue by name."""
+    return {block: build_fmu(block) for block in catalogue()}
+
+
+@pytest.fixture(scope="session")
+def loops(build_fmu: Callable[..., Path]) -> Mapping[str, Loop]:
+    """Closed loops in which every block takes part."""
+    return all_loops(build_fmu, catalogue())
+
+
+@pytest.fixture(autouse=True)
+def _temporary(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The folder for temporary files, of which importers leave some behind."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
