@@ -62,9 +62,18 @@ def main(folder: Path, full: bool = False) -> Effect:
     slow = (3e-4, 1e-3, 2e-3, 1e-2, 0.1)
     speeds = np.array([1e-4, *slow, *(-v for v in slow), 0.5] if full else slow)
     with TemporaryDirectory() as fmus:
-        how = {"control": "pid.u", "velocity": "mass.v", "step": TS}
-        firm = identify_from_feedback(axis(Path(fmus), FIRM, 10.0), speeds, settled=6.0, stop=10.0, **how)
-        soft = identify_from_feedback(axis(Path(fmus), SOFT, 60.0), slow, settled=30.0, stop=60.0, **how)
+        firm, soft = (
+            identify_from_feedback(
+                axis(Path(fmus), gains, stop),
+                v,
+                control="pid.u",
+                velocity="mass.v",
+                settled=settled,
+                stop=stop,
+                step=TS,
+            )
+            for gains, v, settled, stop in ((FIRM, speeds, 6.0, 10.0), (SOFT, np.array(slow), 30.0, 60.0))
+        )
 
     figure, (table, passes) = panels("What the feedback adds is the friction that is missing", 1, 2, (9.0, 3.8))
     line = np.geomspace(1e-4, 0.2)
