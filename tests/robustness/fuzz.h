@@ -25,9 +25,9 @@ static inline unsigned fuzz_choice(Fuzz *in, unsigned count) { return in->at < i
 /* A finite number of any size, one at the edge, or none. */
 static inline double fuzz_number(Fuzz *in)
 {
-    static const double special[] = {0.0,     -0.0,     1.0,    -1.0,    1e-3,   -1e-3,  1e-9,  1e9,
-                                     5e-324,  1e-308,   -1e308, 1e308,   1e154,  1e-154, 1e-12, 0.5,
-                                     DBL_MAX, -DBL_MAX, INF,    -INF,    (double)NAN};
+    static const double special[] = {0.0,   -0.0,   1.0,     -1.0,     1e-3,  -1e-3, 1e-9,
+                                     1e9,   5e-324, 1e-308,  -1e308,   1e308, 1e154, 1e-154,
+                                     1e-12, 0.5,    DBL_MAX, -DBL_MAX, INF,   -INF,  (double)NAN};
     enum { FUZZ_SPECIAL = sizeof special / sizeof special[0] };
     const unsigned kind = fuzz_choice(in, 2 * FUZZ_SPECIAL);
     double value = 0.0;
@@ -43,7 +43,7 @@ static inline double fuzz_number(Fuzz *in)
 }
 
 static void fuzz_message(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
-                       fmi2String message, ...)
+                         fmi2String message, ...)
 {
     (void)environment;
     HOLDS(name && category && message, "a message is a null pointer");

@@ -1,7 +1,8 @@
 /* libFuzzer target: any bytes as a serialised state.
 
    The first byte decides: the bytes as they are, or laid over those of a good state whose header and checksum are
-   made to fit again, so that what lies behind them is reached. A state that is taken must then bear any use. */
+   made to fit again, so that what lies behind them is reached, but for what the block remembers: that has the checksum
+   only. A state that is taken must then bear any use. */
 
 #include "fuzz.h"
 
@@ -42,11 +43,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
         save(c, &bent);
         /* pieces of an input: place, length, new bytes */
         for (const uint8_t *at = bytes + 1, *const end = bytes + count; end - at > 3;) {
-            const size_t place = ((size_t)at[0] << 16 | (size_t)at[1] << 8 | at[2]) % sizeof bent.model;
+            const size_t place = ((size_t)at[0] << 16 | (size_t)at[1] << 8 | at[2]) % offsetof(Model, memory);
             size_t length = (size_t)at[3] % 16 + 1;
             at += 4;
             length = length < (size_t)(end - at) ? length : (size_t)(end - at);
-            length = length < sizeof bent.model - place ? length : sizeof bent.model - place;
+            length = length < offsetof(Model, memory) - place ? length : offsetof(Model, memory) - place;
             memcpy((char *)&bent.model + place, at, length);
             at += length;
         }
