@@ -99,8 +99,8 @@ def fuzz(name: str, target: str, seconds: float, folder: Path, kept: Path | None
     command += [str(corpus(target, name))] if corpus(target, name).is_dir() else []
     run = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     if run.returncode != 0:
-        shown = " ".join(command)
-        raise FoundError(f"{name}, target {target}: {run.stderr[-3000:]}\nshown again by: {shown} FILE")
+        report = "\n".join(line for line in run.stderr.splitlines() if not line.startswith(("#", "INFO")))  # progress
+        raise FoundError(f"{name}, target {target}: {report[:3000]}\nshown again by: {' '.join(command)} FILE")
 
 
 def run_threads(name: str, sanitizer: Sequence[str], folder: Path) -> None:
