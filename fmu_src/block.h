@@ -34,6 +34,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "effort.h"
+
 #define INF    HUGE_VAL
 #define COUNTS 2147483647.0 /* the largest fmi2Integer */
 

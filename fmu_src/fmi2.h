@@ -219,10 +219,14 @@ fmi2Status fmi2SetString(fmi2Component component, const fmi2ValueReference refer
 /* ---- steps -------------------------------------------------------------------------------------------------- */
 
 #ifdef SAMPLED
+#define UNDONE "has more than " QUOTE(MOST_TRIES) " samples"
+
 /* A sample at every start + k Ts in [t, t + h). The tolerance keeps a step that is short by rounding from taking
    the next sample or losing its own. */
 static bool advance(Model *m, double t, double h)
 {
+    if ((t + h - m->run.start) / m->Ts - (double)m->run.tick > MOST_TRIES)
+        return false;
     const Model begin = *m;
     for (;;) {
         const double at = m->run.start + (double)m->run.tick * m->Ts;
@@ -240,6 +244,8 @@ static bool advance(Model *m, double t, double h)
     return true;
 }
 #else
+#define UNDONE "does not meet the tolerance"
+
 /* The block's own step, except over a time so short that 1/h overflows and no state can move. */
 static bool own_step(Model *m, double h) { return h < 1e-290 || STEPS_BY(m, h); }
 
@@ -305,7 +311,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
         MODE(c) = STEP_FAILED;
         return report(c, fmi2Discard, LOG_DISCARD,
                       "fmi2DoStep: the step from %.17g s over %g s %s; the state is that of its start", t, h,
-                      done ? "gives a value that is not finite" : "does not meet the tolerance");
+                      done ? "gives a value that is not finite" : UNDONE);
     }
     m->run.stale = false;
     m->run.slopes_used = true;

@@ -216,13 +216,15 @@ static Model *spare(Instance *c)
     return &c->backup;
 }
 
-/* Brings the outputs up to date with what was set. A sampled block keeps its outputs from one sample to the next;
-   before the first one they show what it would give. */
+/* Brings the outputs up to date with what was set, or changes nothing if one of them is not finite. A sampled block
+   keeps its outputs from one sample to the next; before the first one they show what it would give. */
 static bool refresh(Instance *c)
 {
     Model *const m = &c->model;
+    double before[VALUES];
     if (!m->run.stale)
         return true;
+    memcpy(before, m, sizeof before);
 #ifdef SAMPLED
     initialise_states(m);
     if (m->run.tick == 0) {
@@ -235,8 +237,12 @@ static bool refresh(Instance *c)
 #else
     evaluate(m);
 #endif
-    m->run.stale = !results_finite(m);
-    return !m->run.stale;
+    if (!results_finite(m)) {
+        memcpy(m, before, sizeof before);
+        return false;
+    }
+    m->run.stale = false;
+    return true;
 }
 
 static void set_start_values(Instance *c)

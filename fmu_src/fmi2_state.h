@@ -82,6 +82,36 @@ static const char *fault_of(const Instance *c, const Saved *saved)
     return NULL;
 }
 
+static bool is_flag(const bool *flag) { return *(const unsigned char *)flag <= 1; }
+
+/* Whether a run can have come here, as far as the time, the values and the position in the simulation tell. What a
+   block remembers has the checksum only. */
+static bool plausible(const Model *m)
+{
+    const Run *const run = &m->run;
+    const double *const value = (const double *)(const void *)m;
+    const int mode = run->mode;
+    bool good = (mode == INSTANTIATED || mode == INITIALIZING || mode == STEP_COMPLETE || mode == STEP_FAILED ||
+                 mode == TERMINATED) &&
+                is_flag(&run->stale) && is_flag(&run->slopes_used) && is_flag(&run->outputs_done) &&
+                is_flag(&run->warning) && is_flag(&run->warned) && run->tick >= 0 && run->inner_step >= 0.0 &&
+                run->inner_step < INF && run->last_step >= 0.0 && run->last_step < INF && isfinite(run->start) &&
+                run->stop >= run->start && run->tolerance >= 0.0 && run->tolerance < INF;
+    for (int i = 0; i <= INPUTS; i++)
+        good = good && isfinite(m->slope[i]);
+    for (size_t i = 0; i < ROWS; i++)
+        for (uint32_t k = 0; k < (rows[i].length ? rows[i].length : 1); k++) {
+            const double v = value[rows[i].index + k];
+            const bool parameter = rows[i].role == ROLE_PARAMETER || rows[i].role == ROLE_FIXED;
+#ifdef GUARDED
+            if (rows[i].role == ROLE_INPUT)
+                continue;
+#endif
+            good = good && isfinite(v) && (!parameter || (v >= rows[i].min && v <= rows[i].max));
+        }
+    return good;
+}
+
 fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
 {
     ENTER("GetFMUstate", MAY_FMUstate)
@@ -146,6 +176,8 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
     const char *fault = fault_of(c, read);
     if (!fault && read->checksum != checksum_of(read))
         fault = "they are damaged";
+    if (!fault && !plausible(&read->model))
+        fault = "no run can have come to such values";
     if (fault) {
         free(read);
         return report(c, fmi2Error, LOG_ERROR, "fmi2DeSerializeFMUstate: the bytes cannot be used: %s", fault);

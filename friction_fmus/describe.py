@@ -121,6 +121,7 @@ def describe(library: Path, computed: Mapping[str, Iterable[str]] | None = None)
     found = block.dependencies(False), block.dependencies(True)
     for dependencies, roles in zip(found, ((INPUT,), (INPUT, PARAMETER, FIXED, STATE)), strict=True):
         _add(dependencies, tuple(variables), computed or {}, roles)
+        _follow_limit(dependencies, tuple(variables))
     return Description(tuple(variables), guid.value.decode(), bool(sampled.value), *found)
 
 
@@ -137,6 +138,14 @@ def _add(
         used = {v.reference for v in variables if v.role in roles and v.name.partition("[")[0] in known}
         unknown = references[output]
         dependencies[unknown] = tuple(sorted(used.union(dependencies[unknown])))
+
+
+def _follow_limit(dependencies: dict[int, tuple[int, ...]], variables: tuple[Variable, ...]) -> None:
+    """u_sat says which limit u is at, so that it depends on what u does; a probe away from the limits sees nothing."""
+    references = {v.name: v.reference for v in variables}
+    if {"u", "u_sat"} <= references.keys():
+        flag, limited = references["u_sat"], references["u"]
+        dependencies[flag] = tuple(sorted({*dependencies[flag], *dependencies[limited]}))
 
 
 def _element(name: str, k: int) -> str:

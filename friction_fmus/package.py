@@ -36,7 +36,7 @@ from harness.platforms import NATIVE, Platform, compiled, native_library, select
 SHIPPED = Path(__file__).parent / "fmus"
 """FMUs for all platforms in an installed package; a checkout has none."""
 
-HEADERS = ("block.h", "solver.h", "fmi2.h", "fmi2_instance.h", "fmi2_state.h")
+HEADERS = ("block.h", "effort.h", "solver.h", "fmi2.h", "fmi2_instance.h", "fmi2_state.h")
 
 
 def build(

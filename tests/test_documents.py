@@ -91,6 +91,14 @@ def test_main_command_of_the_readme_does_its_own_set_up(tmp_path: Path) -> None:
     assert (copy / "out" / "report.html").is_file()
 
 
+@pytest.mark.skipif(shutil.which("clang") is None, reason="clang is not installed")
+def test_commands_of_the_robustness_page_work(tmp_path: Path) -> None:
+    (commands,) = blocks(ROOT / "docs" / "robustness.md", "commands")
+    (tmp_path / "tests").symlink_to(ROOT / "tests")
+    for command in commands.splitlines():
+        run(command, tmp_path)
+
+
 def test_python_of_the_readme_gives_the_published_stick_slip(tmp_path: Path) -> None:
     (program,) = blocks(ROOT / "README.md", "python")
     result = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)

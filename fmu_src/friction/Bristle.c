@@ -115,7 +115,7 @@ static void equations(Model *m)
 static bool step(Model *m, double h)
 {
     GIVEN(m)
-    const double most = 1e9; /* re-bonds */
+    const double most = 1000.0 * MOST_TRIES; /* re-bonds */
     struct bristles *const all = &m->memory;
     const double path = (v + 0.5 * SLOPE(v) * h) * h, D = fmin(Delta, 2.0 * delta_s);
     if (!(N * fabs(path) <= 0.5 * D * most) && D > 0.0)

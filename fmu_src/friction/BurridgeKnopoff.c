@@ -309,7 +309,7 @@ static bool step(Model *m, double h)
     double y[2 * MASSES], H = m->run.inner_step > 0.0 ? m->run.inner_step : 0.1 / rate;
 
     double s = 0.0;
-    for (long events = 0; s < h;) {
+    for (long tries = 0; s < h; tries++) {
         if (f->moving == 0) {
             const double largest = largest_force(&t, t.X, f->y),
                          left = time_at_rest(1.0 - largest, t.X_rate, t.X_curvature);
@@ -322,8 +322,6 @@ static bool step(Model *m, double h)
             t.X += fmax(1.0 - largest_force(&t, t.X, f->y), 0.0); /* rounding */
             switch_blocks(f, &t);
             H = fmin(H, 0.1 / rate);
-            if (events++ > 1000000)
-                return false;
         }
         const double taken = fmin(fmin(H, 1.0 / rate), h - s);
         const int columns = extrapolate(&d, 0.0, f->y, taken, y);
@@ -337,15 +335,13 @@ static bool step(Model *m, double h)
             pass(&t, done);
             s = done < h - s ? s + done : h;
         }
-        if (event && done > 0.0) {
+        if (event && done > 0.0)
             switch_blocks(f, &t);
-            if (events++ > 1000000)
-                return false;
-        } else {
+        else {
             const double next = next_step(taken, columns);
             H = taken < H && columns > 0 ? fmax(H, next) : next;
         }
-        if (!(H > 1e-9 * h))
+        if (tries > MOST_TRIES || !(H > 1e-9 * h))
             return false;
     }
     m->run.inner_step = H;

@@ -320,7 +320,7 @@ static bool step(Model *model, double h)
 {
     GIVEN(model)
     const double slope = model->slope[INPUT_v], mean = v + 0.5 * slope * h;
-    if (A > 0.0 && !(N * fabs(mean) * h <= 1e7 * wavelength))
+    if (A > 0.0 && !(N * fabs(mean) * h <= 10.0 * MOST_TRIES * wavelength))
         return false;
 
     struct population *const all = &model->memory;
@@ -333,7 +333,7 @@ static bool step(Model *model, double h)
         if (v == 0.0 && (tip.mode == FORWARD || tip.mode == BACK))
             tip.mode = STUCK; /* the slider has stopped, if only for an instant */
         for (int events = 0; c.rest > 0.0; events++) {
-            if (events > 1000000)
+            if (events > MOST_TRIES)
                 return false;
             if (tip.mode == STUCK)
                 stick(model, &surface, &tip, &c);

@@ -148,15 +148,15 @@ static double tip_step(const Model *model, double R, double s, double h, const d
     return isfinite(error) && isfinite(y_new[0]) && isfinite(y_new[1]) ? error : -1.0;
 }
 
-/* The tip from s to `end`, under the constant thermal force R. */
-static bool move_tip(Model *model, double R, double s, double end, double *y)
+/* The tip from s to `end`, under the constant thermal force R, in no more than the inner steps that are left. */
+static bool move_tip(Model *model, double R, double s, double end, double *y, long *left)
 {
     GIVEN(model)
     const double rate = sqrt((k + 2.0 * PI * PI * E0 / (a * a)) / m) + 1e-3 * damping;
     const double tolerance = model->run.tolerance > 0.0 ? model->run.tolerance : TIP_TOLERANCE;
     double step_size = model->run.inner_step > 0.0 ? model->run.inner_step : 0.01 / rate;
 
-    for (long tries = 0; s < end; tries++) {
+    while (s < end) {
         const bool last = s + 1.01 * step_size >= end;
         const double taken = last ? end - s : step_size;
         double y_new[2];
@@ -169,7 +169,7 @@ static bool move_tip(Model *model, double R, double s, double end, double *y)
             step_size = last ? fmax(step_size, taken * factor) : taken * factor;
         } else
             step_size = taken * fmin(factor, 0.9);
-        if (tries > 10000000 || !(step_size > 1e-9 * (end - s)))
+        if (--*left < 0 || !(step_size > 1e-9 * (end - s)))
             return false;
     }
     model->run.inner_step = step_size;
@@ -181,13 +181,14 @@ static bool step(Model *model, double h)
     GIVEN(model)
     struct noise *const noise = &model->memory;
     double y[2] = {x, w};
+    long left = 10L * MOST_TRIES;
 
     if (kT == 0.0) {
-        if (!move_tip(model, 0.0, 0.0, h, y))
+        if (!move_tip(model, 0.0, 0.0, h, y, &left))
             return false;
     } else {
         const double since = model->time - model->run.start;
-        if (!(h / dt < 1e7) || !(fabs(since / dt) < 1e15))
+        if (!(h / dt < 10.0 * MOST_TRIES) || !(fabs(since / dt) < 1e15))
             return false;
         for (double s = 0.0; s < h;) {
             const double interval = floor((since + s) / dt + 1e-6);
@@ -198,7 +199,7 @@ static bool step(Model *model, double h)
                 noise->number = drawn_for(seed, (int64_t)interval);
             noise->interval = (int64_t)interval;
             noise->drawn = true;
-            if (!move_tip(model, thermal_force(model), s, end, y))
+            if (!move_tip(model, thermal_force(model), s, end, y, &left))
                 return false;
             s = end;
         }

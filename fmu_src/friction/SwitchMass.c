@@ -280,7 +280,7 @@ static bool step(Model *model, double h)
     enum { MOST_SWITCHES = 1000 };
     const Model begin = *model;
     double rest = h;
-    long inner_steps = 1000000;
+    long inner_steps = MOST_TRIES;
     int switches = 0;
     model->memory = by_state(model);
     while (rest > 0.0 && switches++ < MOST_SWITCHES) {

@@ -9,6 +9,8 @@
 #ifndef EXTRAPOLATION_H
 #define EXTRAPOLATION_H
 
+#include "effort.h"
+
 #include <math.h>
 #include <stdbool.h>
 
@@ -94,11 +96,13 @@ static inline double next_step(double H, int columns)
     return columns == 0 ? 0.4 * H : columns < 5 ? 2.0 * H : columns < 7 ? 1.3 * H : columns < 8 ? H : 0.8 * H;
 }
 
-/* Moves y by h; *inner remembers the step size. False if steps of a ten-millionth of h are still too long. */
+/* Moves y by h; *inner remembers the step size. False if steps of a ten-millionth of h are still too long, or it
+   takes too many. */
 static inline bool move_masses(const Dynamics *d, double *y, double h, double *inner)
 {
     double y_end[2 * MASSES], H = *inner > 0.0 ? *inner : 0.5 / d->rate;
-    for (double s = 0.0; s < h;) {
+    double s = 0.0;
+    for (long tries = 0; s < h; tries++) {
         const bool last = s + 1.01 * H >= h;
         const double taken = last ? h - s : H;
         const int columns = extrapolate(d, s, y, taken, y_end);
@@ -109,7 +113,7 @@ static inline bool move_masses(const Dynamics *d, double *y, double h, double *i
         }
         const double next = next_step(taken, columns);
         H = last && columns > 0 ? fmax(H, next) : next;
-        if (!(H > 1e-7 * h))
+        if (tries > MOST_TRIES || !(H > 1e-7 * h))
             return false;
     }
     *inner = H;

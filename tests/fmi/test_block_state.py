@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import struct
 import subprocess
 import sys
 import threading
@@ -122,6 +123,28 @@ def test_damaged_bytes_are_refused(running: Instance) -> None:
         assert running.try_restore(bytes(damaged)) == ERROR, place
         assert running.messages[-1][1:3] == (ERROR, "logStatusError")
     assert running.everything() == before and running.serialised() == data
+
+
+def forged(data: bytes, place: int, value: bytes) -> bytes:
+    """Other bytes in the model of a serialised state, with the checksum of them: FNV-1a."""
+    header = 64
+    model = bytearray(data[header:])
+    model[place : place + len(value)] = value
+    checksum = 14695981039346656037
+    for byte in model:
+        checksum = (checksum ^ byte) * 1099511628211 % 2**64
+    return data[: header - 8] + checksum.to_bytes(8, sys.byteorder) + bytes(model)
+
+
+def test_values_that_no_run_can_have_are_refused(library: Library, running: Instance) -> None:
+    """Also with the checksum of such bytes; a value reference is the place among the doubles."""
+    data = running.serialised()
+    assert running.try_restore(forged(data, 0, data[64:72])) == OK
+    outputs = library.names("output", type="Real") + library.names("parameter", type="Real")
+    for name in ("time", outputs[0], outputs[-1]):
+        for bad in (float("nan"), float("inf")):
+            assert running.try_restore(forged(data, 8 * running.reference(name), struct.pack("d", bad))) == ERROR
+    assert running.serialised() == data
 
 
 @pytest.mark.parametrize("change", [lambda b: b[:-1], lambda b: b[: len(b) // 2], lambda b: b[:1], lambda b: b + b"\0"])

@@ -1,0 +1,222 @@
+/* libFuzzer target: any sequence of calls with any values.
+
+   No crash, no sanitizer report; a status that the standard has; a refused call changes nothing (a failed step but
+   for the mode); what is handed out with fmi2OK is finite. */
+
+#include "fuzz.h"
+
+enum { FUZZ_MOST = 4 };
+
+typedef struct {
+    fmi2ValueReference references[FUZZ_MOST];
+    fmi2Real reals[FUZZ_MOST];
+    fmi2Integer integers[FUZZ_MOST];
+    size_t count;
+} FuzzValues;
+
+/* A value reference: of any row, or none. */
+static fmi2ValueReference fuzz_reference(Fuzz *in)
+{
+    const unsigned k = fuzz_choice(in, 255);
+    if (k == 254)
+        return (fmi2ValueReference)VALUES + fuzz_choice(in, 256);
+    const Row *const row = &rows[k % ROWS];
+    return row->index + (row->length ? fuzz_choice(in, 256) % row->length : 0);
+}
+
+/* References of one type mostly, as a call with a foreign one is refused whole. */
+static FuzzValues fuzz_values(Fuzz *in, const Instance *c, int type)
+{
+    FuzzValues v = {.count = fuzz_choice(in, FUZZ_MOST + 1)};
+    for (size_t i = 0; i < v.count; i++) {
+        for (int tries = 0; tries < 8; tries++) {
+            v.references[i] = fuzz_reference(in);
+            if (v.references[i] < VALUES && c->row_of[v.references[i]]->type == type)
+                break;
+        }
+        const double value = fuzz_number(in);
+        const Row *const row = v.references[i] < VALUES ? c->row_of[v.references[i]] : &rows[0];
+        const double start = row->starts ? row->starts[v.references[i] - row->index] : row->start;
+        v.reals[i] = fuzz_choice(in, 2) && row->role != ROLE_INPUT ? start * (1.0 + 0.1 * value) : value;
+        const double whole = value * (fuzz_choice(in, 2) ? start : 1.0);
+        v.integers[i] = (fmi2Integer)(whole > -COUNTS && whole < COUNTS ? whole : COUNTS);
+    }
+    return v;
+}
+
+static bool fuzz_unchanged(const Model *a, const Model *b, bool but_for_mode)
+{
+    static Model copy;
+    memcpy(&copy, a, sizeof copy);
+    if (but_for_mode)
+        copy.run.mode = b->run.mode;
+    return memcmp(&copy, b, sizeof copy) == 0;
+}
+
+static void fuzz_finite(const Instance *c, const FuzzValues *v, const fmi2Real *results)
+{
+    for (size_t i = 0; i < v->count; i++) {
+#ifdef GUARDED
+        if (c->row_of[v->references[i]]->role == ROLE_INPUT)
+            continue;
+#endif
+        HOLDS(isfinite(results[i]), c->row_of[v->references[i]]->name);
+    }
+}
+
+static fmi2Status call_get(Fuzz *in, Instance *c)
+{
+    fmi2Real reals[FUZZ_MOST] = {0.0};
+    fmi2Integer integers[FUZZ_MOST] = {0};
+    const int type = (int)fuzz_choice(in, 3);
+    const FuzzValues v = fuzz_values(in, c, type);
+    if (type == TYPE_INTEGER)
+        return fmi2GetInteger(c, v.references, v.count, integers);
+    if (type == TYPE_BOOLEAN)
+        return fmi2GetBoolean(c, v.references, v.count, integers);
+    const fmi2Status status = fmi2GetReal(c, v.references, v.count, reals);
+    if (status == fmi2OK)
+        fuzz_finite(c, &v, reals);
+    return status;
+}
+
+static fmi2Status call_set(Fuzz *in, Instance *c)
+{
+    const int type = (int)fuzz_choice(in, 6);
+    const FuzzValues v = fuzz_values(in, c, type < 3 ? type : TYPE_REAL);
+    if (type == TYPE_INTEGER)
+        return fmi2SetInteger(c, v.references, v.count, v.integers);
+    if (type == TYPE_BOOLEAN)
+        return fmi2SetBoolean(c, v.references, v.count, v.integers);
+    return fmi2SetReal(c, v.references, v.count, v.reals);
+}
+
+static fmi2Status call_slopes(Fuzz *in, Instance *c)
+{
+    const FuzzValues v = fuzz_values(in, c, TYPE_REAL);
+    fmi2Integer orders[FUZZ_MOST];
+    for (size_t i = 0; i < FUZZ_MOST; i++)
+        orders[i] = fuzz_choice(in, 32) ? 1 : v.integers[i];
+    return fmi2SetRealInputDerivatives(c, v.references, v.count, orders, v.reals);
+}
+
+static fmi2Status call_rates(Fuzz *in, Instance *c)
+{
+    const FuzzValues v = fuzz_values(in, c, TYPE_REAL);
+    const fmi2Integer orders[FUZZ_MOST] = {1, 1, 1, fuzz_choice(in, 2) ? 1 : 2};
+    fmi2Real results[FUZZ_MOST] = {0.0};
+    const fmi2Status status = fmi2GetRealOutputDerivatives(c, v.references, v.count, orders, results);
+    if (status == fmi2OK)
+        fuzz_finite(c, &v, results);
+    return status;
+}
+
+static fmi2Status call_along(Fuzz *in, Instance *c)
+{
+    const FuzzValues unknowns = fuzz_values(in, c, TYPE_REAL), knowns = fuzz_values(in, c, TYPE_REAL);
+    fmi2Real results[FUZZ_MOST] = {0.0};
+    const fmi2Status status = fmi2GetDirectionalDerivative(c, unknowns.references, unknowns.count, knowns.references,
+                                                           knowns.count, knowns.reals, results);
+    if (status == fmi2OK)
+        fuzz_finite(c, &unknowns, results);
+    return status;
+}
+
+static fmi2Status call_step(Fuzz *in, Instance *c)
+{
+    static const double steps[] = {1e-3, 1e-2, 1e-4, 0.1, 1.0, 1e-9, 1e-3 / 3.0};
+    const unsigned kind = fuzz_choice(in, 16);
+    const double h = kind < 7 ? steps[kind] : kind < 14 ? 1e-3 : fuzz_number(in);
+    const double t = fuzz_choice(in, 16) ? c->model.time : fuzz_number(in);
+    return fmi2DoStep(c, t, h, fuzz_choice(in, 2));
+}
+
+static fmi2Status call_setup(Fuzz *in, Instance *c)
+{
+    const fmi2Boolean tolerance = fuzz_choice(in, 4) == 1, stop = fuzz_choice(in, 4) == 1;
+    return fmi2SetupExperiment(c, tolerance, fuzz_number(in), fuzz_choice(in, 4) ? 0.0 : fuzz_number(in), stop,
+                               fuzz_number(in));
+}
+
+static fmi2Status call_status_of(Fuzz *in, Instance *c)
+{
+    const fmi2StatusKind kind = (fmi2StatusKind)fuzz_choice(in, 4);
+    fmi2Status status;
+    fmi2Integer whole;
+    fmi2Real value;
+    fmi2String text;
+    switch (fuzz_choice(in, 5)) {
+    case 0: return fmi2GetStatus(c, kind, &status);
+    case 1: return fmi2GetRealStatus(c, kind, &value);
+    case 2: return fmi2GetIntegerStatus(c, kind, &whole);
+    case 3: return fmi2GetBooleanStatus(c, kind, &whole);
+    default: return fmi2GetStringStatus(c, kind, &text);
+    }
+}
+
+static fmi2Status call_rare(Fuzz *in, Instance *c)
+{
+    static const fmi2String names[] = {"logAll", "logEvents", "nothing"};
+    const fmi2ValueReference first = 0;
+    fmi2String text = "";
+    switch (fuzz_choice(in, 12)) {
+    case 0: return fmi2CancelStep(c);
+    case 1: return fmi2SetDebugLogging(c, fuzz_choice(in, 2), fuzz_choice(in, 3), &names[fuzz_choice(in, 2)]);
+    case 2: return fmi2GetString(c, &first, fuzz_choice(in, 2), &text);
+    case 3: return fmi2SetString(c, &first, fuzz_choice(in, 2), &text);
+    case 4: return fmi2GetReal(c, NULL, fuzz_choice(in, 2), NULL);
+    case 5: return fmi2SetReal(c, NULL, fuzz_choice(in, 2), NULL);
+    case 6: return fmi2GetFMUstate(c, NULL);
+    case 7: return fmi2SetFMUstate(c, NULL);
+    case 8: return fmi2Terminate(c);
+    case 9: return fmi2Reset(c);
+    case 10: return fmi2SetRealInputDerivatives(c, NULL, fuzz_choice(in, 2), NULL, NULL);
+    default: return fmi2GetDirectionalDerivative(c, NULL, fuzz_choice(in, 2), NULL, fuzz_choice(in, 2), NULL, NULL);
+    }
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
+{
+    static Model before;
+    Fuzz in = {bytes, bytes + count};
+    Instance *c = fuzz_instance();
+    fmi2FMUstate state = NULL;
+    if (fuzz_choice(&in, 2)) {
+        fmi2EnterInitializationMode(c);
+        if (fuzz_choice(&in, 2))
+            fmi2ExitInitializationMode(c);
+    }
+    for (int calls = 0; calls < 64 && in.at < in.end; calls++) {
+        fmi2Status status;
+        bool stepped = false;
+        const unsigned kind = fuzz_choice(&in, 16);
+        if (kind == 9 && MODE(c) & MAY_GetRealOutputDerivatives)
+            refresh(c); /* so that the call has no need to */
+        memcpy(&before, &c->model, sizeof before);
+        switch (kind) {
+        case 0: status = call_setup(&in, c); break;
+        case 1: status = fmi2EnterInitializationMode(c); break;
+        case 2: status = fmi2ExitInitializationMode(c); break;
+        case 3:
+        case 4:
+        case 5: status = call_set(&in, c); break;
+        case 6:
+        case 7: status = call_get(&in, c); break;
+        case 8: status = call_slopes(&in, c); break;
+        case 9: status = call_rates(&in, c); break;
+        case 10: status = call_along(&in, c); break;
+        case 11: status = fmi2GetFMUstate(c, &state); break;
+        case 12: status = state ? fmi2SetFMUstate(c, state) : call_status_of(&in, c); break;
+        case 13: status = call_rare(&in, c); break;
+        default: status = call_step(&in, c); stepped = true;
+        }
+        HOLDS(status == fmi2OK || status == fmi2Warning || status == fmi2Discard || status == fmi2Error,
+              "a status that is never due");
+        if (status >= fmi2Discard)
+            HOLDS(fuzz_unchanged(&before, &c->model, stepped && status == fmi2Discard),
+                  "a refused call changes something");
+    }
+    fmi2FreeFMUstate(c, &state);
+    fmi2FreeInstance(c);
+    return 0;
+}

@@ -1,0 +1,81 @@
+/* Threads with an instance each do what each of them does alone, bit by bit. BLOCK is the block's C file. */
+
+#include BLOCK
+
+#include <pthread.h>
+
+enum { THREADS = 4, CALLS = 300 };
+
+typedef struct {
+    unsigned seed;
+    uint64_t hash; /* of all values after each step */
+} Trial;
+
+static double drawn(uint64_t *seed) /* -1 to 1 */
+{
+    *seed = *seed * 6364136223846793005u + 1442695040888963407u;
+    return (double)(int64_t)(*seed >> 11) / (double)((int64_t)1 << 52) - 1.0;
+}
+
+static void *trial(void *given)
+{
+    static const fmi2CallbackFunctions callbacks = {0};
+    Trial *const t = (Trial *)given;
+    uint64_t seed = t->seed;
+    char guid[GUID_LENGTH + 2];
+    write_guid(guid);
+    Instance *const c = (Instance *)fmi2Instantiate("one", fmi2CoSimulation, guid, "", &callbacks, 0, 0);
+    if (!c)
+        abort();
+    fmi2FMUstate state = NULL;
+    t->hash = UINT64_C(14695981039346656037);
+    fmi2SetupExperiment(c, fmi2False, 0.0, 0.0, fmi2False, 0.0);
+    fmi2EnterInitializationMode(c);
+    fmi2ExitInitializationMode(c);
+    for (int k = 0; k < CALLS; k++) {
+        for (int i = 0; i < INPUTS; i++) {
+            const fmi2ValueReference reference = inputs[i];
+            const fmi2Real value = 1e-2 * drawn(&seed), slope = drawn(&seed);
+            const fmi2Integer order = 1;
+            if (c->row_of[reference]->type != TYPE_REAL)
+                continue;
+            fmi2SetReal(c, &reference, 1, &value);
+            if (k % 2)
+                fmi2SetRealInputDerivatives(c, &reference, 1, &order, &slope);
+        }
+        fmi2DoStep(c, c->model.time, 1e-3, fmi2True);
+        for (uint32_t i = 0; i < VALUES; i++) {
+            const double value = *value_of(&c->model, i);
+            t->hash = mix(t->hash, &value, sizeof value);
+        }
+        if (k == CALLS / 3)
+            fmi2GetFMUstate(c, &state);
+        if (k == 2 * CALLS / 3)
+            fmi2SetFMUstate(c, state);
+    }
+    fmi2FreeFMUstate(c, &state);
+    fmi2Terminate(c);
+    fmi2FreeInstance(c);
+    return NULL;
+}
+
+int main(void)
+{
+    Trial alone[THREADS], together[THREADS];
+    pthread_t threads[THREADS];
+    for (unsigned k = 0; k < THREADS; k++) {
+        alone[k].seed = together[k].seed = k + 1;
+        trial(&alone[k]);
+    }
+    for (int k = 0; k < THREADS; k++)
+        if (pthread_create(&threads[k], NULL, trial, &together[k]) != 0)
+            return 2;
+    for (int k = 0; k < THREADS; k++)
+        pthread_join(threads[k], NULL);
+    for (int k = 0; k < THREADS; k++)
+        if (alone[k].hash != together[k].hash) {
+            printf("%s: thread %d computes other values than alone\n", QUOTE(MODEL), k);
+            return 1;
+        }
+    return 0;
+}
