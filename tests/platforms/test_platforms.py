@@ -119,7 +119,8 @@ def test_other_platforms_compute_the_same(
     """Bit by bit, but for blocks with exp, pow, sin and the like, which each C library rounds in its own way.
 
     There a difference in the last digit stays one, or is multiplied by iterations and by differences of nearly equal
-    numbers: it is measured against the largest value of the variable.
+    numbers: it is measured against the largest value of the variable. A flag, as that of an element that slips, may be
+    a sample late where its bound is reached but for such a digit.
     """
     if reason := missing(platform):
         pytest.skip(reason)
@@ -133,8 +134,9 @@ def test_other_platforms_compute_the_same(
         if not rounded:
             assert np.array_equal(expected, there[name]), name
             exact += 1
-        largest = np.abs(a).max(axis=0)
-        assert np.all(np.abs(a - b) <= 1e-11 * largest), (name, rounded)
+        flags, far = np.all(a == np.rint(a), axis=0), np.abs(a - b) > 1e-11 * np.abs(a).max(axis=0)
+        assert not far[:, ~flags].any(), (name, rounded)
+        assert far[:, flags].any(axis=1).mean() < 0.01, (name, rounded)
     assert exact > 25
 
 
