@@ -118,6 +118,13 @@ def test_program_of_the_harness_page(tmp_path: Path) -> None:
     assert error == pytest.approx(0.26, abs=0.01)
 
 
+def test_program_of_the_page_on_procedures_prints_what_it_says(tmp_path: Path) -> None:
+    (program,) = blocks(ROOT / "docs" / "procedures.md", "python")
+    (tmp_path / "program.py").write_text(program, encoding="utf-8")
+    text = (ROOT / "docs" / "procedures.md").read_text(encoding="utf-8")
+    assert f"It prints `{run(f'{sys.executable} program.py', tmp_path).strip()}`" in text
+
+
 def test_manipulators_of_the_harness_page_are_read(tmp_path: Path) -> None:
     """The tables of the page, in a system file."""
     page = (ROOT / "docs" / "harness.md").read_text(encoding="utf-8")
