@@ -47,9 +47,9 @@ branches are hard to predict, and a tenth of the samples are not enabled; the mo
 
 What makes a law fast, as variants of these two over the exported C: a formulation that calls the C library only where
 it must; and C in which what only one side of a decision needs is computed on that side. In casadi's own C both sides
-are computed, or, with short-circuit, functions called. `-fno-math-errno` gains a few per cent at most, -O3 nothing; whether the
-file is included or compiled by itself makes no difference, so it is up to the user. An implicit step in place of the
-exact one takes half the time of the LuGre observer; but it is another law, with other numbers.
+are computed, or, with short-circuit, functions called. `-fno-math-errno` gains a few per cent at most, -O3 nothing;
+whether the file is included or compiled by itself makes no difference, so it is up to the user. An implicit step in
+place of the exact one takes half the time of the LuGre observer; but it is another law, with other numbers.
 """,
     "harness": """## Co-simulation
 
