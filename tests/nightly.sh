@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# The long tests: all blocks under every sanitizer, fuzzing for ten minutes each way, and the tests with sanitized code.
+# The long tests: all blocks under every sanitizer, fuzzing for ten minutes each way, the tests with sanitized
+# code, and 100 million steps and 100 000 instances on end.
 #   nightly.sh [SECONDS]     seconds for each way of fuzzing, 600 by default
 # What fails is shown; the status is 1 then. Needs what tests/debian-packages.sh installs.
 set -uo pipefail
@@ -15,4 +16,5 @@ step "$python" tests/robustness/native_checks.py threads
 step "$python" tests/robustness/native_checks.py fuzz "$((2 * seconds))"
 step "$python" tests/robustness/call_machine.py "$seconds"
 step tests/robustness/sanitized.sh
+step "$python" tests/robustness/soak.py
 exit "$failed"

@@ -93,7 +93,7 @@ def test_main_command_of_the_readme_does_its_own_set_up(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(shutil.which("clang") is None, reason="clang is not installed")
 def test_commands_of_the_robustness_page_work(tmp_path: Path) -> None:
-    (commands,) = blocks(ROOT / "docs" / "robustness.md", "commands")
+    (commands,) = blocks(ROOT / "docs" / "reliability.md", "commands")
     (tmp_path / "tests").symlink_to(ROOT / "tests")
     for command in commands.splitlines():
         run(command, tmp_path)
