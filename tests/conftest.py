@@ -9,6 +9,13 @@ import pytest
 
 from friction_fmus import build
 
+LONG = ("test_wheel.py", "test_platforms.py", "test_native_checks.py", "test_cofmupy.py")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest first, so that no worker waits for another one at the end."""
+    items.sort(key=lambda item: item.path.name not in LONG)
+
 
 @pytest.fixture(scope="session")
 def build_fmu(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
