@@ -122,7 +122,7 @@ def parser() -> argparse.ArgumentParser:
         nargs="+",
         default=["native"],
         metavar="PLATFORM",
-        help="native (default), all, linux64, win64, darwin64, aarch64-linux, aarch64-darwin",
+        help="native (default), all, or folders of an FMU such as win64",
     )
     building.add_argument("--name", metavar="IDENTIFIER", help="other model identifier and file name")
     checking = command("check", check_files, "look for faults in FMUs, also other people's")

@@ -62,13 +62,11 @@ def select(names: tuple[str, ...]) -> tuple[Platform, ...]:
     BuildError
         For an unknown name.
     """
-    chosen: dict[str, Platform] = {}
+    known = {"native": (NATIVE,), "all": _CROSS, **{platform.folder: (platform,) for platform in _CROSS}}
     for name in names:
-        if name not in (known := {"native": NATIVE, "all": NATIVE, **PLATFORMS}):
+        if name not in known:
             raise BuildError(f"There is no platform {name!r}; {nearest(name, known)}")
-        for platform in PLATFORMS.values() if name == "all" else (known[name],):
-            chosen[platform.folder] = platform
-    return tuple(chosen.values())
+    return tuple({platform.folder: platform for name in names for platform in known[name]}.values())
 
 
 def compiled(platform: Platform, sources: Mapping[str, str], name: str, *, headers: bool = True) -> bytes:

@@ -165,16 +165,14 @@ static bool step(Model *m, double h)
     if (m->delay > 0.0)
         remember(m);
     double F = m->F_lag;
-    long tries = 0;
     for (double s = 0.0; s < h;) {
-        if (++tries > MOST_TRIES) /* pieces of the input that are shorter than the rounding of the time */
-            return false;
         const double t = m->time + s - m->delay;
         Line w = m->delay > 0.0 ? past(m, t, 1.0) : (Line){m->u + SLOPE(u) * s, SLOPE(u), INF};
         const bool last = !(s + w.length < h);
         w.length = last ? h - s : w.length;
         F = follow_clipped(m, F, w);
-        s = last ? h : s + w.length;
+        /* a piece may be shorter than the rounding of s */
+        s = last ? h : fmax(s + w.length, nextafter(s, h));
     }
     m->F_lag = F;
     if (m->delay > 0.0)

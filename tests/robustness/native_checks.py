@@ -51,12 +51,10 @@ def compiled(name: str, source: str, flags: Sequence[str], folder: Path, compile
     compiler : str
         ``clang`` or ``gcc``.
     """
-    sources = folder / name
-    with zipfile.ZipFile(build(name, folder)) as archive:
-        for entry in archive.namelist():
-            if entry.startswith("sources/"):
-                archive.extract(entry, sources)
     program = folder / f"{name}_{Path(source).stem}_{flags[0].partition('=')[2].replace(',', '_')}"
+    sources = program.with_suffix(".fmu")  # its own: two programs of a block may be made side by side
+    with zipfile.ZipFile(build(name, folder)) as archive:
+        archive.extractall(sources, [entry for entry in archive.namelist() if entry.startswith("sources/")])
     command = [compiler, "-std=gnu11", "-ffp-contract=off", "-fno-math-errno", "-Wall", "-Wextra", "-Werror", *flags]
     command += ["-I", str(header_folder()), "-I", str(sources / "sources"), f'-DBLOCK="{name}.c"']
     command += [str(HERE / source), "-o", str(program), "-lm", "-pthread"]
