@@ -31,7 +31,6 @@ __all__ = [
     "Motion",
     "OutputErrorFit",
     "Record",
-    "Record",
     "RecordError",
     "Score",
     "Simulator",
