@@ -1,10 +1,11 @@
-"""What MkDocs does not do by itself: the notebooks, run and as pages; links to files outside of this folder."""
+"""What MkDocs does not do by itself: notebooks as pages, and links out of this folder."""
 
 from __future__ import annotations
 
-import os
 import re
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import nbformat
@@ -13,34 +14,43 @@ from mkdocs.structure.files import File, Files
 from nbconvert import MarkdownExporter
 from nbconvert.preprocessors import ExecutePreprocessor
 
-ROOT = Path(__file__).parent.parent
-NOTEBOOKS = ROOT / "examples" / "notebooks"
+DOCS = Path(__file__).parent
+NOTEBOOKS = DOCS.parent / "examples" / "notebooks"
 
 
 def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
     """Adds a page and the figures of each notebook."""
     for path in sorted(NOTEBOOKS.glob("*.ipynb")):
-        for name, content in notebook_page(path).items():
+        for name, content in notebook_page(path.stem, path.read_text(encoding="utf-8")).items():
             files.append(File.generated(config, f"notebooks/{name}", content=content))
     return files
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Names files of the repository outside of this folder instead of linking to them."""
-    return re.sub(r"\[([^\]]+)\]\((?:\.\./)+(?:examples|friction_fmus|harness|tests)/[^)]*\)", r"`\1`", markdown)
+    """Names files of the repository outside of this folder instead of linking to them, and pages by their titles."""
+    folders = "benchmarks|examples|fmu_src|friction_fmus|harness|tests"
+    inside = re.sub(rf"\[([^\]]+)\]\(\.\./(?:{folders})/[^)]*\)", r"`\1`", markdown)
+    return re.sub(r"\[([\w-]+\.md)\]\(", lambda match: f"[{title(match[1])}](", inside)
 
 
-def notebook_page(path: Path) -> dict[str, str | bytes]:
-    """File name -> content of the page of a notebook, which is run for it, and of its figures.
+def title(page: str) -> str:
+    """The first heading of a page of this folder."""
+    text = (DOCS / page).read_text(encoding="utf-8")
+    return next(line.removeprefix("# ") for line in text.splitlines() if line.startswith("# "))
+
+
+@cache  # `mkdocs serve` builds again after each change
+def notebook_page(name: str, content: str) -> dict[str, str | bytes]:
+    """Runs a notebook; file name -> content of its page and of its figures.
 
     Raises
     ------
     nbclient.exceptions.CellExecutionError
         If a cell fails.
     """
-    notebook = nbformat.read(path, as_version=4)
-    folder = {"metadata": {"path": os.environ.get("NOTEBOOK_FOLDER", str(ROOT / "out"))}}
-    ExecutePreprocessor(timeout=300).preprocess(notebook, folder)
-    resources = {"unique_key": path.stem, "output_files_dir": f"{path.stem}_files"}
+    notebook = nbformat.reads(content, as_version=4)
+    with TemporaryDirectory() as folder:
+        ExecutePreprocessor(timeout=300).preprocess(notebook, {"metadata": {"path": folder}})
+    resources = {"unique_key": name, "output_files_dir": f"{name}_files"}
     text, made = MarkdownExporter().from_notebook_node(notebook, resources)
-    return {f"{path.stem}.md": text, **made["outputs"]}
+    return {f"{name}.md": text, **made["outputs"]}

@@ -1,0 +1,168 @@
+"""The site is built without a warning, works without a network, and its derived tables are current."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import json
+import os
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from types import ModuleType
+from urllib.parse import unquote, urlsplit
+
+import lief
+import pytest
+from lxml import etree, html
+
+from friction_fmus import fmu
+from friction_fmus.catalogue import catalogue
+from friction_fmus.describe import OUTPUT, PARAMETER
+from friction_fmus.package import describe_block
+from harness.platforms import NATIVE
+
+ROOT = Path(__file__).parent.parent
+NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
+PUBLIC = ("", ".law", ".identification", ".conditions", ".procedures", ".doctor", ".check", ".codegen")
+MODULES = [*(f"friction_fmus{name}" for name in PUBLIC), "harness"]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site as built, which runs the notebooks."""
+    folder = tmp_path_factory.mktemp("site")
+    command = [str(Path(sys.executable).parent / "mkdocs"), "build", "--strict", "--site-dir", str(folder)]
+    environment = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
+    made = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    assert made.returncode == 0, made.stderr
+    return folder
+
+
+@pytest.fixture
+def tables(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    return importlib.import_module("tables")
+
+
+def pages(site: Path) -> dict[Path, html.HtmlElement]:
+    return {path: html.parse(str(path)).getroot() for path in sorted(site.rglob("*.html")) if path.name != "404.html"}
+
+
+def test_every_link_and_anchor_of_the_site_exists(site: Path) -> None:
+    documents = pages(site)
+    anchors = {path: set(document.xpath("//@id | //a/@name")) for path, document in documents.items()}
+    missing = []
+    for path, document in documents.items():
+        for target in document.xpath("//a/@href | //img/@src | //script/@src | //link/@href"):
+            parts = urlsplit(target)
+            if parts.scheme or parts.netloc:
+                continue
+            goal = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            goal = goal / "index.html" if goal.is_dir() else goal
+            if not goal.is_file() or (
+                parts.fragment and goal in anchors and unquote(parts.fragment) not in anchors[goal]
+            ):
+                missing.append(f"{path.relative_to(site)}: {target}")
+    assert len(documents) > 25
+    assert missing == []
+
+
+def test_the_site_asks_no_other_host(site: Path) -> None:
+    loaded = []
+    for path, document in pages(site).items():
+        found = document.xpath("//script/@src | //img/@src | //iframe/@src | //link[not(@rel='canonical')]/@href")
+        loaded += [f"{path.name}: {target}" for target in found if urlsplit(target).netloc]
+    for path in site.rglob("*.css"):
+        style = path.read_text(encoding="utf-8")
+        loaded += [
+            f"{path.name}: {found}" for found in re.findall(r"(?:@import|url\()\s*[\"']?(https?:[^\"')]*)", style)
+        ]
+    assert loaded == []
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_everything_public_is_in_the_reference(name: str, site: Path) -> None:
+    module = importlib.import_module(name)
+    ids = {found for page in (site / "api").glob("*.html") for found in html.parse(str(page)).xpath("//@id")}
+    shown = [
+        each for each in module.__all__ if inspect.isroutine(value := getattr(module, each)) or inspect.isclass(value)
+    ]
+    assert shown
+    assert [each for each in shown if not {f"{name}.{each}", f"{name}.{each}.{each}"} & ids] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        (
+            "models_compared",
+            [
+                "drift in µm per cycle: {'LuGre': 6.09, 'ElastoPlastic': 0.0, 'GMS': 0.0}",
+                "'Dahl': 'stuck for 0 % of the time'",
+            ],
+        ),
+        ("compensated_loop", ["13 conditions, 0 of them violated", "law.c"]),
+    ],
+)
+def test_pages_of_the_notebooks_show_what_they_printed(name: str, says: list[str], site: Path) -> None:
+    page = html.parse(str(site / "notebooks" / f"{name}.html")).getroot()
+    text = page.text_content()
+    assert [each for each in says if each not in text] == []
+    assert page.xpath("//article//img")
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebooks_are_kept_without_outputs(path: Path) -> None:
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    assert [cell["source"] for cell in cells if cell.get("outputs") or cell.get("execution_count")] == []
+
+
+def test_tables_of_the_pages_are_what_the_blocks_say(tables: ModuleType) -> None:
+    found = tables.pages()
+    assert {path.name for path in found} == {"capabilities.md", "which-compensator.md", "which-model.md"}
+    stale = [path.name for path in found if (text := path.read_text(encoding="utf-8")) != tables.filled(text)]
+    assert stale == [], "run `python docs/tables.py`"
+
+
+@pytest.mark.parametrize("name", ["LuGre", "Mass", "PID", "ImpulsiveControl", "Encoder"])
+def test_page_of_capabilities_says_what_the_fmu_declares(name: str) -> None:
+    page = (ROOT / "docs" / "capabilities.md").read_text(encoding="utf-8")
+    with zipfile.ZipFile(fmu(name)) as archive:
+        simulation = etree.fromstring(archive.read("modelDescription.xml")).find("CoSimulation")
+        binary = next(member for member in archive.namelist() if member.startswith(f"binaries/{NATIVE.folder}/"))
+        library = lief.parse(list(archive.read(binary)))
+    assert simulation is not None
+    declared = {key: value for key, value in simulation.attrib.items() if key != "modelIdentifier"}
+    first = page.partition("<!-- /table -->")[0]
+    assert dict(re.findall(r"^\| `(\w+)` \| `(\w+)` \|", first, re.M)) == declared
+    functions = {symbol.name for symbol in library.exported_symbols if str(symbol.name).startswith("fmi2")}
+    assert f"all {len(functions)} of co-simulation are exported" in page
+
+
+def test_models_to_begin_with_show_what_the_motion_asks_for(tables: ModuleType) -> None:
+    assert [motion for motion in tables.MOTIONS if motion.begin not in tables.suited_models(motion)] == []
+    assert [need for need in tables.QUESTIONS if need.begin not in tables.answering_models(need)] == []
+
+
+def test_compensators_named_get_by_with_the_signals_at_hand(tables: ModuleType) -> None:
+    for situation in tables.SITUATIONS:
+        assert {*situation.begin, *situation.others} <= set(tables.suited_compensators(situation)), situation.known
+
+
+def test_every_model_and_compensator_is_on_its_decision_page() -> None:
+    named = {page: (ROOT / "docs" / page).read_text("utf-8") for page in ("which-model.md", "which-compensator.md")}
+    for block in catalogue().values():
+        if block.kind == "friction":
+            assert block.name in named["which-model.md"]
+        elif block.kind in ("law", "controller"):
+            assert f"| **{block.name}** |" in named["which-compensator.md"]
+
+
+def test_what_estimates_friction_has_a_gain() -> None:
+    for block in catalogue().values():
+        variables = describe_block(block).variables
+        if block.kind in ("law", "controller") and any((v.name, v.role) == ("F_hat", OUTPUT) for v in variables):
+            assert any((v.name, v.role) == ("gain", PARAMETER) for v in variables), block.name
