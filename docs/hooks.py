@@ -50,7 +50,7 @@ def notebook_page(name: str, content: str) -> dict[str, str | bytes]:
     """
     notebook = nbformat.reads(content, as_version=4)
     with TemporaryDirectory() as folder:
-        ExecutePreprocessor(timeout=300).preprocess(notebook, {"metadata": {"path": folder}})
+        ExecutePreprocessor(timeout=300, startup_timeout=180).preprocess(notebook, {"metadata": {"path": folder}})
     resources = {"unique_key": name, "output_files_dir": f"{name}_files"}
     text, made = MarkdownExporter().from_notebook_node(notebook, resources)
     return {f"{name}.md": text, **made["outputs"]}
