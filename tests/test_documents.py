@@ -15,6 +15,7 @@ import fmpy
 import pytest
 
 from friction_fmus import build, fmu
+from friction_fmus.__main__ import main
 from friction_fmus.catalogue import Block, catalogue
 from friction_fmus.documentation import notes_as_html
 from friction_fmus.models_page import models_page
@@ -24,7 +25,8 @@ from harness import DropOut, System
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 FRICTION = [block for block in catalogue().values() if block.kind == "friction"]
-ADDING = ROOT / "docs" / "adding-a-model.md"
+ADDING = [ROOT / "docs" / "adding-a-model.md", ROOT / "docs" / "adding-a-law.md"]
+TUTORIALS = ["index.md", "first-fmu.md", "which-model.md", "which-compensator.md", "harness-tutorial.md"]
 
 
 def blocks(page: Path, mark: str) -> list[str]:
@@ -44,9 +46,9 @@ def run(command: str, folder: Path) -> str:
 
 
 def write_files(folder: Path) -> None:
-    """The files that docs/adding-a-model.md tells the reader to write."""
-    for name in ("SmoothCoulomb.c", "viscous_feedforward.py"):
-        (text,) = blocks(ADDING, f"file: {name}")
+    """The files that the pages on adding tell the reader to write."""
+    for page, name in zip(ADDING, ("SmoothCoulomb.c", "viscous_feedforward.py"), strict=True):
+        (text,) = blocks(page, f"file: {name}")
         (folder / name).write_text(text, encoding="utf-8")
 
 
@@ -125,6 +127,43 @@ def test_program_of_the_page_on_procedures_prints_what_it_says(tmp_path: Path) -
     assert f"It prints `{run(f'{sys.executable} program.py', tmp_path).strip()}`" in text
 
 
+@pytest.mark.parametrize("name", TUTORIALS)
+def test_tutorial_works_and_prints_what_it_says(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its commands, those of this project in this process, and then all of its programs as one."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    page = ROOT / "docs" / name
+    for command in "".join(blocks(page, "commands")).splitlines():
+        program, *arguments = shlex.split(command)
+        if program == "friction-fmus":
+            assert main(arguments) == 0, command
+        else:
+            run(command, tmp_path)
+    if programs := blocks(page, "python"):
+        (tmp_path / "program.py").write_text("\n".join(programs), encoding="utf-8")
+        assert run(f"{sys.executable} program.py", tmp_path) == "".join(blocks(page, "output: python"))
+
+
+def test_steps_for_other_tools_give_the_position_that_is_said() -> None:
+    """All parts at once on held values, as OMSimulator steps them, at the step of the page."""
+    page = (ROOT / "docs" / "first-fmu.md").read_text(encoding="utf-8")
+    (said,) = re.findall(r"After 20 s the mass is at x = ([\d.]+) m", page)
+    with System.from_toml(ROOT / "examples" / "stick_slip.toml", resolve=fmu) as system:
+        run = system.run(stop=20.0, step=1e-4, master="jacobi")
+    assert float(said) == pytest.approx(1.272596, abs=5e-5)  # benchmark B5
+    assert float(run["mass.x"][-1]) == pytest.approx(1.272596, abs=2e-4)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_programs_and_commands_are_marked_to_be_run(page: Path) -> None:
+    """But for the scripts of claims and effects, long runs by hand, and the commands of the pages on adding."""
+    text = page.read_text(encoding="utf-8")
+    fences = re.findall(r"^(<!-- [^\n]* -->\n)?```(sh|python)\n(.*?)^```$", text, re.S | re.M)
+    known = r"python examples/\w+/\w+\.py figures\n|tests/nightly\.sh\n|tests/robustness/sanitized\.sh.*"
+    known += r"|(friction-fmus [^\n]*\n)+" if page in ADDING else ""
+    assert [code for mark, _, code in fences if not mark and not re.fullmatch(known, code, re.S)] == []
+
+
 def test_manipulators_of_the_harness_page_are_read(tmp_path: Path) -> None:
     """The tables of the page, in a system file."""
     page = (ROOT / "docs" / "harness.md").read_text(encoding="utf-8")
@@ -157,8 +196,9 @@ def test_system_shown_in_the_readme_is_the_example(tmp_path: Path) -> None:
 
 def test_a_new_friction_model_is_one_file(tmp_path: Path) -> None:
     write_files(tmp_path)
-    for command in re.findall(r"^friction-fmus .*$", ADDING.read_text(encoding="utf-8"), re.M):
-        run(command, tmp_path)
+    for page in ADDING:
+        for command in re.findall(r"^friction-fmus .*$", page.read_text(encoding="utf-8"), re.M):
+            run(command, tmp_path)
     result = fmpy.simulate_fmu(
         str(tmp_path / "fmus" / "SmoothCoulomb.fmu"), start_values={"v": 1.0}, stop_time=1.0, step_size=1e-2
     )
@@ -173,7 +213,7 @@ def test_a_new_friction_model_is_one_file(tmp_path: Path) -> None:
 def test_rows_named_in_the_guide_are_those_of_block_h() -> None:
     header = (ROOT / "fmu_src" / "block.h").read_text(encoding="utf-8")
     kinds = set(re.findall(r"^#define (\w+)\(name, [^)]*\)\s+(?:SCALAR|VECTOR|DYNAMICS?|INPUT)\(", header, re.M))
-    guide = ADDING.read_text(encoding="utf-8")
+    guide = ADDING[0].read_text(encoding="utf-8")
     assert kinds
     assert [kind for kind in sorted(kinds) if f"`{kind}`" not in guide] == []
 
@@ -181,7 +221,9 @@ def test_rows_named_in_the_guide_are_those_of_block_h() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", page.read_text(encoding="utf-8")):
-        assert (page.parent / target).exists(), target
+        file = page.parent / target
+        notebook = ROOT / "examples" / "notebooks" / f"{file.stem}.ipynb"
+        assert (notebook if file.parent.name == "notebooks" else file).exists(), target
 
 
 def test_changelog_names_every_block() -> None:

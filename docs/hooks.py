@@ -1,0 +1,56 @@
+"""What MkDocs does not do by itself: notebooks as pages, and links out of this folder."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import nbformat
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from nbconvert import MarkdownExporter
+from nbconvert.preprocessors import ExecutePreprocessor
+
+DOCS = Path(__file__).parent
+NOTEBOOKS = DOCS.parent / "examples" / "notebooks"
+
+
+def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
+    """Adds a page and the figures of each notebook."""
+    for path in sorted(NOTEBOOKS.glob("*.ipynb")):
+        for name, content in notebook_page(path.stem, path.read_text(encoding="utf-8")).items():
+            files.append(File.generated(config, f"notebooks/{name}", content=content))
+    return files
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Names files of the repository outside of this folder instead of linking to them, and pages by their titles."""
+    folders = "benchmarks|examples|fmu_src|friction_fmus|harness|tests"
+    inside = re.sub(rf"\[([^\]]+)\]\(\.\./(?:{folders})/[^)]*\)", r"`\1`", markdown)
+    return re.sub(r"\[([\w-]+\.md)\]\(", lambda match: f"[{title(match[1])}](", inside)
+
+
+def title(page: str) -> str:
+    """The first heading of a page of this folder."""
+    text = (DOCS / page).read_text(encoding="utf-8")
+    return next(line.removeprefix("# ") for line in text.splitlines() if line.startswith("# "))
+
+
+@cache  # `mkdocs serve` builds again after each change
+def notebook_page(name: str, content: str) -> dict[str, str | bytes]:
+    """Runs a notebook; file name -> content of its page and of its figures.
+
+    Raises
+    ------
+    nbclient.exceptions.CellExecutionError
+        If a cell fails.
+    """
+    notebook = nbformat.reads(content, as_version=4)
+    with TemporaryDirectory() as folder:
+        ExecutePreprocessor(timeout=300, startup_timeout=180).preprocess(notebook, {"metadata": {"path": folder}})
+    resources = {"unique_key": name, "output_files_dir": f"{name}_files"}
+    text, made = MarkdownExporter().from_notebook_node(notebook, resources)
+    return {f"{name}.md": text, **made["outputs"]}

@@ -1,0 +1,260 @@
+"""Tables of the documentation that are derived from the blocks: ``python docs/tables.py`` writes them into the pages.
+
+A table stands between ``<!-- table: name -->`` and ``<!-- /table -->``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from functools import cache
+from pathlib import Path
+
+from needs import KNOWLEDGE, MEASURED, MOTIONS, QUESTIONS, REFERENCE, SITUATIONS, SWITCHES, Motion, Question, Situation
+
+from friction_fmus.catalogue import FEATURES, Block, catalogue
+from friction_fmus.describe import BOOLEAN, FIXED, INPUT, OUTPUT, PARAMETER, STATE, STATE_OUTPUT, Description, Variable
+from friction_fmus.model_description import CAPABILITIES, ROLE
+from friction_fmus.notes import paragraphs
+from friction_fmus.package import describe_block
+
+DOCS = Path(__file__).parent
+
+
+# ---- what the blocks say --------------------------------------------------------------------------------------------
+
+
+@cache
+def described(name: str) -> Description:
+    """The variables of a block of the catalogue."""
+    return describe_block(catalogue()[name])
+
+
+def inputs(name: str) -> frozenset[str]:
+    """Its inputs but the switches."""
+    return frozenset(v.name for v in _inputs(name))
+
+
+def required(name: str) -> frozenset[str]:
+    """Its inputs but the switches and those that may stay unconnected."""
+    return frozenset(v.name for v in _inputs(name) if not v.text.startswith("optional"))
+
+
+def _inputs(name: str) -> list[Variable]:
+    return [v for v in described(name).variables if v.role == INPUT and v.name not in SWITCHES]
+
+
+def of_kind(*kinds: str) -> list[Block]:
+    """The blocks of these kinds, in the order of the catalogue."""
+    return [block for block in catalogue().values() if block.kind in kinds]
+
+
+def knowledge(name: str) -> str:
+    """What a compensator carries of the friction, of `KNOWLEDGE`: by the names of its parameters."""
+    names = {v.name for v in described(name).variables if v.role in (PARAMETER, FIXED)}
+    if not names & {"Fc", "Fc0"}:
+        return "none"
+    return "presliding" if names & {"sigma", "sigma0", "sigma1"} else "static"
+
+
+def suited_models(motion: Motion) -> list[str]:
+    """The friction models for a motion."""
+    return [
+        block.name
+        for block in of_kind("friction")
+        if motion.shows <= set(block.features) and not motion.without & set(block.features)
+    ]
+
+
+def answering_models(question: Question) -> list[str]:
+    """The friction models for a need."""
+    return [
+        block.name
+        for block in of_kind("friction")
+        if question.shows <= set(block.features) and question.inputs <= inputs(block.name)
+    ]
+
+
+def suited_compensators(situation: Situation) -> list[str]:
+    """The compensators that get by with the signals of a situation and carry what is known of the friction."""
+    return [
+        block.name
+        for block in of_kind("law", "controller")
+        if required(block.name) <= situation.signals and knowledge(block.name) in situation.model
+    ]
+
+
+def finding(target: str) -> str:
+    """Title of a section of docs/claims.md or docs/effects.md, as a link to it, and the sentence on what it found."""
+    page, _, anchor = target.partition("#")
+    text = (DOCS / page).read_text(encoding="utf-8")
+    for section in re.split(r"^## ", text, flags=re.M)[1:]:
+        title = section.splitlines()[0]
+        if slug(title) == anchor:
+            (said,) = re.findall(r"^> (.*)$", section, re.M)
+            return f"[{title}]({target}). {said.rstrip('.')}."
+    raise LookupError(f"{page} has no section #{anchor}")
+
+
+def slug(title: str) -> str:
+    """The anchor of a heading."""
+    return re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", title.lower())).strip("-")
+
+
+# ---- the tables -----------------------------------------------------------------------------------------------------
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+def model_link(name: str) -> str:
+    """A friction model in docs/models.md."""
+    return f"[{name}](models.md#{name.lower()})"
+
+
+def motions() -> str:
+    """Which friction model, by the motion."""
+    return table(
+        ("A / x_p", "speed", "reversals", "begin with", "what it shows", "others that show it"),
+        [
+            (
+                m.amplitude,
+                m.speed,
+                m.reversals,
+                f"**{model_link(m.begin)}**",
+                ", ".join(feature for feature in FEATURES if feature in m.shows) or "–",
+                ", ".join(model_link(name) for name in suited_models(m) if name != m.begin),
+            )
+            for m in MOTIONS
+        ],
+    )
+
+
+def reasons() -> str:
+    """Why these models, by what the scripts found."""
+    found: dict[str, list[str]] = {}
+    for m in MOTIONS:
+        found.setdefault(m.found, []).append(m.begin)
+    return "\n".join(f"* **{', '.join(names)}**: {finding(target)}" for target, names in found.items())
+
+
+def questions() -> str:
+    """Which friction model, by other needs."""
+    return table(
+        ("you need", "begin with", "others"),
+        [
+            (
+                q.need,
+                f"**{model_link(q.begin)}**",
+                ", ".join(model_link(name) for name in answering_models(q) if name != q.begin),
+            )
+            for q in QUESTIONS
+        ],
+    )
+
+
+def situations() -> str:
+    """Which compensator, by what is known and measured."""
+    return table(
+        ("known and measured", "begin with", "others", "what was found"),
+        [
+            (s.known, ", ".join(f"**{name}**" for name in s.begin), ", ".join(s.others) or "–", finding(s.found))
+            for s in SITUATIONS
+        ],
+    )
+
+
+def compensators() -> str:
+    """What each compensator takes, carries and gives."""
+    rows = []
+    for block in of_kind("law", "controller"):
+        taken = inputs(block.name)
+        first = next((p.text for p in paragraphs(block.notes) if p.lead == "Use it"), block.summary)
+        use = re.split(r"(?<=[a-z0-9])[.;:] ", first, maxsplit=1)[0].rstrip(".")
+        other = sorted(taken - set(REFERENCE) - set(MEASURED))
+        rows.append(
+            (
+                f"**{block.name}**",
+                " ".join(name for name in REFERENCE if name in taken) or "–",
+                " ".join(name for name in MEASURED if name in taken) or "–",
+                " ".join(other) or "–",
+                KNOWLEDGE[knowledge(block.name)],
+                use.replace("|", "\\|"),
+            )
+        )
+    return table(("compensator", "reference", "measured", "other inputs", "model of friction", "use it"), rows)
+
+
+def capabilities() -> str:
+    """The attributes of the element CoSimulation, the same for every block."""
+    return table(
+        ("attribute", "value", "what it means"),
+        [(f"`{name}`", f"`{value}`", text) for name, (value, text) in CAPABILITIES.items()],
+    )
+
+
+def kinds() -> str:
+    """What the variables of each kind of block look like in modelDescription.xml."""
+    rows = []
+    for kind in ("friction", "plant", "law", "controller", "signal"):
+        blocks = of_kind(kind)
+        variables = [v for block in blocks for v in described(block.name).variables]
+        sampled = {described(block.name).sampled for block in blocks}
+        rows.append(
+            (
+                kind,
+                str(len(blocks)),
+                " or ".join({True: "sampled", False: "continuous"}[s] for s in sorted(sampled)),
+                " or ".join("discrete" if s else "continuous" for s in sorted(sampled)),
+                _types(v.type for v in variables if v.role == INPUT),
+                _types(v.type for v in variables if v.role in (OUTPUT, STATE_OUTPUT)),
+                _count(sum(v.role in (STATE, STATE_OUTPUT) for v in described(b.name).variables) for b in blocks),
+                "yes" if any(v.role == FIXED for v in variables) else "no",
+            )
+        )
+    heads = ("kind", "blocks", "how it steps", "Real outputs are", "inputs", "outputs", "states", "fixed parameters")
+    return table(heads, rows)
+
+
+def _types(types: Iterable[int]) -> str:
+    found = set(types)
+    return ", ".join(name for number, name in ((0, "Real"), (1, "Integer"), (BOOLEAN, "Boolean")) if number in found)
+
+
+def _count(numbers: Iterable[int]) -> str:
+    found = sorted(numbers)
+    return f"{found[0]} to {found[-1]}" if found[0] != found[-1] else str(found[0])
+
+
+def roles() -> str:
+    """Causality, variability and initial of the variables."""
+    rows = []
+    for causality, variability, initial in dict.fromkeys(ROLE.values()):
+        sampled = ", in sampled blocks `discrete`" if causality in ("output", "local") else ""
+        rows.append((f"`{causality}`", f"`{variability}`{sampled}", f"`{initial}`" if initial else "–"))
+    return table(("causality", "variability", "initial"), rows)
+
+
+TABLES = {f.__name__: f for f in (motions, reasons, questions, situations, compensators, capabilities, kinds, roles)}
+
+
+def filled(text: str) -> str:
+    """A page with its tables written anew."""
+
+    def fill(match: re.Match[str]) -> str:
+        return f"{match[1]}\n{TABLES[match[2]]()}\n{match[3]}"
+
+    return re.sub(r"(<!-- table: (\w+) -->\n).*?(\n<!-- /table -->)", fill, text, flags=re.S)
+
+
+def pages() -> list[Path]:
+    """The pages that have such tables."""
+    return [path for path in sorted(DOCS.glob("*.md")) if "<!-- table: " in path.read_text(encoding="utf-8")]
+
+
+if __name__ == "__main__":
+    for page in pages():
+        page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8")
