@@ -61,7 +61,10 @@ def main(folder: Path) -> str:
     bristles = forces("LuGre", v, {"sigma2": STEEP} | OTHER_WAY)
     tustin = forces("Tustin", v, viscous | NO_FORCE)
     for axis, lines in (
-        (basic, [("Coulomb", coulomb, BLACK, 2.6), ("viscous", film, GREEN, 1.5), ("all with Fs", stiction, BLUE, 1.5)]),
+        (
+            basic,
+            [("Coulomb", coulomb, BLACK, 2.6), ("viscous", film, GREEN, 1.5), ("all with Fs", stiction, BLUE, 1.5)],
+        ),
         (curve, [("Stribeck", falling, BLUE, 2.0), ("Tustin", tustin, BLACK, 1.2)]),
     ):
         for label, force, colour, width in lines:
