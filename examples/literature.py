@@ -1,4 +1,4 @@
-"""docs/study.md, from examples/literature.toml and what the other pages show: ``python examples/literature.py docs``."""
+"""docs/study.md, from literature.toml and what the other pages show: ``python examples/literature.py docs``."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Literature(NamedTuple):
     equation: list[dict[str, Any]]
 
 
-class NumberMissing(LookupError):
+class MissingNumberError(LookupError):
     """A claim names a number that its script does not give."""
 
 
@@ -96,7 +96,7 @@ def number(script: Script, wanted: str) -> str:
 
     Raises
     ------
-    NumberMissing
+    MissingNumberError
         If there is no such number.
     """
     if wanted in script.figures:
@@ -104,7 +104,9 @@ def number(script: Script, wanted: str) -> str:
     pattern = NUMBER.join(re.escape(piece) for piece in wanted.split("#"))
     match = re.search(rf"(?<![\d.]){pattern}", script.printed) if "#" in wanted else None
     if match is None:
-        raise NumberMissing(f"'{wanted}' is not a number of '{script.title}': see what the script prints and measures")
+        raise MissingNumberError(
+            f"'{wanted}' is not a number of '{script.title}': see what the script prints and measures"
+        )
     return match.group()
 
 

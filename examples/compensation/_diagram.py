@@ -188,8 +188,7 @@ def _edge(box: Box, towards: Point) -> Point:
     """Where a line from the middle of a box to a point leaves it."""
     dx, dy = towards[0] - box.at[0], towards[1] - box.at[1]
     w, h = box.size
+    share = RADIUS / hypot(dx, dy)
     if w:
         share = min(w / 2.0 / abs(dx) if dx else inf, h / 2.0 / abs(dy) if dy else inf)
-    else:
-        share = RADIUS / hypot(dx, dy)
     return box.at[0] + share * dx, box.at[1] + share * dy

@@ -9,20 +9,21 @@ takes care of, so that it looks for the rest only; RC learns from the position e
 The plant is an axis of 1 kg with GMS friction on a circle of 10 mm radius, a revolution in 0.6 s. The model in F has
 stiffnesses and levels 10 % too low. Below is the error over a revolution, with one compensation after the other, and
 its root mean square in each revolution. RC learns at a rate of 0.7: at first each revolution leaves 0.3 of the error of
-the one before, as the loop that RC inverts is that of the cascade, with the observer or without, as long as the observer
-knows the force of RC and the mass is right.
+the one before, as the loop that RC inverts is that of the cascade, with the observer or without, as long as the
+observer knows the force of RC and the mass is right.
 
 Source: Jamaludin, Van Brussel, Swevers, IEEE Trans. Industrial Electronics 56(10), 2009.
 """
 
 from math import cos, pi
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from _diagram import Arrow, Box, draw, run_loop, sheet, sum_of
 from _effect import Check, Effect, command_line
-from _loop import BLACK, BLUE, GREEN, GREY, OMEGA, RED, TS, Array, rms, save
+from _loop import BLUE, GREEN, GREY, OMEGA, RED, TS, Array, rms, save
 from harness import CallablePart, Wire
 
 RADIUS, START, PERIOD = 10e-3, pi / 4.0, 0.6  # [m], [rad], [s]
@@ -125,7 +126,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     found = {}
     for name, shares in CASES.items():
         found[name] = errors(*shares, LAST + 1 if shares[2] else FIRST + 1)
-        style = {"color": COLOURS[name], "lw": 1.3, "label": name}
+        style: dict[str, Any] = {"color": COLOURS[name], "lw": 1.3, "label": name}
         late = 1e6 * found[name][-1]
         revolution.plot(360.0 * np.arange(late.size) / late.size, late, **style)
         each = [1e6 * rms(row) for row in found[name][FIRST:]]

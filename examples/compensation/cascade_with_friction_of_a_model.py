@@ -7,11 +7,11 @@ loop. The diagram has the parts and the wires of the system that is run; its par
 the diagram, and its force is that of the law ModelledOutputKarnopp, sample by sample.
 
 The study remarks that this is called feedforward, but nested in the position loop, so that its stability has to be
-shown. On the left an axis of 1 kg with LuGre friction follows a sine of 5 mm, 1 Hz, with f(V) and without. On the
-right is how a mass without friction comes back to rest after a kick of 2 mm/s. With friction of the reference nothing
-changes, as the reference rests. With f(V) of the modelled output, inside of Karnopp's band, where f(V) is the force that
-moves the model, the loop has other poles: those of (M s^2 + CV s + CV KP)(1 + s m/CV) + m KP s instead of
-M s^2 + CV s + CV KP. They are stable for all positive gains, by Routh, but that is to be shown.
+shown. On the left an axis of 1 kg with LuGre friction follows a sine of 5 mm, 1 Hz, with f(V) and without. On the right
+is how a mass without friction comes back to rest after a kick of 2 mm/s. With friction of the reference nothing
+changes, as the reference rests. With f(V) of the modelled output, inside of Karnopp's band, where f(V) is the force
+that moves the model, the loop has other poles: those of (M s^2 + CV s + CV KP)(1 + s m/CV) + m KP s instead of M s^2 +
+CV s + CV KP. They are stable for all positive gains, by Routh, but that is to be shown.
 
 Source: none could be identified for the structure, which is written as a summary states it; Karnopp, ASME J. Dynamic
 Systems, Measurement, and Control 107(1), 1985 (the friction).
@@ -89,11 +89,10 @@ def karnopp(V: float, drive: float, band: float) -> float:
 
 def boxes(share: float, friction: str = "LuGre", band: float = DV) -> dict[str, Box]:
     """Parts of the loop and their places, with a share of the friction compensated."""
-    law = {"sampled": True}
-    proportional = CallablePart("KP", lambda t, u, x: KP * u, ["e"], ["v"], **law)
-    forward = CallablePart("Kv1", lambda t, u, x: u, ["V"], ["v"], **law)
-    inertia = CallablePart("Ka", lambda t, u, x: FV * u[0] + M * u[1], ["V", "A"], ["u"], **law)
-    velocity = CallablePart("CV", lambda t, u, x: CV * u, ["e"], ["u"], **law)
+    proportional = CallablePart("KP", lambda t, u, x: KP * u, ["e"], ["v"], sampled=True)
+    forward = CallablePart("Kv1", lambda t, u, x: u, ["V"], ["v"], sampled=True)
+    inertia = CallablePart("Ka", lambda t, u, x: FV * u[0] + M * u[1], ["V", "A"], ["u"], sampled=True)
+    velocity = CallablePart("CV", lambda t, u, x: CV * u, ["e"], ["u"], sampled=True)
     model = CallablePart(
         "Gsys",
         lambda t, u, x: [x[0], CV * (u[0] - x[0])],
@@ -101,9 +100,9 @@ def boxes(share: float, friction: str = "LuGre", band: float = DV) -> dict[str, 
         ["v", "drive"],
         advance=lambda t, h, u, x: u + (x - u) * exp(-CV * TS / M),
         state=[0.0],
-        **law,
+        sampled=True,
     )
-    estimate = CallablePart("f", lambda t, u, x: share * karnopp(u[0], u[1], band), ["V", "drive"], ["F"], **law)
+    estimate = CallablePart("f", lambda t, u, x: share * karnopp(u[0], u[1], band), ["V", "drive"], ["F"], sampled=True)
     none = (0.0, 0.0)
     return {
         "reference": Box("P, V, A", (0.0, 0.0), "Sine"),

@@ -1,15 +1,15 @@
 """Feedforward of the inverse plant makes tracking perfect, as far as the plant is known
 
-The counterpart of figure 2.1 of the study: a plant P, a feedback controller C and a feedforward F. With y/r =
-(F P + C P)/(1 + C P), (2.1), the output follows the reference exactly if F = P^-1, (2.3). The diagram has the parts and
-the wires of the system that is run: the reference gives its derivatives as well, F needs them.
+The counterpart of figure 2.1 of the study: a plant P, a feedback controller C and a feedforward F. With y/r = (F P + C
+P)/(1 + C P), (2.1), the output follows the reference exactly if F = P^-1, (2.3). The diagram has the parts and the
+wires of the system that is run: the reference gives its derivatives as well, F needs them.
 
-The plant is a mass of 1 kg with viscous friction, C a PID with three poles at 15 Hz without friction. On the left is
-|1 - y/r|, from a reference of four sines: (2.1) holds for the sampled loop, in which P is the mass under a force that
-is held for a sample. With F = P^-1 a delay of half a sample is left, pi f Ts of the error without F; with a mass in F that is 20 % too large
-it is 0.2 of the force of inertia over the stiffness of the loop: |1 - y/r| is 0.2 of that without F where inertia is
-all that matters. On the right is the error on a sine of 5 mm, 1 Hz: as soon as the plant has dry friction,
-here LuGre, the same F is not P^-1, and the friction remains as an error.
+The plant is a mass of 1 kg with viscous friction, C a PID with three poles at 15 Hz without friction. On the left is |1
+- y/r|, from a reference of four sines: (2.1) holds for the sampled loop, in which P is the mass under a force that is
+held for a sample. With F = P^-1 a delay of half a sample is left, pi f Ts of the error without F; with a mass in F that
+is 20 % too large it is 0.2 of the force of inertia over the stiffness of the loop: |1 - y/r| is 0.2 of that without F
+where inertia is all that matters. On the right is the error on a sine of 5 mm, 1 Hz: as soon as the plant has dry
+friction, here LuGre, the same F is not P^-1, and the friction remains as an error.
 
 Source: (2.1) to (2.3) follow from the diagram; for the sampled loop: Astrom, Wittenmark, Computer-Controlled Systems,
 Prentice Hall 1997.
@@ -74,7 +74,7 @@ def boxes(friction: str) -> dict[str, Box]:
 
 def run(friction: str, m: float, Fv: float, reference: dict[str, float], stop: float) -> Result:
     """The loop with m and Fv in the feedforward."""
-    start = {f"C.{name}": value for name, value in (GAINS | {"m": 0.0, "Ts": TS}).items()}
+    start = {f"C.{name}": value for name, value in {**GAINS, "m": 0.0, "Ts": TS}.items()}
     start |= {"C.rdd": 0.0, "C.x": 0.0, "C.v": 0.0, "F.m": m, "F.Fv": Fv, "F.Ts": TS}
     start |= {f"reference.{name}": value for name, value in reference.items()}
     start |= {"friction.Fv": FV} if friction == "Viscous" else {}

@@ -6,11 +6,11 @@ in which friction is the force that acts, which "turned out to suffer from numer
 model of Leine and others solves them, and both lack the elastic part.
 
 On the right are the last 4 mm/s, in steps of 1 ms. Coulomb's force, computed from the velocity of each step, swings the
-mass about v = 0 over Fc h/m for ever (the harness warns of it). Karnopp's force beside a mass that is integrated elsewhere stops no better:
-if a force of 0.5 N acts, the mass creeps on with what velocity it had inside of the band (1 mm/s), and a band of 0.1
-mm/s is jumped over. Where the mass is inside of the model, as in KarnoppMass and SwitchMass, it comes to rest, after
-the way that energy says, m v^2/2 = Fc d. From rest a force of 0.9 N does not move them at all, while LuGre gives way
-by -(Fs/sigma0) ln(1 - F/Fs).
+mass about v = 0 over Fc h/m for ever (the harness warns of it). Karnopp's force beside a mass that is integrated
+elsewhere stops no better: if a force of 0.5 N acts, the mass creeps on with what velocity it had inside of the band (1
+mm/s), and a band of 0.1 mm/s is jumped over. Where the mass is inside of the model, as in KarnoppMass and SwitchMass,
+it comes to rest, after the way that energy says, m v^2/2 = Fc d. From rest a force of 0.9 N does not move them at all,
+while LuGre gives way by -(Fs/sigma0) ln(1 - F/Fs).
 
 Source: Karnopp, ASME J. Dynamic Systems, Measurement, and Control 107(1), 1985; Leine, Van Campen, De Kraker, Van den
 Steen, Nonlinear Dynamics 16, 1998.
@@ -116,8 +116,8 @@ def main(folder: Path) -> str:
     assert abs(given + FS / SIGMA0 * log(1.0 - 0.9 / FS)) < 0.02 * given
     return (
         f"Coulomb's force swings the mass over {1e3 * swing:.2f} mm/s for ever, Karnopp's lets it creep at "
-        f"{1e3 * creeping[-1]:.2f} mm/s; KarnoppMass rests after {1e3 * karnopp_way:.3f} mm. At 0.9 N LuGre gives way by "
-        f"{1e6 * given:.1f} µm, the rigid models by 0 µm."
+        f"{1e3 * creeping[-1]:.2f} mm/s; KarnoppMass rests after {1e3 * karnopp_way:.3f} mm. At 0.9 N LuGre gives way "
+        f"by {1e6 * given:.1f} µm, the rigid models by 0 µm."
     )
 
 

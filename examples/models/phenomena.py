@@ -68,7 +68,7 @@ def force(model: str, path: Array, step: float, more: Mapping[str, float] | None
 
 
 def lag(model: str, level: float) -> float:
-    """Friction while the speed rises through 2 mm/s less that while it falls, over a level, in the last of 20 cycles."""
+    """Friction while the speed rises through 2 mm/s less that while it falls, over a level, after 19 cycles."""
     step = 1e-4
     v = 2e-3 - 1.5e-3 * np.cos(2.0 * pi * 20.0 * np.arange(0.0, 1.0, step))
     F = force(model, np.concatenate([[0.0], np.cumsum(v) * step]), step, UNDAMPED.get(model))[-500:]

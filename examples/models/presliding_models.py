@@ -6,9 +6,9 @@ is Dahl's model with g(v) for Fc and two terms more, a spring of the stiffness s
 
 The figure shows the loop on a sine of 20 µm (10 µm for the seven-parameter model, which would slide) and what a force
 of 0.6 N, applied and released slowly, leaves behind. The seven-parameter model follows one line, kt x, and its force
-jumps at break-away by what the Stribeck curve is lower at that speed. Dahl's loops have the areas
-4 Fc (A - Fc/sigma tanh(sigma A/Fc)) for n = 1 and 4 Fc (A - Fc/sigma) for n = 0, Maxwell slip sum 4 Wi (A - Wi/ki).
-With constant g and without its two other terms LuGre is Dahl's model to rounding.
+jumps at break-away by what the Stribeck curve is lower at that speed. Dahl's loops have the areas 4 Fc (A - Fc/sigma
+tanh(sigma A/Fc)) for n = 1 and 4 Fc (A - Fc/sigma) for n = 0, Maxwell slip sum 4 Wi (A - Wi/ki). With constant g and
+without its two other terms LuGre is Dahl's model to rounding.
 
 The "zero-slip displacement" of LuGre comes from the same curve. From rest to F and back to 0 the mass stays away by
 -(Fc/sigma) ln(1 - (F/Fc)^2) in Dahl's model and by the same with Fs and sigma0 in LuGre's, though its bristles are
@@ -78,7 +78,9 @@ def main(folder: Path) -> str:
         x, F = loop(model, amplitude, parameters)
         areas.append(area(x, F))
         places[title].plot(1e6 * x, F, color=colour, lw=1.5, ls="--" if parameters else "-")
-        places[title].set(title=title, xlabel="position [µm]", ylabel="friction [N]", xlim=(-22, 22), ylim=(-1.45, 1.45))
+        places[title].set(
+            title=title, xlabel="position [µm]", ylabel="friction [N]", xlim=(-22, 22), ylim=(-1.45, 1.45)
+        )
     stays = {}
     for model, colour in (("Dahl", BLUE), ("LuGre", GREEN), ("ElastoPlastic", RED)):
         x, F = released(model, {})
@@ -91,7 +93,9 @@ def main(folder: Path) -> str:
     axes[5].plot(share, -np.log(1.0 - share**2), color=BLACK, lw=1.2, label="closed form")
     for model, level, colour in (("Dahl", FC, BLUE), ("LuGre", FS, GREEN)):
         axes[5].plot(F_MAX / level, stays[model] * SIGMA / level, "o", color=colour, ms=6, label=model)
-    axes[5].set(title="what stays", xlabel="force over level", ylabel="displacement, of level/stiffness", ylim=(0.0, 2.0))
+    axes[5].set(
+        title="what stays", xlabel="force over level", ylabel="displacement, of level/stiffness", ylim=(0.0, 2.0)
+    )
     axes[5].legend(fontsize=9)
     save(figure, __file__, folder)
 
@@ -113,9 +117,9 @@ def main(folder: Path) -> str:
         assert abs(stays[model] / (-level / SIGMA * log(1.0 - (F_MAX / level) ** 2)) - 1.0) < 0.01
     assert abs(stays["ElastoPlastic"]) < 1e-9
     return (
-        f"Loops of Dahl and Maxwell slip dissipate {1e6 * dahl:.1f} and {1e6 * maxwell:.1f} µJ, that of the seven-parameter "
-        f"model 0; its force jumps by {jump:.3f} N at break-away. After 0.6 N Dahl stays {1e6 * stays['Dahl']:.2f} µm "
-        f"away, LuGre {1e6 * stays['LuGre']:.2f} µm and ElastoPlastic 0.00 µm."
+        f"Loops of Dahl and Maxwell slip dissipate {1e6 * dahl:.1f} and {1e6 * maxwell:.1f} µJ, that of the "
+        f"seven-parameter model 0; its force jumps by {jump:.3f} N at break-away. After 0.6 N Dahl stays "
+        f"{1e6 * stays['Dahl']:.2f} µm away, LuGre {1e6 * stays['LuGre']:.2f} µm and ElastoPlastic 0.00 µm."
     )
 
 

@@ -74,8 +74,8 @@ def main(folder: Path) -> str:
         axis.set(xlabel="velocity [mm/s]", xlim=(-10.0, 10.0), ylim=(-2.1, 2.1))
     curve.plot(1e3 * v, bristles, "o", color=GREEN, ms=4, label="LuGre, other levels for v < 0")
     for half in (v < 0.0, v > 0.0):
-        label = "(1.3) with an even term" if half[-1] else None
-        curve.plot(1e3 * v[half], even(v)[half], color=RED, ls=":", lw=1.5, label=label)
+        even_label = "(1.3) with an even term" if half[-1] else None
+        curve.plot(1e3 * v[half], even(v)[half], color=RED, ls=":", lw=1.5, label=even_label)
     basic.set_ylabel("friction force [N]")
     basic.legend(loc="upper left", fontsize=8.5)
     curve.legend(loc="upper left", fontsize=8.5)
