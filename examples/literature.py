@@ -18,7 +18,9 @@ INTRODUCTION = """# The study of the literature, executable
 
 This project started from a traineeship report, "A study of friction models and friction compensation". This page goes
 through its chapters. Each claim about a model or a compensator stands here in our words, with the verdict, the script
-that shows it or shows when it does not hold, and a number that the script prints. {counts}
+that shows it or shows when it does not hold, its figure, and a number that the script prints or measures.
+
+{counts}
 
 Claims are kept in `examples/literature.toml`; this page is made of them, of [claims.md](claims.md),
 [effects.md](effects.md) and [compensation.md](compensation.md) by
@@ -112,12 +114,13 @@ def number(script: Script, wanted: str) -> str:
 
 def evidence(claim: Mapping[str, Any], scripts: Mapping[str, Script]) -> str:
     """Links to the scripts of a claim and their figures, and its numbers."""
-    parts = []
+    found: dict[str, list[str]] = {}
     for name, wanted in zip(claim["scripts"], claim["numbers"], strict=True):
-        script = scripts[name]
-        figure = f"figures/{Path(name).name}.png"
-        parts.append(f"[`{Path(name).name}`]({script.link}) ([figure]({figure})): {number(script, wanted)}.")
-    return " ".join(parts)
+        found.setdefault(name, []).append(number(scripts[name], wanted))
+    return " ".join(
+        f"[`{Path(name).name}`]({scripts[name].link}) ([figure](figures/{Path(name).name}.png)): {'; '.join(numbers)}."
+        for name, numbers in found.items()
+    )
 
 
 def item(claim: Mapping[str, Any], scripts: Mapping[str, Script]) -> str:

@@ -1,4 +1,4 @@
-"""A mass that slides to rest: numerical trouble at v = 0, and models that switch
+"""A mass that slides to rest: numerical trouble at zero velocity, and models that switch
 
 The counterpart of figure 1.2 of the study, a mass on a surface, as a system that is run. The mass slides at 50 mm/s and
 friction stops it. The study: at v = 0 the static models "give numerical problems"; Karnopp proposed a band of velocity
@@ -116,7 +116,8 @@ def main(folder: Path) -> str:
     assert abs(given + FS / SIGMA0 * log(1.0 - 0.9 / FS)) < 0.02 * given
     return (
         f"Coulomb's force swings the mass over {1e3 * swing:.2f} mm/s for ever, Karnopp's lets it creep at "
-        f"{1e3 * creeping[-1]:.2f} mm/s; KarnoppMass rests after {1e3 * karnopp_way:.3f} mm. At 0.9 N LuGre gives way "
+        f"{1e3 * creeping[-1]:.2f} mm/s; KarnoppMass rests after {1e3 * karnopp_way:.3f} mm, "
+        f"SwitchMass after {1e3 * switch_way:.3f} mm. At 0.9 N LuGre gives way "
         f"by {1e6 * given:.1f} µm, the rigid models by 0 µm."
     )
 

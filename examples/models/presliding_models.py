@@ -119,7 +119,9 @@ def main(folder: Path) -> str:
     return (
         f"Loops of Dahl and Maxwell slip dissipate {1e6 * dahl:.1f} and {1e6 * maxwell:.1f} µJ, that of the "
         f"seven-parameter model 0; its force jumps by {jump:.3f} N at break-away. After 0.6 N Dahl stays "
-        f"{1e6 * stays['Dahl']:.2f} µm away, LuGre {1e6 * stays['LuGre']:.2f} µm and ElastoPlastic 0.00 µm."
+        f"{1e6 * stays['Dahl']:.2f} µm away, LuGre {1e6 * stays['LuGre']:.2f} µm and ElastoPlastic 0.00 µm. LuGre "
+        f"begins with {first / SIGMA:.3f} of sigma0, and is Dahl's model to 1e-12 N where g is constant and nothing is "
+        "added."
     )
 
 
