@@ -91,7 +91,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     ]
     checks += [
         Check("Kp = 10 kN/m, Kd = 300 N s/m: ripple", ripple(HIGH, 300.0), "", 0.0, 0.01),
-        *(Check(f"Kp = {1e-3 * Kp:g} kN/m, Kd = 20 N s/m: ripple", ripple(Kp, 20.0), "", 0.5) for Kp in STIFF),
+        *(Check(f"Kp = {1e-3 * Kp:g} kN/m, Kd = 20 N s/m: ripple", ripple(Kp, 20.0), "", 0.5) for Kp in STIFF[1:]),
         Check("Kd = 20 N s/m: swing at 100 kN/m over that at 1 kN/m", swings[-1] / swings[0], "", 0.0, 0.02),
         near("Kp = 1 kN/m: error behind the reference", behind, 1e6 * sliding / KP, 0.001, "µm"),
         Check("with an integral: error behind the reference", left, "µm", 0.0, 0.01),
