@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
+import sys
 from collections import Counter
 from pathlib import Path
 from types import ModuleType
@@ -117,3 +120,15 @@ def test_a_diagram_is_drawn_only_with_all_the_wires_of_its_loop(monkeypatch: pyt
     for wrong in (arrows[:1], [*arrows, _diagram.Arrow("a", "c")]):
         with pytest.raises(AssertionError, match="not as wired"):
             _diagram.draw(Figure().add_subplot(), boxes, wires, wrong)
+
+
+def test_command_of_the_page_writes_it(tmp_path: Path) -> None:
+    for name in ("claims.md", "effects.md", "compensation.md"):
+        shutil.copy(DOCS / name, tmp_path)
+    page = (DOCS / "study.md").read_text(encoding="utf-8")
+    (command,) = re.findall(r"^\$ python (\S+) docs$", page, re.M)
+    run = subprocess.run(
+        [sys.executable, command, str(tmp_path)], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    assert (tmp_path / "study.md").read_text(encoding="utf-8") == page
