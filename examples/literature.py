@@ -113,26 +113,26 @@ def number(script: Script, wanted: str) -> str:
 
 
 def evidence(claim: Mapping[str, Any], scripts: Mapping[str, Script]) -> str:
-    """Links to the scripts of a claim and their figures, and its numbers."""
+    """Links to the scripts of a claim and their figures, and its numbers, as items of an inner list."""
     found: dict[str, list[str]] = {}
-    for name, wanted in zip(claim["scripts"], claim["numbers"], strict=True):
+    for name, wanted in zip(claim.get("scripts", ()), claim.get("numbers", ()), strict=True):
         found.setdefault(name, []).append(number(scripts[name], wanted))
-    return " ".join(
-        f"[`{Path(name).name}`]({scripts[name].link}) ([figure](figures/{Path(name).name}.png)): {'; '.join(numbers)}."
+    return "".join(
+        f"\n    - [`{Path(name).name}`]({scripts[name].link}) ([figure](figures/{Path(name).name}.png)): "
+        + f"{'; '.join(numbers)}."
         for name, numbers in found.items()
     )
 
 
 def item(claim: Mapping[str, Any], scripts: Mapping[str, Script]) -> str:
     """A claim as an item of a list."""
-    note = f" {claim['note']}" if "note" in claim else ""
-    shown_by = f"\n  {evidence(claim, scripts)}" if "scripts" in claim else ""
-    return f"- {claim['says']} **{claim['verdict'].capitalize()}**{':' if note else '.'}{note}{shown_by}"
+    note = f": {claim['note']}" if "note" in claim else "."
+    return f"- {claim['says']} **{claim['verdict'].capitalize()}**{note}{evidence(claim, scripts)}"
 
 
 def misprint(equation: Mapping[str, Any], scripts: Mapping[str, Script]) -> str:
     """A misprinted equation as an item of a list."""
-    return f"- **{equation['number']}** {equation['wrong']} {equation['right']}\n  {evidence(equation, scripts)}"
+    return f"- **{equation['number']}** {equation['wrong']} {equation['right']}{evidence(equation, scripts)}"
 
 
 def count(claims: Iterable[Mapping[str, Any]]) -> str:

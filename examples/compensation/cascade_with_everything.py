@@ -134,7 +134,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         course.semilogy(range(FIRST, LAST + 1), each, "o-", ms=4, **style)
     revolution.set(xlabel="angle since the revolution began [°]", ylabel="error [µm]", xticks=range(0, 361, 90))
     course.set(xlabel="revolution", ylabel="error, rms [µm]", xticks=range(FIRST, LAST + 1))
-    course.legend(fontsize=8.5, loc="lower left")
+    course.legend(fontsize=8.5, loc="center right")
     save(figure, __file__, folder)
 
     cascade, forward, observer, all_of_them = (1e9 * rms(found[name][-1]) for name in CASES)

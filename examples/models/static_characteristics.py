@@ -71,7 +71,7 @@ def main(folder: Path) -> str:
             for half in (v < 0.0, v > 0.0):
                 axis.plot(1e3 * v[half], force[half], color=colour, lw=width, label=label if half[-1] else None)
         axis.plot([0.0, 0.0], [-FS, FS], color=RED, lw=1.5, label="at rest: as the other forces")
-        axis.set(xlabel="velocity [mm/s]", xlim=(-10.0, 10.0), ylim=(-2.1, 2.1))
+        axis.set(xlabel="velocity [mm/s]", xlim=(-10.0, 10.0), ylim=(-2.0, 3.6), yticks=(-1.5, -1.0, 0.0, 1.0, 1.5))
     curve.plot(1e3 * v, bristles, "o", color=GREEN, ms=4, label="LuGre, other levels for v < 0")
     for half in (v < 0.0, v > 0.0):
         even_label = "(1.3) with an even term" if half[-1] else None
