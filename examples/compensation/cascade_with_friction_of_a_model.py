@@ -182,6 +182,11 @@ def main(folder: Path, full: bool = False) -> Effect:
     for name, share, motion in (("without f(V)", 0.0, without), ("with f(V)", 1.0, with_it)):
         distance = float(np.abs(motion - free_motion(share)).max() / peak)
         checks.append(Check(f"return after a kick, {name}: distance from that of the poles", distance, "", 0.0, 1e-6))
+    poles = np.roots([M * M / CV, 2.0 * M, CV + 2.0 * M * KP, CV * KP])
+    slowest = float(np.max(poles.real))
+    tail = slice(round(0.12 / TS), None)  # where the slowest is left
+    rate = float(np.polyfit(TS * np.arange(with_it.size)[tail], np.log(np.abs(with_it[tail])), 1)[0])
+    checks.append(near("return after a kick, with f(V): slowest pole", rate, slowest, 0.05, "1/s"))
     change = float(np.abs(with_it - without).max() / peak)
     checks += [
         Check("return after a kick: change by f(V) over the peak", change, "", 0.1),

@@ -5,7 +5,7 @@ the models (blue).
 
 (1.23), slip of a GMS element, dz/dt = sgn(v) C (1 - z/s(v)) with a positive s: for v < 0 it rests at z = s, which is
 the wrong side, and that is unstable: from z = -s it runs away as z = s (1 - 2 exp(C t/s)). With the sign of v in s, or
-as C (sgn(v) - z/s), it goes to sgn(v) s.
+as C (sgn(v) - z/s), it goes to sgn(v) s, at the rate C/s.
 
 (1.22), sticking "until z = s(v)": with a positive s an element that moves backward never slips, and is a spring without
 end. The test is sgn(v) z >= s(v).
@@ -77,11 +77,16 @@ def main(folder: Path) -> str:
     # (1.23) is solved by what is drawn
     rate = np.gradient(run_away, STEP)[1:-1]
     assert np.allclose(rate, -C * (1.0 - run_away[1:-1] / LEVEL), rtol=1e-4)
+    # with the signs right an element above the level goes to it at the rate C/s, in either direction
+    above = along("GMS", BACK * t, STEP, GMS | {"Fi[1]": -1.5})["friction.F"].to_numpy()
+    attracted = float(np.abs(above + LEVEL + 0.5 * np.exp(-C * t / LEVEL))[1:].max())
+    assert attracted < 1e-9
     area = float(np.trapezoid(dragged[400:], x[400:]))  # from A back to A
     assert abs(area / (4.0 * W * (A - W / 1e5)) - 1.0) < 1e-9 and abs(float(np.trapezoid(held[400:], x[400:]))) < 1e-18
     assert Fb > LEVEL and abs(Fh[-1] - LEVEL) < 1e-9
     return (
-        f"At -10 mm/s (1.23) gives {run_away[-1]:.0f} N after 30 ms and GMS {backward[-1]:.0f} N; the loop of (1.19) "
+        f"At -10 mm/s (1.23) gives {run_away[-1]:.0f} N after 30 ms and GMS {backward[-1]:.0f} N, to which it goes at "
+        f"the rate C/s = {C / LEVEL:g} 1/s; the loop of (1.19) "
         f"dissipates 0 and that of MaxwellSlip {1e6 * area:.0f} µJ; from {Fb:.2f} N (1.14) rises to {least[-1]:.1f} N "
         f"at least, where Leuven falls to {Fh[-1]:.1f} N."
     )
