@@ -9,12 +9,17 @@ import pytest
 
 from friction_fmus import build
 
-LONG = ("test_wheel.py", "test_platforms.py", "test_native_checks.py", "test_cofmupy.py")
+# one after the other, so that the second one finds the FMUs of the first one compiled
+ALL_PLATFORMS = ("test_platforms.py", "test_wheel.py")
+LONG = (*ALL_PLATFORMS, "test_native_checks.py", "test_cofmupy.py")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest first, so that no worker waits for another one at the end."""
+    """The longest first, so that no worker waits for another one at the end; groups of files on one worker."""
     items.sort(key=lambda item: item.path.name not in LONG)
+    for item in items:
+        if item.path.name in ALL_PLATFORMS:
+            item.add_marker(pytest.mark.xdist_group("all platforms"))
 
 
 @pytest.fixture(scope="session")

@@ -15,6 +15,7 @@ step() {
 step "$python" tests/robustness/native_checks.py threads
 step "$python" tests/robustness/native_checks.py fuzz "$((2 * seconds))"
 step "$python" tests/robustness/call_machine.py "$seconds"
-step tests/robustness/sanitized.sh
+step tests/robustness/sanitized.sh address
+step tests/robustness/sanitized.sh thread
 step "$python" tests/robustness/soak.py
 exit "$failed"

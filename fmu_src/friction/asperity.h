@@ -159,8 +159,9 @@ static inline SlipEnd slip_to(const Surface *f, int s, double p, double base, bo
         }
         /* nothing happens over a whole wavelength, so neither over the next ones */
         const double whole = floor(s * (base - balance(f, s, slip.from).value) / wavelength);
+        const double before = slip.from;
         slip.from += s * wavelength * fmax(whole, 1.0);
-        if (!(fabs(slip.from) < INFINITY))
+        if (slip.from == before || !(fabs(slip.from) < INFINITY)) /* so far away that the rounding hides the profile */
             return (SlipEnd){slip.from, base, false};
     }
 }

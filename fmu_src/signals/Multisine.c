@@ -46,7 +46,8 @@
 enum { LONGEST = 256, HIGHEST = 100 };
 
 /* What the fixed parameters say, worked out once. */
-#define MEMORY struct plan
+#define MEMORY   struct plan
+#define STEPS_BY keep_plan
 
 struct plan {
     double lines, first, spacing, tilt, seed; /* that it is for; lines = 0: for none */
@@ -141,18 +142,33 @@ static void make_plan(struct plan *by, int lines)
     by->crest = P / sqrt(0.5 * power);
 }
 
+/* The plan that the parameters ask for: the one that is kept, or made in `own`. */
+static const struct plan *plan_of(const Model *m, struct plan *own)
+{
+    GIVEN(m)
+    const struct plan *const kept = &m->memory;
+    if (kept->lines == lines && kept->first == first && kept->spacing == spacing && kept->tilt == tilt &&
+        kept->seed == seed)
+        return kept;
+    *own = (struct plan){.first = first, .spacing = spacing, .tilt = tilt, .seed = seed};
+    make_plan(own, lines);
+    return own;
+}
+
+static bool keep_plan(Model *m, double h)
+{
+    struct plan own;
+    (void)h;
+    if (plan_of(m, &own) == &own)
+        m->memory = own;
+    return true;
+}
+
 static void equations(Model *m)
 {
     GIVEN(m)
-    struct plan *const by = &m->memory;
-    if (!(by->lines == lines && by->first == first && by->spacing == spacing && by->tilt == m->tilt &&
-          by->seed == seed)) {
-        by->first = first;
-        by->spacing = spacing;
-        by->tilt = tilt;
-        by->seed = seed;
-        make_plan(by, lines);
-    }
+    struct plan own;
+    const struct plan *const by = plan_of(m, &own);
     const double turns = f0 * m->time, w = TWO_PI * f0;
     const Sum now = sum_at(by, turns - floor(turns));
     m->r = offset + peak * now.s;

@@ -12,24 +12,27 @@ from .idim import (
     identify_inverse_stribeck,
 )
 from .output_error import Mapper, OutputErrorFit, Simulator, Target, Unknown, fit_output_error
-from .record import LINEAR, ROTARY, Array, AxisRecord, AxisUnits
+from .record import LINEAR, ROTARY, Array, AxisUnits, Record
+from .result import Identification, Score
 
 __all__ = [
     "LINEAR",
     "ROTARY",
     "Array",
-    "AxisRecord",
     "AxisUnits",
     "Estimate",
     "ExcitationError",
     "FitError",
+    "Identification",
     "IdentificationError",
     "InverseModelFit",
     "InverseModelSettings",
     "Mapper",
     "Motion",
     "OutputErrorFit",
+    "Record",
     "RecordError",
+    "Score",
     "Simulator",
     "Target",
     "Unknown",

@@ -19,7 +19,7 @@ import scipy.signal
 
 from .errors import ExcitationError, FitError, RecordError
 from .estimate import Estimate
-from .record import Array, AxisRecord
+from .record import Array, Record
 
 #: Columns closer to dependent than this (smallest to largest singular value, columns of length 1) are
 #: refused.
@@ -90,12 +90,12 @@ class InverseModelFit:
         return {name: estimate.value for name, estimate in self.parameters.items()}
 
 
-def filtered_motion(record: AxisRecord, settings: InverseModelSettings | None = None) -> Motion:
+def filtered_motion(record: Record, settings: InverseModelSettings | None = None) -> Motion:
     """Position, velocity and acceleration from the measured position.
 
     Parameters
     ----------
-    record : AxisRecord
+    record : Record
         The record.
     settings : InverseModelSettings, optional
         Cut-off and order of the filter.
@@ -124,17 +124,17 @@ def filtered_motion(record: AxisRecord, settings: InverseModelSettings | None = 
         )
     sos = scipy.signal.butter(settings.order, settings.cutoff / nyquist, output="sos")
     _require_length(record, 3 * settings.order + 1)
-    q = np.asarray(scipy.signal.sosfiltfilt(sos, record.q, padlen=3 * settings.order), dtype=np.float64)
+    q = np.asarray(scipy.signal.sosfiltfilt(sos, record.column("q"), padlen=3 * settings.order), dtype=np.float64)
     v = np.gradient(q, record.Ts)
     return Motion(q, v, np.gradient(v, record.Ts))
 
 
-def identify_inverse_model(record: AxisRecord, settings: InverseModelSettings | None = None) -> InverseModelFit:
+def identify_inverse_model(record: Record, settings: InverseModelSettings | None = None) -> InverseModelFit:
     """Identify M, Fv, Fc and OF of equation (1) by least squares.
 
     Parameters
     ----------
-    record : AxisRecord
+    record : Record
         The record; position and force are used, the reference is not.
     settings : InverseModelSettings, optional
         Filters; the defaults are the published ones.
@@ -175,7 +175,7 @@ def identify_inverse_model(record: AxisRecord, settings: InverseModelSettings | 
 
 
 def identify_inverse_stribeck(
-    record: AxisRecord,
+    record: Record,
     settings: InverseModelSettings | None = None,
     deltas: Sequence[float] = (1.0, 2.0),
     vs: Iterable[float] | None = None,
@@ -184,7 +184,7 @@ def identify_inverse_stribeck(
 
     Parameters
     ----------
-    record : AxisRecord
+    record : Record
         The record.
     settings : InverseModelSettings, optional
         Filters.
@@ -283,7 +283,7 @@ def decimate(signal: Array, factor: int) -> Array:
 
 
 def _linear_fit(
-    record: AxisRecord, motion: Motion, columns: Mapping[str, Array], settings: InverseModelSettings
+    record: Record, motion: Motion, columns: Mapping[str, Array], settings: InverseModelSettings
 ) -> tuple[InverseModelFit, Array]:
     """Least squares of the force on the columns; the fit and the covariance of its parameters."""
     if settings.decimation < 1 or settings.border < 0:
@@ -293,7 +293,7 @@ def _linear_fit(
     _require_length(record, settings.border + max(25, (len(columns) + 1) * settings.decimation))
     names = list(columns)
     W = decimate(np.column_stack(list(columns.values()))[settings.border :], settings.decimation)
-    force = decimate(record.force[settings.border :], settings.decimation)
+    force = decimate(record.column("force")[settings.border :], settings.decimation)
 
     length = np.linalg.norm(W, axis=0)
     if np.any(length == 0.0):
@@ -329,7 +329,7 @@ def _linear_fit(
     return fit, covariance
 
 
-def _require_length(record: AxisRecord, samples: int) -> None:
+def _require_length(record: Record, samples: int) -> None:
     if len(record) <= samples:
         raise RecordError(
             f"The record {record.name!r} has {len(record)} samples and the filters need more than "

@@ -1,8 +1,8 @@
-"""The record of one axis: what every identification here starts from."""
+"""The record of one axis or one contact: what every identification here starts from."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -37,9 +37,13 @@ LINEAR = AxisUnits()
 ROTARY = AxisUnits("rad", "rad/s", "N.m", "kg.m2", "N.m.s/rad")
 
 
+#: The columns a record may have, all but the time optional.
+COLUMNS = ("t", "q", "v", "reference", "force", "friction", "normal")
+
+
 @dataclass(frozen=True, eq=False)
-class AxisRecord:
-    """Motion and force of one axis, sampled at equal intervals.
+class Record:
+    """Motion and forces of one axis or one contact, sampled at equal intervals.
 
     Parameters
     ----------
@@ -47,38 +51,52 @@ class AxisRecord:
         What the record is called in reports and error messages.
     t : array, shape (n,)
         Time [s], increasing, equally spaced within 1 %.
-    q : array, shape (n,)
+    q : array, shape (n,), optional
         Measured position, in `units.position`.
-    reference : array, shape (n,)
+    reference : array, shape (n,), optional
         Reference position, in `units.position`.
-    force : array, shape (n,)
+    force : array, shape (n,), optional
         Drive force or torque, in `units.force`.
+    v : array, shape (n,), optional
+        Measured velocity, in `units.velocity`.
+    friction : array, shape (n,), optional
+        Measured friction force, in `units.force`; positive for a positive velocity.
+    normal : array, shape (n,), optional
+        Measured normal force [N].
     units : AxisUnits
         Units of the axis.
     citation : str
         Whom to cite wherever the record or a result of it is shown.
+    quantum : float
+        Grid of the position measurement, in `units.position`; 0 if it is not known.
 
     Raises
     ------
     RecordError
-        Lengths differ, fewer than 3 samples, NaN or infinite samples, time not increasing or not equally
-        spaced.
+        Neither position nor velocity, lengths differ, fewer than 3 samples, NaN or infinite samples, time not
+        increasing or not equally spaced.
     """
 
     name: str
     t: Array
-    q: Array
-    reference: Array
-    force: Array
+    q: Array | None = None
+    reference: Array | None = None
+    force: Array | None = None
+    v: Array | None = None
+    friction: Array | None = None
+    normal: Array | None = None
     units: AxisUnits = LINEAR
     citation: str = ""
+    quantum: float = 0.0
 
     def __post_init__(self) -> None:
         """Make the columns read-only arrays of numbers, and check them."""
         columns = {}
-        for column in ("t", "q", "reference", "force"):
+        for column in COLUMNS:
+            if (given := getattr(self, column)) is None:
+                continue
             try:
-                values = np.array(getattr(self, column), dtype=np.float64).ravel()
+                values = np.array(given, dtype=np.float64).ravel()
             except (TypeError, ValueError) as error:
                 raise RecordError(
                     f"Column {column!r} of the record {self.name!r} is not numeric; give an array of numbers."
@@ -87,6 +105,8 @@ class AxisRecord:
             columns[column] = values
             object.__setattr__(self, column, values)
 
+        if self.q is None and self.v is None:
+            raise RecordError(f"The record {self.name!r} has neither position nor velocity; give one of them.")
         lengths = {column: len(values) for column, values in columns.items()}
         if len(set(lengths.values())) > 1:
             listed = ", ".join(f"{column} {length}" for column, length in lengths.items())
@@ -126,3 +146,42 @@ class AxisRecord:
     def __len__(self) -> int:
         """Return the number of samples."""
         return len(self.t)
+
+    def column(self, name: str) -> Array:
+        """Return a column that is needed.
+
+        Parameters
+        ----------
+        name : str
+            One of `COLUMNS`.
+
+        Returns
+        -------
+        array, shape (n,)
+
+        Raises
+        ------
+        RecordError
+            The record does not have it.
+        """
+        values: Array | None = getattr(self, name)
+        if values is None:
+            raise RecordError(f"The record {self.name!r} has no column {name!r}, which is needed here; add it.")
+        return values
+
+    def window(self, begin: float, end: float) -> Record:
+        """Return the samples with begin <= t <= end [s].
+
+        Raises
+        ------
+        RecordError
+            Fewer than 3 samples are in the window.
+        """
+        inside = (self.t >= begin) & (self.t <= end)
+        if np.count_nonzero(inside) < 3:
+            raise RecordError(
+                f"The window {begin:g} .. {end:g} s has fewer than 3 samples of the record {self.name!r}, which "
+                f"lasts from {self.t[0]:g} to {self.t[-1]:g} s; choose another one."
+            )
+        columns = {name: getattr(self, name) for name in COLUMNS}
+        return replace(self, **{name: values[inside] for name, values in columns.items() if values is not None})

@@ -171,7 +171,7 @@ def _study(out: Path, scratch: Path, tell: Callable[[float], None], settings: St
     tell(0.7)
     runs = _write_runs(out, fixed, by_model, measured, stribeck["M"], settings)
     traces = dict(zip(runs, mapper(_run, runs.values()), strict=True))
-    rows, errors = _compensation(record.reference, traces)
+    rows, errors = _compensation(record.column("reference"), traces)
 
     tell(0.9)
     identified = {name: _identified(estimate, name) for name, estimate in inverse.parameters.items()}
@@ -226,7 +226,7 @@ def _fit(
     return fit_output_error(
         ServoRun(system, (("delta", values["delta"]),)),
         unknowns,
-        {"q": Target(measured.record.q, 1e-6)},
+        {"q": Target(measured.record.column("q"), 1e-6)},
         mapper=mapper,
         correlation=round(0.2 / measured.servo.Ts),
         iterated=lambda done: tell(0.15 + 0.5 * min(1.0, done / expected)),

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from friction_fmus.identification import Array, AxisRecord
+from friction_fmus.identification import Array, Record
 
 from .metrics import START_UP
 
@@ -50,31 +50,31 @@ class FrictionCurve:
     curves: Mapping[str, Array]
 
 
-def position_figure(record: AxisRecord, traces: Mapping[str, Trace]) -> Figure:
+def position_figure(record: Record, traces: Mapping[str, Trace]) -> Figure:
     """Measured and simulated position error of the servo, and the difference of the two.
 
     Parameters
     ----------
-    record : AxisRecord
+    record : Record
         The measurement.
     traces : mapping of str to Trace
         Simulated runs by model.
     """
     return _comparison(
         record,
-        1e6 * (record.reference - record.q),
-        {name: 1e6 * (record.reference - trace.q) for name, trace in traces.items()},
+        1e6 * (record.column("reference") - record.column("q")),
+        {name: 1e6 * (record.column("reference") - trace.q) for name, trace in traces.items()},
         ("reference − position [µm]", "simulated − measured [µm]"),
         "Position error of the servo",
     )
 
 
-def force_figure(record: AxisRecord, traces: Mapping[str, Trace]) -> Figure:
+def force_figure(record: Record, traces: Mapping[str, Trace]) -> Figure:
     """Measured and simulated drive force, and the difference of the two; arguments as of
     `position_figure`."""
     return _comparison(
         record,
-        record.force,
+        record.column("force"),
         {name: trace.force for name, trace in traces.items()},
         ("drive force [N]", "simulated − measured [N]"),
         "Drive force",
@@ -82,7 +82,7 @@ def force_figure(record: AxisRecord, traces: Mapping[str, Trace]) -> Figure:
 
 
 def _comparison(
-    record: AxisRecord,
+    record: Record,
     measured: Array,
     simulated: Mapping[str, Array],
     labels: tuple[str, str],
@@ -150,12 +150,12 @@ def friction_figure(curve: FrictionCurve) -> Figure:
     return figure
 
 
-def compensation_figure(record: AxisRecord, errors: Mapping[str, Mapping[str, Array]]) -> Figure:
+def compensation_figure(record: Record, errors: Mapping[str, Mapping[str, Array]]) -> Figure:
     """Tracking error without and with friction feedforward, one panel for each servo, once started.
 
     Parameters
     ----------
-    record : AxisRecord
+    record : Record
         Gives the time axis.
     errors : mapping of str to mapping of str to array
         Servo -> feedforward -> reference minus position [m], shape (n,).
@@ -204,9 +204,9 @@ def _legend(figure: Figure, axes: Axes) -> None:
             handle.set_alpha(1.0)
 
 
-def _reversal(record: AxisRecord, span: float = 0.8) -> slice:
+def _reversal(record: Record, span: float = 0.8) -> slice:
     """Return the samples around a reversal of the reference near the middle of the record."""
-    moving = np.diff(record.reference) > 0
+    moving = np.diff(record.column("reference")) > 0
     turns = np.flatnonzero(moving[1:] != moving[:-1]) + 1
     centre = len(record) // 2 if not turns.size else int(turns[np.argmin(np.abs(turns - len(record) // 2))])
     half = max(1, round(0.5 * span / record.Ts))

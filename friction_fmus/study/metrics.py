@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from friction_fmus.identification import Array, AxisRecord, FitError
+from friction_fmus.identification import Array, FitError, Record
 
 #: Samples left out where tracking errors are compared: the axis begins off its reference, which is no friction.
 START_UP = 100
@@ -33,12 +33,12 @@ def rms(signal: Array) -> float:
     return float(np.sqrt(np.mean(np.square(signal))))
 
 
-def agreement(record: AxisRecord, q: Array, force: Array) -> Agreement:
+def agreement(record: Record, q: Array, force: Array) -> Agreement:
     """Compare a simulation with the record.
 
     Parameters
     ----------
-    record : AxisRecord
+    record : Record
         The measurement, positions in m.
     q : array, shape (n,)
         Simulated position at the instants of the record [m].
@@ -60,8 +60,8 @@ def agreement(record: AxisRecord, q: Array, force: Array) -> Agreement:
             f"{len(record)} samples; simulate the instants of the record."
         )
     return Agreement(
-        position_rms_um=1e6 * rms(q - record.q),
-        force_percent=100.0 * rms(force - record.force) / rms(record.force),
+        position_rms_um=1e6 * rms(q - record.column("q")),
+        force_percent=100.0 * rms(force - record.column("force")) / rms(record.column("force")),
     )
 
 

@@ -93,12 +93,13 @@ def build_fixed(axis: MeasuredAxis, folder: Path, prefix: str) -> dict[str, Path
     """
     record, servo = axis.record, axis.servo
     times = servo.Ts * np.arange(len(record))
-    rd = np.gradient(record.reference, servo.Ts)
+    r = record.column("reference")
+    rd = np.gradient(r, servo.Ts)
     rdd = np.gradient(rd, servo.Ts)
     gains = {"kp": servo.kp, "kv": servo.kv, "ki": 0.0, **_limits(servo)}
     with ThreadPoolExecutor(2) as pool:
         jobs = {
-            "reference": pool.submit(build_record, times, record.reference, rd, rdd, folder, name=f"{prefix}Reference"),
+            "reference": pool.submit(build_record, times, r, rd, rdd, folder, name=f"{prefix}Reference"),
             "servo": pool.submit(build, "CascadePPI", folder, {"Ts": servo.Ts, **gains}, name=f"{prefix}Servo"),
             "encoder": pool.submit(build, "Quantiser", folder, {"q": servo.quantum}, name=f"{prefix}Encoder"),
             "velocity": pool.submit(
@@ -135,7 +136,7 @@ def build_axis(
         By the name of the part.
     """
     motion = filtered_motion(axis.record)
-    state = {"m": model["M"], "x0": float(axis.record.q[0]), "v0": float(motion.v[0])}
+    state = {"m": model["M"], "x0": float(axis.record.column("q")[0]), "v0": float(motion.v[0])}
     curve = friction_parameters(model)
     forward = {**curve, "m": 0.0, **_limits(axis.servo)}
     with ThreadPoolExecutor(2) as pool:

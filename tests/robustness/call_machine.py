@@ -425,7 +425,7 @@ def main(seconds: float, names: Iterable[str]) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         for name in chosen:
             trace = Path(tempfile.gettempdir()) / f"calls-{name}-{os.getpid()}.txt"
-            print(f"{name}: the calls of a crash are in {trace}", flush=True)
+            print(f"{name}; should it crash, its calls are in {trace}", flush=True)
             end, start = time.monotonic() + seconds / len(chosen), time.time_ns()
             fmu = build(name, scratch)
             while time.monotonic() < end:

@@ -97,7 +97,8 @@ def fuzz(name: str, target: str, seconds: float, folder: Path, kept: Path | None
     command += [str(corpus(target, name))] if corpus(target, name).is_dir() else []
     run = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     if run.returncode != 0:
-        report = "\n".join(line for line in run.stderr.splitlines() if not line.startswith(("#", "INFO")))  # progress
+        progress = ("#", "INFO", "NEW_FUNC")
+        report = "\n".join(line for line in run.stderr.splitlines() if not line.lstrip().startswith(progress))
         raise FoundError(f"{name}, target {target}: {report[:3000]}\nshown again by: {' '.join(command)} FILE")
 
 

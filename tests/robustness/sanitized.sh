@@ -1,15 +1,40 @@
 #!/usr/bin/env bash
-# Runs tests with all C code, the blocks and the engine, compiled by gcc with AddressSanitizer and UBSan.
-#   sanitized.sh [PYTEST ARGUMENTS]     by default the property tests of the blocks and of the harness
+# Runs tests with all C code, the blocks and the engine, compiled by gcc with sanitizers.
+#   sanitized.sh address|thread [PYTEST ARGUMENTS]
+#     address   AddressSanitizer and UBSan
+#     thread    ThreadSanitizer
+#     the tests are by default the property tests of the blocks and of the harness
 set -euo pipefail
 cd "$(dirname "$0")/../.."
+python=${PYTHON:-python3}
+case "${1:-}" in
+address)
+    sanitizer=address,undefined
+    libraries="libasan.so libubsan.so"
+    runner=()
+    # Python does not free everything at its end; memory that a test asks for to be refused is no fault
+    export ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=1
+    ;;
+thread)
+    sanitizer=thread
+    libraries=libtsan.so
+    # without random addresses, which gcc's TSan does not find its shadow for
+    runner=(setarch -R)
+    # threads of numpy's BLAS are not ours
+    export OPENBLAS_NUM_THREADS=1 TSAN_OPTIONS=halt_on_error=1:exitcode=66
+    ;;
+*)
+    sed -n '2,7s/^# \{0,1\}//p' "$0" >&2
+    exit 2
+    ;;
+esac
+shift
 [ $# -gt 0 ] || set -- -n 2 tests/blocks tests/fmi tests/harness
 cache=$(mktemp -d)
 trap 'rm -rf "$cache"' EXIT
 export FRICTION_FMUS_CACHE="$cache"
 # no -Werror: with sanitizers gcc guesses at values that cannot be
-export CC="gcc -fsanitize=address,undefined -fno-sanitize-recover=all -Wno-error=maybe-uninitialized"
-# Python itself does not free everything at its end; MiB of memory that a test asks for to be refused are no fault
-export ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=1
-LD_PRELOAD="$(gcc -print-file-name=libasan.so) $(gcc -print-file-name=libubsan.so)" \
-    "${PYTHON:-python3}" -m pytest -p no:cacheprovider "$@"
+export CC="gcc -fsanitize=$sanitizer -fno-sanitize-recover=all -Wno-error=maybe-uninitialized"
+preload=""
+for library in $libraries; do preload+="$(gcc -print-file-name="$library") "; done
+LD_PRELOAD="${preload% }" "${runner[@]}" "$python" -m pytest -p no:cacheprovider "$@"

@@ -8,10 +8,10 @@ import pytest
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.identification import (
     ROTARY,
-    AxisRecord,
     ExcitationError,
     FitError,
     InverseModelSettings,
+    Record,
     RecordError,
     decimate,
     filtered_motion,
@@ -22,7 +22,7 @@ from friction_fmus.identification import (
 TRUTH = {"M": 12.0, "Fv": 30.0, "Fc": 5.0, "OF": -1.5}
 
 
-def made_up(noise: float = 0.0, fs: float | None = None, seconds: float = 20.0) -> AxisRecord:
+def made_up(noise: float = 0.0, fs: float | None = None, seconds: float = 20.0) -> Record:
     """An axis whose motion and force are known in closed form."""
     t = np.arange(0.0, seconds, 1e-3)
     frequencies, amplitudes = (0.31, 0.83, 1.7), (0.06, 0.02, 0.006)
@@ -33,7 +33,7 @@ def made_up(noise: float = 0.0, fs: float | None = None, seconds: float = 20.0) 
     level = TRUTH["Fc"] + (0.0 if fs is None else (fs - TRUTH["Fc"]) * np.exp(-((v / 0.04) ** 2)))
     force = TRUTH["M"] * acceleration + TRUTH["Fv"] * v + level * np.sign(v) + TRUTH["OF"]
     force = force + noise * np.random.default_rng(1).standard_normal(len(t))
-    return AxisRecord("made up", t, q, q, force)
+    return Record("made up", t, q, q, force)
 
 
 @pytest.mark.parametrize("name", EMPS_PUBLISHED)
@@ -64,7 +64,7 @@ def test_standard_errors_grow_with_the_noise() -> None:
 
 def test_units_are_those_of_the_axis() -> None:
     linear = made_up()
-    rotary = AxisRecord("rotary", linear.t, linear.q, linear.q, linear.force, units=ROTARY)
+    rotary = Record("rotary", linear.t, linear.q, linear.q, linear.force, units=ROTARY)
     units = {name: found.unit for name, found in identify_inverse_model(rotary).parameters.items()}
     assert units == {"M": "kg.m2", "Fv": "N.m.s/rad", "Fc": "N.m", "OF": "N.m"}
 
@@ -101,7 +101,7 @@ def test_the_data_behind_the_friction_curve_are_the_friction() -> None:
 def test_too_little_motion_is_refused(motion: object, complaint: str) -> None:
     t = np.arange(0.0, 5.0, 1e-3)
     q = motion(t)  # type: ignore[operator]
-    axis = AxisRecord("lazy", t, q, q, np.ones_like(t))
+    axis = Record("lazy", t, q, q, np.ones_like(t))
     with pytest.raises(ExcitationError, match=complaint):
         identify_inverse_model(axis)
     with pytest.raises(ExcitationError):
@@ -111,7 +111,7 @@ def test_too_little_motion_is_refused(motion: object, complaint: str) -> None:
 def test_a_short_record_is_refused() -> None:
     t = np.arange(0.0, 0.05, 1e-3)
     with pytest.raises(RecordError, match="50 samples and the filters need more"):
-        identify_inverse_model(AxisRecord("short", t, t, t, t))
+        identify_inverse_model(Record("short", t, t, t, t))
 
 
 def test_a_cut_off_beyond_nyquist_is_refused() -> None:

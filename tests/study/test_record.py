@@ -11,13 +11,13 @@ import scipy.io
 
 from friction_fmus.data import load_emps
 from friction_fmus.errors import FrictionError
-from friction_fmus.identification import AxisRecord, RecordError
+from friction_fmus.identification import Record, RecordError
 
 
-def record(**changes: object) -> AxisRecord:
+def record(**changes: object) -> Record:
     t = np.linspace(0.0, 1.0, 11)
     columns: dict[str, object] = {"t": t, "q": np.sin(t), "reference": t, "force": np.cos(t)}
-    return AxisRecord("bench", **{**columns, **changes})  # type: ignore[arg-type]
+    return Record("bench", **{**columns, **changes})  # type: ignore[arg-type]
 
 
 def test_emps_is_what_its_authors_describe() -> None:

@@ -17,7 +17,7 @@ from fmpy.ssp.ssd import read_ssv
 from lxml import etree
 from rich.console import Console
 
-from friction_fmus.identification import AxisRecord, FitError
+from friction_fmus.identification import FitError, Record
 from friction_fmus.study import Compensation, Identified, Summary, Tracking, agreement, rms, summary_table
 from friction_fmus.study.figures import (
     FrictionCurve,
@@ -35,9 +35,9 @@ from friction_fmus.study.report import Illustration, report_html
 from friction_fmus.study.summary import AS_MEASURED, WITH_MOTION, number
 
 
-def axis() -> AxisRecord:
+def axis() -> Record:
     t = np.arange(0.0, 2.0, 1e-3)
-    return AxisRecord("bench", t, 0.1 * np.sin(3.0 * t), 0.1 * np.sin(3.0 * t) + 1e-4, np.cos(3.0 * t))
+    return Record("bench", t, 0.1 * np.sin(3.0 * t), 0.1 * np.sin(3.0 * t) + 1e-4, np.cos(3.0 * t))
 
 
 def summary() -> Summary:

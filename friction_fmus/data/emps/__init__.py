@@ -11,7 +11,7 @@ import numpy as np
 import scipy.io
 
 from friction_fmus.identification.errors import RecordError
-from friction_fmus.identification.record import AxisRecord
+from friction_fmus.identification.record import Record
 
 #: Published identification: parameter -> value, in kg, N.s/m, N, N (Janot, Gautier, Brunot 2019).
 EMPS_PUBLISHED: Mapping[str, float] = MappingProxyType({"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "OF": -3.1648})
@@ -57,7 +57,7 @@ class ServoSettings:
 class MeasuredAxis:
     """A record together with the servo it was taken with."""
 
-    record: AxisRecord
+    record: Record
     servo: ServoSettings
 
 
@@ -101,7 +101,7 @@ def load_emps(path: Path | None = None) -> MeasuredAxis:
         )
     t, qm, qg, vir = (np.asarray(content[name], dtype=np.float64).ravel() for name in names[:4])
     gtau, kp, kv = (float(np.asarray(content[name]).item()) for name in names[4:])
-    record = AxisRecord("EMPS", t=t, q=qm, reference=qg, force=gtau * vir, citation=CITATION)
+    record = Record("EMPS", t=t, q=qm, reference=qg, force=gtau * vir, citation=CITATION)
     servo = ServoSettings(
         kp=kp, kv=gtau * kv, force_limit=10.0 * gtau, Ts=1e-3, window=2, quantum=5e-8, drive_gain=gtau
     )
