@@ -11,8 +11,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageDraw
 
 ROOT = Path(__file__).parent.parent
 FILES = {"models": "claims.md", "compensation": "effects.md"}
@@ -48,6 +49,26 @@ def check_figures(name: str, checks: tuple[Any, ...]) -> None:
         assert float(value) == pytest.approx(check.value, rel=0.02, abs=1e-5), FIGURES
 
 
+TILE, LOOKS_ALIKE = 16, 12
+"""Side of the tiles by which figures are compared [pixels], and their largest difference in colour, of 255."""
+
+
+def difference(a: Image.Image, b: Image.Image) -> int:
+    """Largest difference in colour of any tile; letters that another library draws alike hardly count."""
+    size = (a.width // TILE, a.height // TILE)
+    tiles = [np.asarray(each.convert("RGB").resize(size, Image.Resampling.BOX), dtype=np.int64) for each in (a, b)]
+    return int(np.abs(tiles[0] - tiles[1]).max())
+
+
+def test_a_line_that_has_moved_makes_another_figure() -> None:
+    white = Image.new("RGB", (320, 160), "white")
+    line, moved = white.copy(), white.copy()
+    ImageDraw.Draw(line).line((0, 40, 320, 40), fill="#0072B2", width=2)
+    ImageDraw.Draw(moved).line((0, 60, 320, 60), fill="#0072B2", width=2)
+    assert difference(line, line.quantize(64)) <= 2
+    assert difference(line, moved) > LOOKS_ALIKE
+
+
 @pytest.mark.parametrize(("folder", "name"), [(folder, name) for folder in FILES for name in SCRIPTS[folder]])
 def test_claim_holds_and_the_page_shows_it(
     folder: str,
@@ -78,6 +99,7 @@ def test_claim_holds_and_the_page_shows_it(
     shown = ROOT / "docs" / "figures" / f"{name}.png"
     with Image.open(tmp_path / figures / f"{name}.png") as drawn, Image.open(shown) as kept:
         assert drawn.size == kept.size, REMEDY
+        assert difference(drawn, kept) < LOOKS_ALIKE, REMEDY
     assert shown.stat().st_size < 60_000
 
 

@@ -1,0 +1,134 @@
+"""Static friction of the measured velocity helps near rest if its sign is steep, and then trembles
+
+A comparison that the study reports finds static friction in feedforward and in feedback similarly good, and feedback
+better near zero velocity and at rest. Here both have the static curve of the plant: StaticFeedforward takes the sign of
+the velocity of the reference, StaticFeedback that of the axis, as a straight line up to vt.
+
+The figure shows an axis of 1 kg with LuGre friction under a PID with three poles at 15 Hz, on cosines of 1 Hz, and the
+root mean square error over that without compensation. In sliding, at 5 mm, both are good. At 50 µm, where the reference
+never leaves the presliding range for long, feedforward leaves nearly all of the error, feedback with vt = 2 mm/s a
+third. But its straight part, Fs/vt = 750 N s/m, is steeper than the damping of the axis on its bristles, Kd + sigma1 =
+599 N s/m: at rest, with the reference at 0, it trembles for ever, while with vt = 5 mm/s it comes to rest and helps
+little.
+
+What a sensor adds comes in through feedback only. If friction is computed from the velocity that an encoder of 1 µm
+gives at 2 kHz, in steps of 2 mm/s, the variation of its force (the sum of its changes) is many times that from the true
+velocity, on a sine of 0.5 mm; the force of feedforward is what it was, to the last digit.
+
+Source: Johnson, Lorenz, IEEE Transactions on Industry Applications 28(6), 1992 (the comparison).
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from _axis import cosine, error, follow
+from _effect import Check, Effect, command_line
+from _loop import BLUE, FS, GAINS, RED, TS, Array, panels, rms, save
+from harness import Result
+
+AMPLITUDES = (5e-3, 5e-4, 5e-5)  # [m]
+SIGMA1, STEEP, FLAT = 316.22776601683796, 2e-3, 5e-3  # bristle damping [N s/m], vt [m/s]
+CASES: dict[str, tuple[str, Mapping[str, float]]] = {
+    "feedforward": ("StaticFeedforward", {"m": 0.0}),
+    "feedback, vt = 2 mm/s": ("StaticFeedback", {"vt": STEEP}),
+    "feedback, vt = 5 mm/s": ("StaticFeedback", {"vt": FLAT}),
+}
+
+
+def run(amplitude: float, case: str | None, encoder: bool = False) -> Result:
+    """Two periods of a cosine."""
+    added = {"law": CASES[case]} if case else {}
+    others = {"encoder": ("Encoder", {"q": 1e-6, "Ts": TS})} if encoder else {}
+    wires = ["mass.x -> encoder.x", "mass.v -> encoder.v"] if encoder else []
+    wires += ["encoder.v_measured -> law.v"] if encoder and case and "feedback" in case else []
+    return follow(
+        cosine(amplitude, 1.0), ("PID", GAINS), 2.0, added=added, mass={"x0": amplitude}, others=others, wires=wires
+    )
+
+
+def trembling(case: str) -> float:
+    """Velocity at rest, half a swing [m/s], 2 s after a start at 1 mm/s."""
+    still = ("Sine", {"amplitude[1]": 0.0})
+    v = follow(still, ("PID", GAINS), 3.0, added={"law": CASES[case]}, mass={"v0": 1e-3})["mass.v"].to_numpy()
+    return float(np.ptp(v[round(2.0 / TS) :])) / 2.0
+
+
+def variation(force: Array) -> float:
+    """Sum of the changes of a force in the second period [N]."""
+    return float(np.abs(np.diff(force[round(1.0 / TS) :])).sum())
+
+
+def main(folder: Path, full: bool = False) -> Effect:
+    """Draw ratios and forces, check what trembles and what noise does."""
+    figure, (ratios, forces) = panels("Static friction in feedback and in feedforward", 1, 2, (9.4, 4.0))
+    left: dict[str, list[float]] = {case: [] for case in CASES}
+    for amplitude in AMPLITUDES:
+        none = rms(error(run(amplitude, None), 1.0))
+        for case in CASES:
+            left[case].append(rms(error(run(amplitude, case), 1.0)) / none)
+    for (case, values), (colour, style) in zip(left.items(), ((RED, "o-"), (BLUE, "o-"), (BLUE, "o--")), strict=True):
+        ratios.semilogx([1e6 * A for A in AMPLITUDES], values, style, color=colour, lw=1.5, label=case)
+    ratios.set(xlabel="amplitude [µm]", ylabel="error over that without compensation", ylim=(0.0, 1.1))
+    ratios.legend(fontsize=8.5, loc="lower left")
+
+    noise = {}
+    for case, colour in (("feedforward", RED), ("feedback, vt = 5 mm/s", BLUE)):
+        clean, noisy = (run(5e-4, case, encoder)["law.u"].to_numpy() for encoder in (False, True))
+        noise[case] = variation(noisy) / variation(clean)
+        part = slice(round(1.4 / TS), round(1.6 / TS))
+        t = TS * np.arange(clean.size)[part]
+        forces.plot(t, noisy[part], color=colour, lw=0.7, label=f"{case}, encoder of 1 µm")
+    forces.set(xlabel="time [s]", ylabel="force of the compensation [N]", ylim=(-1.7, 2.6))
+    forces.legend(fontsize=8.5, loc="upper left")
+    save(figure, __file__, folder)
+
+    damping = GAINS["Kd"] + SIGMA1
+    checks = [
+        *(
+            Check(f"{1e6 * A:g} µm, {case}: ratio", ratio)
+            for case in CASES
+            for A, ratio in zip(AMPLITUDES, left[case], strict=True)
+        ),
+        Check(
+            "5000 µm, feedback, vt = 2 mm/s over feedforward",
+            left[list(CASES)[1]][0] / left["feedforward"][0],
+            "",
+            0.5,
+            2.0,
+        ),
+        Check(
+            "50 µm, feedback, vt = 2 mm/s over feedforward",
+            left[list(CASES)[1]][2] / left["feedforward"][2],
+            "",
+            0.0,
+            0.5,
+        ),
+        Check("vt = 2 mm/s: straight part over the damping at rest", FS / STEEP / damping, "", 1.0),
+        Check("vt = 5 mm/s: straight part over the damping at rest", FS / FLAT / damping, "", 0.0, 1.0),
+        Check("vt = 2 mm/s: half the swing of the velocity at rest", 1e3 * trembling(list(CASES)[1]), "mm/s", 0.1),
+        Check(
+            "vt = 5 mm/s: half the swing of the velocity at rest", 1e3 * trembling(list(CASES)[2]), "mm/s", 0.0, 1e-3
+        ),
+        Check(
+            "encoder of 1 µm, feedback, vt = 5 mm/s: variation of the force over that without",
+            noise[list(CASES)[2]],
+            "",
+            50.0,
+        ),
+        Check(
+            "encoder of 1 µm, feedforward: variation of the force over that without", noise["feedforward"], "", 1.0, 1.0
+        ),
+    ]
+    forward, steep = left["feedforward"], left["feedback, vt = 2 mm/s"]
+    return Effect(
+        f"At 5 mm feedforward leaves {forward[0]:.2f} of the error and feedback {steep[0]:.2f}, at 50 µm "
+        f"{forward[2]:.2f} and {steep[2]:.2f}, but it trembles at rest; an encoder of 1 µm "
+        "makes the force of the feedback vary more than 50 times as much, that of feedforward not.",
+        tuple(checks),
+    )
+
+
+if __name__ == "__main__":
+    command_line(main)

@@ -1,0 +1,96 @@
+"""What misprinted equations do
+
+Four equations of the study are wrong or incomplete as they are printed. The figure shows them (red) next to the FMUs of
+the models (blue).
+
+(1.23), slip of a GMS element, dz/dt = sgn(v) C (1 - z/s(v)) with a positive s: for v < 0 it rests at z = s, which is
+the wrong side, and that is unstable: from z = -s it runs away as z = s (1 - 2 exp(C t/s)). With the sign of v in s, or
+as C (sgn(v) - z/s), it goes to sgn(v) s, at the rate C/s.
+
+(1.22), sticking "until z = s(v)": with a positive s an element that moves backward never slips, and is a spring without
+end. The test is sgn(v) z >= s(v).
+
+(1.19) and (1.20), a Maxwell slip element with the position zeta: how zeta moves is missing. With a zeta that stays the
+force comes back on the line on which it went; it has to be dragged along, zeta = z - sgn(z - zeta) W/k in slip, for the
+loop of the area 4 W (A - W/k).
+
+(1.14), Leuven's state, with r = Fd/(S(v) - Fb): after a reversal at a force Fb above the level S of a faster motion S -
+Fb is negative, and so is r for ever: dz/dt >= v, and the force grows along the hysteresis curve instead of falling to
+S. The FMU takes this for sliding.
+
+Source: Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (GMS); Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC
+45(4), 2000 (Leuven); the forms without the faults are those of docs/models.md.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from _common import BLUE, GREY, RED, along, command_line, panels, polyline, save
+
+ONE = {"N": 1.0, "k[1]": 1e5}  # one element [N/m]
+LEVEL, C = 1.0, 100.0  # of the element [N], [N/s]
+GMS = ONE | {"alpha[1]": 1.0, "C": C, "Fc": LEVEL, "Fs": LEVEL, "sigma2": 0.0}
+BACK, STEP = -0.01, 1e-4  # [m/s], [s]
+A, W = 2e-5, 0.5  # [m], [N]
+FAST = 0.02  # much faster than the Stribeck velocity [m/s]
+
+
+def main(folder: Path) -> str:
+    """Draw the equations as printed and the FMUs, check what goes wrong."""
+    figure, (slip, stick, element, leuven) = panels("Equations as printed (red) and the FMUs (blue)", 2, 2, (9.0, 6.4))
+    t = STEP * np.arange(301)
+    backward = along("GMS", BACK * t, STEP, GMS)["friction.F"].to_numpy()
+    run_away = LEVEL * (1.0 - 2.0 * np.exp(C * t / LEVEL))  # from -s
+    slip.plot(1e3 * t, run_away, color=RED, lw=1.5, label="(1.23)")
+    slip.plot(1e3 * t, backward, color=BLUE, lw=1.5, label="GMS")
+    slip.set(xlabel="time at -10 mm/s [ms]", ylabel="force of the element [N]", ylim=(-12.0, 1.0))
+    stick.plot(1e3 * t, 1e5 * BACK * t, color=RED, lw=1.5, label="(1.22)")
+    stick.plot(1e3 * t, backward, color=BLUE, lw=1.5, label="GMS")
+    stick.set(xlabel="time at -10 mm/s, from rest [ms]", ylabel="force of the element [N]", ylim=(-12.0, 1.0))
+
+    x = polyline([0.0, A, -A, A], 1e-5, 5e-3)
+    held = np.clip(1e5 * x, -W, W)
+    dragged = along("MaxwellSlip", x, 5e-3, ONE | {"W[1]": W})["friction.F"].to_numpy()
+    element.plot(1e6 * x, held, color=RED, lw=2.5, label="(1.19), (1.20)")
+    element.plot(1e6 * x, dragged, color=BLUE, lw=1.5, label="MaxwellSlip")
+    element.set(xlabel="position [µm]", ylabel="force of the element [N]")
+
+    slow = polyline([0.0, 4e-5, 3.9e-5], 1e-5, 1e-3)
+    jump = slow[-1] + FAST * 1e-3 * np.arange(1, 11)  # 0.2 mm forward in 10 ms
+    result = along("Leuven", np.concatenate([slow, jump]), 1e-3, record=["Fh"])
+    Fh = result["friction.Fh"].to_numpy()
+    Fb = float(Fh[slow.size - 1])
+    least = Fb + 4.0 * (1.0 - np.exp(-(jump - slow[-1]) / 4e-5))  # with dz/dt = v, the start values of A and zc
+    leuven.plot(1e6 * (jump - slow[-1]), least, color=RED, lw=1.5, label="(1.14), at least")
+    leuven.plot(1e6 * (jump - slow[-1]), Fh[slow.size :], color=BLUE, lw=1.5, label="Leuven")
+    leuven.axhline(LEVEL, color=GREY, ls="--", lw=1.2, label="S")
+    leuven.set(xlabel="way at 20 mm/s [µm]", ylabel="hysteresis force [N]", ylim=(0.0, 6.0))
+    for axis in (slip, stick, element, leuven):
+        axis.legend(fontsize=8.5)
+    save(figure, __file__, folder)
+
+    assert np.abs(backward[1:] + np.minimum(LEVEL, 1e5 * -BACK * t[1:])).max() < 1e-12
+    forward = along("GMS", -BACK * t, STEP, GMS)["friction.F"].to_numpy()
+    assert np.array_equal(forward, -backward)
+    assert run_away[-1] < -30.0
+    # (1.23) is solved by what is drawn
+    rate = np.gradient(run_away, STEP)[1:-1]
+    assert np.allclose(rate, -C * (1.0 - run_away[1:-1] / LEVEL), rtol=1e-4)
+    # with the signs right an element above the level goes to it at the rate C/s, in either direction
+    above = along("GMS", BACK * t, STEP, GMS | {"Fi[1]": -1.5})["friction.F"].to_numpy()
+    attracted = float(np.abs(above + LEVEL + 0.5 * np.exp(-C * t / LEVEL))[1:].max())
+    assert attracted < 1e-9
+    area = float(np.trapezoid(dragged[400:], x[400:]))  # from A back to A
+    assert abs(area / (4.0 * W * (A - W / 1e5)) - 1.0) < 1e-9 and abs(float(np.trapezoid(held[400:], x[400:]))) < 1e-18
+    assert Fb > LEVEL and abs(Fh[-1] - LEVEL) < 1e-9
+    return (
+        f"At -10 mm/s (1.23) gives {run_away[-1]:.0f} N after 30 ms and GMS {backward[-1]:.0f} N, to which it goes at "
+        f"the rate C/s = {C / LEVEL:g} 1/s; the loop of (1.19) "
+        f"dissipates 0 and that of MaxwellSlip {1e6 * area:.0f} µJ; from {Fb:.2f} N (1.14) rises to {least[-1]:.1f} N "
+        f"at least, where Leuven falls to {Fh[-1]:.1f} N."
+    )
+
+
+if __name__ == "__main__":
+    command_line(main)
