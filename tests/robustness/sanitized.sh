@@ -7,6 +7,8 @@
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 python=${PYTHON:-python3}
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
 case "${1:-}" in
 address)
     sanitizer=address,undefined
@@ -25,8 +27,9 @@ thread)
     runner=(setarch -R)
     # programs of others with threads of their own, and processes that die
     others=(--ignore=tests/harness/test_ssp_peers.py --ignore=tests/harness/test_isolated.py)
-    # threads of numpy's BLAS are not ours
-    export OPENBLAS_NUM_THREADS=1 TSAN_OPTIONS=halt_on_error=1:exitcode=66
+    # threads of other libraries are not ours
+    printf 'called_from_lib:%s\n' libarrow libscipy_openblas >"$scratch/suppressions"
+    export TSAN_OPTIONS=halt_on_error=1:exitcode=66:suppressions=$scratch/suppressions
     ;;
 *)
     sed -n '2,7s/^# \{0,1\}//p' "$0" >&2
@@ -36,9 +39,7 @@ esac
 shift
 # sanitizers keep back what is freed, so the growth of memory is watched without them
 [ $# -gt 0 ] || set -- -n 2 tests/blocks tests/fmi tests/harness -k "not leave_no_memory_behind" "${others[@]}"
-cache=$(mktemp -d)
-trap 'rm -rf "$cache"' EXIT
-export FRICTION_FMUS_CACHE="$cache"
+export FRICTION_FMUS_CACHE="$scratch/cache"
 # no -Werror: with sanitizers gcc guesses at values that cannot be
 export CC="gcc -fsanitize=$sanitizer -fno-sanitize-recover=all -Wno-error=maybe-uninitialized"
 preload=""
