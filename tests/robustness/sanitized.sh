@@ -28,7 +28,7 @@ thread)
     # programs of others with threads of their own, and processes that die
     others=(--ignore=tests/harness/test_ssp_peers.py --ignore=tests/harness/test_isolated.py)
     # threads of other libraries are not ours
-    printf 'called_from_lib:%s\n' libarrow libscipy_openblas >"$scratch/suppressions"
+    printf 'race:%s\n' libarrow libscipy_openblas >"$scratch/suppressions"
     export TSAN_OPTIONS=halt_on_error=1:exitcode=66:suppressions=$scratch/suppressions
     ;;
 *)
