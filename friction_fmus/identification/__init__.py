@@ -2,6 +2,7 @@
 
 from .errors import ExcitationError, FitError, IdentificationError, RecordError
 from .estimate import Estimate
+from .excitation import examine, examine_pieces
 from .findings import Finding, RecordWarning
 from .idim import (
     InverseModelFit,
@@ -44,6 +45,8 @@ __all__ = [
     "Target",
     "Unknown",
     "decimate",
+    "examine",
+    "examine_pieces",
     "filtered_motion",
     "fit_output_error",
     "identify_inverse_model",

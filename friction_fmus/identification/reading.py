@@ -65,7 +65,8 @@ class Measurement:
                 f"{self.records[0].name!r}, which lasts from {self.records[0].t[0]:g} to "
                 f"{self.records[-1].t[-1]:g} s; choose another one."
             )
-        return tuple(record.window(begin, end) for record in inside)
+        # a thousandth of a sample for times that are not exact in binary
+        return tuple(r.window(begin - 1e-3 * r.Ts, end + 1e-3 * r.Ts) for r in inside)
 
 
 def read_records(
