@@ -2,6 +2,7 @@
 
 from .errors import ExcitationError, FitError, IdentificationError, RecordError
 from .estimate import Estimate
+from .identify import Method, identify
 from .idim import (
     InverseModelFit,
     InverseModelSettings,
@@ -11,6 +12,7 @@ from .idim import (
     identify_inverse_model,
     identify_inverse_stribeck,
 )
+from .models import identifiable
 from .output_error import Mapper, OutputErrorFit, Simulator, Target, Unknown, fit_output_error
 from .record import LINEAR, ROTARY, Array, AxisUnits, Record
 from .result import Identification, Score
@@ -28,6 +30,7 @@ __all__ = [
     "InverseModelFit",
     "InverseModelSettings",
     "Mapper",
+    "Method",
     "Motion",
     "OutputErrorFit",
     "Record",
@@ -39,6 +42,8 @@ __all__ = [
     "decimate",
     "filtered_motion",
     "fit_output_error",
+    "identifiable",
+    "identify",
     "identify_inverse_model",
     "identify_inverse_stribeck",
 ]
