@@ -4,6 +4,7 @@ from .errors import ExcitationError, FitError, IdentificationError, RecordError
 from .estimate import Estimate
 from .excitation import examine, examine_pieces
 from .findings import Finding, RecordWarning
+from .identify import Method, identify
 from .idim import (
     InverseModelFit,
     InverseModelSettings,
@@ -13,7 +14,8 @@ from .idim import (
     identify_inverse_model,
     identify_inverse_stribeck,
 )
-from .mapping import DataMapping, load_mapping, read_mapping
+from .mapping import DataMapping, load_mapping, read_mapping, read_windows
+from .models import identifiable
 from .output_error import Mapper, OutputErrorFit, Simulator, Target, Unknown, fit_output_error
 from .reading import Measurement, read_measurement, read_records
 from .record import LINEAR, ROTARY, Array, AxisUnits, Record
@@ -35,6 +37,7 @@ __all__ = [
     "InverseModelSettings",
     "Mapper",
     "Measurement",
+    "Method",
     "Motion",
     "OutputErrorFit",
     "Record",
@@ -49,10 +52,13 @@ __all__ = [
     "examine_pieces",
     "filtered_motion",
     "fit_output_error",
+    "identifiable",
+    "identify",
     "identify_inverse_model",
     "identify_inverse_stribeck",
     "load_mapping",
     "read_mapping",
     "read_measurement",
     "read_records",
+    "read_windows",
 ]
