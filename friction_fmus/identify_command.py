@@ -72,6 +72,8 @@ def identify_models(options: argparse.Namespace) -> None:
     _show_ranking(found)
     for result in found.results if len(found.results) <= SHOWN else found.results[:1]:
         _show_parameters(result)
+    if len(found.results) > SHOWN:
+        console.print(f"\nThe parameters of the others are in {options.output / 'parameters.toml'}.", soft_wrap=True)
     for name, reason in found.failed.items():
         console.print(
             f"[bold red]{escape(name)}[/] was not identified: {escape(reason)}", highlight=False, soft_wrap=True
@@ -138,38 +140,46 @@ def _show_data(
 
 
 def _show_ranking(found: Survey) -> None:
-    table = Table(title=f"Models by {found.ranked_by}", title_justify="left", box=None, pad_edge=False)
-    table.add_column("model")
-    table.add_column("method")
-    for heading in ("rms error", "fitted %", "validation %", "BIC", "weak", "time"):
-        table.add_column(heading, justify="right")
+    best = found.results[0]
+    text = (
+        f"\nModels by {found.ranked_by}; errors are rms, in % of the rms of the {NAMES.get(best.signal, best.signal)}"
+    )
+    console.print(text, highlight=False, soft_wrap=True)
+    table = Table(box=None, pad_edge=False)
+    table.add_column("model", no_wrap=True)
+    table.add_column("method", no_wrap=True)
+    unit = f" [{best.unit}]" if best.unit != "1" else ""
+    for heading in (f"error{unit}", "fitted %", "validation %", "BIC", "weak", "time"):
+        table.add_column(escape(heading), justify="right", no_wrap=True)
     for result in found.results:
-        score = result.validation or result.train
         table.add_row(
             result.model,
             result.method,
-            f"{score.rms:.4g} {result.unit if result.unit != '1' else ''}".strip(),
+            f"{(result.validation or result.train).rms:.4g}",
             f"{result.train.relative_percent:.2f}",
-            f"{result.validation.relative_percent:.2f}" if result.validation else "-",
+            f"{result.validation.relative_percent:.2f}" if result.validation else "",
             f"{result.bic:.0f}",
-            f"{len(result.weak)} of {len(result.parameters)}" if result.weak else "-",
+            f"{len(result.weak)}/{len(result.parameters)}" if result.weak else "",
             f"{result.seconds:.1f} s",
         )
     console.print(table)
 
 
 def _show_parameters(result: Identification) -> None:
-    table = Table(title=f"\n{result.model}", title_justify="left", box=None, pad_edge=False)
-    table.add_column("parameter")
-    table.add_column("value", justify="right")
-    table.add_column("standard error", justify="right")
-    table.add_column("unit")
+    console.print(f"\n[bold]{escape(result.model)}[/]", highlight=False)
+    table = Table(box=None, pad_edge=False)
+    for heading, justify in (("parameter", "left"), ("value", "right"), ("standard error", "right"), ("unit", "left")):
+        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     table.add_column("")
     for name, estimate in result.parameters.items():
         error = f"{estimate.standard_error:.2g}" if math.isfinite(estimate.standard_error) else "not known"
-        weak = f"[yellow]weak[/]: {escape(result.weak[name])}" if name in result.weak else ""
-        table.add_row(escape(name), _digits(estimate.value, estimate.standard_error), error, _unit(estimate.unit), weak)
+        value = _digits(estimate.value, estimate.standard_error)
+        table.add_row(
+            escape(name), value, error, _unit(estimate.unit), "[yellow]weak[/]" if name in result.weak else ""
+        )
     console.print(table)
+    for name, reason in result.weak.items():
+        console.print(f"[yellow]weak[/] {escape(name)}: {escape(reason)}", highlight=False, soft_wrap=True)
     for warning in result.warnings:
         console.print(f"[yellow]warning[/] {escape(warning)}", highlight=False, soft_wrap=True)
 
@@ -187,7 +197,7 @@ def _unit(unit: str) -> str:
 
 def _listed(files: Sequence[Path]) -> str:
     kinds: Mapping[str, list[str]] = {"fmu": [], "ssv": [], "png": []}
-    others = []
+    others: list[str] = []
     for file in files:
         kinds.get(file.suffix[1:], others).append(file.name)
     counted = [f"{len(names)} {kind}" if len(names) > 2 else ", ".join(names) for kind, names in kinds.items() if names]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -19,12 +20,14 @@ from friction_fmus.study.parameters import Parameter, toml_text
 from .errors import IdentificationError
 from .estimate import Estimate
 from .findings import Finding
+from .picture import NAMES
 from .reading import Measurement
 from .result import Identification, Score
 from .survey import Survey
 
 #: Colours that differ in lightness as well (after M. Okabe, K. Ito, 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
+DASHES = ("solid", "dashed", "dotted")
 
 
 def write_outcome(
@@ -82,34 +85,53 @@ def write_outcome(
 
 
 def comparison(found: Survey) -> Figure:
-    """Errors of all models as bars, and the three best beside the measurement."""
+    """Errors of all models as bars; the three best beside the measurement, and what they miss."""
     results = found.results
-    figure = Figure(figsize=(9.0, 3.6 + 0.28 * len(results)), layout="constrained")
+    height = 0.6 + 0.28 * len(results)
+    figure = Figure(figsize=(9.0, 5.2 + height), layout="constrained")
     FigureCanvasAgg(figure)
-    bars, course = figure.subplots(2, 1, height_ratios=(0.6 + 0.28 * len(results), 2.6))
-    rows = np.arange(len(results))
-    bars.barh(rows - 0.2, [r.train.relative_percent for r in results], 0.36, color="#999999", label="train")
-    if found.ranked_by != "BIC":
-        errors = [r.validation.relative_percent if r.validation else math.nan for r in results]
-        bars.barh(rows + 0.2, errors, 0.36, color=COLOURS[0], label="validation")
-    bars.set_yticks(rows, [r.model for r in results])
-    bars.invert_yaxis()
-    bars.set_xlabel("rms error [% of the rms of the signal]")
-    bars.set_title(f"Models, the best by {found.ranked_by} at the top")
-    bars.legend(loc="lower right", frameon=False)
+    bars, course, errors = figure.subplots(3, 1, height_ratios=(height, 2.6, 1.6))
+    _bars(bars, found)
     best = results[0]
     part = _part(best)
-    course.plot(best.t[part], best.measured[part], color="#222222", lw=2.2, label="measured")
-    for result, colour in zip(results, COLOURS, strict=False):
+    course.plot(best.t[part], best.measured[part], color="#222222", lw=2.6, label="measured")
+    for result, colour, dashes in zip(results, COLOURS, DASHES, strict=False):
         inside = (result.t >= best.t[part][0]) & (result.t <= best.t[part][-1])
-        course.plot(result.t[inside], result.predicted[inside], color=colour, lw=1.1, label=result.model)
+        style: dict[str, Any] = {"color": colour, "linestyle": dashes, "lw": 1.3}
+        course.plot(result.t[inside], result.predicted[inside], label=result.model, **style)
+        errors.plot(result.t[inside], result.residuals[inside], **style)
     unit = "" if best.unit == "1" else f" [{best.unit}]"
-    course.set(xlabel="time [s]", ylabel=f"{best.signal}{unit}", title="A part of the fitted record")
+    course.set(
+        ylabel=f"{NAMES.get(best.signal, best.signal)}{unit}", title="The best ones, in a part of the fitted record"
+    )
+    course.tick_params(labelbottom=False)
+    errors.set(xlabel="time [s]", ylabel=f"predicted less\nmeasured{unit}")
     course.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
-    for axes in (bars, course):
+    for axes in (bars, course, errors):
         axes.grid(True, color="#dddddd", lw=0.6)
         axes.set_axisbelow(True)
     return figure
+
+
+def _bars(axes: Axes, found: Survey) -> None:
+    """One pair of bars for each model; those far beyond the best one are cut, their number tells."""
+    train = [result.train.relative_percent for result in found.results]
+    pairs = [(train, "#999999", "fitted")]
+    if found.ranked_by != "BIC":
+        scores = (result.validation for result in found.results)
+        pairs.append(([score.relative_percent if score else math.nan for score in scores], COLOURS[0], "validation"))
+    limit = 1.15 * min(max(max(values) for values, _, _ in pairs), 8.0 * max(values[0] for values, _, _ in pairs))
+    rows = np.arange(len(train))
+    for (values, colour, label), side in zip(pairs, (-1, 1) if len(pairs) > 1 else (0,), strict=True):
+        axes.barh(rows + 0.2 * side, values, 0.36, color=colour, label=label)
+        for row, value in zip(rows, values, strict=True):
+            axes.text(min(value, 0.93 * limit), row + 0.2 * side, f" {value:.2f}", va="center", fontsize="x-small")
+    axes.set_xlim(0.0, limit)
+    axes.set_yticks(rows, [result.model for result in found.results])
+    axes.invert_yaxis()
+    axes.set_xlabel("rms error [% of the rms of the signal]")
+    axes.set_title(f"Models, the best by {found.ranked_by} at the top")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
 
 
 def _part(result: Identification) -> slice:
