@@ -51,7 +51,7 @@ def identify_models(options: argparse.Namespace) -> None:
     """Friction models that fit a log file: parameters with standard errors, ranked, as TOML, SSV, FMU and figures."""
     from friction_fmus.identification import examine_pieces, read_measurement
     from friction_fmus.identification.outcome import write_outcome
-    from friction_fmus.identification.survey import Task, survey
+    from friction_fmus.identification.survey import Task, compare_models
 
     models = _models(options.model)
     measurement = read_measurement(options.data, options.mapping)
@@ -67,7 +67,7 @@ def identify_models(options: argparse.Namespace) -> None:
         {"method": options.method, "loss": options.loss},
     )
     with progress_bar() as bar:
-        found = survey(models, task, max(1, options.workers), RunBar(bar, "identifying").update)
+        found = compare_models(models, task, max(1, options.workers), RunBar(bar, "identifying").update)
     files = write_outcome(found, measurement, findings, windows, options.output)
     _show_ranking(found)
     for result in found.results if len(found.results) <= SHOWN else found.results[:1]:
@@ -140,10 +140,11 @@ def _show_data(
 
 
 def _show_ranking(found: Survey) -> None:
+    from friction_fmus.identification.picture import NAMES
+
     best = found.results[0]
-    text = (
-        f"\nModels by {found.ranked_by}; errors are rms, in % of the rms of the {NAMES.get(best.signal, best.signal)}"
-    )
+    signal = NAMES.get(best.signal, best.signal)
+    text = f"\nModels by {found.ranked_by}; errors are rms, in % of the rms of the {signal}"
     console.print(text, highlight=False, soft_wrap=True)
     table = Table(box=None, pad_edge=False)
     table.add_column("model", no_wrap=True)

@@ -20,6 +20,7 @@ from .output_error import Mapper, OutputErrorFit, Simulator, Target, Unknown, fi
 from .reading import Measurement, read_measurement, read_records
 from .record import LINEAR, ROTARY, Array, AxisUnits, Record
 from .result import Identification, Score
+from .survey import Survey, Task, compare_models
 
 __all__ = [
     "LINEAR",
@@ -45,8 +46,11 @@ __all__ = [
     "RecordWarning",
     "Score",
     "Simulator",
+    "Survey",
     "Target",
+    "Task",
     "Unknown",
+    "compare_models",
     "decimate",
     "examine",
     "examine_pieces",

@@ -125,7 +125,9 @@ def _bars(axes: Axes, found: Survey) -> None:
     for (values, colour, label), side in zip(pairs, (-1, 1) if len(pairs) > 1 else (0,), strict=True):
         axes.barh(rows + 0.2 * side, values, 0.36, color=colour, label=label)
         for row, value in zip(rows, values, strict=True):
-            axes.text(min(value, 0.93 * limit), row + 0.2 * side, f" {value:.2f}", va="center", fontsize="x-small")
+            where = (min(value, 0.93 * limit), row + 0.2 * side)
+            box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6} if value > limit else None
+            axes.text(*where, f" {value:.2f}", va="center", fontsize="x-small", bbox=box)
     axes.set_xlim(0.0, limit)
     axes.set_yticks(rows, [result.model for result in found.results])
     axes.invert_yaxis()

@@ -13,6 +13,7 @@ from typing import Any
 from friction_fmus.errors import FrictionError
 
 from .errors import FitError
+from .identify import identify
 from .models import contact_model
 from .record import Record
 from .result import Identification
@@ -62,7 +63,7 @@ class Survey:
     ranked_by: str
 
 
-def survey(models: Sequence[str | Path], task: Task, workers: int = 1, told: Told | None = None) -> Survey:
+def compare_models(models: Sequence[str | Path], task: Task, workers: int = 1, told: Told | None = None) -> Survey:
     """Identify several models.
 
     Parameters
@@ -109,8 +110,6 @@ def survey(models: Sequence[str | Path], task: Task, workers: int = 1, told: Tol
 
 def identify_one(model: str | Path, task: Task) -> Identification | str:
     """The identification of one model, or why there is none."""
-    from .identify import identify
-
     try:
         known = {*contact_model(model, task.train[0].units).parameters, *DRIVE} if task.fixed else set()
         fixed = {name: value for name, value in task.fixed.items() if name in known}
