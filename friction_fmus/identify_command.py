@@ -54,6 +54,8 @@ def identify_models(options: argparse.Namespace) -> None:
     from friction_fmus.identification.survey import Task, compare_models
 
     models = _models(options.model)
+    if options.output.exists() and not options.output.is_dir():
+        raise FrictionError(f"{options.output} is a file; give a folder for the results")
     measurement = read_measurement(options.data, options.mapping)
     windows = _windows(options, measurement)
     train, validation = (measurement.window(*windows[w]) if w in windows else () for w in ("train", "validation"))

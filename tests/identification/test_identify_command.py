@@ -242,3 +242,9 @@ def test_a_survey_from_python_is_ranked(log: Path) -> None:
     assert found.results[0].fixed["M"] == 20.0
     assert told == [(1, 2), (2, 2)]
     assert np.isfinite(found.results[0].bic)
+
+
+def test_a_file_is_no_folder_for_results(short: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    short[-1] = short[1]
+    assert main([*short, "--model", "Coulomb"]) == 2
+    assert "is a file; give a folder for the results" in capsys.readouterr().err

@@ -127,7 +127,7 @@ def test_headings_that_leave_a_choice_are_answered_with_the_mapping_to_write(tmp
         ({"position": {"column": "x", "unit": "m"}}, "has no time in"),
         ({"time": {"column": "t", "unit": "s"}}, "neither position nor velocity"),
         ({"time": {"column": "t", "unit": "mm"}}, "time, has the unit 'mm', which is no time"),
-        ({"force": {"column": "u", "unit": "V"}}, "force, has the unit 'V', which is no force; .* its gain"),
+        ({"force": {"column": "u", "unit": "V"}}, "force, has the unit 'V', which is no force; .* gain = .2.5 N/V"),
         ({"force": {"column": "u", "unit": "V", "gain": "3 N/A"}}, "V times the gain 3 N/A, which is no force"),
         ({"force": {"column": "u", "unit": "V", "gain": "much"}}, "no number with a known unit"),
         ({"force": {"column": "u", "unit": "bananas"}}, "'bananas', which is not known"),

@@ -80,7 +80,7 @@ def test_a_doubled_time_is_an_error_with_its_line(tmp_path: Path) -> None:
 
 def test_a_time_that_goes_back_is_an_error_with_its_line(tmp_path: Path) -> None:
     t = np.where(T >= 0.5, T - 0.2, T)
-    with pytest.raises(RecordError, match=r"goes back from 0\.499 s to 0\.3 s in line 502 \(1 such places\)"):
+    with pytest.raises(RecordError, match=r"goes back from 0\.499 s to 0\.3 s in line 502 \(one such place\)"):
         read_measurement(axis(tmp_path, t, motion(t), velocity(t)))
 
 
