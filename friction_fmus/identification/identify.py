@@ -14,7 +14,7 @@ from harness import Drive, FmuPart
 
 from .errors import FitError
 from .estimate import Estimate
-from .hysteresis import hysteresis_start
+from .hysteresis import hysteresis_setup
 from .idim import InverseModelSettings
 from .models import HYSTERESIS, ContactModel, contact_model
 from .pieces import Piece, prepare, signal_of, traits
@@ -121,7 +121,7 @@ def identify(
     looked = traits(pieces, Fn0 or 1.0)
     with closing(Drive(FmuPart(contact.name, contact.path))) as drive:
         if chosen == "hysteresis":
-            setup = hysteresis_start(contact, drive, pieces, looked, wishes, records[0].units, Fn0)
+            setup = hysteresis_setup(contact, pieces, looked, wishes, records[0].units, Fn0)
         else:
             setup = scalar_setup(contact, pieces, looked, wishes, records[0].units, Fn0)
         problem = Problem(drive, pieces, setup.coordinates, setup.assemble, setup.states, setup.constants)

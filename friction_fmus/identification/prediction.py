@@ -28,7 +28,7 @@ def predict(result: Identification, record: Record) -> Array:
     piece, F = _simulated(result, filled, fit=known)
     values = result.values()
     if piece.a is None:
-        return piece.predicted(F, 0.0, 0.0)
+        return piece.predicted(F, 0.0, values.get("OF", 0.0))
     return F + values.get("M", 0.0) * piece.a + values.get("OF", 0.0)
 
 
