@@ -2,7 +2,7 @@
 
 from .errors import ExcitationError, FitError, IdentificationError, RecordError
 from .estimate import Estimate
-from .identify import Method, identify
+from .identifying import Method, identify
 from .idim import (
     InverseModelFit,
     InverseModelSettings,

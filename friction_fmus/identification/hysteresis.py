@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,10 +42,13 @@ def hysteresis_setup(
     grid = fit_grid(pieces[0], Fn0 or 1.0, POINTS, generalised)
     k, W, s = with_count(grid, None if wanted is None else int(wanted))
     N = len(k)
+    # an element that goes beyond this never slips
+    reach = max(float(np.ptp(piece.x)) for piece in pieces)
     coordinates = []
     for i in range(N):
         coordinates.append(Coordinate(f"k[{i + 1}]", float(k[i]), float(k[i]), 0.0, log=True))
-        coordinates.append(Coordinate(f"d[{i + 1}]", float(W[i] / k[i]), float(W[i] / k[i]), 0.0, log=True))
+        d = float(W[i] / k[i])
+        coordinates.append(Coordinate(f"d[{i + 1}]", d, d, 0.0, max(2.0 * reach, d), log=True))
     law = [name for name in model.identified(wishes.named, wishes.fixed) if name not in ("Fc", "Fs")]
     if generalised:
         coordinates += [coordinate(model, name, traits, wishes) for name in law]
@@ -52,6 +56,7 @@ def hysteresis_setup(
             start = wishes.start["Fs"] / wishes.start.get("Fc", float(np.sum(W))) if "Fs" in wishes.start else EXCESS
             coordinates.append(Coordinate("Fs/Fc", 1.0, start, 0.0, log=True))
     coordinates += surroundings(pieces, traits, wishes)
+    coordinates = [_moved(c, grid.linear, wishes) for c in coordinates]
     for index, piece in enumerate(pieces):
         for i in range(N):
             first = float(np.median(piece.measured[:3])) * (Fn0 or 1.0) / float(np.sum(W))
@@ -83,6 +88,13 @@ def hysteresis_setup(
     unit = {name: p.unit for name, p in model.parameters.items()} | {"M": units.inertia, "OF": units.force}
     unit |= {f"Fi[{i}]": units.force for i in range(1, N + 1)}
     return Setup(tuple(coordinates), assemble, states, {**constants_of(model, wishes, Fn0), "N": N}, unit)
+
+
+def _moved(c: Coordinate, linear: Mapping[str, float], wishes: Wishes) -> Coordinate:
+    """The same unknown, begun where the grid ended unless the user says where."""
+    if c.name not in linear or c.name in wishes.start:
+        return c
+    return replace(c, start=min(max(linear[c.name], c.lower), c.upper))
 
 
 def _check(model: ContactModel, wishes: Wishes, generalised: bool) -> None:

@@ -94,7 +94,7 @@ ROWS: Mapping[str, Row] = {
     "gamma": Row(lambda t: 1.0, _REST),
     "tauL": Row(lambda t: 5e-3, "sliding with a velocity that swings about a mean one"),
     "T_dz": Row(lambda t: t.peak, _SLOW),
-    "C": Row(lambda t: 10.0 * t.level, "sliding with a velocity that swings about a mean one"),
+    "C": Row(lambda t: 100.0 * t.level, "sliding with a velocity that swings about a mean one"),
     "k": Row(lambda t: t.stiffness, _LOOPS),
     "W": Row(lambda t: t.level, _LOOPS),
     "alpha": Row(lambda t: 1.0, _LOOPS),

@@ -206,10 +206,12 @@ def traits(pieces: Sequence[Piece], scale: float = 1.0) -> Traits:
     fast = np.abs(speed[moving])
     viscous = 0.0
     if np.ptp(fast) > 0.0:
-        viscous = max(0.0, float(np.polyfit(fast, np.abs(force[moving]), 1)[0]))
+        # reversals make force and speed grow together, too: at most half of the force is taken for viscous
+        slope = float(np.polyfit(fast, np.abs(force[moving]), 1)[0])
+        viscous = min(max(0.0, slope), 0.5 * level / top)
     stiffness, damping = _presliding(v, x, y, level)
     return Traits(
-        level=max(level - viscous * float(np.median(fast)), 0.2 * level),
+        level=level - viscous * float(np.median(fast)),
         peak=float(np.quantile(np.abs(force), 0.98)),
         viscous=viscous if viscous > 0.0 else 0.01 * level / top,
         stiffness=stiffness,
