@@ -102,13 +102,18 @@ def identify(
     from friction_fmus.data import MeasuredAxis  # its loaders make records of this package
 
     if isinstance(data, MeasuredAxis):
-        from .closed_loop import identify_closed_loop  # it needs the servo, which needs this package
+        from .closed_loop import identify_closed_loop, validated  # it needs the servo, which needs this package
 
         if method not in ("auto", "closed-loop"):
             raise FitError(
                 f"The method for an axis with its servo is 'closed-loop', not {method!r}; or give its record."
             )
-        return identify_closed_loop(model, data, wishes, validation, begin)
+        opened = identify(
+            model, data.record, fixed=fixed, bounds=bounds, start=start, loss=loss, starts=starts, settings=settings
+        )
+        closed = identify_closed_loop(model, data, opened, wishes)
+        checked = None if validation is None else validated(closed, validation)
+        return closed.timed(time.perf_counter() - begin, checked)
     records = (data,) if isinstance(data, Record) else tuple(data)
     if not records:
         raise FitError("There are no records; give at least one.")
