@@ -4,7 +4,7 @@ from .errors import ExcitationError, FitError, IdentificationError, RecordError
 from .estimate import Estimate
 from .excitation import examine, examine_pieces
 from .findings import Finding, RecordWarning
-from .identify import Method, identify
+from .identifying import Method, identify
 from .idim import (
     InverseModelFit,
     InverseModelSettings,

@@ -21,6 +21,10 @@ from .setup import INITIAL_LIMIT
 
 def predict(result: Identification, record: Record) -> Array:
     """The signal along the motion of a record; see `Identification.predict`."""
+    if result.signal == "q":
+        from .closed_loop import axis_response  # it needs the servo, which needs this package
+
+        return axis_response(result, record)["q"]
     force = result.signal == "force"
     known = (record.force if force else record.friction) is not None
     zero = np.zeros(len(record))
@@ -28,12 +32,14 @@ def predict(result: Identification, record: Record) -> Array:
     piece, F = _simulated(result, filled, fit=known)
     values = result.values()
     if piece.a is None:
-        return piece.predicted(F, 0.0, 0.0)
+        return piece.predicted(F, 0.0, values.get("OF", 0.0))
     return F + values.get("M", 0.0) * piece.a + values.get("OF", 0.0)
 
 
 def compare(result: Identification, record: Record) -> tuple[Array, Array]:
     """Measured and predicted signal; see `Identification.compare`."""
+    if result.signal == "q":
+        return record.column("q"), predict(result, record)
     piece, F = _simulated(result, record, fit=True)
     values = result.values()
     return piece.measured, piece.predicted(F, values.get("M", 0.0), values.get("OF", 0.0))

@@ -13,7 +13,7 @@ from typing import Any
 from friction_fmus.errors import FrictionError
 
 from .errors import FitError
-from .identify import identify
+from .identifying import identify
 from .models import contact_model
 from .record import Record
 from .result import Identification

@@ -14,7 +14,7 @@ from harness import Drive, FmuPart
 
 from .errors import FitError
 from .estimate import Estimate
-from .hysteresis import hysteresis_start
+from .hysteresis import hysteresis_setup
 from .idim import InverseModelSettings
 from .models import HYSTERESIS, ContactModel, contact_model
 from .pieces import Piece, prepare, signal_of, traits
@@ -102,13 +102,18 @@ def identify(
     from friction_fmus.data import MeasuredAxis  # its loaders make records of this package
 
     if isinstance(data, MeasuredAxis):
-        from .closed_loop import identify_closed_loop  # it needs the servo, which needs this package
+        from .closed_loop import identify_closed_loop, validated  # it needs the servo, which needs this package
 
         if method not in ("auto", "closed-loop"):
             raise FitError(
                 f"The method for an axis with its servo is 'closed-loop', not {method!r}; or give its record."
             )
-        return identify_closed_loop(model, data, wishes, validation, begin)
+        opened = identify(
+            model, data.record, fixed=fixed, bounds=bounds, start=start, loss=loss, starts=starts, settings=settings
+        )
+        closed = identify_closed_loop(model, data, opened, wishes)
+        checked = None if validation is None else validated(closed, validation)
+        return closed.timed(time.perf_counter() - begin, checked)
     records = (data,) if isinstance(data, Record) else tuple(data)
     if not records:
         raise FitError("There are no records; give at least one.")
@@ -121,7 +126,7 @@ def identify(
     looked = traits(pieces, Fn0 or 1.0)
     with closing(Drive(FmuPart(contact.name, contact.path))) as drive:
         if chosen == "hysteresis":
-            setup = hysteresis_start(contact, drive, pieces, looked, wishes, records[0].units, Fn0)
+            setup = hysteresis_setup(contact, pieces, looked, wishes, records[0].units, Fn0)
         else:
             setup = scalar_setup(contact, pieces, looked, wishes, records[0].units, Fn0)
         problem = Problem(drive, pieces, setup.coordinates, setup.assemble, setup.states, setup.constants)
