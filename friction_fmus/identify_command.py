@@ -148,7 +148,7 @@ def _show_ranking(found: Survey) -> None:
     signal = NAMES.get(best.signal, best.signal)
     text = f"\nModels by {found.ranked_by}; errors are rms, in % of the rms of the {signal}"
     console.print(text, highlight=False, soft_wrap=True)
-    table = Table(box=None, pad_edge=False)
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("model", no_wrap=True)
     table.add_column("method", no_wrap=True)
     unit = f" [{best.unit}]" if best.unit != "1" else ""

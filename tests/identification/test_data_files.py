@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import gzip
+import lzma
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -64,6 +67,13 @@ def test_the_suffix_of_a_text_does_not_matter(tmp_path: Path, name: str) -> None
 )
 def test_what_loggers_write_around_the_numbers_is_understood(tmp_path: Path, text: str) -> None:
     assert_is_the_axis(write(tmp_path, text))
+
+
+@pytest.mark.parametrize(("suffix", "compress"), [("gz", gzip.compress), ("xz", lzma.compress)])
+def test_a_text_may_be_compressed(tmp_path: Path, suffix: str, compress: Callable[[bytes], bytes]) -> None:
+    path = tmp_path / f"axis.csv.{suffix}"
+    path.write_bytes(compress(lines().encode()))
+    assert_is_the_axis(path)
 
 
 def test_columns_of_words_may_stand_beside(tmp_path: Path) -> None:
