@@ -92,8 +92,23 @@ def identify_hysteresis(record: Record, points: int = 20, viscous: bool = False)
     return fit_grid(piece, scale, points, viscous)
 
 
-def fit_grid(piece: Piece, scale: float, points: int, viscous: bool) -> HysteresisGrid:
-    """The same for a prepared record; `scale` is the force that corresponds to 1 of the signal."""
+def fit_grid(
+    piece: Piece, scale: float, points: int, viscous: bool, given: Mapping[str, float] | None = None
+) -> HysteresisGrid:
+    """The same for a prepared record.
+
+    Parameters
+    ----------
+    piece : Piece
+        The record.
+    scale : float
+        Force that corresponds to 1 of the signal.
+    points, viscous
+        As of `identify_hysteresis`.
+    given : mapping of str to float, optional
+        Mass M and offset OF where they are known.
+    """
+    given = given or {}
     reach = float(np.ptp(piece.x))
     if reach <= 0.0:
         raise ExcitationError(f"Nothing moves in the record {piece.record.name!r}; record reversals of the motion.")
@@ -105,13 +120,14 @@ def fit_grid(piece: Piece, scale: float, points: int, viscous: bool) -> Hysteres
     if viscous:
         names.append("sigma2")
         columns.append(piece.rows(v[:, None]))
-    if piece.a is not None:
+    if piece.a is not None and "M" not in given:
         names.append("M")
         columns.append(piece.rows(piece.a[:, None]))
-    if piece.a is not None or piece.reciprocating:
+    if (piece.a is not None or piece.reciprocating) and "OF" not in given:
         names += ["OF", "-OF"]  # it may have either sign
         columns.append(np.column_stack([np.ones_like(piece.measured), -np.ones_like(piece.measured)]))
-    A, b = np.column_stack(columns), piece.measured * scale
+    known = piece.predicted(np.zeros_like(v), given.get("M", 0.0), given.get("OF", 0.0))
+    A, b = np.column_stack(columns), (piece.measured - known) * scale
     length = np.linalg.norm(A, axis=0)
     length[length == 0.0] = 1.0
     # least squares keep their solution under a rotation: p rows instead of n
@@ -123,7 +139,7 @@ def fit_grid(piece: Piece, scale: float, points: int, viscous: bool) -> Hysteres
     rest = dict(zip(names, solution[shares.size :], strict=True))
     if "-OF" in rest:
         rest["OF"] -= rest.pop("-OF")
-    predicted = A @ solution / scale
+    predicted = A @ solution / scale + known
     error, size = predicted - piece.measured, piece.measured
     return HysteresisGrid(
         distance=distance,

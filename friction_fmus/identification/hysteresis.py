@@ -39,7 +39,7 @@ def hysteresis_setup(
     generalised = "alpha[1]" in model.parameters
     _check(model, wishes, generalised)
     wanted = wishes.fixed.get("N")
-    grid = fit_grid(pieces[0], Fn0 or 1.0, POINTS, generalised)
+    grid = fit_grid(pieces[0], Fn0 or 1.0, POINTS, generalised, wishes.fixed)
     k, W, s = with_count(grid, None if wanted is None else int(wanted))
     N = len(k)
     # an element that goes beyond this never slips

@@ -44,7 +44,7 @@ def identify(
     loss: Loss = "linear",
     method: Method = "auto",
     validation: Record | Sequence[Record] | None = None,
-    starts: int = 3,
+    starts: int | None = None,
     settings: InverseModelSettings | None = None,
 ) -> Identification:
     """Identify the parameters of a friction model from measured data.
@@ -71,8 +71,9 @@ def identify(
         measured motion), "closed-loop" for a `MeasuredAxis`.
     validation : Record or sequence of Record, optional
         Data that are predicted with the result, only their initial states fitted.
-    starts : int
-        Searches from different points; the best end is taken.
+    starts : int, optional
+        Searches from different points, of which the best end is taken; by default 1 if `start` names all parameters,
+        for elements of hysteresis and in a closed loop, otherwise 3.
     settings : InverseModelSettings, optional
         Filter of position and, for a drive force, of both sides of the equation; by default as `default_settings`.
 
@@ -130,7 +131,8 @@ def identify(
         else:
             setup = scalar_setup(contact, pieces, looked, wishes, records[0].units, Fn0)
         problem = Problem(drive, pieces, setup.coordinates, setup.assemble, setup.states, setup.constants)
-        found = search(problem, loss, 1 if chosen == "hysteresis" else starts)
+        known = chosen == "hysteresis" or all(c.name in wishes.start or c.name == "OF" for c in problem.shared)
+        found = search(problem, loss, starts or (1 if known else 3))
         result = _result(model, contact, chosen, problem, setup, found, signal, unit, records, settings)
     checked = None if validation is None else _validated(result, validation)
     return result.timed(time.perf_counter() - begin, checked)
