@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
@@ -157,14 +157,14 @@ def element_responses(piece: Piece, distance: Array, beginning: Array) -> Array:
     """Deflections of elements along a record, from the block `MaxwellSlip` with stiffness 1; shape (n, elements)."""
     outputs = [f"Fi[{i}]" for i in range(1, BLOCK_ELEMENTS + 1)]
     columns = []
+    alone = replace(piece, inputs={"v": piece.inputs["v"]})
     with closing(Drive(FmuPart("elements", fmu("MaxwellSlip")))) as drive:
         for first in range(0, len(distance), BLOCK_ELEMENTS):
             d, s = distance[first : first + BLOCK_ELEMENTS], beginning[first : first + BLOCK_ELEMENTS]
             start: dict[str, float | int | bool | str] = {"N": len(d)}
             for i, (limit, part) in enumerate(zip(d, s, strict=True), start=1):
                 start |= {f"k[{i}]": 1.0, f"W[{i}]": float(limit), f"Fi[{i}]": float(part * limit)}
-            inputs = {"v": piece.inputs["v"]}
-            columns.append(drive.run(inputs, outputs[: len(d)], piece.step, between=piece.between, start=start))
+            columns.append(alone.drive(drive, outputs[: len(d)], start))
     return np.column_stack(columns)
 
 
