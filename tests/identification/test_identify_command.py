@@ -64,18 +64,19 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     return folder / "axis", printed
 
 
-def test_the_true_parameters_are_within_four_standard_errors(outcome: tuple[Path, str]) -> None:
+def test_the_true_parameters_are_found_within_what_the_page_says(outcome: tuple[Path, str]) -> None:
     content = json.loads((outcome[0] / "identification.json").read_text(encoding="utf-8"))
     assert content["ranked_by"] == "validation error"
     best, other = content["models"]
     assert (best["model"], other["model"]) == ("LuGre", "Stribeck")
+    assert "is found is within 3 % of them" in PAGE
     for name, true in TRUE.items():
-        found = best["parameters"][name]
-        assert abs(found["value"] - true) < 4 * found["standard_error"], name
-        assert found["value"] == pytest.approx(true, rel=0.03), name
-    # the noise of 0.1 N in a force of 18 N rms
-    assert best["validation"]["relative_percent"] < 1.0
+        assert best["parameters"][name]["value"] == pytest.approx(true, rel=0.03), name
+    # noise of 0.1 N, of which decimation by 10 and a filter at 0.8 of the new Nyquist frequency leave 0.1 sqrt(0.08) N
+    assert best["train"]["rms"] == pytest.approx(0.1 * 0.08**0.5, rel=0.25)
+    assert best["validation"]["rms"] == pytest.approx(0.1 * 0.08**0.5, rel=0.25)
     assert other["validation"]["relative_percent"] > 10.0
+    assert set(other["weak"]) >= {"Fs"}
 
 
 def test_every_model_has_its_files_with_the_parameters_in_them(outcome: tuple[Path, str]) -> None:
@@ -102,11 +103,11 @@ def test_the_page_shows_what_the_command_prints(outcome: tuple[Path, str]) -> No
     as_words = re.compile(r"[-\d][-+.\de]*")  # numbers differ in the last digits from machine to machine
     assert as_words.sub("#", shown).split() == as_words.sub("#", printed).split()
     content = json.loads((folder / "identification.json").read_text(encoding="utf-8"))
-    (table,) = re.findall(r"^LuGre\nparameter .*\n((?:\w+ .*\n)+?)weak ", shown, re.M)
+    (table,) = re.findall(r"^LuGre\nparameter .*\n((?:\w+ .*\n)+)\n", shown, re.M)
     for line in table.splitlines():
         name, value, *_ = line.split()
         found = content["models"][0]["parameters"][name]
-        assert abs(float(value) - found["value"]) < 0.2 * found["standard_error"], name
+        assert abs(float(value) - found["value"]) < 0.5 * found["standard_error"], name
 
 
 def test_the_page_shows_the_mapping_of_the_example() -> None:
