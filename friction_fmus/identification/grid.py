@@ -10,7 +10,6 @@ zero and at its upper limit, and what the three get together is an element begun
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +17,8 @@ import scipy.linalg
 import scipy.optimize
 
 from friction_fmus.package import fmu
-from harness import Drive, FmuPart
 
+from .drives import driven
 from .errors import ExcitationError
 from .models import contact_model
 from .pieces import Piece, prepare, signal_of
@@ -157,7 +156,7 @@ def element_responses(piece: Piece, distance: Array, beginning: Array) -> Array:
     """Deflections of elements along a record, from the block `MaxwellSlip` with stiffness 1; shape (n, elements)."""
     outputs = [f"Fi[{i}]" for i in range(1, BLOCK_ELEMENTS + 1)]
     columns = []
-    with closing(Drive(FmuPart("elements", fmu("MaxwellSlip")))) as drive:
+    with driven(fmu("MaxwellSlip")) as drive:
         for first in range(0, len(distance), BLOCK_ELEMENTS):
             d, s = distance[first : first + BLOCK_ELEMENTS], beginning[first : first + BLOCK_ELEMENTS]
             start: dict[str, float | int | bool | str] = {"N": len(d)}

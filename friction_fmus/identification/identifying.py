@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from harness import Drive, FmuPart
-
+from .drives import driven
 from .errors import FitError
 from .estimate import Estimate
 from .hysteresis import hysteresis_setup
@@ -125,7 +123,7 @@ def identify(
     pieces = [prepare(record, contact, signal, settings) for record in records]
     Fn0 = _reference_load(wishes, pieces)
     looked = traits(pieces, Fn0 or 1.0)
-    with closing(Drive(FmuPart(contact.name, contact.path))) as drive:
+    with driven(contact.path) as drive:
         if chosen == "hysteresis":
             setup = hysteresis_setup(contact, pieces, looked, wishes, records[0].units, Fn0)
         else:
