@@ -2,6 +2,7 @@
 
 from .errors import ExcitationError, FitError, IdentificationError, RecordError
 from .estimate import Estimate
+from .grid import HysteresisGrid, identify_hysteresis
 from .identifying import Method, identify
 from .idim import (
     InverseModelFit,
@@ -25,6 +26,7 @@ __all__ = [
     "Estimate",
     "ExcitationError",
     "FitError",
+    "HysteresisGrid",
     "Identification",
     "IdentificationError",
     "InverseModelFit",
@@ -44,6 +46,7 @@ __all__ = [
     "fit_output_error",
     "identifiable",
     "identify",
+    "identify_hysteresis",
     "identify_inverse_model",
     "identify_inverse_stribeck",
 ]
