@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from friction_fmus.catalogue import catalogue, find
@@ -208,7 +209,7 @@ def identifiable() -> tuple[str, ...]:
 
 
 def contact_model(model: str | Path, units: AxisUnits) -> ContactModel:
-    """Build the block and read its parameters.
+    """Build the block and read its parameters; a block of the package only once.
 
     Parameters
     ----------
@@ -224,6 +225,17 @@ def contact_model(model: str | Path, units: AxisUnits) -> ContactModel:
     UnknownNameError, BuildError
         There is no such block, or it does not compile.
     """
+    if str(model) in catalogue():
+        return _known(str(model), units)
+    return _read(model, units)
+
+
+@cache
+def _known(model: str, units: AxisUnits) -> ContactModel:
+    return _read(model, units)
+
+
+def _read(model: str | Path, units: AxisUnits) -> ContactModel:
     block = find(model)
     if str(model) in catalogue() and block.name not in identifiable():
         raise IdentificationError(

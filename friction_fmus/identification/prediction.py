@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
 
-from harness import Drive, FmuPart
-
+from .drives import driven
 from .models import STATE_SCALES, ContactModel, contact_model
 from .pieces import Piece, prepare
 from .problem import Coordinate, Problem
@@ -58,7 +56,7 @@ def _simulated(result: Identification, record: Record, fit: bool) -> tuple[Piece
     def states(_: Mapping[str, float], parts: Mapping[str, float]) -> dict[str, float]:
         return {name: part * sizes[name] for name, part in parts.items()}
 
-    with closing(Drive(FmuPart(contact.name, contact.path))) as drive:
+    with driven(contact.path) as drive:
         problem = Problem(drive, [piece], coordinates, lambda _: {}, states, values)
         x = problem.start()
         if coordinates:
