@@ -8,6 +8,8 @@ import shlex
 import subprocess
 import sys
 import tomllib
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ import pytest
 from friction_fmus.__main__ import main
 from friction_fmus.catalogue import catalogue
 from friction_fmus.identification import FitError, Identification, compare_models, identify, read_measurement
-from friction_fmus.identification.survey import Task
+from friction_fmus.identification.survey import Task, _side_by_side
 from harness import open_archive, read_ssv
 
 ROOT = Path(__file__).parents[2]
@@ -167,6 +169,19 @@ def test_a_model_that_fails_is_named_and_the_others_go_on(
     content = json.loads((tmp_path / "out" / "identification.json").read_text(encoding="utf-8"))
     assert list(content["failed"]) == ["Dahl", "Viscous"]
     assert not (tmp_path / "out" / "Dahl.fmu").exists()
+
+
+def test_a_process_that_dies_is_a_reason_too(log: Path) -> None:
+    class Dying:
+        def submit(self, *_: object) -> Future[object]:
+            future: Future[object] = Future()
+            future.set_exception(BrokenProcessPool("gone"))
+            return future
+
+    task = Task(read_measurement(log).window(0.0, 3.0))
+    found = _side_by_side(Dying(), ["Dahl", "LuGre"], task, None)
+    assert set(found) == {"Dahl", "LuGre"}
+    assert "a process died" in str(found["Dahl"])
 
 
 def test_nothing_is_written_if_no_model_can_be_identified(
