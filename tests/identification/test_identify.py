@@ -23,6 +23,7 @@ from friction_fmus.identification import (
 from harness import Drive, FmuPart, read_ssv
 
 STEP = 1e-3
+Truth = tuple[Record, np.ndarray]
 
 
 @pytest.fixture(scope="module")
