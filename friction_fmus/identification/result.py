@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .estimate import Estimate
-from .record import Array
+from .idim import InverseModelSettings
+from .record import Array, Record
+
+if TYPE_CHECKING:
+    from friction_fmus.data import ServoSettings
 
 
 @dataclass(frozen=True)
@@ -42,8 +48,8 @@ class Identification:
     method : str
         How it was identified: "inverse", "output-error", "hysteresis" or "closed-loop".
     parameters : mapping of str to Estimate
-        Estimates of the parameters of the block, and of M (moved mass) and OF (offset of the drive) where the
-        force is that of a drive.
+        Estimates of the parameters of the block, of OF (offset of the force) where the contact moves to and fro, and
+        of M (moved mass) where the force is that of a drive.
     initial : mapping of str to Estimate
         Estimates of the state at the beginning of the record.
     fixed : mapping of str to float
@@ -53,14 +59,14 @@ class Identification:
     t, measured, predicted : array, shape (n,)
         The signal that was fitted: time [s], measured and predicted, in `unit`.
     signal, unit : str
-        Name and unit of that signal.
+        Name and unit of that signal: "mu", "friction", "force", or in a closed loop the position "q".
     train : Score
         On the samples that were fitted.
     validation : Score or None
         On samples that were not.
     aic, bic : float
-        Information criteria of Akaike and Schwarz for Gaussian residuals on the decimated, hence nearly
-        uncorrelated samples; lower is better.
+        Information criteria of Akaike and Schwarz for Gaussian residuals, on as many independent samples as the
+        measured signal has correlation lengths: the same number for all models of one record; lower is better.
     weak : mapping of str to str
         Parameters that the record hardly determines -> why, and what to measure.
     warnings : tuple of str
@@ -69,6 +75,17 @@ class Identification:
         Time the identification took.
     simulations : int
         Number of simulations of the model.
+    errors : str
+        Kind of the standard errors: "classic", for white residuals, or "robust", which counts with their correlation
+        (Newey, West 1987).
+    block : str or Path
+        The block as it was named.
+    records : tuple of Record
+        The data that were fitted.
+    settings : InverseModelSettings or None
+        The filter that was asked for.
+    servo : ServoSettings or None
+        The servo of a closed loop.
     """
 
     model: str
@@ -90,7 +107,109 @@ class Identification:
     warnings: tuple[str, ...]
     seconds: float
     simulations: int
+    errors: str = "classic"
+    block: str | Path = ""
+    records: tuple[Record, ...] = field(default=(), repr=False)
+    settings: InverseModelSettings | None = None
+    servo: ServoSettings | None = None
 
     def values(self) -> dict[str, float]:
         """Parameter values without their errors, those that were given included."""
         return {**self.fixed, **{name: estimate.value for name, estimate in self.parameters.items()}}
+
+    @property
+    def residuals(self) -> Array:
+        """Predicted minus measured, shape (n,), in `unit`."""
+        return self.predicted - self.measured
+
+    def timed(self, seconds: float, validation: Score | None) -> Identification:
+        """The same with the time it took and the score on other data."""
+        return replace(self, seconds=seconds, validation=validation)
+
+    def predict(self, record: Record) -> Array:
+        """Predict the signal along the motion of a record.
+
+        Parameters
+        ----------
+        record : Record
+            Its motion drives the model. If it has the signal, the initial state is fitted to it, and nothing else;
+            otherwise the contact begins unloaded.
+
+        Returns
+        -------
+        array, shape (n,)
+            The signal at the samples of the record, in `unit`; of a drive force without the decimation of the fit.
+
+        Raises
+        ------
+        RecordError
+            The record lacks the motion, or the normal force where the signal is mu.
+        """
+        from .prediction import predict  # which is made of this class
+
+        return predict(self, record)
+
+    def compare(self, record: Record) -> tuple[Array, Array]:
+        """Measured and predicted signal of a record, both of shape (m,), filtered as for the fit.
+
+        Raises
+        ------
+        RecordError
+            The record lacks a column.
+        """
+        from .prediction import compare
+
+        return compare(self, record)
+
+    def plot(self, path: str | Path) -> Path:
+        """Draw measured and predicted signal over time, over position or velocity, and the residuals.
+
+        Parameters
+        ----------
+        path : path-like
+            A .png, .svg or .pdf file.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written.
+        """
+        from .picture import draw
+
+        return draw(self, Path(path))
+
+    def to_fmu(self, folder: str | Path, name: str | None = None) -> Path:
+        """Build the FMU of the block with the identified and given parameters as start values.
+
+        Parameters
+        ----------
+        folder : path-like
+            Where it goes; made if needed.
+        name : str, optional
+            Its name, by default that of the block.
+
+        Returns
+        -------
+        Path
+            The FMU.
+
+        Raises
+        ------
+        BuildError
+            As of `friction_fmus.build`.
+        """
+        from .files import build_identified
+
+        return build_identified(self, Path(folder), name)
+
+    def to_ssv(self, path: str | Path) -> Path:
+        """Write the parameters of the block as a parameter set (SSP 1.0).
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written.
+        """
+        from .files import write_parameters
+
+        return write_parameters(self, Path(path))

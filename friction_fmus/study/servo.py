@@ -203,9 +203,10 @@ def write_servo(
         "velocity.v -> servo.v",
         "servo.u -> axis.F_drive",
         "axis.v -> friction.v",
-        "axis.F_ext -> friction.F_ext",
         "friction.F -> axis.F_friction",
     ]
+    if any(port.name == "F_ext" for port in parts[4].inputs):
+        wires.append("axis.F_ext -> friction.F_ext")
     start: dict[str, float | int | bool | str] = {}
     if motion_mass is None:
         start |= {"servo.rd": 0.0, "servo.rdd": 0.0}
