@@ -17,7 +17,7 @@ from harness import System
 
 from .errors import FitError
 from .idim import filtered_motion
-from .models import STATE_SCALES, ContactModel, contact_model
+from .models import ContactModel, contact_model, state_sizes
 from .output_error import Mapper, Target, Unknown, fit_output_error
 from .record import Array, Record
 from .result import Identification, Score
@@ -45,10 +45,8 @@ class AxisRun:
     ----------
     path : Path
         The system file.
-    model : str
-        Name of the friction block.
-    parameters : frozenset of str
-        Its parameters.
+    contact : ContactModel
+        The friction block.
     direction : float
         Sign of the motion at the beginning, in which the contact slides; 0: at rest.
     fixed : tuple of (str, float)
@@ -56,8 +54,7 @@ class AxisRun:
     """
 
     path: Path
-    model: str
-    parameters: frozenset[str]
+    contact: ContactModel
     direction: float
     fixed: tuple[tuple[str, float], ...] = ()
 
@@ -65,11 +62,8 @@ class AxisRun:
         """Return "q" [m] and "force" [N], shape (samples,), for these parameters."""
         values = {**dict(self.fixed), **parameters}
         start: dict[str, float | int | bool | str] = {"axis.m": values["M"], "axis.F_load": -values.get("OF", 0.0)}
-        start |= {f"friction.{name}": value for name, value in values.items() if name in self.parameters}
-        known = STATE_SCALES.get(self.model)
-        if known is not None and self.direction:
-            state = "F_fast" if self.model == "BlimanSorine" else "d" if self.model == "SevenParameter" else "z"
-            start[f"friction.{state}"] = self.direction * known(values)
+        start |= {f"friction.{name}": value for name, value in values.items() if name in self.contact.parameters}
+        start |= {f"friction.{name}": self.direction * size for name, size in state_sizes(self.contact, values).items()}
         result = _loaded(self.path).with_start(start).run()
         # a row holds the position at its instant and the force of the sampling period that ends there
         return {
@@ -110,7 +104,7 @@ def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: fl
     fmus = ServoFmus(**fixed, axis=mass, friction=contact.path)
     path = write_servo(folder / f"servo_{contact.name}.toml", fmus, len(record), axis.servo, step)
     direction = float(np.sign(motion.v[0])) if abs(motion.v[0]) > 1e-3 * np.max(np.abs(motion.v)) else 0.0
-    return AxisRun(path, contact.name, frozenset(contact.parameters), direction)
+    return AxisRun(path, contact, direction)
 
 
 def identify_closed_loop(
