@@ -6,6 +6,7 @@ import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -72,14 +73,9 @@ class AxisRun:
         }
 
 
-_SYSTEMS: dict[Path, System] = {}
-
-
+@lru_cache(maxsize=4)
 def _loaded(path: Path) -> System:
-    if path not in _SYSTEMS:
-        _SYSTEMS.clear()
-        _SYSTEMS[path] = System.from_toml(path)
-    return _SYSTEMS[path]
+    return System.from_toml(path)
 
 
 def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: float = FIT_STEP) -> AxisRun:
@@ -140,12 +136,15 @@ def identify_closed_loop(
     Notes
     -----
     Only the position is compared: the force follows from it through the known controller and would count the same
-    error twice. The search is that of `fit_output_error`.
+    error twice. The search is that of `fit_output_error`. Of `GMS` only the sliding law is fitted; the elements stay
+    those of `opened`.
     """
     begin = time.perf_counter()
     contact = contact_model(model, axis.record.units)
     unseen = [name for name, e in opened.parameters.items() if not np.isfinite(e.standard_error)]
-    names = [name for name in opened.parameters if name not in unseen]
+    # an axis in closed loop hardly moves in presliding: a law with both keeps its elements
+    kept = [name for name in opened.parameters if "[" in name and "Fc" in opened.parameters]
+    names = [name for name in opened.parameters if name not in (*unseen, *kept)]
     unknowns = []
     for name in names:
         parameter = contact.parameters.get(name)
@@ -156,7 +155,7 @@ def identify_closed_loop(
         unknowns.append(Unknown(name, value, step, opened.parameters[name].unit, max(low, lower), min(high, upper)))
     if not unknowns:
         raise FitError(f"All parameters of {contact.name} are fixed; leave at least one to be identified.")
-    rest = {**opened.fixed, **{name: opened.parameters[name].value for name in unseen}}
+    rest = {**opened.fixed, **{name: opened.parameters[name].value for name in (*unseen, *kept)}}
     with tempfile.TemporaryDirectory(prefix="friction-fmus-axis-") as folder:
         run = replace(write_axis(contact, axis, Path(folder)), fixed=tuple(rest.items()))
         target = Target(axis.record.column("q"), QUANTA * (axis.servo.quantum or 5e-8))
@@ -165,7 +164,7 @@ def identify_closed_loop(
             run, unknowns, {"q": target}, mapper=mapper, correlation=lag, max_iterations=12, tolerance=1e-4
         )
         predicted = run(fit.values())["q"]
-        _SYSTEMS.clear()
+        _loaded.cache_clear()
     measured = axis.record.column("q")
     estimates = {name: fit.parameters.get(name, opened.parameters[name]) for name in opened.parameters}
     samples = independent_samples([measured - axis.record.column("reference")])
@@ -206,7 +205,7 @@ def axis_response(result: Identification, record: Record, step: float = FIT_STEP
     with tempfile.TemporaryDirectory(prefix="friction-fmus-axis-") as folder:
         run = write_axis(contact, MeasuredAxis(record, result.servo), Path(folder), step)
         found = run(result.values())
-        _SYSTEMS.clear()
+        _loaded.cache_clear()
     return found
 
 
