@@ -132,7 +132,16 @@ class Parameter:
     lower: float
     upper: float
     text: str
-    real: bool
+    kind: str
+
+    @property
+    def real(self) -> bool:
+        """Whether it is a Real."""
+        return self.kind == "Real"
+
+    def typed(self, value: float) -> float | int | bool:
+        """A value in the type that the block takes."""
+        return value if self.real else bool(value) if self.kind == "Boolean" else int(value)
 
 
 @dataclass(frozen=True)
@@ -285,7 +294,7 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
             -math.inf if v.min is None else float(v.min),
             math.inf if v.max is None else float(v.max),
             v.description or "",
-            v.type == "Real",
+            v.type,
         )
     states = tuple(p.name for p in part.parameters if variables[p.name].causality == "local" and p.type == "Real")
     return ContactModel(

@@ -49,7 +49,7 @@ def _simulated(result: Identification, record: Record, fit: bool) -> tuple[Piece
     piece = prepare(record, contact, result.signal, result.settings)
     coordinates, sizes = _initial(result, contact, piece)
     values = {
-        name: value if name not in contact.parameters or contact.parameters[name].real else int(value)
+        name: contact.parameters[name].typed(value) if name in contact.parameters else value
         for name, value in result.values().items()
     }
 
