@@ -6,6 +6,7 @@ import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from harness import System
 
 from .errors import FitError
 from .idim import filtered_motion
-from .models import STATE_SCALES, ContactModel, contact_model
+from .models import ContactModel, contact_model, state_sizes
 from .output_error import Mapper, Target, Unknown, fit_output_error
 from .record import Array, Record
 from .result import Identification, Score
@@ -45,10 +46,8 @@ class AxisRun:
     ----------
     path : Path
         The system file.
-    model : str
-        Name of the friction block.
-    parameters : frozenset of str
-        Its parameters.
+    contact : ContactModel
+        The friction block.
     direction : float
         Sign of the motion at the beginning, in which the contact slides; 0: at rest.
     fixed : tuple of (str, float)
@@ -56,8 +55,7 @@ class AxisRun:
     """
 
     path: Path
-    model: str
-    parameters: frozenset[str]
+    contact: ContactModel
     direction: float
     fixed: tuple[tuple[str, float], ...] = ()
 
@@ -65,11 +63,8 @@ class AxisRun:
         """Return "q" [m] and "force" [N], shape (samples,), for these parameters."""
         values = {**dict(self.fixed), **parameters}
         start: dict[str, float | int | bool | str] = {"axis.m": values["M"], "axis.F_load": -values.get("OF", 0.0)}
-        start |= {f"friction.{name}": value for name, value in values.items() if name in self.parameters}
-        known = STATE_SCALES.get(self.model)
-        if known is not None and self.direction:
-            state = "F_fast" if self.model == "BlimanSorine" else "d" if self.model == "SevenParameter" else "z"
-            start[f"friction.{state}"] = self.direction * known(values)
+        start |= {f"friction.{name}": value for name, value in values.items() if name in self.contact.parameters}
+        start |= {f"friction.{name}": self.direction * size for name, size in state_sizes(self.contact, values).items()}
         result = _loaded(self.path).with_start(start).run()
         # a row holds the position at its instant and the force of the sampling period that ends there
         return {
@@ -78,14 +73,9 @@ class AxisRun:
         }
 
 
-_SYSTEMS: dict[Path, System] = {}
-
-
+@lru_cache(maxsize=4)
 def _loaded(path: Path) -> System:
-    if path not in _SYSTEMS:
-        _SYSTEMS.clear()
-        _SYSTEMS[path] = System.from_toml(path)
-    return _SYSTEMS[path]
+    return System.from_toml(path)
 
 
 def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: float = FIT_STEP) -> AxisRun:
@@ -110,7 +100,7 @@ def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: fl
     fmus = ServoFmus(**fixed, axis=mass, friction=contact.path)
     path = write_servo(folder / f"servo_{contact.name}.toml", fmus, len(record), axis.servo, step)
     direction = float(np.sign(motion.v[0])) if abs(motion.v[0]) > 1e-3 * np.max(np.abs(motion.v)) else 0.0
-    return AxisRun(path, contact.name, frozenset(contact.parameters), direction)
+    return AxisRun(path, contact, direction)
 
 
 def identify_closed_loop(
@@ -146,12 +136,15 @@ def identify_closed_loop(
     Notes
     -----
     Only the position is compared: the force follows from it through the known controller and would count the same
-    error twice. The search is that of `fit_output_error`.
+    error twice. The search is that of `fit_output_error`. Of `GMS` only the sliding law is fitted; the elements stay
+    those of `opened`.
     """
     begin = time.perf_counter()
     contact = contact_model(model, axis.record.units)
     unseen = [name for name, e in opened.parameters.items() if not np.isfinite(e.standard_error)]
-    names = [name for name in opened.parameters if name not in unseen]
+    # an axis in closed loop hardly moves in presliding: a law with both keeps its elements
+    kept = [name for name in opened.parameters if "[" in name and "Fc" in opened.parameters]
+    names = [name for name in opened.parameters if name not in (*unseen, *kept)]
     unknowns = []
     for name in names:
         parameter = contact.parameters.get(name)
@@ -162,7 +155,7 @@ def identify_closed_loop(
         unknowns.append(Unknown(name, value, step, opened.parameters[name].unit, max(low, lower), min(high, upper)))
     if not unknowns:
         raise FitError(f"All parameters of {contact.name} are fixed; leave at least one to be identified.")
-    rest = {**opened.fixed, **{name: opened.parameters[name].value for name in unseen}}
+    rest = {**opened.fixed, **{name: opened.parameters[name].value for name in (*unseen, *kept)}}
     with tempfile.TemporaryDirectory(prefix="friction-fmus-axis-") as folder:
         run = replace(write_axis(contact, axis, Path(folder)), fixed=tuple(rest.items()))
         target = Target(axis.record.column("q"), QUANTA * (axis.servo.quantum or 5e-8))
@@ -171,7 +164,7 @@ def identify_closed_loop(
             run, unknowns, {"q": target}, mapper=mapper, correlation=lag, max_iterations=12, tolerance=1e-4
         )
         predicted = run(fit.values())["q"]
-        _SYSTEMS.clear()
+        _loaded.cache_clear()
     measured = axis.record.column("q")
     estimates = {name: fit.parameters.get(name, opened.parameters[name]) for name in opened.parameters}
     samples = independent_samples([measured - axis.record.column("reference")])
@@ -212,7 +205,7 @@ def axis_response(result: Identification, record: Record, step: float = FIT_STEP
     with tempfile.TemporaryDirectory(prefix="friction-fmus-axis-") as folder:
         run = write_axis(contact, MeasuredAxis(record, result.servo), Path(folder), step)
         found = run(result.values())
-        _SYSTEMS.clear()
+        _loaded.cache_clear()
     return found
 
 

@@ -31,7 +31,7 @@ def write_parameters(result: Identification, path: Path) -> Path:
     return path
 
 
-def _start(result: Identification) -> dict[str, float | int]:
-    """Values of the parameters that the block has; what counts is a whole number."""
+def _start(result: Identification) -> dict[str, float | int | bool]:
+    """Values of the parameters that the block has; counts are whole, switches true or false."""
     known = contact_model(result.block, result.records[0].units).parameters
-    return {name: value if known[name].real else int(value) for name, value in result.values().items() if name in known}
+    return {name: known[name].typed(value) for name, value in result.values().items() if name in known}

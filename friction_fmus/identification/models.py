@@ -132,7 +132,16 @@ class Parameter:
     lower: float
     upper: float
     text: str
-    real: bool
+    kind: str
+
+    @property
+    def real(self) -> bool:
+        """Whether it is a Real."""
+        return self.kind == "Real"
+
+    def typed(self, value: float) -> float | int | bool:
+        """A value in the type that the block takes."""
+        return value if self.real else bool(value) if self.kind == "Boolean" else int(value)
 
 
 @dataclass(frozen=True)
@@ -184,6 +193,29 @@ class ContactModel:
             if name in named or (base in ROWS and not held):
                 chosen.append(name)
         return chosen
+
+
+def state_sizes(model: ContactModel, values: Mapping[str, float]) -> dict[str, float]:
+    """States that a contact in steady sliding has -> their size: the deflection, or the force of each element.
+
+    Parameters
+    ----------
+    model : ContactModel
+        The block.
+    values : mapping of str to float
+        Its parameters; those that are missing have their start values.
+    """
+    values = {**{name: parameter.start for name, parameter in model.parameters.items()}, **values}
+    if model.initial_state is not None:
+        return {model.initial_state: STATE_SCALES[model.name](values)}
+    if model.name not in HYSTERESIS:
+        return {}
+    elements = range(1, int(values["N"]) + 1)
+    if "alpha[1]" not in values:
+        return {f"Fi[{i}]": values[f"W[{i}]"] for i in elements}
+    shares = {i: values[f"alpha[{i}]"] for i in elements}
+    level = max(values["Fs"], values["Fc"]) / (sum(shares.values()) or 1.0)
+    return {f"Fi[{i}]": level * share for i, share in shares.items()}
 
 
 def row_of(name: str) -> Row | None:
@@ -262,7 +294,7 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
             -math.inf if v.min is None else float(v.min),
             math.inf if v.max is None else float(v.max),
             v.description or "",
-            v.type == "Real",
+            v.type,
         )
     states = tuple(p.name for p in part.parameters if variables[p.name].causality == "local" and p.type == "Real")
     return ContactModel(

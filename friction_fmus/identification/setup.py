@@ -93,7 +93,7 @@ def check_wishes(model: ContactModel, signal: str, wishes: Wishes) -> None:
 def constants_of(model: ContactModel, wishes: Wishes, Fn0: float | None) -> dict[str, float | int | bool]:
     """Start values that are given: what is fixed, and the normal force at which the parameters hold."""
     constants: dict[str, float | int | bool] = {
-        name: value if (p := model.parameters.get(name)) is None or p.real else int(value)
+        name: model.parameters[name].typed(value) if name in model.parameters else value
         for name, value in wishes.fixed.items()
     }
     if Fn0 is not None and model.loaded:
@@ -162,7 +162,8 @@ def surroundings(pieces: Sequence[Piece], traits: Traits, wishes: Wishes) -> lis
         guesses = {"OF": (0.0, -math.inf)}
     found = []
     for name, (guess, low) in guesses.items():
-        if name in wishes.fixed:
+        # two directions with a level each have room for any offset
+        if name in wishes.fixed or (name == "OF" and wishes.fixed.get("asymmetric") and name not in wishes.named):
             continue
         lower, upper = wishes.bounds.get(name, (low, math.inf))
         value = wishes.start.get(name, guess)

@@ -221,3 +221,22 @@ def test_data_that_cannot_be_used_are_refused() -> None:
         identify("BurridgeKnopoff", record)
     with pytest.raises(friction_fmus.UnknownNameError, match=re.escape("LuGre")):
         identify("LuGr", record)
+
+
+def test_an_asymmetric_law_has_parameters_for_either_direction(tmp_path: Path) -> None:
+    v = sliding_record().column("v")
+    forward, backward = stribeck_force(v, 10.0, 15.0, 5e-3, 100.0), stribeck_force(v, 8.0, 9.0, 8e-3, 60.0)
+    force = np.where(v > 0.0, forward, backward) + noise(6, len(v))
+    record = Record("asymmetric", STEP * np.arange(len(v)), v=v, friction=force)
+    result = identify("Stribeck", record, fixed={"asymmetric": 1})
+    assert "OF" not in result.parameters  # it would be the same as a difference of the two levels
+    expected = {"Fc": 10.0, "Fs": 15.0, "vs": 5e-3, "Fv": 100.0}
+    expected |= {"Fc_neg": 8.0, "Fs_neg": 9.0, "vs_neg": 8e-3, "Fv_neg": 60.0}
+    for name, value in expected.items():
+        assert result.values()[name] == pytest.approx(value, rel=0.01), name
+    written = read_ssv(result.to_ssv(tmp_path / "law.ssv")).parameters
+    assert written["asymmetric"].value is True
+    drive = Drive(FmuPart("law", result.to_fmu(tmp_path)))
+    rows = drive.run({"v": v}, ["F"], STEP, between="linear")
+    drive.close()
+    np.testing.assert_allclose(rows[:, 0], result.predicted, atol=1e-9)
