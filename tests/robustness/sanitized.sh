@@ -29,7 +29,8 @@ thread)
     others=(--ignore=tests/harness/test_ssp_peers.py --ignore=tests/harness/test_isolated.py)
     # races and locks within other libraries are not ours
     printf '%s\n' {race,deadlock}:{libarrow,libscipy_openblas} >"$scratch/suppressions"
-    export TSAN_OPTIONS=suppressions=$scratch/suppressions:log_path=$scratch/report:exitcode=0
+    TSAN_OPTIONS=allocator_may_return_null=1:exitcode=0:log_path=$scratch/report
+    export TSAN_OPTIONS=$TSAN_OPTIONS:suppressions=$scratch/suppressions
     ;;
 *)
     sed -n '2,7s/^# \{0,1\}//p' "$0" >&2
