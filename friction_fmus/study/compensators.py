@@ -202,9 +202,7 @@ CANDIDATES: Final[Mapping[str, Candidate]] = {
     "IterativeLearning": Candidate(
         "learning", never="It learns from trial to trial, and the study runs the reference once (see procedures)."
     ),
-    "ImpulsiveControl": Candidate(
-        "other", never="It pushes an axis that is stuck off its target, and none that moves."
-    ),
+    "ImpulsiveControl": Candidate("other", never="It pushes an axis that is stuck off its target, not a moving one."),
     "DiscreteInverse": Candidate("other", never="It inverts a linear plant, and knows no friction."),
     "Prefilter": Candidate("other", never=_BEFORE),
     "PreviewPrefilter": Candidate("other", never=_BEFORE),

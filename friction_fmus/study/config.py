@@ -138,10 +138,9 @@ def load_config(what: str | Path) -> StudyConfig:
     known = str(what) in RECORDS
     path = Path(__file__).with_name("axes") / f"{what}.toml" if known else Path(what)
     if not path.is_file():
+        hint = nearest(str(what), RECORDS)
         choice = ", ".join(RECORDS)
-        raise ConfigError(
-            f"There is no file {what}{nearest(str(what), RECORDS)}; give the path of a configuration or one of {choice}."
-        )
+        raise ConfigError(f"There is no file {what}{hint}; give the path of a configuration or one of {choice}.")
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:

@@ -6,7 +6,7 @@ Nothing here computes a control law, a plant or a friction force; all of that is
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -117,7 +117,6 @@ def closed_loop(
     plant: Plant,
     task: Task,
     placed: Placed | None = None,
-    gain: float = 1.0,
     fmus: Mapping[str, Path] | None = None,
 ) -> System:
     """Wire the axis.
@@ -131,9 +130,7 @@ def closed_loop(
     task : Task
         Along what.
     placed : Placed, optional
-        A compensator, whose force times `gain` is added to that of the servo.
-    gain : float
-        Share of the compensation.
+        A compensator, whose force is added to that of the servo; see `with_gain`.
     fmus : mapping of str to Path, optional
         FMUs to use for parts, by name of the part, instead of those of the library.
 
@@ -180,7 +177,7 @@ def closed_loop(
         wires += [f"{source} -> compensator.{name}" for name, source in known.items() if name in taken]
         if "u_prev" in taken:  # without the constant force, which is known and nothing to be estimated
             wires.append(Wire("servo.u", "compensator.u_prev", offset=-task.offset, delay=every))
-        wires.append(Wire(f"compensator.{placed.output}", "servo.f", gain, task.offset))
+        wires.append(Wire(f"compensator.{placed.output}", "servo.f", offset=task.offset))
         settable = {port.name for port in added.parameters}
         own = {**{key: value for key, value in limits.items() if key in settable}, "Ts": servo.Ts, **placed.values}
         start |= {f"compensator.{name}": value for name, value in own.items()}
@@ -194,6 +191,12 @@ def closed_loop(
         wires.append("axis.F_ext -> friction.F_ext")
     experiment = Experiment(stop=task.samples * servo.Ts, step=servo.Ts / every, record=RECORDED, decimate=every)
     return System(parts, wires, start, experiment, "axis")
+
+
+def with_gain(system: System, gain: float) -> System:
+    """The same system with another share of the compensation; the parts are shared, so run one of them at a time."""
+    wires = [replace(wire, gain=gain) if wire.target == "servo.f" else wire for wire in system.wires]
+    return System(system.parts.values(), wires, system.start, system.experiment, system.name)
 
 
 def run_loop(system: System) -> Trace:
