@@ -171,7 +171,8 @@ def rebuild(kind: Any, content: Any) -> Any:
         return rebuild(next(each for each in inner if each is not NoneType), content)
     if is_dataclass(kind):
         hints = get_type_hints(kind)
-        return kind(**{each.name: rebuild(hints[each.name], content[each.name]) for each in fields(kind)})
+        made: Any = kind
+        return made(**{each.name: rebuild(hints[each.name], content[each.name]) for each in fields(kind)})
     if origin is tuple:
         return tuple(rebuild(inner[0], each) for each in content)
     if origin is not None and issubclass(origin, Mapping):
