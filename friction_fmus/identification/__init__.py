@@ -2,6 +2,7 @@
 
 from .errors import ExcitationError, FitError, IdentificationError, RecordError
 from .estimate import Estimate
+from .findings import Finding, RecordWarning
 from .idim import (
     InverseModelFit,
     InverseModelSettings,
@@ -11,7 +12,9 @@ from .idim import (
     identify_inverse_model,
     identify_inverse_stribeck,
 )
+from .mapping import DataMapping, load_mapping, read_mapping
 from .output_error import Mapper, OutputErrorFit, Simulator, Target, Unknown, fit_output_error
+from .reading import Measurement, read_measurement, read_records
 from .record import LINEAR, ROTARY, Array, AxisUnits, Record
 from .result import Identification, Score
 
@@ -20,18 +23,22 @@ __all__ = [
     "ROTARY",
     "Array",
     "AxisUnits",
+    "DataMapping",
     "Estimate",
     "ExcitationError",
+    "Finding",
     "FitError",
     "Identification",
     "IdentificationError",
     "InverseModelFit",
     "InverseModelSettings",
     "Mapper",
+    "Measurement",
     "Motion",
     "OutputErrorFit",
     "Record",
     "RecordError",
+    "RecordWarning",
     "Score",
     "Simulator",
     "Target",
@@ -41,4 +48,8 @@ __all__ = [
     "fit_output_error",
     "identify_inverse_model",
     "identify_inverse_stribeck",
+    "load_mapping",
+    "read_mapping",
+    "read_measurement",
+    "read_records",
 ]

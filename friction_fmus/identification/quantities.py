@@ -1,0 +1,101 @@
+"""Units of the columns of a record: what a column is measured in, and what the record wants."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+
+import pint
+
+from friction_fmus.units import BASE_UNITS
+from harness.units import BASE_SYMBOLS, BaseUnit, parse_unit
+
+from .errors import RecordError
+from .record import LINEAR, ROTARY, AxisUnits
+
+QUANTITY = {
+    "time": "time",
+    "position": "position",
+    "velocity": "velocity",
+    "reference": "position",
+    "force": "force",
+    "friction": "force",
+    "normal": "normal",
+}
+"""Role of a column -> physical quantity."""
+
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
+
+
+@cache
+def _registry() -> pint.UnitRegistry[float]:
+    return pint.UnitRegistry()
+
+
+@cache
+def unit_of(text: str) -> BaseUnit | None:
+    """Base unit of a unit name such as ``mm``, ``N.m``, ``rpm``; None where it is not understood."""
+    known = parse_unit(text)
+    if known is not None or not text.strip():
+        return known
+    try:  # rarer ones, such as rpm, inch, lbf, °
+        expression = re.sub(r"([A-Za-z])(-?\d+)", r"\1**\2", text.strip().replace(".", "*"))
+        quantity = _registry().Quantity(1.0, _registry().parse_units(expression)).to_base_units()
+        powers = {BASE_UNITS[name]: int(str(power)) for name, power in quantity.unit_items()}
+    except Exception:  # pint raises many kinds, also for bad syntax and for units with an offset
+        return None
+    return BaseUnit(tuple(powers.get(symbol, 0) for symbol in BASE_SYMBOLS), float(quantity.magnitude))
+
+
+def wanted_unit(role: str, units: AxisUnits) -> str:
+    """The unit that the record has for a role, such as ``position``."""
+    return {
+        "time": "s",
+        "position": units.position,
+        "velocity": units.velocity,
+        "force": units.force,
+        "normal": LINEAR.force,
+    }[QUANTITY[role]]
+
+
+def fits(role: str, unit: BaseUnit) -> bool:
+    """Whether a unit is one of the quantity, on a linear or a rotary axis."""
+    return any(unit.exponents == _exponents(wanted_unit(role, units)) for units in (LINEAR, ROTARY))
+
+
+def axis_units(role: str, unit: BaseUnit) -> AxisUnits | None:
+    """The kind of axis that the unit of a position, velocity or reference tells; None for others."""
+    if QUANTITY[role] not in ("position", "velocity"):
+        return None
+    return LINEAR if unit.exponents == _exponents(wanted_unit(role, LINEAR)) else ROTARY
+
+
+def factor(role: str, unit: BaseUnit, units: AxisUnits) -> float | None:
+    """What turns numbers of a unit into those of the record; None where the quantities differ."""
+    return unit.factor if unit.exponents == _exponents(wanted_unit(role, units)) else None
+
+
+def parse_quantity(text: str | float, where: str) -> tuple[float, BaseUnit]:
+    """Number and unit of ``35.15 N/V``; a number alone has the unit 1.
+
+    Raises
+    ------
+    RecordError
+        It is no number with a known unit; `where` begins the sentence.
+    """
+    match = _NUMBER.fullmatch(str(text)) if not isinstance(text, bool) else None
+    unit = unit_of(match[2] or "1") if match else None
+    if match is None or unit is None or float(match[1]) == 0.0:
+        raise RecordError(f"{where} is {text!r}, which is no number with a known unit; write it like '35.15 N/V'.")
+    return float(match[1]), unit
+
+
+def times(a: BaseUnit, b: BaseUnit) -> BaseUnit:
+    """Product of two units."""
+    return BaseUnit(tuple(i + j for i, j in zip(a.exponents, b.exponents, strict=True)), a.factor * b.factor)
+
+
+def _exponents(unit: str) -> tuple[int, ...]:
+    known = parse_unit(unit)
+    assert known is not None
+    return known.exponents
