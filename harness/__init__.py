@@ -6,6 +6,7 @@ A `System` is made of `Part` objects and wires; a master (``jacobi``, ``gauss-se
 
 from harness.archive import open_archive
 from harness.callable_part import CallablePart
+from harness.drive import Drive
 from harness.errors import (
     AlgebraicLoopError,
     ExperimentError,
@@ -48,6 +49,7 @@ __all__ = [
     "CallablePart",
     "Calls",
     "Delay",
+    "Drive",
     "DropOut",
     "Experiment",
     "ExperimentError",

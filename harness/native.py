@@ -77,6 +77,8 @@ def library() -> ctypes.CDLL:
     engine = ctypes.CDLL(str(shipped if shipped.is_file() else native_library(sources(), "engine", headers=False)))
     engine.engine_run.restype = _INT
     engine.engine_run.argtypes = (_POINTER, _INT, _INT)
+    engine.engine_drive.restype = _INT
+    engine.engine_drive.argtypes = (_POINTER, _INT)
     return engine
 
 

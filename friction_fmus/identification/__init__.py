@@ -3,6 +3,7 @@
 from .errors import ExcitationError, FitError, IdentificationError, RecordError
 from .estimate import Estimate
 from .findings import Finding, RecordWarning
+from .identify import Method, identify
 from .idim import (
     InverseModelFit,
     InverseModelSettings,
@@ -13,6 +14,7 @@ from .idim import (
     identify_inverse_stribeck,
 )
 from .mapping import DataMapping, load_mapping, read_mapping
+from .models import identifiable
 from .output_error import Mapper, OutputErrorFit, Simulator, Target, Unknown, fit_output_error
 from .reading import Measurement, read_measurement, read_records
 from .record import LINEAR, ROTARY, Array, AxisUnits, Record
@@ -34,6 +36,7 @@ __all__ = [
     "InverseModelSettings",
     "Mapper",
     "Measurement",
+    "Method",
     "Motion",
     "OutputErrorFit",
     "Record",
@@ -46,6 +49,8 @@ __all__ = [
     "decimate",
     "filtered_motion",
     "fit_output_error",
+    "identifiable",
+    "identify",
     "identify_inverse_model",
     "identify_inverse_stribeck",
     "load_mapping",

@@ -225,7 +225,7 @@ def fit_output_error(
     inverse = np.linalg.inv(J.T @ J)
     classic = np.sqrt(np.diag(inverse) * float(r @ r) / max(1, len(r) - len(names))) * step
     lengths = [len(target.measured) - target.first for target in targets.values()]
-    robust = np.sqrt(np.diag(inverse @ _score_covariance(J, r, lengths, correlation) @ inverse)) * step
+    robust = np.sqrt(np.diag(inverse @ score_covariance(J, r, lengths, correlation) @ inverse)) * step
 
     parameters = {
         unknown.name: Estimate(unknown.name, float(value), float(error), unknown.unit)
@@ -245,7 +245,7 @@ def fit_output_error(
     )
 
 
-def _score_covariance(J: Array, r: Array, lengths: Sequence[int], correlation: int) -> Array:
+def score_covariance(J: Array, r: Array, lengths: Sequence[int], correlation: int) -> Array:
     """Newey-West estimate of the covariance of J' r; targets add up sample by sample where they share a time
     axis."""
     products = np.split(J * r[:, None], np.cumsum(lengths)[:-1])

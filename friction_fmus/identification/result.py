@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from .estimate import Estimate
-from .record import Array
+from .idim import InverseModelSettings
+from .record import Array, Record
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,15 @@ class Identification:
         Time the identification took.
     simulations : int
         Number of simulations of the model.
+    errors : str
+        Kind of the standard errors: "classic", for white residuals, or "robust", which counts with their correlation
+        (Newey, West 1987).
+    block : str or Path
+        The block as it was named.
+    records : tuple of Record
+        The data that were fitted.
+    settings : InverseModelSettings or None
+        The filter that was asked for.
     """
 
     model: str
@@ -90,7 +101,108 @@ class Identification:
     warnings: tuple[str, ...]
     seconds: float
     simulations: int
+    errors: str = "classic"
+    block: str | Path = ""
+    records: tuple[Record, ...] = field(default=(), repr=False)
+    settings: InverseModelSettings | None = None
 
     def values(self) -> dict[str, float]:
         """Parameter values without their errors, those that were given included."""
         return {**self.fixed, **{name: estimate.value for name, estimate in self.parameters.items()}}
+
+    @property
+    def residuals(self) -> Array:
+        """Predicted minus measured, shape (n,), in `unit`."""
+        return self.predicted - self.measured
+
+    def timed(self, seconds: float, validation: Score | None) -> Identification:
+        """The same with the time it took and the score on other data."""
+        return replace(self, seconds=seconds, validation=validation)
+
+    def predict(self, record: Record) -> Array:
+        """Predict the signal along the motion of a record.
+
+        Parameters
+        ----------
+        record : Record
+            Its motion drives the model. If it has the signal, the initial state is fitted to it, and nothing else;
+            otherwise the contact begins unloaded.
+
+        Returns
+        -------
+        array, shape (n,)
+            The signal at the samples of the record, in `unit`; of a drive force without the decimation of the fit.
+
+        Raises
+        ------
+        RecordError
+            The record lacks the motion, or the normal force where the signal is mu.
+        """
+        from .prediction import predict  # which is made of this class
+
+        return predict(self, record)
+
+    def compare(self, record: Record) -> tuple[Array, Array]:
+        """Measured and predicted signal of a record, both of shape (m,), filtered as for the fit.
+
+        Raises
+        ------
+        RecordError
+            The record lacks a column.
+        """
+        from .prediction import compare
+
+        return compare(self, record)
+
+    def plot(self, path: str | Path) -> Path:
+        """Draw measured and predicted signal over time, over position or velocity, and the residuals.
+
+        Parameters
+        ----------
+        path : path-like
+            A .png, .svg or .pdf file.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written.
+        """
+        from .picture import draw
+
+        return draw(self, Path(path))
+
+    def to_fmu(self, folder: str | Path, name: str | None = None) -> Path:
+        """Build the FMU of the block with the identified and given parameters as start values.
+
+        Parameters
+        ----------
+        folder : path-like
+            Where it goes; made if needed.
+        name : str, optional
+            Its name, by default that of the block.
+
+        Returns
+        -------
+        Path
+            The FMU.
+
+        Raises
+        ------
+        BuildError
+            As of `friction_fmus.build`.
+        """
+        from .files import build_identified
+
+        return build_identified(self, Path(folder), name)
+
+    def to_ssv(self, path: str | Path) -> Path:
+        """Write the parameters of the block as a parameter set (SSP 1.0).
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written.
+        """
+        from .files import write_parameters
+
+        return write_parameters(self, Path(path))

@@ -3,6 +3,7 @@
 
 #include "engine.h"
 #include "defect.h"
+#include "drive.h"
 #include "extrapolate.h"
 #include "manipulate.h"
 #include "newton.h"

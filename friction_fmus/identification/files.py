@@ -1,0 +1,37 @@
+"""An identified model as files: FMU and parameter set."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from friction_fmus.package import build
+from harness import Parameter, ParameterSet, write_ssv
+
+from .models import contact_model
+from .record import ROTARY
+from .result import Identification
+
+
+def build_identified(result: Identification, folder: Path, name: str | None) -> Path:
+    """Build the block with the found values as start values; see `Identification.to_fmu`."""
+    rotary = result.records[0].units == ROTARY
+    return build(result.block, folder, _start(result), name, domain="rotational" if rotary else "translational")
+
+
+def write_parameters(result: Identification, path: Path) -> Path:
+    """Write the values as SSV; see `Identification.to_ssv`."""
+    known = contact_model(result.block, result.records[0].units).parameters
+    parameters = {
+        name: Parameter(value, known[name].unit if known[name].real else None, description=known[name].text)
+        for name, value in _start(result).items()
+    }
+    cited = sorted({record.citation for record in result.records} - {""})
+    description = f"Identified from the record of {'; '.join(cited)}" if cited else ""
+    write_ssv(ParameterSet(result.model, parameters, description), path)
+    return path
+
+
+def _start(result: Identification) -> dict[str, float | int]:
+    """Values of the parameters that the block has; what counts is a whole number."""
+    known = contact_model(result.block, result.records[0].units).parameters
+    return {name: value if known[name].real else int(value) for name, value in result.values().items() if name in known}

@@ -1,0 +1,94 @@
+"""What an identified model says of another record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+
+from harness import Drive, FmuPart
+
+from .models import STATE_SCALES, ContactModel, contact_model
+from .pieces import Piece, prepare
+from .problem import Coordinate, Problem
+from .record import Array, Record
+from .result import Identification
+from .search import search
+from .setup import INITIAL_LIMIT
+
+
+def predict(result: Identification, record: Record) -> Array:
+    """The signal along the motion of a record; see `Identification.predict`."""
+    force = result.signal == "force"
+    known = (record.force if force else record.friction) is not None
+    zero = np.zeros(len(record))
+    filled = record if known else replace(record, force=zero) if force else replace(record, friction=zero)
+    piece, F = _simulated(result, filled, fit=known)
+    values = result.values()
+    if piece.a is None:
+        return piece.predicted(F, 0.0, 0.0)
+    return F + values.get("M", 0.0) * piece.a + values.get("OF", 0.0)
+
+
+def compare(result: Identification, record: Record) -> tuple[Array, Array]:
+    """Measured and predicted signal; see `Identification.compare`."""
+    piece, F = _simulated(result, record, fit=True)
+    values = result.values()
+    return piece.measured, piece.predicted(F, values.get("M", 0.0), values.get("OF", 0.0))
+
+
+def _simulated(result: Identification, record: Record, fit: bool) -> tuple[Piece, Array]:
+    """The record, and the friction force along its motion from the initial state that suits best."""
+    contact = contact_model(result.block, record.units)
+    piece = prepare(record, contact, result.signal, result.settings)
+    coordinates, sizes = _initial(result, contact, piece)
+    values = {
+        name: value if name not in contact.parameters or contact.parameters[name].real else int(value)
+        for name, value in result.values().items()
+    }
+
+    def states(_: Mapping[str, float], parts: Mapping[str, float]) -> dict[str, float]:
+        return {name: part * sizes[name] for name, part in parts.items()}
+
+    with closing(Drive(FmuPart(contact.name, contact.path))) as drive:
+        problem = Problem(drive, [piece], coordinates, lambda _: {}, states, values)
+        x = problem.start()
+        if coordinates:
+            x = search(problem, "linear", 1).x if fit else 0.0 * x
+        return piece, problem.force(x, 0)
+
+
+def _initial(
+    result: Identification, contact: ContactModel, piece: Piece
+) -> tuple[tuple[Coordinate, ...], dict[str, float]]:
+    """The initial states to fit, and their sizes: the deflection, or the force of each element."""
+    values = {**{name: p.start for name, p in contact.parameters.items()}, **result.values()}
+    sizes = {}
+    if contact.initial_state is not None:
+        sizes[contact.initial_state] = STATE_SCALES[contact.name](values)
+        limit = INITIAL_LIMIT
+    else:
+        limit = 1.0
+        N = int(values.get("N", 0))
+        levels = [values.get(f"W[{i}]", values.get(f"alpha[{i}]", 0.0)) for i in range(1, N + 1)]
+        if "Fs" in values and "alpha[1]" in values:
+            levels = [max(values["Fs"], values["Fc"]) * level / (sum(levels) or 1.0) for level in levels]
+        sizes = {f"Fi[{i}]": level for i, level in enumerate(levels, start=1) if level > 0.0}
+    total = sum(sizes.values()) if not contact.initial_state else 0.0
+    load = 1.0 if piece.per is None else float(result.values().get("Fn0", np.mean(piece.per)))
+    begin = float(np.median(piece.measured[:3])) * load
+    found = []
+    for name, size in sizes.items():
+        part = begin / (total or _force(contact, size, values))
+        found.append(Coordinate(name, 1.0, min(max(part, -0.99), 0.99), -limit, limit, piece=0))
+    return tuple(found), sizes
+
+
+def _force(contact: ContactModel, size: float, values: dict[str, float]) -> float:
+    """Force of a deflection of this size."""
+    for stiffness in ("sigma0", "sigma", "kt"):
+        if stiffness in contact.parameters:
+            return values[stiffness] * size
+    return size
