@@ -23,9 +23,6 @@ RECORDED = ("axis.x", "servo.u")
 FINEST = 0.25e-3
 """Longest communication step between mass and friction [s]."""
 
-STIFF = 0.2
-"""Largest product of that step and the frequency of the mass on its bristles [rad]."""
-
 
 @dataclass(frozen=True)
 class Plant:
@@ -106,10 +103,16 @@ def block(name: str, rotary: bool = False) -> Path:
     return build(name, toolchain.cache_folder() / "models", domain="rotational")
 
 
-def steps_per_sample(plant: Plant, Ts: float) -> int:
+def typed(part: Part, values: Mapping[str, float]) -> dict[str, float | int | bool]:
+    """Those of the values that are parameters of a part, as the types that these have."""
+    kinds: dict[str, type[float | int | bool]] = {"Real": float, "Integer": int, "Boolean": bool}
+    types = {port.name: kinds[port.type] for port in part.parameters if port.type in kinds}
+    return {name: types[name](value) for name, value in values.items() if name in types}
+
+
+def steps_per_sample(Ts: float) -> int:
     """How many communication steps mass and friction take in a sample."""
-    frequency = (plant.stiffness / plant.mass) ** 0.5
-    return int(max(np.ceil(Ts / FINEST - 1e-9), np.ceil(Ts * frequency / STIFF), 1))
+    return max(1, int(np.ceil(Ts / FINEST - 1e-9)))
 
 
 def closed_loop(
@@ -139,7 +142,7 @@ def closed_loop(
     System
         With its experiment; the caller closes it.
     """
-    every = steps_per_sample(plant, servo.Ts)
+    every = steps_per_sample(servo.Ts)
     of_its_own = fmus or {}
 
     def part(name: str, model: str, sampled: bool = True) -> FmuPart:
@@ -147,11 +150,10 @@ def closed_loop(
         return FmuPart(name, path, every=every if sampled else 1)
 
     limits = {"u_min": -servo.force_limit, "u_max": servo.force_limit}
-    start: dict[str, float] = {"servo.m": plant.mass if task.motion else 0.0}
+    start: dict[str, float | int | bool | str] = {"servo.m": plant.mass if task.motion else 0.0}
     start |= {f"servo.{name}": value for name, value in {**servo.gains, **limits, "Ts": servo.Ts}.items()}
     start |= {"velocity.Ts": servo.Ts, "velocity.window": servo.window, "velocity.v0": task.v0}
     start |= {"axis.m": plant.mass, "axis.x0": task.x0, "axis.v0": task.v0, "axis.F_load": -plant.offset}
-    start |= {f"friction.{name}": value for name, value in plant.values.items()}
     if servo.quantum:
         start["encoder.q"] = servo.quantum
 
@@ -178,10 +180,10 @@ def closed_loop(
         if "u_prev" in taken:  # without the constant force, which is known and nothing to be estimated
             wires.append(Wire("servo.u", "compensator.u_prev", offset=-task.offset, delay=every))
         wires.append(Wire(f"compensator.{placed.output}", "servo.f", offset=task.offset))
-        settable = {port.name for port in added.parameters}
-        own = {**{key: value for key, value in limits.items() if key in settable}, "Ts": servo.Ts, **placed.values}
+        own = typed(added, {**limits, "Ts": servo.Ts, **placed.values})
         start |= {f"compensator.{name}": value for name, value in own.items()}
     contact = part("friction", plant.friction, sampled=False)
+    start |= {f"friction.{name}": value for name, value in typed(contact, plant.values).items()}
     parts += [part("servo", servo.law), part("axis", "Mass", sampled=False), contact]
     if servo.quantum:
         parts.append(part("encoder", "Quantiser"))
@@ -189,7 +191,10 @@ def closed_loop(
     wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
     if any(port.name == "F_ext" for port in contact.inputs):
         wires.append("axis.F_ext -> friction.F_ext")
-    experiment = Experiment(stop=task.samples * servo.Ts, step=servo.Ts / every, record=RECORDED, decimate=every)
+    # bristles and mass are a stiff pair, which is solved together in every step
+    master = "newton" if plant.stiffness else "gauss-seidel"
+    stop = task.samples * servo.Ts
+    experiment = Experiment(stop=stop, step=servo.Ts / every, master=master, record=RECORDED, decimate=every)
     return System(parts, wires, start, experiment, "axis")
 
 

@@ -13,9 +13,10 @@ from scipy import signal
 
 from friction_fmus.identification import Array
 from harness import FmuPart, HarnessError, System
+from harness.part import StartValue
 
 from .config import Servo
-from .loop import Placed, Plant, Task, Trace, block, closed_loop, run_loop, with_gain
+from .loop import Placed, Plant, Task, Trace, block, closed_loop, run_loop, typed, with_gain
 from .rows import Corner, Curve, GainPoint, Metrics
 
 SETTLED: Final = 0.1
@@ -159,8 +160,8 @@ def high_frequency(force: Array, bench: Bench) -> Array:
 def cost_of(placed: Placed, bench: Bench, samples: int = 200_000) -> float:
     """Time of one sample of the compensator's FMU in the engine [ns], the best of three; start-up does not count."""
     part = FmuPart("law", block(placed.model, bench.task.rotary))
-    start: dict[str, float] = {f"law.{port.name}": 0.01 for port in part.inputs if not port.optional}
-    start |= {f"law.{name}": value for name, value in placed.values.items()}
+    start: dict[str, StartValue] = {f"law.{port.name}": 0.01 for port in part.inputs if not port.optional}
+    start |= {f"law.{name}": value for name, value in typed(part, placed.values).items()}
     Ts = bench.servo.Ts
     with System([part], [], {**start, "law.Ts": Ts}) as system:
 
