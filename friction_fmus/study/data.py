@@ -90,7 +90,7 @@ def load_data(config: StudyConfig, scratch: Path) -> Data:
     windows = dict(config.data.get("windows", {}))
     if config.record == "emps":
         records: tuple[Record, ...] = (load_emps().record,)
-        published = {"inverse": EMPS_PUBLISHED}
+        published = {"inverse": dict(EMPS_PUBLISHED)}
     elif config.record == "demo":
         assert config.servo is not None
         records, published = (demo(config.servo, scratch),), {"LuGre": {**LUGRE, "M": 1.0, "OF": 0.0}}
@@ -165,7 +165,15 @@ def measured_servo(data: Data, servo: Servo, folder: Path, name: str) -> Measure
     # the record may begin in motion
     v0 = float(filtered_motion(record).v[0])
     task = Task(reference, len(record), float(record.q[0]), v0, rotary=data.rotary)
-    return Measured(servo, task, record.q, record.force)
+
+    def samples(records: tuple[Record, ...]) -> tuple[int, int]:
+        if not records:
+            return 0, len(record)
+        ends = (records[0].t[0] - record.t[0], records[-1].t[-1] - record.t[0])
+        first, last = (round(float(end) / servo.Ts) for end in ends)
+        return max(0, first), min(len(record), last + 1)
+
+    return Measured(servo, task, record.q, record.force, samples(data.train), samples(data.validation or data.train))
 
 
 def _windows(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
@@ -125,9 +126,9 @@ def do(
             results[place] = known
             done(job)
         elif executor is not None:
-            waiting[executor.submit(job.function, *job.arguments)] = place
+            waiting[executor.submit(_quietly, job.function, job.arguments)] = place
         else:
-            results[place] = job.function(*job.arguments)
+            results[place] = _quietly(job.function, job.arguments)
             store.put(job, results[place])
             done(job)
     for future in as_completed(waiting):
@@ -183,6 +184,17 @@ def rebuild(kind: Any, content: Any) -> Any:
 def forget(out: Path) -> None:
     """Remove what is kept of a study."""
     shutil.rmtree(out / KEPT, ignore_errors=True)
+
+
+def _quietly(function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
+    """Do a job without the log of the parts: what fails in it is in its result, and many runs are meant to fail."""
+    log = logging.getLogger("harness")
+    before = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        return function(*arguments)
+    finally:
+        log.setLevel(before)
 
 
 def _ready() -> None:

@@ -23,6 +23,9 @@ RECORDED = ("axis.x", "servo.u")
 FINEST = 0.25e-3
 """Longest communication step between mass and friction [s]."""
 
+SOFT = 0.1
+"""Product of that step and the frequency of the mass on its bristles up to which handing over the force will do."""
+
 
 @dataclass(frozen=True)
 class Plant:
@@ -115,6 +118,12 @@ def steps_per_sample(Ts: float) -> int:
     return max(1, int(np.ceil(Ts / FINEST - 1e-9)))
 
 
+def _master(plant: Plant, step: float) -> str:
+    """Mass and friction are solved together in every step, unless the bristles are so soft that they need not be."""
+    soft = 0.0 < step * (plant.stiffness / plant.mass) ** 0.5 <= SOFT
+    return "gauss-seidel" if soft else "newton"
+
+
 def closed_loop(
     servo: Servo,
     plant: Plant,
@@ -191,10 +200,10 @@ def closed_loop(
     wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
     if any(port.name == "F_ext" for port in contact.inputs):
         wires.append("axis.F_ext -> friction.F_ext")
-    # bristles and mass are a stiff pair, which is solved together in every step
-    master = "newton" if plant.stiffness else "gauss-seidel"
+    step = servo.Ts / every
     stop = task.samples * servo.Ts
-    experiment = Experiment(stop=stop, step=servo.Ts / every, master=master, record=RECORDED, decimate=every)
+    master = _master(plant, step)
+    experiment = Experiment(stop=stop, step=step, master=master, record=RECORDED, decimate=every)
     return System(parts, wires, start, experiment, "axis")
 
 

@@ -92,12 +92,16 @@ class Measured:
         The reference and the state at the beginning, of the whole record.
     q, force : array, shape (samples,)
         What was measured.
+    train, validation : (int, int)
+        First sample, and the one behind the last, of what is fitted and of what the models are ranked by.
     """
 
     servo: Servo
     task: Task
     q: Array
     force: Array | None
+    train: tuple[int, int]
+    validation: tuple[int, int]
 
 
 def identify_model(
@@ -208,7 +212,7 @@ def in_closed_loop(found: Found, measured: Measured) -> Found:
     with closed_loop(measured.servo, found.plant, measured.task) as system:
         trace = run_loop(system)
     if not (np.isfinite(trace.q).all() and np.isfinite(trace.force).all()):
-        raise FrictionError("the co-simulated servo is unstable.")
+        raise FrictionError("it is unstable.")
     q, force = measured.q, measured.force
     fits = [Fit(_rms(trace.q - q), 100.0 * _rms(trace.q - q) / _rms(q), "position", "m")]
     t = measured.servo.Ts * np.arange(float(len(q)))
@@ -217,7 +221,7 @@ def in_closed_loop(found: Found, measured: Measured) -> Found:
     return replace(
         found,
         row=replace(found.row, closed_loop=tuple(fits)),
-        error=fits[0].rms,
+        error=_rms((trace.q - q)[slice(*measured.validation)]),
         position=thinned(t, trace.q - q),
         force=thinned(t, trace.force),
     )
@@ -240,14 +244,16 @@ def refine(found: Found, measured: Measured) -> Found:
         return 0.02 * level if p.name == "OF" else _STEPS.get(p.name, 0.04) * p.value
 
     unknowns = [Unknown(p.name, p.value, step(p), p.unit, -np.inf if p.name == "OF" else 1e-3 * p.value) for p in free]
-    with closed_loop(measured.servo, found.plant, measured.task) as system:
+    first, last = measured.train
+    task = replace(measured.task, samples=last)
+    with closed_loop(measured.servo, found.plant, task) as system:
 
         def simulate(values: Mapping[str, float]) -> dict[str, Array]:
             own = {f"friction.{name}": value for name, value in values.items() if name not in MEANING}
             moved = {"axis.m": values["M"], "axis.F_load": -values.get("OF", found.offset)}
             return {"q": run_loop(system.with_start({**own, **moved})).q}
 
-        target = Target(measured.q, 1e-6 if found.error is None else max(found.error, 1e-12))
+        target = Target(measured.q[:last], 1e-6 if found.error is None else max(found.error, 1e-12), first)
         try:
             fit = fit_output_error(
                 simulate, unknowns, {"q": target}, correlation=max(1, round(0.2 / measured.servo.Ts))

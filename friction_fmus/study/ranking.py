@@ -62,9 +62,10 @@ def rank(none: CompensatorRow, rows: Sequence[CompensatorRow]) -> list[Compensat
     return ranked + [row for row in rows if row.metrics is None]
 
 
-def extremes(row: CompensatorRow) -> CompensatorRow:
-    """The row with its smallest and largest error; the largest is None if a corner failed."""
-    runs = [row.metrics, *(corner.metrics for corner in row.corners)]
+def extremes(row: CompensatorRow, none: CompensatorRow) -> CompensatorRow:
+    """The row with its smallest and largest error; the largest is None if a corner failed that runs without it."""
+    possible = zip(none.corners, row.corners, strict=True)
+    runs = [row.metrics, *(corner.metrics for without, corner in possible if without.metrics is not None)]
     errors = [run.rms for run in runs if run is not None]
     failed = any(run is None for run in runs)
     return replace(row, best=min(errors, default=None), worst=None if failed else max(errors))
@@ -142,12 +143,12 @@ def shown(value: float, unit: str) -> str:
 
 def _judged(none: CompensatorRow, row: CompensatorRow) -> CompensatorRow:
     """The row with what it is judged by."""
-    row = extremes(row)
+    row = extremes(row, none)
     pairs = [
         (none.metrics, row.metrics),
         *((a.metrics, b.metrics) for a, b in zip(none.corners, row.corners, strict=True)),
     ]
-    pays = all(b is not None and (a is None or b.rms <= (1.0 - WORTH) * a.rms) for a, b in pairs)
+    pays = all(a is None or (b is not None and b.rms <= (1.0 - WORTH) * a.rms) for a, b in pairs)
     return replace(row, pays=pays, noisy=_noisy(none.metrics, row.metrics))
 
 

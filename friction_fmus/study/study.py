@@ -278,7 +278,8 @@ class _Study:
             for choice in tried
         ]
         plain, without, *trials = self._do(jobs, 0.6, 0.95)
-        none = extremes(_row("none", "The servo without friction compensation", "none", None, without))
+        none = _row("none", "The servo without friction compensation", "none", None, without)
+        none = extremes(none, none)
         if none.metrics is None:
             raise StudyError(f"The servo is unstable even without compensation: {without.sweep[0].failure}")
         by_name = {choice.name: trial for choice, trial in zip(tried, trials, strict=True)}

@@ -119,7 +119,7 @@ def try_out(bench: Bench, placed: Placed | None, gains: Sequence[float], mismatc
 def off_by(system: System, friction: float, mass: float) -> dict[str, float]:
     """Start values of the axis with all friction forces, and the mass, that many times as large."""
     part = system.parts["friction"]
-    forces = [f"friction.{port.name}" for port in part.parameters if str(port.unit).startswith("N")]  # N, N/m, N.s/m
+    forces = [f"friction.{port.name}" for port in part.parameters if port.unit and port.unit[0] == "N"]  # N, N/m, ...
     scaled = {name: friction * float(value) for name in forces if (value := system.start.get(name)) is not None}
     return {**scaled, "axis.m": mass * float(system.start["axis.m"])}
 
