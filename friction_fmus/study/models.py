@@ -11,6 +11,8 @@ import numpy as np
 from friction_fmus.catalogue import find
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import (
+    LINEAR,
+    ROTARY,
     Array,
     Estimate,
     Identification,
@@ -22,6 +24,7 @@ from friction_fmus.identification import (
     identify,
     identify_inverse_model,
 )
+from friction_fmus.identification.models import contact_model
 from harness import HarnessError
 
 from .config import Servo
@@ -126,7 +129,9 @@ def identify_model(
     """
     summary = find(name).summary
     try:
-        result = identify(name, list(train), validation=list(validation) or None, starts=1)
+        # a law without a state is quick to search, and has more than one valley
+        starts = 3 if contact_model(name, train[0].units).static else 1
+        result = identify(name, list(train), validation=list(validation) or None, starts=starts)
     except (FrictionError, HarnessError, ArithmeticError, np.linalg.LinAlgError) as error:
         return Found(ModelRow(name, summary, reason=str(error)))
     found = Found(
@@ -243,7 +248,15 @@ def refine(found: Found, measured: Measured) -> Found:
     def step(p: FoundParameter) -> float:
         return 0.02 * level if p.name == "OF" else _STEPS.get(p.name, 0.04) * p.value
 
-    unknowns = [Unknown(p.name, p.value, step(p), p.unit, -np.inf if p.name == "OF" else 1e-3 * p.value) for p in free]
+    known = contact_model(found.block, ROTARY if measured.task.rotary else LINEAR).parameters
+
+    def unknown(p: FoundParameter) -> Unknown:
+        lower = -np.inf if p.name == "OF" else 1e-3 * p.value
+        if p.name in known:
+            return Unknown(p.name, p.value, step(p), p.unit, max(lower, known[p.name].lower), known[p.name].upper)
+        return Unknown(p.name, p.value, step(p), p.unit, lower)
+
+    unknowns = [unknown(p) for p in free]
     first, last = measured.train
     task = replace(measured.task, samples=last)
     with closed_loop(measured.servo, found.plant, task) as system:

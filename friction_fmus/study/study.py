@@ -204,6 +204,7 @@ class _Study:
         if config.servo is not None:
             measured = measured_servo(data, config.servo, self.out / KEPT, _identifier(data.longest.name))
         names = list(identifiable()) if config.models == ALL else list(config.models)
+        names.sort(key=lambda name: "presliding" not in catalogue()[name].features)  # those take longest
         records = data.train, data.validation
         jobs = [
             Job(f"model-{name}", identify_model, (name, *records, data.published.get(name, {}), measured), Found)
