@@ -4,6 +4,7 @@ from .errors import ExcitationError, FitError, IdentificationError, RecordError
 from .estimate import Estimate
 from .findings import Finding, RecordWarning
 from .identify import Method, identify
+from .identifying import Method, identify
 from .idim import (
     InverseModelFit,
     InverseModelSettings,

@@ -1,24 +1,241 @@
-"""Output error on the whole co-simulated axis."""
+"""Output error on the whole co-simulated axis: servo, mass and friction as FMUs, compared in position."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from friction_fmus.data import MeasuredAxis
+from friction_fmus.package import build
+from friction_fmus.study.servo import ServoFmus, build_fixed, write_servo
+from harness import System
 
 from .errors import FitError
-from .record import Record
-from .result import Identification
+from .idim import filtered_motion
+from .models import STATE_SCALES, ContactModel, contact_model
+from .output_error import Mapper, Target, Unknown, fit_output_error
+from .record import Array, Record
+from .result import Identification, Score
+from .scores import criteria, independent_samples, score, weak_parameters
 from .setup import Wishes
+
+#: Communication step between mass and friction [s] in the fit; the rest of the servo has that of the record.
+FIT_STEP = 2.5e-4
+
+#: Step of the differences in parts of a parameter: its effect must stand clear of the grid of the encoder.
+STEP = 0.04
+
+#: Position error that counts as one, in parts of the grid of the encoder.
+QUANTA = 20.0
+
+#: Errors of a servo model last for many samples: up to this time they count as correlated [s].
+CORRELATED = 0.2
+
+
+@dataclass(frozen=True)
+class AxisRun:
+    """Simulator of a servo with any friction block, from parameters to the signals at the samples of the record.
+
+    Attributes
+    ----------
+    path : Path
+        The system file.
+    model : str
+        Name of the friction block.
+    parameters : frozenset of str
+        Its parameters.
+    direction : float
+        Sign of the motion at the beginning, in which the contact slides; 0: at rest.
+    fixed : tuple of (str, float)
+        Parameters that stay as they are.
+    """
+
+    path: Path
+    model: str
+    parameters: frozenset[str]
+    direction: float
+    fixed: tuple[tuple[str, float], ...] = ()
+
+    def __call__(self, parameters: Mapping[str, float]) -> dict[str, Array]:
+        """Return "q" [m] and "force" [N], shape (samples,), for these parameters."""
+        values = {**dict(self.fixed), **parameters}
+        start: dict[str, float | int | bool | str] = {"axis.m": values["M"], "axis.F_load": -values.get("OF", 0.0)}
+        start |= {f"friction.{name}": value for name, value in values.items() if name in self.parameters}
+        known = STATE_SCALES.get(self.model)
+        if known is not None and self.direction:
+            state = "F_fast" if self.model == "BlimanSorine" else "d" if self.model == "SevenParameter" else "z"
+            start[f"friction.{state}"] = self.direction * known(values)
+        result = _loaded(self.path).with_start(start).run()
+        # a row holds the position at its instant and the force of the sampling period that ends there
+        return {
+            "q": np.asarray(result["axis.x"].to_numpy(), dtype=np.float64)[:-1],
+            "force": np.asarray(result["servo.u"].to_numpy(), dtype=np.float64)[1:],
+        }
+
+
+_SYSTEMS: dict[Path, System] = {}
+
+
+def _loaded(path: Path) -> System:
+    if path not in _SYSTEMS:
+        _SYSTEMS.clear()
+        _SYSTEMS[path] = System.from_toml(path)
+    return _SYSTEMS[path]
+
+
+def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: float = FIT_STEP) -> AxisRun:
+    """Build the servo of a measured axis around a friction block.
+
+    Parameters
+    ----------
+    contact : ContactModel
+        The friction.
+    axis : MeasuredAxis
+        Record and servo.
+    folder : Path
+        Where FMUs and system file go.
+    step : float
+        Communication step between mass and friction [s].
+    """
+    record = axis.record
+    motion = filtered_motion(record)
+    fixed = build_fixed(axis, folder / "fmus", "Measured")
+    state = {"x0": float(record.column("q")[0]), "v0": float(motion.v[0])}
+    mass = build("Mass", folder / "fmus", state, name="MeasuredAxis")
+    fmus = ServoFmus(**fixed, axis=mass, friction=contact.path)
+    path = write_servo(folder / f"servo_{contact.name}.toml", fmus, len(record), axis.servo, step)
+    direction = float(np.sign(motion.v[0])) if abs(motion.v[0]) > 1e-3 * np.max(np.abs(motion.v)) else 0.0
+    return AxisRun(path, contact.name, frozenset(contact.parameters), direction)
 
 
 def identify_closed_loop(
-    model: str | Path,
-    axis: MeasuredAxis,
-    wishes: Wishes,
-    validation: Record | Sequence[Record] | None,
-    begin: float,
+    model: str | Path, axis: MeasuredAxis, opened: Identification, wishes: Wishes, mapper: Mapper = map
 ) -> Identification:
-    """Fit mass, offset and friction so that the co-simulated servo moves as the measured one did."""
-    raise FitError("An axis with its servo is not identified yet; give its record.")
+    """Fit mass, offset and friction so that the co-simulated servo moves as the measured one did.
+
+    Parameters
+    ----------
+    model : str or Path
+        The friction block.
+    axis : MeasuredAxis
+        Record and servo.
+    opened : Identification
+        The identification from the force of the record: where the search starts.
+    wishes : Wishes
+        What is fixed, bounds, and start values that go before.
+    mapper : callable, optional
+        How the runs of one Jacobian are done.
+
+    Returns
+    -------
+    Identification
+        The signal is the position; `opened` gives the fields that are not about the fit.
+
+    Raises
+    ------
+    FitError
+        Nothing is left to identify, or a simulation fails.
+    ExcitationError
+        The position does not depend on a parameter, or not independently.
+
+    Notes
+    -----
+    Only the position is compared: the force follows from it through the known controller and would count the same
+    error twice. The search is that of `fit_output_error`.
+    """
+    begin = time.perf_counter()
+    contact = contact_model(model, axis.record.units)
+    unseen = [name for name, e in opened.parameters.items() if not np.isfinite(e.standard_error)]
+    names = [name for name in opened.parameters if name not in unseen]
+    unknowns = []
+    for name in names:
+        parameter = contact.parameters.get(name)
+        lower, upper = (parameter.lower, parameter.upper) if parameter else (1e-9 if name == "M" else -np.inf, np.inf)
+        low, high = wishes.bounds.get(name, (lower, upper))
+        value = wishes.start.get(name, opened.parameters[name].value)
+        step = STEP * max(abs(value), _floor(name, opened))
+        unknowns.append(Unknown(name, value, step, opened.parameters[name].unit, max(low, lower), min(high, upper)))
+    if not unknowns:
+        raise FitError(f"All parameters of {contact.name} are fixed; leave at least one to be identified.")
+    rest = {**opened.fixed, **{name: opened.parameters[name].value for name in unseen}}
+    with tempfile.TemporaryDirectory(prefix="friction-fmus-axis-") as folder:
+        run = replace(write_axis(contact, axis, Path(folder)), fixed=tuple(rest.items()))
+        target = Target(axis.record.column("q"), QUANTA * (axis.servo.quantum or 5e-8))
+        lag = round(CORRELATED / axis.servo.Ts)
+        fit = fit_output_error(
+            run, unknowns, {"q": target}, mapper=mapper, correlation=lag, max_iterations=12, tolerance=1e-4
+        )
+        predicted = run(fit.values())["q"]
+        _SYSTEMS.clear()
+    measured = axis.record.column("q")
+    estimates = {name: fit.parameters.get(name, opened.parameters[name]) for name in opened.parameters}
+    samples = independent_samples([measured - axis.record.column("reference")])
+    aic, bic = criteria(predicted - measured, samples, len(unknowns))
+    errors = {name: e.standard_error for name, e in estimates.items()}
+    correlation = np.eye(len(estimates))
+    where = [list(estimates).index(name) for name in names]
+    correlation[np.ix_(where, where)] = fit.correlation
+    values = {name: e.value for name, e in estimates.items()}
+    return replace(
+        opened,
+        method="closed-loop",
+        parameters=estimates,
+        initial={},
+        correlation=correlation,
+        t=axis.record.t,
+        measured=measured,
+        predicted=predicted,
+        signal="q",
+        unit=axis.record.units.position,
+        train=score(measured, predicted),
+        aic=aic,
+        bic=bic,
+        weak=weak_parameters(list(estimates), values, errors, correlation, _at_bound(unknowns, values), unseen),
+        warnings=() if fit.converged else ("the search ended by its limit of iterations; give better start values",),
+        seconds=opened.seconds + time.perf_counter() - begin,
+        simulations=fit.simulations,
+        errors="robust",
+        servo=axis.servo,
+    )
+
+
+def axis_response(result: Identification, record: Record, step: float = FIT_STEP) -> dict[str, Array]:
+    """Simulate the servo with the identified model along the reference of a record: "q" and "force"."""
+    if result.servo is None:
+        raise FitError("This identification was not made in a closed loop; give identify an axis with its servo.")
+    contact = contact_model(result.block, record.units)
+    with tempfile.TemporaryDirectory(prefix="friction-fmus-axis-") as folder:
+        run = write_axis(contact, MeasuredAxis(record, result.servo), Path(folder), step)
+        found = run(result.values())
+        _SYSTEMS.clear()
+    return found
+
+
+def validated(result: Identification, validation: Record | Sequence[Record]) -> Score:
+    """Score of the position on other records of the same axis."""
+    records = (validation,) if isinstance(validation, Record) else tuple(validation)
+    simulated = [axis_response(result, record)["q"] for record in records]
+    return score(np.concatenate([record.column("q") for record in records]), np.concatenate(simulated))
+
+
+def _floor(name: str, opened: Identification) -> float:
+    """Least size of a parameter whose value may be zero: what makes 5 % of the force."""
+    force = float(np.sqrt(np.mean(np.square(opened.measured))))
+    if name == "OF":
+        return 0.05 * force
+    v = max(float(np.max(np.abs(filtered_motion(r).v))) for r in opened.records)
+    return 0.05 * force / v if name in ("Fv", "sigma1", "sigma2", "beta") else 1e-300
+
+
+def _at_bound(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> dict[str, float]:
+    found = {}
+    for unknown in unknowns:
+        for limit in (unknown.lower, unknown.upper):
+            if np.isfinite(limit) and abs(values[unknown.name] - limit) < 1e-3 * unknown.step:
+                found[unknown.name] = limit
+    return found

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from friction_fmus.catalogue import catalogue, find
@@ -94,7 +95,7 @@ ROWS: Mapping[str, Row] = {
     "gamma": Row(lambda t: 1.0, _REST),
     "tauL": Row(lambda t: 5e-3, "sliding with a velocity that swings about a mean one"),
     "T_dz": Row(lambda t: t.peak, _SLOW),
-    "C": Row(lambda t: 10.0 * t.level, "sliding with a velocity that swings about a mean one"),
+    "C": Row(lambda t: 100.0 * t.level, "sliding with a velocity that swings about a mean one"),
     "k": Row(lambda t: t.stiffness, _LOOPS),
     "W": Row(lambda t: t.level, _LOOPS),
     "alpha": Row(lambda t: 1.0, _LOOPS),
@@ -106,7 +107,7 @@ HELD = ("delta", "v_d", "delta_v", "gamma", "Fs_a", "tauL", "dead_band", "DV", "
 """Parameters that keep their value unless `start` or `bounds` names them: shapes that trade with others, and effects
 that most records do not show. The stiffness of `Dahl` is called sigma, too, and is no such parameter."""
 
-HYSTERESIS = ("MaxwellSlip", "GMS", "ModifiedLeuven")
+HYSTERESIS = ("MaxwellSlip", "GMS")
 """Blocks with elements k[i] beside others: least squares on a grid of break-away distances finds them."""
 
 STATE_SCALES: Mapping[str, Callable[[Mapping[str, float]], float]] = {
@@ -190,7 +191,7 @@ def row_of(name: str) -> Row | None:
     return ROWS.get(name.split("[")[0].removesuffix("_neg"))
 
 
-_NOT = ("FrenkelKontorovaTomlinson", "PrandtlTomlinson", "RateAndState", "Karnopp")
+_NOT = ("FrenkelKontorovaTomlinson", "PrandtlTomlinson", "RateAndState", "Karnopp", "ModifiedLeuven")
 """Blocks without units, with the mass of a tip, with parameters that only tests of their own kind tell apart, or with
 a dead zone in the velocity that only the mass beside it fills."""
 
@@ -208,7 +209,7 @@ def identifiable() -> tuple[str, ...]:
 
 
 def contact_model(model: str | Path, units: AxisUnits) -> ContactModel:
-    """Build the block and read its parameters.
+    """Build the block and read its parameters; a block of the package only once.
 
     Parameters
     ----------
@@ -224,6 +225,17 @@ def contact_model(model: str | Path, units: AxisUnits) -> ContactModel:
     UnknownNameError, BuildError
         There is no such block, or it does not compile.
     """
+    if str(model) in catalogue():
+        return _known(str(model), units)
+    return _read(model, units)
+
+
+@cache
+def _known(model: str, units: AxisUnits) -> ContactModel:
+    return _read(model, units)
+
+
+def _read(model: str | Path, units: AxisUnits) -> ContactModel:
     block = find(model)
     if str(model) in catalogue() and block.name not in identifiable():
         raise IdentificationError(

@@ -96,6 +96,8 @@ class OutputErrorFit:
         Number of simulations used.
     converged : bool
         Whether the search ended by its tolerances rather than by `max_iterations`.
+    correlation : array, shape (p, p)
+        Correlation of the estimates.
     """
 
     parameters: Mapping[str, Estimate]
@@ -103,6 +105,7 @@ class OutputErrorFit:
     rms: Mapping[str, float]
     simulations: int
     converged: bool
+    correlation: Array
 
     def values(self) -> dict[str, float]:
         """Parameter values without their errors."""
@@ -225,7 +228,9 @@ def fit_output_error(
     inverse = np.linalg.inv(J.T @ J)
     classic = np.sqrt(np.diag(inverse) * float(r @ r) / max(1, len(r) - len(names))) * step
     lengths = [len(target.measured) - target.first for target in targets.values()]
-    robust = np.sqrt(np.diag(inverse @ score_covariance(J, r, lengths, correlation) @ inverse)) * step
+    covariance = inverse @ score_covariance(J, r, lengths, correlation) @ inverse
+    spread = np.sqrt(np.diag(covariance))
+    robust = spread * step
 
     parameters = {
         unknown.name: Estimate(unknown.name, float(value), float(error), unknown.unit)
@@ -242,6 +247,7 @@ def fit_output_error(
         rms=rms,
         simulations=simulations,
         converged=bool(result.status > 0),
+        correlation=covariance / np.outer(spread, spread),
     )
 
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
 
-from harness import Drive, FmuPart
-
+from .drives import driven
 from .models import STATE_SCALES, ContactModel, contact_model
 from .pieces import Piece, prepare
 from .problem import Coordinate, Problem
@@ -21,6 +19,10 @@ from .setup import INITIAL_LIMIT
 
 def predict(result: Identification, record: Record) -> Array:
     """The signal along the motion of a record; see `Identification.predict`."""
+    if result.signal == "q":
+        from .closed_loop import axis_response  # it needs the servo, which needs this package
+
+        return axis_response(result, record)["q"]
     force = result.signal == "force"
     known = (record.force if force else record.friction) is not None
     zero = np.zeros(len(record))
@@ -28,12 +30,14 @@ def predict(result: Identification, record: Record) -> Array:
     piece, F = _simulated(result, filled, fit=known)
     values = result.values()
     if piece.a is None:
-        return piece.predicted(F, 0.0, 0.0)
+        return piece.predicted(F, 0.0, values.get("OF", 0.0))
     return F + values.get("M", 0.0) * piece.a + values.get("OF", 0.0)
 
 
 def compare(result: Identification, record: Record) -> tuple[Array, Array]:
     """Measured and predicted signal; see `Identification.compare`."""
+    if result.signal == "q":
+        return record.column("q"), predict(result, record)
     piece, F = _simulated(result, record, fit=True)
     values = result.values()
     return piece.measured, piece.predicted(F, values.get("M", 0.0), values.get("OF", 0.0))
@@ -52,7 +56,7 @@ def _simulated(result: Identification, record: Record, fit: bool) -> tuple[Piece
     def states(_: Mapping[str, float], parts: Mapping[str, float]) -> dict[str, float]:
         return {name: part * sizes[name] for name, part in parts.items()}
 
-    with closing(Drive(FmuPart(contact.name, contact.path))) as drive:
+    with driven(contact.path) as drive:
         problem = Problem(drive, [piece], coordinates, lambda _: {}, states, values)
         x = problem.start()
         if coordinates:

@@ -99,6 +99,11 @@ class Problem:
         self.size = float(np.sqrt(np.mean(np.square(total)))) or 1.0
         self.count = len(total)
 
+    @property
+    def shared(self) -> list[Coordinate]:
+        """The coordinates that are the same for all records."""
+        return [c for c in self.coordinates if c.piece is None]
+
     def values(self, x: Array, piece: int | None) -> dict[str, float]:
         """Values of the coordinates that all share, or of those of one piece."""
         return {c.name: c.value(float(at)) for c, at in zip(self.coordinates, x, strict=True) if c.piece == piece}

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .estimate import Estimate
 from .idim import InverseModelSettings
 from .record import Array, Record
+
+if TYPE_CHECKING:
+    from friction_fmus.data import ServoSettings
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,8 @@ class Identification:
         The data that were fitted.
     settings : InverseModelSettings or None
         The filter that was asked for.
+    servo : ServoSettings or None
+        The servo of a closed loop.
     """
 
     model: str
@@ -105,6 +111,7 @@ class Identification:
     block: str | Path = ""
     records: tuple[Record, ...] = field(default=(), repr=False)
     settings: InverseModelSettings | None = None
+    servo: ServoSettings | None = None
 
     def values(self) -> dict[str, float]:
         """Parameter values without their errors, those that were given included."""

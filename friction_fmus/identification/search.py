@@ -10,6 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 import scipy.optimize
 import scipy.stats
+from threadpoolctl import threadpool_limits
 
 from .errors import FitError
 from .output_error import score_covariance
@@ -87,7 +88,9 @@ def search(problem: Problem, loss: Loss, starts: int, frozen: Sequence[int] = ()
     for _ in range(starts - 1):
         drawn = [_drawn(problem, first, free, lower, upper, random) for _ in range(CANDIDATES)]
         points.append(min(drawn, key=lambda x: _cost(problem.residual(x))))
-    found = [_one(problem, point, free, lower, upper, loss) for point in points]
+    # the matrices are tall and narrow: threads of the linear algebra cost more than they save
+    with threadpool_limits(1):
+        found = [_one(problem, point, free, lower, upper, loss) for point in points]
     best = min((f for f in found if f is not None), key=lambda f: _cost(f.residual), default=None)
     if best is None:
         # what the block says of its start values is the reason
@@ -145,8 +148,8 @@ def _one(problem: Problem, start: Array, free: Array, lower: Array, upper: Array
             bounds=(lower[free], upper[free]),
             loss=loss,
             f_scale=scale,
-            ftol=1e-8,
-            xtol=1e-7,
+            ftol=1e-7,
+            xtol=1e-6,
             gtol=1e-12,
             max_nfev=80,
         )

@@ -67,7 +67,7 @@ def check_wishes(model: ContactModel, signal: str, wishes: Wishes) -> None:
     FitError
         Says which.
     """
-    known = {*model.parameters, *(("M", "OF") if signal == "force" else ())}
+    known = {*model.parameters, "OF", *(("M",) if signal == "force" else ())}
     for kind, names in (("fixed", wishes.fixed), ("bounds", wishes.bounds), ("start", wishes.start)):
         for name in names:
             if name not in known:
@@ -113,7 +113,7 @@ def scalar_setup(
     """
     names = model.identified(wishes.named, wishes.fixed)
     coordinates = [coordinate(model, name, traits, wishes) for name in names]
-    coordinates += inertia(pieces, traits, wishes)
+    coordinates += surroundings(pieces, traits, wishes)
     if not coordinates:
         raise FitError(f"All parameters of {model.name} are fixed; leave at least one to be identified.")
     state, scale = model.initial_state, STATE_SCALES.get(model.name)
@@ -150,13 +150,16 @@ def coordinate(model: ContactModel, name: str, traits: Traits, wishes: Wishes) -
     return Coordinate(name, scale, guess, lower, upper, log)
 
 
-def inertia(pieces: Sequence[Piece], traits: Traits, wishes: Wishes) -> list[Coordinate]:
-    """The unknown mass and offset of a drive."""
-    if pieces[0].a is None:
-        return []
-    mass, offset = inertia_guess(pieces)
-    size = float(np.sqrt(np.mean(np.square(np.concatenate([piece.a for piece in pieces if piece.a is not None])))))
-    guesses = {"M": (max(mass, 1e-3 * traits.level / max(size, 1e-300)), 0.0), "OF": (offset, -math.inf)}
+def surroundings(pieces: Sequence[Piece], traits: Traits, wishes: Wishes) -> list[Coordinate]:
+    """The unknown mass of a drive, and the offset of any force that is measured in both directions."""
+    guesses: dict[str, tuple[float, float]] = {}
+    if pieces[0].a is not None:
+        mass, offset = inertia_guess(pieces)
+        a = np.concatenate([piece.a for piece in pieces if piece.a is not None])
+        size = float(np.sqrt(np.mean(np.square(a))))
+        guesses = {"M": (max(mass, 1e-3 * traits.level / max(size, 1e-300)), 0.0), "OF": (offset, -math.inf)}
+    elif any(piece.reciprocating for piece in pieces) or "OF" in wishes.named:
+        guesses = {"OF": (0.0, -math.inf)}
     found = []
     for name, (guess, low) in guesses.items():
         if name in wishes.fixed:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from harness import Drive, FmuPart
-
+from .drives import driven
 from .errors import FitError
 from .estimate import Estimate
-from .hysteresis import hysteresis_start
+from .hysteresis import hysteresis_setup
 from .idim import InverseModelSettings
 from .models import HYSTERESIS, ContactModel, contact_model
 from .pieces import Piece, prepare, signal_of, traits
@@ -44,7 +42,7 @@ def identify(
     loss: Loss = "linear",
     method: Method = "auto",
     validation: Record | Sequence[Record] | None = None,
-    starts: int = 3,
+    starts: int | None = None,
     settings: InverseModelSettings | None = None,
 ) -> Identification:
     """Identify the parameters of a friction model from measured data.
@@ -71,8 +69,9 @@ def identify(
         measured motion), "closed-loop" for a `MeasuredAxis`.
     validation : Record or sequence of Record, optional
         Data that are predicted with the result, only their initial states fitted.
-    starts : int
-        Searches from different points; the best end is taken.
+    starts : int, optional
+        Searches from different points, of which the best end is taken; by default 1 if `start` names all parameters,
+        for elements of hysteresis and in a closed loop, otherwise 3.
     settings : InverseModelSettings, optional
         Filter of position and, for a drive force, of both sides of the equation; by default as `default_settings`.
 
@@ -102,13 +101,18 @@ def identify(
     from friction_fmus.data import MeasuredAxis  # its loaders make records of this package
 
     if isinstance(data, MeasuredAxis):
-        from .closed_loop import identify_closed_loop  # it needs the servo, which needs this package
+        from .closed_loop import identify_closed_loop, validated  # it needs the servo, which needs this package
 
         if method not in ("auto", "closed-loop"):
             raise FitError(
                 f"The method for an axis with its servo is 'closed-loop', not {method!r}; or give its record."
             )
-        return identify_closed_loop(model, data, wishes, validation, begin)
+        opened = identify(
+            model, data.record, fixed=fixed, bounds=bounds, start=start, loss=loss, starts=starts, settings=settings
+        )
+        closed = identify_closed_loop(model, data, opened, wishes)
+        checked = None if validation is None else validated(closed, validation)
+        return closed.timed(time.perf_counter() - begin, checked)
     records = (data,) if isinstance(data, Record) else tuple(data)
     if not records:
         raise FitError("There are no records; give at least one.")
@@ -119,13 +123,14 @@ def identify(
     pieces = [prepare(record, contact, signal, settings) for record in records]
     Fn0 = _reference_load(wishes, pieces)
     looked = traits(pieces, Fn0 or 1.0)
-    with closing(Drive(FmuPart(contact.name, contact.path))) as drive:
+    with driven(contact.path) as drive:
         if chosen == "hysteresis":
-            setup = hysteresis_start(contact, drive, pieces, looked, wishes, records[0].units, Fn0)
+            setup = hysteresis_setup(contact, pieces, looked, wishes, records[0].units, Fn0)
         else:
             setup = scalar_setup(contact, pieces, looked, wishes, records[0].units, Fn0)
         problem = Problem(drive, pieces, setup.coordinates, setup.assemble, setup.states, setup.constants)
-        found = search(problem, loss, 1 if chosen == "hysteresis" else starts)
+        known = chosen == "hysteresis" or all(c.name in wishes.start or c.name == "OF" for c in problem.shared)
+        found = search(problem, loss, starts or (1 if known else 3))
         result = _result(model, contact, chosen, problem, setup, found, signal, unit, records, settings)
     checked = None if validation is None else _validated(result, validation)
     return result.timed(time.perf_counter() - begin, checked)

@@ -1,0 +1,35 @@
+"""Loaded FMUs that wait for their next use: to unpack and load one takes longer than a fit of a small record."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from harness import Drive, FmuPart
+
+_IDLE: dict[Path, Drive] = {}
+_LOCK = threading.Lock()
+
+
+@contextmanager
+def driven(path: Path) -> Iterator[Drive]:
+    """Lend a drive of an FMU to one user; the last one of each FMU stays loaded.
+
+    Parameters
+    ----------
+    path : Path
+        The FMU.
+    """
+    with _LOCK:
+        drive = _IDLE.pop(path, None)
+    drive = drive or Drive(FmuPart(path.stem, path))
+    try:
+        yield drive
+    finally:
+        with _LOCK:
+            before = _IDLE.pop(path, None)
+            _IDLE[path] = drive
+        if before is not None:
+            before.close()
