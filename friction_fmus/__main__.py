@@ -17,6 +17,7 @@ from friction_fmus.check_command import add_check_options, check_files
 from friction_fmus.codegen.command import add_codegen_options, codegen
 from friction_fmus.doctor_command import add_doctor_options, examine_system
 from friction_fmus.errors import FrictionError
+from friction_fmus.identify_command import add_identify_options, identify_models
 from friction_fmus.run_command import add_run_options, run_system
 from friction_fmus.study_command import add_study_options, study
 from friction_fmus.terminal import console, parse_assignment, progress_bar
@@ -125,6 +126,8 @@ def parser() -> argparse.ArgumentParser:
     add_codegen_options(generating)
     sweeping = command("sweep", sweep_command.sweep_system, "run a system of FMUs with many parameter sets")
     sweep_command.add_arguments(sweeping)
+    identifying = command("identify", identify_models, "find the friction models that fit a log file")
+    add_identify_options(identifying)
     studying = command("study", study, "identify a measured axis, co-simulate it, and find the compensator that pays")
     add_study_options(studying)
     return top

@@ -2,8 +2,8 @@
 
 from .errors import ExcitationError, FitError, IdentificationError, RecordError
 from .estimate import Estimate
+from .excitation import examine, examine_pieces
 from .findings import Finding, RecordWarning
-from .identify import Method, identify
 from .identifying import Method, identify
 from .idim import (
     InverseModelFit,
@@ -14,12 +14,13 @@ from .idim import (
     identify_inverse_model,
     identify_inverse_stribeck,
 )
-from .mapping import DataMapping, load_mapping, read_mapping
+from .mapping import DataMapping, load_mapping, read_mapping, read_windows
 from .models import identifiable
 from .output_error import Mapper, OutputErrorFit, Simulator, Target, Unknown, fit_output_error
 from .reading import Measurement, read_measurement, read_records
 from .record import LINEAR, ROTARY, Array, AxisUnits, Record
 from .result import Identification, Score
+from .survey import Survey, Task, compare_models
 
 __all__ = [
     "LINEAR",
@@ -45,9 +46,14 @@ __all__ = [
     "RecordWarning",
     "Score",
     "Simulator",
+    "Survey",
     "Target",
+    "Task",
     "Unknown",
+    "compare_models",
     "decimate",
+    "examine",
+    "examine_pieces",
     "filtered_motion",
     "fit_output_error",
     "identifiable",
@@ -58,4 +64,5 @@ __all__ = [
     "read_mapping",
     "read_measurement",
     "read_records",
+    "read_windows",
 ]

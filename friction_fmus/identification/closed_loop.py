@@ -11,15 +11,16 @@ from pathlib import Path
 import numpy as np
 
 from friction_fmus.data import MeasuredAxis
-from friction_fmus.package import build
-from friction_fmus.study.servo import ServoFmus, build_fixed, write_servo
+from friction_fmus.package import build_record
+from friction_fmus.study.config import Servo
+from friction_fmus.study.loop import Plant, Task, closed_loop, run_loop, typed
 from harness import System
 
 from .errors import FitError
 from .idim import filtered_motion
 from .models import STATE_SCALES, ContactModel, contact_model
 from .output_error import Mapper, Target, Unknown, fit_output_error
-from .record import Array, Record
+from .record import ROTARY, Array, Record
 from .result import Identification, Score
 from .scores import criteria, independent_samples, score, weak_parameters
 from .setup import Wishes
@@ -43,53 +44,57 @@ class AxisRun:
 
     Attributes
     ----------
-    path : Path
-        The system file.
+    servo : Servo
+        Feedback and sensors.
+    task : Task
+        The reference, and the state at the beginning.
     model : str
         Name of the friction block.
     parameters : frozenset of str
         Its parameters.
     direction : float
         Sign of the motion at the beginning, in which the contact slides; 0: at rest.
+    step : float
+        Longest communication step between mass and friction [s].
     fixed : tuple of (str, float)
         Parameters that stay as they are.
     """
 
-    path: Path
+    servo: Servo
+    task: Task
     model: str
     parameters: frozenset[str]
     direction: float
+    step: float
     fixed: tuple[tuple[str, float], ...] = ()
 
     def __call__(self, parameters: Mapping[str, float]) -> dict[str, Array]:
         """Return "q" [m] and "force" [N], shape (samples,), for these parameters."""
         values = {**dict(self.fixed), **parameters}
         start: dict[str, float | int | bool | str] = {"axis.m": values["M"], "axis.F_load": -values.get("OF", 0.0)}
-        start |= {f"friction.{name}": value for name, value in values.items() if name in self.parameters}
+        own = {name: value for name, value in values.items() if name in self.parameters}
+        system = self._loaded(Plant(self.model, own, values["M"]))
+        start |= {f"friction.{name}": value for name, value in typed(system.parts["friction"], own).items()}
         known = STATE_SCALES.get(self.model)
         if known is not None and self.direction:
             state = "F_fast" if self.model == "BlimanSorine" else "d" if self.model == "SevenParameter" else "z"
             start[f"friction.{state}"] = self.direction * known(values)
-        result = _loaded(self.path).with_start(start).run()
-        # a row holds the position at its instant and the force of the sampling period that ends there
-        return {
-            "q": np.asarray(result["axis.x"].to_numpy(), dtype=np.float64)[:-1],
-            "force": np.asarray(result["servo.u"].to_numpy(), dtype=np.float64)[1:],
-        }
+        trace = run_loop(system.with_start(start))
+        return {"q": trace.q, "force": trace.force}
+
+    def _loaded(self, plant: Plant) -> System:
+        key = self.task.reference, self.model
+        if key not in _SYSTEMS:
+            _SYSTEMS.clear()
+            _SYSTEMS[key] = closed_loop(self.servo, plant, self.task, longest=self.step)
+        return _SYSTEMS[key]
 
 
-_SYSTEMS: dict[Path, System] = {}
+_SYSTEMS: dict[tuple[Path, str], System] = {}
 
 
-def _loaded(path: Path) -> System:
-    if path not in _SYSTEMS:
-        _SYSTEMS.clear()
-        _SYSTEMS[path] = System.from_toml(path)
-    return _SYSTEMS[path]
-
-
-def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: float = FIT_STEP) -> AxisRun:
-    """Build the servo of a measured axis around a friction block.
+def axis_run(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: float = FIT_STEP) -> AxisRun:
+    """The servo of a measured axis around a friction block.
 
     Parameters
     ----------
@@ -98,19 +103,22 @@ def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: fl
     axis : MeasuredAxis
         Record and servo.
     folder : Path
-        Where FMUs and system file go.
+        Where the FMU of the reference goes.
     step : float
-        Communication step between mass and friction [s].
+        Longest communication step between mass and friction [s].
     """
     record = axis.record
-    motion = filtered_motion(record)
-    fixed = build_fixed(axis, folder / "fmus", "Measured")
-    state = {"x0": float(record.column("q")[0]), "v0": float(motion.v[0])}
-    mass = build("Mass", folder / "fmus", state, name="MeasuredAxis")
-    fmus = ServoFmus(**fixed, axis=mass, friction=contact.path)
-    path = write_servo(folder / f"servo_{contact.name}.toml", fmus, len(record), axis.servo, step)
-    direction = float(np.sign(motion.v[0])) if abs(motion.v[0]) > 1e-3 * np.max(np.abs(motion.v)) else 0.0
-    return AxisRun(path, contact.name, frozenset(contact.parameters), direction)
+    v = filtered_motion(record).v
+    servo = axis.servo
+    gains = {"kp": servo.kp, "kv": servo.kv, "ki": 0.0}
+    feedback = Servo("CascadePPI", gains, servo.Ts, servo.force_limit, servo.window, servo.quantum)
+    r = record.column("reference")
+    t = servo.Ts * np.arange(float(len(r)))
+    rd = np.gradient(r, servo.Ts)
+    reference = build_record(t, r, rd, np.gradient(rd, servo.Ts), folder, name="MeasuredReference")
+    task = Task(reference, len(r), float(record.column("q")[0]), float(v[0]), rotary=record.units == ROTARY)
+    direction = float(np.sign(v[0])) if abs(v[0]) > 1e-3 * np.max(np.abs(v)) else 0.0
+    return AxisRun(feedback, task, contact.name, frozenset(contact.parameters), direction, step)
 
 
 def identify_closed_loop(
@@ -164,7 +172,7 @@ def identify_closed_loop(
         raise FitError(f"All parameters of {contact.name} are fixed; leave at least one to be identified.")
     rest = {**opened.fixed, **{name: opened.parameters[name].value for name in unseen}}
     with tempfile.TemporaryDirectory(prefix="friction-fmus-axis-") as folder:
-        run = replace(write_axis(contact, axis, Path(folder)), fixed=tuple(rest.items()))
+        run = replace(axis_run(contact, axis, Path(folder)), fixed=tuple(rest.items()))
         target = Target(axis.record.column("q"), QUANTA * (axis.servo.quantum or 5e-8))
         lag = round(CORRELATED / axis.servo.Ts)
         fit = fit_output_error(
@@ -210,7 +218,7 @@ def axis_response(result: Identification, record: Record, step: float = FIT_STEP
         raise FitError("This identification was not made in a closed loop; give identify an axis with its servo.")
     contact = contact_model(result.block, record.units)
     with tempfile.TemporaryDirectory(prefix="friction-fmus-axis-") as folder:
-        run = write_axis(contact, MeasuredAxis(record, result.servo), Path(folder), step)
+        run = axis_run(contact, MeasuredAxis(record, result.servo), Path(folder), step)
         found = run(result.values())
         _SYSTEMS.clear()
     return found

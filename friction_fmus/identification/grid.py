@@ -10,7 +10,7 @@ zero and at its upper limit, and what the three get together is an element begun
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
@@ -162,8 +162,7 @@ def element_responses(piece: Piece, distance: Array, beginning: Array) -> Array:
             start: dict[str, float | int | bool | str] = {"N": len(d)}
             for i, (limit, part) in enumerate(zip(d, s, strict=True), start=1):
                 start |= {f"k[{i}]": 1.0, f"W[{i}]": float(limit), f"Fi[{i}]": float(part * limit)}
-            inputs = {"v": piece.inputs["v"]}
-            columns.append(drive.run(inputs, outputs[: len(d)], piece.step, between=piece.between, start=start))
+            columns.append(replace(piece, inputs={"v": piece.inputs["v"]}).run(drive, outputs[: len(d)], start))
     return np.column_stack(columns)
 
 

@@ -33,11 +33,13 @@ def guess_mapping(table: Table, path: Path) -> DataMapping:
     """
     found: dict[str, Column] = {}
     reasons = []
+    named = set()
     for role, names in NAMES.items():
         fitting = []
         for heading in table.columns:
             name, unit = _parts(heading, table.units.get(heading, ""))
             if name in names:
+                named.add(role)
                 known = unit_of(unit)
                 if known is None or not fits(role, known):
                     reasons.append(f"{heading!r} has {f'the unit {unit}' if unit else 'no unit'} for a {role}")
@@ -48,7 +50,7 @@ def guess_mapping(table: Table, path: Path) -> DataMapping:
         elif fitting:
             found[role] = fitting[0]
     for need in (("time",), ("position", "velocity"), ("force", "friction")):
-        if not found.keys() & set(need):
+        if not (found.keys() | named) & set(need):
             reasons.append(f"no column is known to be the {' or '.join(need)}")
     if reasons:
         raise RecordError(

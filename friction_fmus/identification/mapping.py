@@ -215,7 +215,7 @@ def combined_unit(role: str, column: Column, where: str, unit: str = "") -> tupl
         total = times(known, per)
     if not fits(role, total):
         product = f"{text} times the gain {column.gain}" if column.gain else f"the unit {text!r}"
-        hint = "" if column.gain else f', or its gain, such as gain = "35.15 {EXAMPLE[role]}/V"'
+        hint = "" if column.gain else f', or the gain that leads to it, such as gain = "2.5 {EXAMPLE[role]}/{text}"'
         raise RecordError(
             f"{where} has {product}, which is no {QUANTITY[role]}; give a unit such as {EXAMPLE[role]}{hint}."
         )

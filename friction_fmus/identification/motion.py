@@ -42,17 +42,17 @@ def course(record: Record) -> Course:
 
     Notes
     -----
-    A turn is a peak that stands out by 5 standard deviations of the noise (from second differences), 3 steps of the
-    encoder and 0.01 % of the whole motion. The velocity, if it was not measured, is the central difference of the
+    A turn is a peak that stands out by 10 standard deviations of the noise (from fourth differences), 3 steps of the
+    encoder and a millionth of the whole motion. The velocity, if it was not measured, is the central difference of the
     position behind a zero-phase low-pass filter of second order.
     """
     measured = record.q if record.q is not None else cumulative_trapezoid(record.column("v"), record.t, initial=0)
-    noise = float(np.median(np.abs(np.diff(measured, 2)))) / (0.6745 * np.sqrt(6.0))
+    noise = float(np.median(np.abs(np.diff(measured, 4)))) / (0.6745 * np.sqrt(70.0))
     q = _smoothed(measured, record.Ts)
     v = record.v if record.v is not None else np.gradient(q, record.Ts)
     span = float(np.ptp(measured))
-    height = max(5.0 * noise, 3.0 * record.quantum, 1e-4 * span)
-    turns = np.sort(np.concatenate([find_peaks(side * q, prominence=height)[0] for side in (1.0, -1.0)]))
+    height = max(10.0 * noise, 3.0 * record.quantum, 1e-6 * span)
+    turns = np.sort(np.concatenate([find_peaks(side * measured, prominence=height)[0] for side in (1.0, -1.0)]))
     return Course(q, v, noise, turns, np.abs(np.diff(q[turns])) if turns.size else np.zeros(0))
 
 

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
+
+from harness import Drive
+from harness.part import StartValue
 
 from .errors import RecordError
 from .idim import InverseModelSettings, decimate, filtered_motion
 from .models import ContactModel, Traits
 from .record import Array, Record
+
+Between: TypeAlias = Literal["held", "linear", "halves"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +29,8 @@ class Piece:
         Where it comes from.
     inputs : mapping of str to array, shape (n,)
         What drives the block: v, and Fn where the normal force was measured.
-    between : {"held", "linear"}
-        The inputs between two samples.
+    between : {"held", "linear", "halves"}
+        The inputs between two samples: the earlier value, a straight line, or the nearer of the two.
     x : array, shape (n,)
         Position along which the block is driven, from 0.
     a : array, shape (n,) or None
@@ -42,7 +47,7 @@ class Piece:
 
     record: Record
     inputs: Mapping[str, Array]
-    between: Literal["held", "linear"]
+    between: Between
     x: Array
     a: Array | None
     per: Array | None
@@ -54,6 +59,16 @@ class Piece:
     def step(self) -> float:
         """Sampling interval [s]."""
         return self.record.Ts
+
+    def drive(
+        self, drive: Drive, outputs: Sequence[str], start: Mapping[str, StartValue], tolerance: float | None = None
+    ) -> Array:
+        """Outputs of a block along the record, shape (n, outputs)."""
+        inputs = {port.name: self.inputs[port.name] for port in drive.part.inputs if port.name in self.inputs}
+        if self.between != "halves":
+            return drive.run(inputs, outputs, self.step, between=self.between, start=start, tolerance=tolerance)
+        nearer = {name: np.repeat(values, 2)[1:] for name, values in inputs.items()}
+        return drive.run(nearer, outputs, 0.5 * self.step, start=start, tolerance=tolerance)[::2]
 
     def rows(self, signal: Array) -> Array:
         """What is left of a signal of shape (n,) or (n, columns) behind the filter."""
@@ -124,7 +139,7 @@ def prepare(record: Record, model: ContactModel, signal: str, settings: InverseM
     filter_ = settings if settings is not None else default_settings(record)
     inputs: dict[str, Array] = {}
     a: Array | None = None
-    between: Literal["held", "linear"] = "linear"
+    between: Between = "linear"
     used: InverseModelSettings | None = None
     if signal == "force":
         used = filter_
@@ -135,9 +150,9 @@ def prepare(record: Record, model: ContactModel, signal: str, settings: InverseM
             v = record.column("v")
             a = np.gradient(v, record.Ts)
         if not model.static:
-            # over a step the velocity of its end: behind the filter the same as straight lines to 0.01 % of the force,
-            # and a bristle model takes 30 times less time for it
-            between, v = "held", np.append(v[1:], v[-1])
+            # the nearer of two velocities: the way and the force at each sample are of second order as with straight
+            # lines, and a bristle model has exact steps for it
+            between = "halves"
     elif record.v is not None:
         v = record.v
     elif model.rate_dependent:
@@ -149,7 +164,7 @@ def prepare(record: Record, model: ContactModel, signal: str, settings: InverseM
     per = _normal(record) if signal == "mu" else None
     if per is not None and model.loaded:
         inputs["Fn"] = per
-    if between == "held" and a is None:
+    if between == "held":
         x = record.column("q") - record.column("q")[0]
     else:
         x = np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * record.Ts))

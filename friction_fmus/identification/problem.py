@@ -120,8 +120,7 @@ class Problem:
         start = {**self.constants, **parameters, **self.states(parameters, self.values(x, index))}
         start = {name: value for name, value in start.items() if name not in ("M", "OF")}
         self.simulations += 1
-        rows = self.drive.run(piece.inputs, ["F"], piece.step, between=piece.between, start=start, tolerance=TOLERANCE)
-        return rows[:, 0]
+        return piece.drive(self.drive, ["F"], start, TOLERANCE)[:, 0]
 
     def error(self, x: Array, index: int) -> Array:
         """Predicted minus measured of one piece, in parts of the size of the signal; infinite where the block refuses

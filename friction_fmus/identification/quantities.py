@@ -41,7 +41,7 @@ def unit_of(text: str) -> BaseUnit | None:
     try:  # rarer ones, such as rpm, inch, lbf, °
         expression = re.sub(r"([A-Za-z])(-?\d+)", r"\1**\2", text.strip().replace(".", "*"))
         quantity = _registry().Quantity(1.0, _registry().parse_units(expression)).to_base_units()
-        powers = {BASE_UNITS[name]: int(str(power)) for name, power in quantity.unit_items()}
+        powers = {BASE_UNITS[name]: round(float(str(power))) for name, power in quantity.unit_items()}
     except Exception:  # pint raises many kinds, also for bad syntax and for units with an offset
         return None
     return BaseUnit(tuple(powers.get(symbol, 0) for symbol in BASE_SYMBOLS), float(quantity.magnitude))

@@ -65,7 +65,8 @@ class Measurement:
                 f"{self.records[0].name!r}, which lasts from {self.records[0].t[0]:g} to "
                 f"{self.records[-1].t[-1]:g} s; choose another one."
             )
-        return tuple(record.window(begin, end) for record in inside)
+        # a thousandth of a sample for times that are not exact in binary
+        return tuple(r.window(begin - 1e-3 * r.Ts, end + 1e-3 * r.Ts) for r in inside)
 
 
 def read_records(
@@ -224,13 +225,17 @@ def _check_time(table: Table, t: Array, rows: Array, column: Column, path: Path)
     place = table.place(int(rows[at]))
     if t[at] == t[at - 1]:
         raise RecordError(
-            f"{path} has the time {t[at]:.9g} s twice, the second time in {place} ({wrong.size} such places); remove "
+            f"{path} has the time {t[at]:.9g} s twice, the second time in {place} ({_times(wrong.size)}); remove "
             f'doubled rows, log the time with more digits, or give time = {{ period = "..." }}.'
         )
     raise RecordError(
-        f"The time in {path} goes back from {t[at - 1]:.9g} s to {t[at]:.9g} s in {place} ({wrong.size} such places); "
+        f"The time in {path} goes back from {t[at - 1]:.9g} s to {t[at]:.9g} s in {place} ({_times(wrong.size)}); "
         "sort the rows, or cut the file there if the log was started again."
     )
+
+
+def _times(count: int) -> str:
+    return "one such place" if count == 1 else f"{count} such places"
 
 
 def _quantum(q: Array) -> float:

@@ -97,11 +97,13 @@ def equally_spaced(t: Array, columns: Mapping[str, Array]) -> tuple[list[Piece],
         what = f"The times are rounded to {max(rounded):.3g} s and equally spaced but for that; they were made so."
         findings.append(Finding("rounded-time", what, "Log the time with more digits."))
     if resampled:
-        off = float(np.max(np.abs(steps[steps <= GAP * usual] / usual - 1.0)))
+        off = np.abs(steps[steps <= GAP * usual] / usual - 1.0) > JITTER
+        first, longest = t[:-1][steps <= GAP * usual][off][0], max(resampled)
         what = (
-            f"The intervals deviate by up to {100 * off:.3g} % from the usual {usual:.4g} s; positions and velocities "
-            f"were resampled at that interval by a cubic spline, forces linearly; above {0.5 / max(resampled):.4g} Hz "
-            "the record knows nothing where its samples lie furthest apart."
+            f"{np.count_nonzero(off)} of {len(off)} intervals deviate by more than 1 % from the usual {usual:.4g} s, "
+            f"the first one at t = {first:.6g} s; positions and velocities were resampled at that interval by a cubic "
+            f"spline, forces linearly. Where samples lie furthest apart, {longest:.4g} s, the record knows nothing "
+            f"above {0.5 / longest:.4g} Hz."
         )
         findings.append(Finding("irregular-sampling", what, "Log at equal intervals, from a real-time task."))
     return pieces, findings
@@ -116,7 +118,8 @@ def _grid(t: Array, usual: float) -> tuple[Array, str]:
     k = np.arange(len(t))
     slope, begin = np.polyfit(k, t - t[0], 1)
     line = t[0] + begin + slope * k
-    if np.max(np.abs(t - line)) <= 0.75 * _digits(t) < 0.75 * slope:
+    digits = _digits(t)
+    if np.max(np.abs(t - line)) <= 0.6 * digits and digits <= 0.4 * slope:
         return line, "rounded"
     return np.linspace(t[0], t[-1], max(2, round((t[-1] - t[0]) / usual)) + 1), "resampled"
 

@@ -60,6 +60,8 @@ def read_table(path: Path) -> Table:
     readers: dict[str, Callable[[Path], Table]] = dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc"), read_text)
     readers |= {".parquet": _read_parquet, ".pq": _read_parquet, ".mat": _read_mat}
     suffix = path.suffix.lower()
+    if suffix in (".gz", ".xz") and readers.get(Path(path.stem).suffix.lower()) is read_text:
+        readers[suffix] = read_text
     if suffix not in readers:
         raise RecordError(f"{path} has no known format; give a file that ends in {', '.join(readers)} or .toml.")
     if not path.is_file():

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import gzip
 import io
+import lzma
 import re
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 
@@ -71,7 +75,9 @@ def split_unit(heading: str) -> tuple[str, str]:
 
 
 def _decoded(path: Path) -> str:
-    content = path.read_bytes()
+    opener: Callable[..., IO[bytes]] = {".gz": gzip.open, ".xz": lzma.open}.get(path.suffix.lower(), open)  # type: ignore[assignment]
+    with opener(path, "rb") as file:
+        content = file.read()
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         return content.decode("utf-16")
     try:

@@ -113,11 +113,6 @@ def typed(part: Part, values: Mapping[str, float]) -> dict[str, float | int | bo
     return {name: types[name](value) for name, value in values.items() if name in types}
 
 
-def steps_per_sample(Ts: float) -> int:
-    """How many communication steps mass and friction take in a sample."""
-    return max(1, int(np.ceil(Ts / FINEST - 1e-9)))
-
-
 def _master(plant: Plant, step: float) -> str:
     """Mass and friction are solved together in every step, unless the bristles are so soft that they need not be."""
     soft = 0.0 < step * (plant.stiffness / plant.mass) ** 0.5 <= SOFT
@@ -130,6 +125,7 @@ def closed_loop(
     task: Task,
     placed: Placed | None = None,
     fmus: Mapping[str, Path] | None = None,
+    longest: float = FINEST,
 ) -> System:
     """Wire the axis.
 
@@ -145,13 +141,15 @@ def closed_loop(
         A compensator, whose force is added to that of the servo; see `with_gain`.
     fmus : mapping of str to Path, optional
         FMUs to use for parts, by name of the part, instead of those of the library.
+    longest : float
+        Longest communication step between mass and friction [s].
 
     Returns
     -------
     System
         With its experiment; the caller closes it.
     """
-    every = steps_per_sample(servo.Ts)
+    every = max(1, int(np.ceil(servo.Ts / longest - 1e-9)))  # steps of mass and friction in a sample
     of_its_own = fmus or {}
 
     def part(name: str, model: str, sampled: bool = True) -> FmuPart:

@@ -1,0 +1,196 @@
+from __future__ import annotations
+
+import gzip
+import lzma
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import scipy.io
+import xarray as xr
+
+from friction_fmus.identification import RecordError, RecordWarning, read_measurement, read_records
+from harness import save_result
+
+T = np.arange(200) * 1e-3
+X = 5.0 * np.sin(2 * np.pi * 10 * T)  # mm
+F = 3.0 * np.cos(2 * np.pi * 10 * T) + 0.2 * np.sign(np.cos(2 * np.pi * 10 * T))  # N
+
+
+def lines(separator: str = ",", heading: str = "t [s],x [mm],force [N]", form: str = "%.9g") -> str:
+    rows = [separator.join(form % value for value in row) for row in zip(T, X, F, strict=True)]
+    return "\n".join([heading.replace(",", separator), *rows]) + "\n"
+
+
+def write(folder: Path, text: str, name: str = "axis.csv") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def assert_is_the_axis(path: Path, mapping: Path | dict[str, object] | None = None) -> None:
+    (record,) = read_records(path, mapping)
+    assert record.t == pytest.approx(T, abs=1e-9)
+    assert record.q == pytest.approx(1e-3 * X, abs=1e-9)
+    assert record.force == pytest.approx(F, abs=1e-6)
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", "|", ", ", "  "])
+def test_any_usual_separator_is_found(tmp_path: Path, separator: str) -> None:
+    text = lines(separator) if separator != "  " else lines(separator, "t[s],x[mm],force[N]")
+    assert_is_the_axis(write(tmp_path, text))
+
+
+@pytest.mark.parametrize("name", ["axis.tsv", "axis.txt", "axis.dat", "AXIS.CSV"])
+def test_the_suffix_of_a_text_does_not_matter(tmp_path: Path, name: str) -> None:
+    assert_is_the_axis(write(tmp_path, lines("\t"), name))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# made by a logger\n\n" + lines() + "# end\n",
+        "% made by a logger\nAxis 7\n" + lines(),
+        lines(heading="t,x,force").replace("t,x,force\n", "t,x,force\ns,mm,N\n"),
+        lines(heading="# t [s],x [mm],force [N]"),
+        "\ufeff" + lines(),
+        lines(heading='"t [s]","x [mm]","force [N]"'),
+        lines(heading="time (s),position_mm,Force (N)"),
+        lines().replace("\n", "\r\n"),
+        lines().replace("\n", ",\n"),
+    ],
+    ids=["comments", "title", "row of units", "heading as comment", "BOM", "quotes", "names", "Windows", "loose ends"],
+)
+def test_what_loggers_write_around_the_numbers_is_understood(tmp_path: Path, text: str) -> None:
+    assert_is_the_axis(write(tmp_path, text))
+
+
+@pytest.mark.parametrize(("suffix", "compress"), [("gz", gzip.compress), ("xz", lzma.compress)])
+def test_a_text_may_be_compressed(tmp_path: Path, suffix: str, compress: Callable[[bytes], bytes]) -> None:
+    path = tmp_path / f"axis.csv.{suffix}"
+    path.write_bytes(compress(lines().encode()))
+    assert_is_the_axis(path)
+
+
+def test_columns_of_words_may_stand_beside(tmp_path: Path) -> None:
+    text = "\n".join(f"{line},{'state' if i == 0 else 'run'}" for i, line in enumerate(lines().splitlines()))
+    assert_is_the_axis(write(tmp_path, text))
+
+
+def test_a_decimal_comma_is_read_and_named(tmp_path: Path) -> None:
+    path = write(tmp_path, lines(";").replace(".", ","))
+    with pytest.warns(RecordWarning, match=r"^decimal-comma: "):
+        assert_is_the_axis(path)
+
+
+def test_a_decimal_comma_beside_separating_commas_is_refused(tmp_path: Path) -> None:
+    rows = [",".join(f"{value:.6f}".replace(".", ",") for value in row) for row in zip(T, X, strict=True)]
+    path = write(tmp_path, "\n".join(["t [s],x [mm]", *rows]))
+    with pytest.raises(RecordError, match="decimal points, write the file with semicolons"):
+        read_records(path)
+
+
+def test_moments_are_seconds_since_the_first_one(tmp_path: Path) -> None:
+    moments = np.datetime64("2024-02-29T23:59:59.900") + (1e3 * T).round().astype("timedelta64[ms]")
+    rows = [f"{moment},{x:.9g},{f:.9g}" for moment, x, f in zip(moments, X, F, strict=True)]
+    assert_is_the_axis(write(tmp_path, "\n".join(["time,x [mm],force [N]", *rows])))
+
+
+def test_parquet_with_and_without_units_in_its_fields(tmp_path: Path) -> None:
+    columns = {"t": T, "x": X, "force": F}
+    units = {"t": "s", "x": "mm", "force": "N"}
+    fields = [pa.field(name, pa.float64(), metadata={"units": unit}) for name, unit in units.items()]
+    pq.write_table(pa.table(list(columns.values()), schema=pa.schema(fields)), tmp_path / "a.parquet")
+    assert_is_the_axis(tmp_path / "a.parquet")
+    pq.write_table(pa.table(columns), tmp_path / "b.parquet")
+    assert_is_the_axis(tmp_path / "b.parquet", tables("t", "x", "force"))
+
+
+def tables(t: str, x: str, f: str) -> dict[str, object]:
+    return {
+        "columns": {
+            "time": {"column": t, "unit": "s"},
+            "position": {"column": x, "unit": "mm"},
+            "force": {"column": f, "unit": "N"},
+        }
+    }
+
+
+def test_matlab_files_of_version_5_with_vectors_matrices_and_structures(tmp_path: Path) -> None:
+    content = {"t": T, "log": {"x": X[:, None], "kp": 3.0}, "forces": np.column_stack([0 * F, F]), "note": "words"}
+    scipy.io.savemat(tmp_path / "a.mat", content)
+    assert_is_the_axis(tmp_path / "a.mat", tables("t", "log.x", "forces(:,2)"))
+
+
+def test_matlab_files_of_version_7_3(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
+        file["t"] = T[None, :]  # a column of MATLAB
+        file["log/x"] = X[:, None]
+        file["forces"] = np.vstack([0 * F, F])
+    assert_is_the_axis(tmp_path / "a.mat", tables("t", "log.x", "forces(:,2)"))
+
+
+def test_trajectories_of_dymola_bring_their_units(tmp_path: Path) -> None:
+    result = xr.Dataset(
+        {"x": ("time", X, {"units": "mm"}), "force": ("time", F, {"units": "N"})},
+        coords={"time": ("time", T, {"units": "s"})},
+    )
+    save_result(result, tmp_path / "run.mat")
+    assert_is_the_axis(tmp_path / "run.mat")
+
+
+def test_a_row_with_other_cells_is_named_with_its_line(tmp_path: Path) -> None:
+    text = "# one\n" + lines()
+    broken = text.replace(text.splitlines()[6], "0.004,1")
+    with pytest.raises(RecordError, match=r"Line 7 of .* has 2 cells, the others have 3"):
+        read_records(write(tmp_path, broken))
+
+
+def test_a_word_among_the_numbers_is_named_with_its_line(tmp_path: Path) -> None:
+    rows = lines().splitlines()
+    rows[11] = rows[11].rsplit(",", 1)[0] + ",overflow"
+    with pytest.raises(
+        RecordError, match=r"column 'force' for the force, is not made of numbers: .*'overflow' in line 12"
+    ):
+        read_records(write(tmp_path, "\n".join(rows)), tables("t", "x", "force"))
+
+
+def test_missing_cells_are_left_out_and_named(tmp_path: Path) -> None:
+    rows = lines().splitlines()
+    rows[100] = rows[100].rsplit(",", 1)[0] + ","
+    rows[150] = rows[150].rsplit(",", 1)[0] + ",nan"
+    measurement = read_measurement(write(tmp_path, "\n".join(rows)))
+    assert [finding.name for finding in measurement.findings] == ["missing-samples", "irregular-sampling"]
+    assert "2 of 200 rows" in measurement.findings[0].what
+    assert "line 101" in measurement.findings[0].what
+    (record,) = measurement.records
+    assert record.t == pytest.approx(T, abs=1e-9)
+    assert record.q == pytest.approx(1e-3 * X, abs=1e-7)  # a cubic spline of 100 samples a period
+    assert record.force[99] == pytest.approx(0.5 * (F[98] + F[100]), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.csv", b"", "has 0 lines that are no comments"),
+        ("a.csv", b"one\ntwo\nthree\nfour\n", "has no line of numbers"),
+        ("a.mat", b"nothing of MATLAB" * 50, "cannot be read as a .mat file"),
+        ("a.parquet", b"PAR1", "cannot be read as a .parquet file"),
+        ("a.xlsx", b"", "has no known format; give a file that ends in .csv, "),
+    ],
+)
+def test_files_that_are_none_are_refused(tmp_path: Path, name: str, content: bytes, message: str) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(RecordError, match=message):
+        read_records(tmp_path / name)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match=r"There is no data file .*nowhere\.csv"):
+        read_records(tmp_path / "nowhere.csv")
+    with pytest.raises(RecordError, match=r"There is no file .*nowhere\.toml"):
+        read_records(tmp_path / "nowhere.toml")

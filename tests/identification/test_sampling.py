@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from friction_fmus.identification import Finding, RecordError, read_measurement
+from friction_fmus.identification.record import Array
+
+HZ = 5.0
+T = np.arange(1000) * 1e-3
+
+
+def motion(t: Array) -> Array:
+    return 0.01 * np.sin(2 * np.pi * HZ * t)
+
+
+def velocity(t: Array) -> Array:
+    return 0.01 * 2 * np.pi * HZ * np.cos(2 * np.pi * HZ * t)
+
+
+def axis(folder: Path, t: Array, q: Array, force: Array, v: Array | None = None, r: Array | None = None) -> Path:
+    columns = {"t [s]": t, "x [m]": q, "force [N]": force}
+    columns |= {} if v is None else {"v [m/s]": v}
+    columns |= {} if r is None else {"ref [m]": r}
+    path = folder / "axis.csv"
+    rows = [",".join(f"{value:.12g}" for value in row) for row in zip(*columns.values(), strict=True)]
+    path.write_text("\n".join([",".join(columns), *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def named(findings: tuple[Finding, ...]) -> list[str]:
+    return [finding.name for finding in findings]
+
+
+def test_equal_intervals_are_kept_as_they_are(tmp_path: Path) -> None:
+    measurement = read_measurement(axis(tmp_path, T, motion(T), velocity(T)))
+    assert measurement.findings == ()
+    assert measurement.records[0].q == pytest.approx(motion(T), abs=1e-12)
+
+
+def test_jittered_times_are_resampled_and_named(tmp_path: Path) -> None:
+    t = T + np.random.default_rng(1).uniform(-2e-4, 2e-4, len(T))
+    measurement = read_measurement(axis(tmp_path, t, motion(t), velocity(t)))
+    assert named(measurement.findings) == ["irregular-sampling"]
+    assert "cubic spline" in measurement.findings[0].what
+    (record,) = measurement.records
+    assert np.ptp(np.diff(record.t)) < 1e-9
+    assert record.q == pytest.approx(motion(record.t), abs=1e-8)
+    # linear between samples h apart: (2 pi f h)^2 / 8 of the amplitude
+    assert record.force == pytest.approx(velocity(record.t), abs=0.314 * (2 * np.pi * HZ * 1.4e-3) ** 2 / 8)
+
+
+def test_times_with_too_few_digits_are_equal_intervals_again(tmp_path: Path) -> None:
+    t = np.arange(1000) / 3000
+    measurement = read_measurement(axis(tmp_path, np.round(t, 4), motion(t), velocity(t)))
+    assert named(measurement.findings) == ["rounded-time"]
+    (record,) = measurement.records
+    assert record.t == pytest.approx(t, abs=1e-6)
+    assert record.q == pytest.approx(motion(t), abs=1e-12)
+
+
+def test_gaps_split_the_record(tmp_path: Path) -> None:
+    keep = ((T < 0.3) | (T > 0.45)) & ((T < 0.9) | (T > 0.96))
+    measurement = read_measurement(axis(tmp_path, T[keep], motion(T[keep]), velocity(T[keep])))
+    assert named(measurement.findings) == ["gaps", "short-pieces"]
+    assert "2 gaps, the longest of 0.152 s after t = 0.299 s" in measurement.findings[0].what
+    assert [record.name for record in measurement.records] == ["axis, piece 1", "axis, piece 2"]
+    assert [(record.t[0], record.t[-1]) for record in measurement.records] == [(0.0, 0.299), (0.451, 0.899)]
+    assert [len(part) for part in measurement.window(0.2, 0.6)] == [100, 150]
+
+
+def test_a_doubled_time_is_an_error_with_its_line(tmp_path: Path) -> None:
+    t = T.copy()
+    t[500] = t[499]
+    with pytest.raises(RecordError, match=r"has the time 0\.499 s twice, the second time in line 502"):
+        read_measurement(axis(tmp_path, t, motion(t), velocity(t)))
+
+
+def test_a_time_that_goes_back_is_an_error_with_its_line(tmp_path: Path) -> None:
+    t = np.where(T >= 0.5, T - 0.2, T)
+    with pytest.raises(RecordError, match=r"goes back from 0\.499 s to 0\.3 s in line 502 \(one such place\)"):
+        read_measurement(axis(tmp_path, t, motion(t), velocity(t)))
+
+
+def test_a_record_of_a_few_samples_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="has 20 samples; an identification needs at least 50"):
+        read_measurement(axis(tmp_path, T[:20], motion(T[:20]), velocity(T[:20])))
+
+
+def test_a_record_that_is_all_gaps_is_refused(tmp_path: Path) -> None:
+    t = T + np.floor(T / 0.02)
+    with pytest.raises(RecordError, match="has no 50 samples without a gap"):
+        read_measurement(axis(tmp_path, t, motion(T), velocity(T)))
+
+
+def test_a_column_of_nothing_is_an_error_that_names_it(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match=r"most are missing for 'force' \(1000 of 1000\)"):
+        read_measurement(axis(tmp_path, T, motion(T), np.full(1000, np.nan)))
+
+
+def test_position_and_velocity_in_units_that_disagree_are_named(tmp_path: Path) -> None:
+    findings = read_measurement(axis(tmp_path, T, 1e3 * motion(T), velocity(T), velocity(T))).findings
+    assert named(findings) == ["position-and-velocity-disagree"]
+    assert "changes 1e+03 times as much" in findings[0].what
+    assert read_measurement(axis(tmp_path, T, motion(T), velocity(T), velocity(T) + 0.1)).findings == ()
+
+
+def test_position_and_reference_in_units_that_disagree_are_named(tmp_path: Path) -> None:
+    findings = read_measurement(axis(tmp_path, T, motion(T), velocity(T), r=1e3 * motion(T))).findings
+    assert named(findings) == ["position-and-reference-disagree"]
+
+
+def test_motion_that_no_machine_makes_is_named(tmp_path: Path) -> None:
+    findings = read_measurement(axis(tmp_path, T, 1e6 * motion(T), velocity(T))).findings
+    assert named(findings) == ["implausible-motion"]
+
+
+def test_forces_of_the_other_sign_are_named(tmp_path: Path) -> None:
+    findings = read_measurement(axis(tmp_path, T, motion(T), 3.0 - velocity(T))).findings
+    assert named(findings) == ["force-of-other-sign"]
+    assert findings[0].measure == "Give the column sign = -1."
