@@ -4,6 +4,7 @@ from .errors import ExcitationError, FitError, IdentificationError, RecordError
 from .estimate import Estimate
 from .excitation import examine, examine_pieces
 from .findings import Finding, RecordWarning
+from .grid import HysteresisGrid, identify_hysteresis
 from .identifying import Method, identify
 from .idim import (
     InverseModelFit,
@@ -32,6 +33,7 @@ __all__ = [
     "ExcitationError",
     "Finding",
     "FitError",
+    "HysteresisGrid",
     "Identification",
     "IdentificationError",
     "InverseModelFit",
@@ -58,6 +60,7 @@ __all__ = [
     "fit_output_error",
     "identifiable",
     "identify",
+    "identify_hysteresis",
     "identify_inverse_model",
     "identify_inverse_stribeck",
     "load_mapping",

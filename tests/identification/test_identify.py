@@ -1,0 +1,222 @@
+"""Parameters of friction blocks from computed records whose parameters are known."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from contacts import LUGRE, dahl_force, lugre_force, lugre_motion, noise, reversals, stribeck_force
+
+import friction_fmus
+from friction_fmus import identify
+from friction_fmus.data import EMPS_PUBLISHED, load_emps
+from friction_fmus.identification import (
+    ROTARY,
+    FitError,
+    IdentificationError,
+    Record,
+    RecordError,
+    identifiable,
+)
+from harness import Drive, FmuPart, read_ssv
+
+STEP = 1e-3
+
+
+@pytest.fixture(scope="module")
+def lugre() -> tuple[Record, np.ndarray]:
+    t, v = lugre_motion(3000, STEP)
+    force = lugre_force(t, v)
+    return Record("LuGre", t, v=v, friction=force + noise(1, len(t))), force
+
+
+def dahl_record(seed: int, begin: float = 0.0, samples: int = 300) -> Record:
+    q = reversals(samples, 2e-4)
+    force = dahl_force(q, 1e5, 2.0, begin)
+    return Record("Dahl", STEP * np.arange(samples), q=q, friction=force + noise(seed, samples))
+
+
+def sliding_record(outliers: int = 0, fastest: float = 0.05, slowest: float = 1e-3) -> Record:
+    random = np.random.default_rng(5)
+    speed = np.geomspace(slowest, fastest, 400)
+    v = np.concatenate([speed, -speed])
+    force = stribeck_force(v, 10.0, 15.0, 5e-3, 100.0) + 0.05 * random.standard_normal(len(v))
+    force[random.choice(len(v), outliers, replace=False)] += 30.0
+    return Record("sliding", STEP * np.arange(len(v)), v=v, friction=force)
+
+
+def test_lugre_is_found_within_a_fifth_of_a_percent_from_starts_three_times_off(
+    lugre: tuple[Record, np.ndarray],
+) -> None:
+    record, _ = lugre
+    random = np.random.default_rng(2)
+    for _ in range(3):
+        start = {name: value * 3.0 ** random.choice([-1, 1]) for name, value in LUGRE.items()}
+        found = identify("LuGre", record, start=start).values()
+        for name in ("sigma0", "sigma1", "Fc", "Fs", "vs"):
+            assert found[name] == pytest.approx(LUGRE[name], rel=2e-3), name
+
+
+def test_without_start_values_the_data_give_them(lugre: tuple[Record, np.ndarray]) -> None:
+    record, force = lugre
+    result = identify("LuGre", record)
+    assert result.method == "output-error" and result.errors == "classic"
+    assert result.values()["sigma0"] == pytest.approx(LUGRE["sigma0"], rel=2e-3)
+    assert np.sqrt(np.mean((result.predicted - force) ** 2)) < 2e-3
+    assert result.train.rms == pytest.approx(0.01, rel=0.05)
+    assert set(result.weak) <= {"Fc", "sigma2", "sigma1"}
+
+
+def test_the_inverse_model_of_the_emps_axis_is_the_published_one() -> None:
+    result = identify("Stiction", load_emps().record)
+    assert result.method == "inverse" and result.signal == "force"
+    for name, value in EMPS_PUBLISHED.items():
+        assert result.values()[name] == pytest.approx(value, rel=1e-5), name
+    assert "does not depend on it" in result.weak["Fs"]
+    assert np.isnan(result.parameters["Fs"].standard_error)
+
+
+def test_intervals_cover_the_truth_in_95_of_100_records() -> None:
+    hits = dict.fromkeys(("sigma", "Fc"), 0)
+    for seed in range(200):
+        result = identify("Dahl", dahl_record(seed), fixed={"n": 1.0}, start={"sigma": 1.2e5, "Fc": 1.8})
+        for name, value in (("sigma", 1e5), ("Fc", 2.0)):
+            estimate = result.parameters[name]
+            hits[name] += abs(estimate.value - value) < 1.96 * estimate.standard_error
+    assert all(0.90 * 200 <= count <= 0.99 * 200 for count in hits.values()), hits
+
+
+def test_correlated_errors_make_the_standard_errors_robust_and_larger() -> None:
+    record = dahl_record(3)
+    slow = 0.1 * np.sin(2.0 * np.pi * np.arange(len(record)) / 150.0)
+    drifting = Record("drifting", record.t, q=record.q, friction=record.column("friction") + slow)
+    white, robust = (identify("Dahl", each, fixed={"n": 1.0}) for each in (record, drifting))
+    assert (white.errors, robust.errors) == ("classic", "robust")
+    assert robust.parameters["Fc"].standard_error > 3.0 * white.parameters["Fc"].standard_error
+
+
+def test_a_robust_loss_makes_little_of_outliers() -> None:
+    record = sliding_record(outliers=60)
+    plain, robust = (identify("Stribeck", record, loss=loss).values() for loss in ("linear", "soft_l1"))
+    assert robust["Fc"] == pytest.approx(10.0, rel=0.02)
+    assert robust["Fs"] == pytest.approx(15.0, rel=0.02)
+    assert abs(robust["OF"]) < 0.1 < abs(plain["OF"])
+
+
+def test_a_record_without_slow_motion_leaves_the_stribeck_velocity_open_and_says_what_to_measure() -> None:
+    result = identify("Stribeck", sliding_record(slowest=0.03))
+    assert {"Fs", "vs"} & set(result.weak)
+    assert all("; measure " in reason for reason in result.weak.values())
+
+
+def test_fixed_parameters_stay_and_named_ones_are_freed() -> None:
+    record = sliding_record()
+    held = identify("Stribeck", record, fixed={"vs": 6e-3})
+    assert "vs" not in held.parameters and held.values()["vs"] == 6e-3
+    freed = identify("Stribeck", record, start={"delta": 1.5})
+    assert freed.values()["delta"] == pytest.approx(2.0, rel=0.1)
+    bounded = identify("Stribeck", record, bounds={"Fc": (11.0, 12.0)})
+    assert bounded.values()["Fc"] == pytest.approx(11.0, rel=1e-6)
+    assert "bound 11" in bounded.weak["Fc"]
+
+
+def test_pieces_of_a_measurement_begin_each_in_a_state_of_its_own() -> None:
+    records = [dahl_record(7, begin=1.5e-5), dahl_record(8, begin=-1e-5)]
+    result = identify("Dahl", records, fixed={"n": 1.0})
+    assert result.initial["z"].value == pytest.approx(1.5e-5, abs=4.0 * result.initial["z"].standard_error)
+    assert result.initial["z (2)"].value == pytest.approx(-1e-5, abs=4.0 * result.initial["z (2)"].standard_error)
+    assert result.values()["sigma"] == pytest.approx(1e5, rel=0.01)
+
+
+def test_a_validation_record_is_predicted_with_its_own_initial_state() -> None:
+    result = identify("Dahl", dahl_record(1), fixed={"n": 1.0}, validation=dahl_record(2, begin=1.2e-5))
+    assert result.validation is not None
+    assert result.validation.rms == pytest.approx(0.01, rel=0.15)
+
+
+def test_friction_and_normal_force_give_the_coefficient_at_the_mean_load() -> None:
+    q, t = reversals(400, 2e-4), STEP * np.arange(400)
+    normal = 5.0 + np.sin(2.0 * np.pi * 7.0 * t)
+    friction = dahl_force(q, 1e5, 2.0) * normal / 5.0
+    result = identify("Dahl", Record("loaded", t, q=q, friction=friction, normal=normal), fixed={"n": 1.0, "Fn0": 5.0})
+    assert (result.signal, result.unit) == ("mu", "1")
+    assert result.values()["Fc"] == pytest.approx(2.0, rel=1e-4)
+    lifted = Record("lifted", t, q=q, friction=friction, normal=normal - 4.5)
+    with pytest.raises(RecordError, match="loaded"):
+        identify("Dahl", lifted)
+
+
+def test_a_rotary_axis_takes_the_rotational_twin() -> None:
+    record = dahl_record(4)
+    rotary = Record("rotary", record.t, q=record.q, friction=record.friction, units=ROTARY)
+    result = identify("Dahl", rotary, fixed={"n": 1.0})
+    assert (result.parameters["sigma"].unit, result.initial["z"].unit) == ("N.m/rad", "rad")
+    assert result.values()["sigma"] == pytest.approx(1e5, rel=0.02)
+
+
+def test_the_result_becomes_fmu_parameter_set_picture_and_prediction(tmp_path: Path) -> None:
+    record = dahl_record(5)
+    result = identify("Dahl", record, fixed={"n": 1.0})
+    predicted = result.predict(record)
+    np.testing.assert_allclose(predicted, result.predicted, atol=1e-6)
+    bare = Record("bare", record.t, q=record.q)
+    np.testing.assert_allclose(result.predict(bare), dahl_force(reversals(300, 2e-4), 1e5, 2.0), atol=0.05)
+
+    fmu = result.to_fmu(tmp_path, "Contact")
+    assert fmu == tmp_path / "Contact.fmu"
+    drive = Drive(FmuPart("contact", fmu))
+    v = np.append(np.diff(record.column("q")) / STEP, 0.0)
+    rows = drive.run({"v": v}, ["F"], STEP, start={"z": result.initial["z"].value})
+    drive.close()
+    np.testing.assert_allclose(rows[:, 0] + result.values()["OF"], result.predicted, atol=1e-6)
+
+    written = read_ssv(result.to_ssv(tmp_path / "contact.ssv")).parameters
+    assert written["sigma"].value == result.values()["sigma"] and written["sigma"].unit == "N/m"
+    assert "OF" not in written
+    assert result.plot(tmp_path / "contact.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("model", [name for name in identifiable() if name not in ("LuGre", "Dahl", "Stribeck")])
+def test_every_model_that_is_offered_is_identified(model: str) -> None:
+    q = reversals(400, 2e-4)
+    record = Record("any", STEP * np.arange(400), q=q, friction=dahl_force(q, 1e5, 2.0) + noise(9, 400))
+    result = identify(model, record, starts=1)
+    assert result.train.relative_percent < 100.0
+    assert all(np.isfinite(value) for value in result.values().values())
+    assert result.correlation.shape == (len(result.parameters) + len(result.initial),) * 2
+    assert np.isfinite(result.bic) and np.isfinite(result.aic)
+
+
+@pytest.mark.parametrize(
+    ("wishes", "message"),
+    [
+        ({"fixed": {"sigm": 1.0}}, "did you mean sigma"),
+        ({"fixed": {"M": 1.0}}, "no parameter of Dahl"),
+        ({"fixed": {"n": -1.0}}, "outside"),
+        ({"fixed": {"n": 1.0}, "start": {"n": 1.0}}, "fixed and to be identified"),
+        ({"bounds": {"Fc": (2.0, 1.0)}}, "smaller and a larger"),
+        ({"bounds": {"Fc": (1.0, 2.0)}, "start": {"Fc": 3.0}}, "outside its bounds"),
+        ({"loss": "l1"}, "no loss"),
+        ({"method": "inverse"}, "output-error"),
+        ({"starts": -1}, "at least 1"),
+    ],
+)
+def test_wishes_that_cannot_be_met_are_refused(wishes: dict[str, object], message: str) -> None:
+    with pytest.raises(FitError, match=message):
+        identify("Dahl", dahl_record(0), **wishes)  # type: ignore[arg-type]
+
+
+def test_data_that_cannot_be_used_are_refused() -> None:
+    record = dahl_record(0)
+    with pytest.raises(RecordError, match="neither friction nor force"):
+        identify("Dahl", Record("bare", record.t, q=record.q))
+    with pytest.raises(RecordError, match="no motion"):
+        identify("Dahl", Record("still", record.t, q=0.0 * record.column("q"), friction=record.friction))
+    with pytest.raises(FitError, match="no records"):
+        identify("Dahl", [])
+    with pytest.raises(IdentificationError, match="cannot be identified"):
+        identify("BurridgeKnopoff", record)
+    with pytest.raises(friction_fmus.UnknownNameError, match=re.escape("LuGre")):
+        identify("LuGr", record)
