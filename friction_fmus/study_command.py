@@ -68,6 +68,11 @@ def show(result: StudyResult) -> None:
     if result.compensators:
         console.print(compensator_table(result))
         left = sum(not row.applies for row in result.compensators)
+        console.print(
+            "Errors are root mean squares of reference minus position; the worst corner is that of friction and mass "
+            "off by the mismatch; fast force is what of the drive force lies above the bandwidth of the loop.",
+            highlight=False,
+        )
         if left:
             console.print(f"{left} more do not apply to this axis; the report says why.", highlight=False)
         console.print()
@@ -87,14 +92,14 @@ def model_table(result: StudyResult) -> Table:
     """Friction models in order."""
     from friction_fmus.study.ranking import shown
 
-    table = Table(title=f"Friction models of {result.name}", title_justify="left")
+    table = Table(title=f"Friction models of {result.name}", title_justify="left", box=None, pad_edge=False)
     table.add_column("")
-    table.add_column("model")
+    table.add_column("model", no_wrap=True)
     loop = any(row.closed_loop for row in result.models)
     predicted = next((row.validation for row in result.models if row.validation is not None), None)
-    table.add_column(f"{'predicted ' + predicted.signal if predicted else 'fit'}\nerror", justify="right")
+    table.add_column(f"{predicted.signal + ' of the rest' if predicted else 'fit'}\nerror", justify="right")
     if loop:
-        table.add_column("co-simulated\nposition error", justify="right")
+        table.add_column("position\nerror", justify="right")
         table.add_column("force\nerror", justify="right")
     table.add_column("weakly determined")
     for row in result.models:
@@ -114,14 +119,15 @@ def compensator_table(result: StudyResult) -> Table:
     from friction_fmus.study.ranking import shown
 
     unit, force = result.units.position, result.units.force
-    table = Table(title="Compensators on the best model of the axis, same feedback gains", title_justify="left")
+    title = f"Compensators on the axis with {result.plant} friction, all with the same feedback gains"
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("")
-    table.add_column("compensator")
+    table.add_column("compensator", no_wrap=True)
     table.add_column("gain", justify="right")
-    table.add_column("tracking\nerror, rms", justify="right")
-    table.add_column("in the worst\ncorner", justify="right")
-    table.add_column(f"force above the\nbandwidth [{force}]", justify="right")
-    table.add_column("time of a\nsample [ns]", justify="right")
+    table.add_column("tracking\nerror", justify="right")
+    table.add_column("worst\ncorner", justify="right")
+    table.add_column(f"fast\nforce [{force}]", justify="right")
+    table.add_column("ns a\nsample", justify="right")
     for row in result.compensators:
         if row.metrics is None:
             continue

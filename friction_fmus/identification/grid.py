@@ -162,7 +162,7 @@ def element_responses(piece: Piece, distance: Array, beginning: Array) -> Array:
             start: dict[str, float | int | bool | str] = {"N": len(d)}
             for i, (limit, part) in enumerate(zip(d, s, strict=True), start=1):
                 start |= {f"k[{i}]": 1.0, f"W[{i}]": float(limit), f"Fi[{i}]": float(part * limit)}
-            columns.append(replace(piece, inputs={"v": piece.inputs["v"]}).run(drive, outputs[: len(d)], start))
+            columns.append(replace(piece, inputs={"v": piece.inputs["v"]}).drive(drive, outputs[: len(d)], start))
     return np.column_stack(columns)
 
 

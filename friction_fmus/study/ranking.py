@@ -111,16 +111,13 @@ def recommend(none: CompensatorRow, ranked: Sequence[CompensatorRow], unit: str)
         f"where it is up to {shown(none.worst, unit)} without."
     )
     added = first.metrics.effort_high / none.metrics.effort_high - 1.0 if none.metrics.effort_high else 0.0
-    force = "hardly any" if abs(added) < QUIET - 1.0 else f"{100 * added:+.0f} %"
-    cost = f"{first.cost_ns or 0.0:.0f} ns a sample"
+    force = f"adds {100.0 * added:.0f} % to" if added >= QUIET - 1.0 else "adds next to nothing to"
+    price = f"{force} the force above the bandwidth of the loop and takes {first.cost_ns or 0.0:.0f} ns a sample"
     if len(alike) > 1 and first in alike:
-        two = (
-            f"Of the {len(alike)} whose worst errors are alike within {100 * ALIKE:.0f} % it is the first by noise and"
-        )
-        two += f" cost: {force} change of the high-frequency force, {cost}."
+        others = f"{len(alike)} compensators are alike in that within {100 * ALIKE:.0f} %"
+        two = f"Of the {others} it is the first by noise and cost: it {price}."
     else:
-        two = f"No other that pays has a worst error as small; it costs {cost}, with {force} change of the "
-        two += "high-frequency force."
+        two = f"No other one that pays without more noise has a worst error as small, and it {price}."
     if len(paying) < 2:
         return Recommendation(first.name, f"{one} {two}", first.gain)
     second = paying[1]
