@@ -64,6 +64,10 @@ def show(result: StudyResult) -> None:
     failed = [f"{row.name} ({row.reason})" for row in result.models if row.rank is None]
     if failed:
         console.print(f"Not identified: {escape('; '.join(failed))}", highlight=False)
+    for model in result.models:
+        known = [f"{p.name} {p.value:.6g} ({p.published:.6g})" for p in model.parameters if p.published is not None]
+        if known:
+            console.print(f"{model.name}, and what is known: {', '.join(known)}", highlight=False)
     console.print()
     if result.compensators:
         console.print(compensator_table(result))

@@ -114,8 +114,8 @@ def recommend(none: CompensatorRow, ranked: Sequence[CompensatorRow], unit: str)
     force = f"adds {100.0 * added:.0f} % to" if added >= QUIET - 1.0 else "adds next to nothing to"
     price = f"{force} the force above the bandwidth of the loop and takes {first.cost_ns or 0.0:.0f} ns a sample"
     if len(alike) > 1 and first in alike:
-        others = f"{len(alike)} compensators are alike in that within {100 * ALIKE:.0f} %"
-        two = f"Of the {others} it is the first by noise and cost: it {price}."
+        others = f"{len(alike)} compensators are alike in the worst corner within {100 * ALIKE:.0f} %"
+        two = f"{others}, of which it is the first by noise and cost: it {price}."
     else:
         two = f"No other one that pays without more noise has a worst error as small, and it {price}."
     if len(paying) < 2:
