@@ -40,6 +40,11 @@ def number(value: float | None, digits: int = 3) -> str:
     return f"{_signed(mantissa)}·{ten(exponent)}"
 
 
+def brief(value: float | None) -> str:
+    """Return a number that somebody chose, such as a gain, with the digits it has."""
+    return NONE if value is None else _signed(f"{value:.6g}")
+
+
 def with_error(value: float, error: float | None) -> str:
     """Return value ± standard error, the error with two digits and the value with as many decimals.
 

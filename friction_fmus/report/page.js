@@ -116,20 +116,13 @@
   }
   dark.addEventListener("change", () => boxes.forEach((box) => redraw(box, false)));
 
-  const closed = new Set();
   window.addEventListener("beforeprint", () => {
-    for (const details of document.querySelectorAll("details:not([open])")) {
-      closed.add(details);
-      details.open = true;
-    }
     for (const box of boxes) {
       redraw(box, true);
       Plotly.relayout(box, { width: PRINT });
     }
   });
   window.addEventListener("afterprint", () => {
-    closed.forEach((details) => (details.open = false));
-    closed.clear();
     for (const box of boxes) {
       redraw(box, false);
       Plotly.Plots.resize(box);
