@@ -120,7 +120,8 @@ class Problem:
         start = {**self.constants, **parameters, **self.states(parameters, self.values(x, index))}
         start = {name: value for name, value in start.items() if name not in ("M", "OF")}
         self.simulations += 1
-        return piece.drive(self.drive, ["F"], start, TOLERANCE)[:, 0]
+        force: Array = piece.run(self.drive, ["F"], start, TOLERANCE)[:, 0]
+        return force
 
     def error(self, x: Array, index: int) -> Array:
         """Predicted minus measured of one piece, in parts of the size of the signal; infinite where the block refuses

@@ -56,6 +56,11 @@ class Found:
     loss: str
     scale: float
 
+    @property
+    def cost(self) -> float:
+        """Mean square of the residual."""
+        return float(np.mean(np.square(self.residual)))
+
 
 def search(problem: Problem, loss: Loss, starts: int, frozen: Sequence[int] = ()) -> Found:
     """Least squares from the start of the problem and from others around it.
