@@ -42,7 +42,7 @@ def lugre(short: bool) -> list[Row]:
         start = {name: value * 3.0 ** random.choice([-1, 1]) for name, value in LUGRE.items()}
         found = identify("LuGre", record, start=start)
         seconds.append(found.seconds)
-        errors.append(max(100.0 * abs(found.values()[name] / LUGRE[name] - 1.0) for name in NEAR))
+        errors.append(float(max(100.0 * abs(found.values()[name] / LUGRE[name] - 1.0) for name in NEAR)))
     rows = [
         Row(
             f"LuGre, {len(t)} samples with 10 mN of noise: worst parameter of 10 starts three times off",

@@ -43,6 +43,8 @@ class Piece:
         Its instants [s].
     filter : InverseModelSettings or None
         Filter that both sides of the equation see; None: none.
+    stride : int
+        Samples of the record from one to the next.
     """
 
     record: Record
@@ -54,11 +56,19 @@ class Piece:
     measured: Array
     t: Array
     filter: InverseModelSettings | None
+    stride: int = 1
 
     @property
     def step(self) -> float:
         """Sampling interval [s]."""
-        return self.record.Ts
+        return self.stride * self.record.Ts
+
+    def thinned(self, stride: int) -> Piece:
+        """Every so many samples of a piece that is driven on straight lines and not filtered."""
+        inputs = {name: values[::stride] for name, values in self.inputs.items()}
+        per = None if self.per is None else self.per[::stride]
+        some = replace(self, inputs=inputs, x=self.x[::stride], per=per, stride=stride)
+        return replace(some, measured=self.measured[::stride], t=self.t[::stride])
 
     def run(
         self, drive: Drive, outputs: Sequence[str], start: Mapping[str, StartValue], tolerance: float | None = None

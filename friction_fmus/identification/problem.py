@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from .record import Array
 
 #: Step of the differences, in coordinates of the search.
 DIFFERENCE = 1e-4
+
+#: Every so many samples are enough to come near to the end of a search, if a record has at least so many.
+STRIDE, LONG = 4, 2000
 
 #: Tolerance of the blocks' own solvers [-]; it must stay well below the step of the differences.
 TOLERANCE = 1e-7
@@ -98,6 +101,11 @@ class Problem:
         total = np.concatenate([piece.measured for piece in self.pieces])
         self.size = float(np.sqrt(np.mean(np.square(total)))) or 1.0
         self.count = len(total)
+
+    def thinned(self) -> Problem | None:
+        """The same on every fourth sample, where the records are long and driven on straight lines; else None."""
+        long = all(len(p.measured) >= LONG and p.between == "linear" and p.filter is None for p in self.pieces)
+        return replace(self, pieces=[p.thinned(STRIDE) for p in self.pieces], simulations=0) if long else None
 
     @property
     def shared(self) -> list[Coordinate]:
