@@ -86,7 +86,9 @@ def show(result: StudyResult) -> None:
         console.print(f"Runner-up: {escape(result.recommendation.runner_up_reason)}", highlight=False)
     wrong = [row for row in result.doctor if not row.ok]
     for row in wrong:
-        console.print(f"[bold red]{escape(row.name)}[/] {escape(row.wrong)} {escape(row.change)}", highlight=False)
+        console.print(
+            f"Doctor: [bold red]{escape(row.name)}[/], {escape(row.wrong)}; {escape(row.change)}", highlight=False
+        )
     if result.doctor and not wrong:
         console.print(f"Doctor: all {len(result.doctor)} conditions of this loop hold.", highlight=False)
     console.print()

@@ -7,12 +7,13 @@ encoder measures its position in steps of 0.1 um, and the drive logs its command
 from __future__ import annotations
 
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 
 from friction_fmus import fmu
-from harness import FmuPart, SeriesPart, System
+from harness import Drive, FmuPart
 
 TRUE = {"sigma0": 1e6, "sigma1": 2e3, "sigma2": 60.0, "Fc": 20.0, "Fs": 25.0, "vs": 5e-3}  # in SI units
 M, OF = 20.0, 1.5  # moved mass [kg], offset of the drive [N]
@@ -27,25 +28,24 @@ def main(folder: Path) -> None:
     """Simulates the axis and writes its log."""
     fine = H / 10
     q, v, a = (np.concatenate(part) for part in zip(*(stroke(*given, fine) for given in STROKES), strict=True))
-    t = np.arange(len(v)) * fine
-    motion = SeriesPart("motion", t, {"v": v}, {"v": "m/s"})
-    start = {f"friction.{name}": value for name, value in TRUE.items()}
-    parts = [motion, FmuPart("friction", fmu("LuGre"))]
-    with System(parts=parts, wires=["motion.v -> friction.v"], start=start) as system:
-        friction = system.run(stop=t[-1], step=fine)["friction.F"].to_numpy()
-    noise = 0.1 * np.random.default_rng(0).standard_normal(len(t))
+    with closing(Drive(FmuPart("friction", fmu("LuGre")))) as contact:
+        friction = contact.run({"v": v}, ["F"], fine, between="linear", start=TRUE)[:, 0]
+    noise = 0.1 * np.random.default_rng(0).standard_normal(len(q))
     u = (M * a + friction + OF + noise) / GAIN
+    t = np.arange(len(q)) * fine
     x = 1e-7 * np.round(q / 1e-7)
     rows = (f"{row[0]:.3f};{1e3 * row[1]:.4f};{row[2]:.5f}" for row in zip(t[::10], x[::10], u[::10], strict=True))
     (folder / "axis.csv").write_text("\n".join(["# axis X, run 7", "t;x;u", *rows]) + "\n", encoding="utf-8")
 
 
 def stroke(amplitude: float, frequency: float, periods: int, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Position, velocity and acceleration of strokes from rest to rest."""
+    """Position, velocity and acceleration of strokes A sin(w t / 2)^4, which begin and end at rest."""
     w = 2 * np.pi * frequency
     wt = w * h * np.arange(round(periods / frequency / h))
-    half = amplitude / 2
-    return half * (1 - np.cos(wt)), half * w * np.sin(wt), half * w**2 * np.cos(wt)
+    q = 3 - 4 * np.cos(wt) + np.cos(2 * wt)
+    v = 4 * w * np.sin(wt) - 2 * w * np.sin(2 * wt)
+    a = 4 * w**2 * (np.cos(wt) - np.cos(2 * wt))
+    return amplitude / 8 * q, amplitude / 8 * v, amplitude / 8 * a
 
 
 if __name__ == "__main__":

@@ -9,12 +9,13 @@ zero and at its upper limit, and what the three get together is an element begun
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
 import scipy.optimize
+from threadpoolctl import threadpool_limits
 
 from friction_fmus.package import fmu
 
@@ -88,11 +89,24 @@ def identify_hysteresis(record: Record, points: int = 20, viscous: bool = False)
     signal, _ = signal_of([record])
     piece = prepare(record, model, signal)
     scale = 1.0 if piece.per is None else float(np.mean(piece.per))
-    return fit_grid(piece, scale, points, viscous)
+    return fit_grid(piece, scale, coarse(piece, points), viscous)
+
+
+def coarse(piece: Piece, points: int) -> Array:
+    """Break-away distances in equal ratios, as far as the motion of a record tells them apart."""
+    reach = float(np.ptp(piece.x))
+    if reach <= 0.0:
+        raise ExcitationError(f"Nothing moves in the record {piece.record.name!r}; record reversals of the motion.")
+    return np.geomspace(reach / 200.0, reach / 1.5, points)
 
 
 def fit_grid(
-    piece: Piece, scale: float, points: int, viscous: bool, given: Mapping[str, float] | None = None
+    piece: Piece,
+    scale: float,
+    distance: Array,
+    viscous: bool,
+    given: Mapping[str, float] | None = None,
+    beginnings: Sequence[float] = BEGINNINGS,
 ) -> HysteresisGrid:
     """The same for a prepared record.
 
@@ -102,17 +116,17 @@ def fit_grid(
         The record.
     scale : float
         Force that corresponds to 1 of the signal.
-    points, viscous
+    distance : array, shape (p,)
+        Break-away distances, increasing.
+    viscous : bool
         As of `identify_hysteresis`.
     given : mapping of str to float, optional
         Mass M and offset OF where they are known.
+    beginnings : sequence of float
+        Initial forces of an element, in parts of its limit.
     """
-    given = given or {}
-    reach = float(np.ptp(piece.x))
-    if reach <= 0.0:
-        raise ExcitationError(f"Nothing moves in the record {piece.record.name!r}; record reversals of the motion.")
-    distance = np.geomspace(reach / 200.0, reach / 1.5, points)
-    responses = element_responses(piece, np.tile(distance, len(BEGINNINGS)), np.repeat(BEGINNINGS, points))
+    given, points = given or {}, len(distance)
+    responses = element_responses(piece, np.tile(distance, len(beginnings)), np.repeat(beginnings, points))
     columns = [piece.rows(responses)]
     names = []
     v = piece.inputs["v"]
@@ -129,12 +143,13 @@ def fit_grid(
     A, b = np.column_stack(columns), (piece.measured - known) * scale
     length = np.linalg.norm(A, axis=0)
     length[length == 0.0] = 1.0
-    # least squares keep their solution under a rotation: p rows instead of n
-    Q, R = scipy.linalg.qr(A / length, mode="economic")
-    solution = scipy.optimize.nnls(R, Q.T @ b)[0] / length
-    shares = solution[: len(BEGINNINGS) * points].reshape(len(BEGINNINGS), points)
+    # least squares keep their solution under a rotation: p rows instead of n; threads would cost more than they save
+    with threadpool_limits(1):
+        Q, R = scipy.linalg.qr(A / length, mode="economic", check_finite=False)
+        solution = scipy.optimize.nnls(R, Q.T @ b)[0] / length
+    shares = solution[: len(beginnings) * points].reshape(len(beginnings), points)
     stiffness = np.sum(shares, axis=0)
-    beginning = np.array(BEGINNINGS) @ shares / np.where(stiffness > 0.0, stiffness, 1.0)
+    beginning = np.array(beginnings) @ shares / np.where(stiffness > 0.0, stiffness, 1.0)
     rest = dict(zip(names, solution[shares.size :], strict=True))
     if "-OF" in rest:
         rest["OF"] -= rest.pop("-OF")
@@ -162,7 +177,7 @@ def element_responses(piece: Piece, distance: Array, beginning: Array) -> Array:
             start: dict[str, float | int | bool | str] = {"N": len(d)}
             for i, (limit, part) in enumerate(zip(d, s, strict=True), start=1):
                 start |= {f"k[{i}]": 1.0, f"W[{i}]": float(limit), f"Fi[{i}]": float(part * limit)}
-            columns.append(replace(piece, inputs={"v": piece.inputs["v"]}).drive(drive, outputs[: len(d)], start))
+            columns.append(replace(piece, inputs={"v": piece.inputs["v"]}).run(drive, outputs[: len(d)], start))
     return np.column_stack(columns)
 
 

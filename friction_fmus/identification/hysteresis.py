@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from .errors import FitError
-from .grid import BLOCK_ELEMENTS, fit_grid, with_count
+from .grid import BEGINNINGS, BLOCK_ELEMENTS, coarse, fit_grid, with_count
 from .models import ContactModel, Traits
 from .pieces import Piece
 from .problem import Coordinate
@@ -22,10 +22,25 @@ POINTS = 20
 EXCESS = 1.1
 
 
+#: Break-away distances of a finer grid around those found, in parts of them.
+AROUND = (0.75, 0.9, 1.0, 1.1, 1.35)
+
+#: Initial forces on a finer grid, in parts of the limit.
+FINER = (-1.0, -0.66, -0.33, 0.0, 0.33, 0.66, 1.0)
+
+
 def hysteresis_setup(
-    model: ContactModel, pieces: Sequence[Piece], traits: Traits, wishes: Wishes, units: AxisUnits, Fn0: float | None
+    model: ContactModel,
+    pieces: Sequence[Piece],
+    traits: Traits,
+    wishes: Wishes,
+    units: AxisUnits,
+    Fn0: float | None,
+    found: Mapping[str, float] | None = None,
 ) -> Setup:
-    """The unknowns of a block with elements, started from the grid fitted to the first record.
+    """The unknowns of a block with elements, started from a grid fitted to the first record.
+
+    Without `found` the grid is the coarse one; with it, a finer one around the break-away distances that it has.
 
     Each element has a stiffness and a break-away distance, both on a logarithm, and in each record an initial force
     between the limits at which it slips. Of a law with a Stribeck curve the elements make Fc, and Fs is a multiple of
@@ -39,7 +54,12 @@ def hysteresis_setup(
     generalised = "alpha[1]" in model.parameters
     _check(model, wishes, generalised)
     wanted = wishes.fixed.get("N")
-    grid = fit_grid(pieces[0], Fn0 or 1.0, POINTS, generalised, wishes.fixed)
+    distance = coarse(pieces[0], POINTS)
+    beginnings: Sequence[float] = BEGINNINGS
+    if found is not None:
+        before = np.array([value for name, value in found.items() if name.startswith("d[")])
+        distance, beginnings, wanted = np.sort(np.outer(before, AROUND).ravel()), FINER, float(len(before))
+    grid = fit_grid(pieces[0], Fn0 or 1.0, distance, generalised, wishes.fixed, beginnings)
     k, W, s = with_count(grid, None if wanted is None else int(wanted))
     N = len(k)
     # an element that goes beyond this never slips

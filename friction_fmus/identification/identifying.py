@@ -31,6 +31,9 @@ Method = Literal["auto", "inverse", "output-error", "hysteresis", "closed-loop"]
 #: Part of a column of the Jacobian's size that counts as no dependence at all.
 UNSEEN = 1e-9
 
+#: Largest number of finer grids around the elements found, and the part of the cost that is worth another one.
+REFINEMENTS, WORTHWHILE = 3, 0.01
+
 
 def identify(
     model: str | Path,
@@ -124,13 +127,30 @@ def identify(
     Fn0 = _reference_load(wishes, pieces)
     looked = traits(pieces, Fn0 or 1.0)
     with driven(contact.path) as drive:
+
+        def problem_of(setup: Setup) -> Problem:
+            return Problem(drive, pieces, setup.coordinates, setup.assemble, setup.states, setup.constants)
+
         if chosen == "hysteresis":
-            setup = hysteresis_setup(contact, pieces, looked, wishes, records[0].units, Fn0)
+            common = contact, pieces, looked, wishes, records[0].units, Fn0
+            setup = hysteresis_setup(*common)
+            problem = problem_of(setup)
+            found = search(problem, loss, starts or 1)
+            for _ in range(REFINEMENTS):
+                finer = hysteresis_setup(*common, problem.values(found.x, None))
+                again = problem_of(finer)
+                again.simulations = problem.simulations
+                better = search(again, loss, 1)
+                improved = better.cost < (1.0 - WORTHWHILE) * found.cost
+                if better.cost < found.cost:
+                    setup, problem, found = finer, again, better
+                if not improved:
+                    break
         else:
             setup = scalar_setup(contact, pieces, looked, wishes, records[0].units, Fn0)
-        problem = Problem(drive, pieces, setup.coordinates, setup.assemble, setup.states, setup.constants)
-        known = chosen == "hysteresis" or all(c.name in wishes.start or c.name == "OF" for c in problem.shared)
-        found = search(problem, loss, starts or (1 if known else 3))
+            problem = problem_of(setup)
+            known = all(c.name in wishes.start or c.name == "OF" for c in problem.shared)
+            found = search(problem, loss, starts or (1 if known else 3))
         result = _result(model, contact, chosen, problem, setup, found, signal, unit, records, settings)
     checked = None if validation is None else _validated(result, validation)
     return result.timed(time.perf_counter() - begin, checked)

@@ -20,6 +20,7 @@ from friction_fmus.study.parameters import Parameter, toml_text
 from .errors import IdentificationError
 from .estimate import Estimate
 from .findings import Finding
+from .models import contact_model
 from .picture import NAMES
 from .reading import Measurement
 from .result import Identification, Score
@@ -153,10 +154,17 @@ def _toml(found: Survey, measurement: Measurement) -> str:
             name: Parameter(e.value, e.unit, _remark(result, name), e.standard_error)
             for name, e in result.parameters.items()
         }
-        fixed = {name: Parameter(value, "", "given") for name, value in result.fixed.items()}
+        known = contact_model(result.block, result.records[0].units).parameters
+        units = {**{name: parameter.unit for name, parameter in known.items()}, **_drive_units(result)}
+        fixed = {name: Parameter(value, units[name], "not identified") for name, value in result.fixed.items()}
         sets[result.model] = values | fixed
     title = f"Parameters of friction models, identified from {measurement.mapping.name}"
     return toml_text(title, sets, measurement.mapping.citation)
+
+
+def _drive_units(result: Identification) -> dict[str, str]:
+    units = result.records[0].units
+    return {"M": units.inertia, "OF": units.force}
 
 
 def _remark(result: Identification, name: str) -> str:

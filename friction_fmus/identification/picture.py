@@ -35,6 +35,9 @@ def draw(result: Identification, path: Path) -> Path:
         axes.set_ylabel(label)
         axes.grid(alpha=0.3)
     over_motion.set_xlabel(x_label)
+    over_motion.locator_params(axis="x", nbins=4)
+    # some of the positions differ in the fourth digit only
+    over_motion.ticklabel_format(axis="x", style="sci", scilimits=(-3, 4), useOffset=True)
     over_time.legend(loc="upper right", fontsize="small")
     over_time.tick_params(labelbottom=False)
     error.plot(result.t, result.residuals, color=PREDICTED, lw=0.6)

@@ -30,7 +30,7 @@ class Piece:
     inputs : mapping of str to array, shape (n,)
         What drives the block: v, and Fn where the normal force was measured.
     between : {"held", "linear", "halves"}
-        The inputs between two samples: the earlier value, a straight line, or the nearer of the two.
+        The inputs between two samples: the later value, on straight lines, or the nearer value.
     x : array, shape (n,)
         Position along which the block is driven, from 0.
     a : array, shape (n,) or None
@@ -43,6 +43,8 @@ class Piece:
         Its instants [s].
     filter : InverseModelSettings or None
         Filter that both sides of the equation see; None: none.
+    stride : int
+        Samples of the record from one to the next.
     """
 
     record: Record
@@ -54,21 +56,32 @@ class Piece:
     measured: Array
     t: Array
     filter: InverseModelSettings | None
+    stride: int = 1
 
     @property
     def step(self) -> float:
         """Sampling interval [s]."""
-        return self.record.Ts
+        return self.stride * self.record.Ts
 
-    def drive(
+    def thinned(self, stride: int) -> Piece:
+        """Every so many samples of a piece that is driven on straight lines and not filtered."""
+        inputs = {name: values[::stride] for name, values in self.inputs.items()}
+        per = None if self.per is None else self.per[::stride]
+        some = replace(self, inputs=inputs, x=self.x[::stride], per=per, stride=stride)
+        return replace(some, measured=self.measured[::stride], t=self.t[::stride])
+
+    def run(
         self, drive: Drive, outputs: Sequence[str], start: Mapping[str, StartValue], tolerance: float | None = None
     ) -> Array:
-        """Outputs of a block along the record, shape (n, outputs)."""
-        inputs = {port.name: self.inputs[port.name] for port in drive.part.inputs if port.name in self.inputs}
-        if self.between != "halves":
-            return drive.run(inputs, outputs, self.step, between=self.between, start=start, tolerance=tolerance)
-        nearer = {name: np.repeat(values, 2)[1:] for name, values in inputs.items()}
-        return drive.run(nearer, outputs, 0.5 * self.step, start=start, tolerance=tolerance)[::2]
+        """Outputs of a block at the samples, shape (n, len(outputs))."""
+        if self.between == "linear":
+            return drive.run(self.inputs, outputs, self.step, between="linear", start=start, tolerance=tolerance)
+        if self.between == "halves":
+            nearer = {name: np.repeat(values, 2)[1:] for name, values in self.inputs.items()}
+            return drive.run(nearer, outputs, 0.5 * self.step, start=start, tolerance=tolerance)[::2]
+        # the step that ends at a sample takes its values, also at the first one
+        inputs = {name: np.append(values, values[-1]) for name, values in self.inputs.items()}
+        return drive.run(inputs, outputs, self.step, start=start, tolerance=tolerance)[1:]
 
     def rows(self, signal: Array) -> Array:
         """What is left of a signal of shape (n,) or (n, columns) behind the filter."""
@@ -150,8 +163,8 @@ def prepare(record: Record, model: ContactModel, signal: str, settings: InverseM
             v = record.column("v")
             a = np.gradient(v, record.Ts)
         if not model.static:
-            # the nearer of two velocities: the way and the force at each sample are of second order as with straight
-            # lines, and a bristle model has exact steps for it
+            # way and force at each sample are of second order, as with straight lines, and a bristle model has exact
+            # steps for it; the later value would make sigma1 smaller by about sigma0 Ts/2
             between = "halves"
     elif record.v is not None:
         v = record.v
@@ -159,7 +172,7 @@ def prepare(record: Record, model: ContactModel, signal: str, settings: InverseM
         v = filtered_motion(record, filter_).v
     else:
         q, between = record.column("q"), "held"
-        v = np.append(np.diff(q) / record.Ts, 0.0)
+        v = np.append(0.0, np.diff(q) / record.Ts)
     inputs["v"] = np.asarray(v, dtype=np.float64)
     per = _normal(record) if signal == "mu" else None
     if per is not None and model.loaded:

@@ -32,12 +32,13 @@ def plausible(records: Sequence[Record], columns: Mapping[str, Column]) -> Itera
     ------
     Finding
         ``position-and-velocity-disagree``, ``position-and-reference-disagree``, ``implausible-motion``,
-        ``force-drives-nothing``.
+        ``position-jumps``, ``force-of-other-sign``, ``friction-of-other-sign``.
     """
     longest = max(records, key=len)
     yield from _velocity(longest)
     yield from _reference(longest)
     yield from _size(longest)
+    yield from _turns(longest)
     yield from _sign(longest, columns)
 
 
@@ -78,6 +79,21 @@ def _size(record: Record) -> Iterator[Finding]:
         return
     what = f"The axis would move by {found:.3g} {record.units.position} at up to {fast:.3g} {record.units.velocity}."
     yield Finding("implausible-motion", what, "Correct the unit of the position, of the velocity or of the time.")
+
+
+def _turns(record: Record) -> Iterator[Finding]:
+    """An angle that begins anew after each turn, as absolute encoders and resolvers give it."""
+    if record.q is None or record.units.position != "rad":
+        return
+    jumps = np.abs(np.diff(record.q))
+    jumps = jumps[jumps > np.pi]
+    if jumps.size:
+        what = f"The position jumps by {jumps.max():.4g} rad from one sample to the next, {_times(jumps.size)}."
+        yield Finding("position-jumps", what, "Log a position that goes on counting behind a full turn.")
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
 
 
 def _sign(record: Record, columns: Mapping[str, Column]) -> Iterator[Finding]:

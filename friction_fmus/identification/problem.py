@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from .record import Array
 
 #: Step of the differences, in coordinates of the search.
 DIFFERENCE = 1e-4
+
+#: Every so many samples are enough to come near to the end of a search, if a record has at least so many.
+STRIDE, LONG = 4, 2000
 
 #: Tolerance of the blocks' own solvers [-]; it must stay well below the step of the differences.
 TOLERANCE = 1e-7
@@ -99,6 +102,11 @@ class Problem:
         self.size = float(np.sqrt(np.mean(np.square(total)))) or 1.0
         self.count = len(total)
 
+    def thinned(self) -> Problem | None:
+        """The same on every fourth sample, where the records are long and driven on straight lines; else None."""
+        long = all(len(p.measured) >= LONG and p.between == "linear" and p.filter is None for p in self.pieces)
+        return replace(self, pieces=[p.thinned(STRIDE) for p in self.pieces], simulations=0) if long else None
+
     @property
     def shared(self) -> list[Coordinate]:
         """The coordinates that are the same for all records."""
@@ -120,7 +128,8 @@ class Problem:
         start = {**self.constants, **parameters, **self.states(parameters, self.values(x, index))}
         start = {name: value for name, value in start.items() if name not in ("M", "OF")}
         self.simulations += 1
-        return piece.drive(self.drive, ["F"], start, TOLERANCE)[:, 0]
+        force: Array = piece.run(self.drive, ["F"], start, TOLERANCE)[:, 0]
+        return force
 
     def error(self, x: Array, index: int) -> Array:
         """Predicted minus measured of one piece, in parts of the size of the signal; infinite where the block refuses

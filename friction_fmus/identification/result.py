@@ -48,8 +48,8 @@ class Identification:
     method : str
         How it was identified: "inverse", "output-error", "hysteresis" or "closed-loop".
     parameters : mapping of str to Estimate
-        Estimates of the parameters of the block, and of M (moved mass) and OF (offset of the drive) where the
-        force is that of a drive.
+        Estimates of the parameters of the block, of OF (offset of the force) where the contact moves to and fro, and
+        of M (moved mass) where the force is that of a drive.
     initial : mapping of str to Estimate
         Estimates of the state at the beginning of the record.
     fixed : mapping of str to float
@@ -59,14 +59,14 @@ class Identification:
     t, measured, predicted : array, shape (n,)
         The signal that was fitted: time [s], measured and predicted, in `unit`.
     signal, unit : str
-        Name and unit of that signal.
+        Name and unit of that signal: "mu", "friction", "force", or in a closed loop the position "q".
     train : Score
         On the samples that were fitted.
     validation : Score or None
         On samples that were not.
     aic, bic : float
-        Information criteria of Akaike and Schwarz for Gaussian residuals on the decimated, hence nearly
-        uncorrelated samples; lower is better.
+        Information criteria of Akaike and Schwarz for Gaussian residuals, on as many independent samples as the
+        measured signal has correlation lengths: the same number for all models of one record; lower is better.
     weak : mapping of str to str
         Parameters that the record hardly determines -> why, and what to measure.
     warnings : tuple of str

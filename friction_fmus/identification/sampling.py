@@ -121,7 +121,8 @@ def _grid(t: Array, usual: float) -> tuple[Array, str]:
     digits = _digits(t)
     if np.max(np.abs(t - line)) <= 0.6 * digits and digits <= 0.4 * slope:
         return line, "rounded"
-    return np.linspace(t[0], t[-1], max(2, round((t[-1] - t[0]) / usual)) + 1), "resampled"
+    # from the first sample on, so that where only some samples are missing the others stay what they are
+    return t[0] + usual * np.arange(int((t[-1] - t[0]) / usual + 1e-3) + 1), "resampled"
 
 
 def _digits(t: Array) -> float:

@@ -23,6 +23,12 @@ CANDIDATES = 12
 #: Largest factor by which a random start is off the first one, and largest change of what is linear, in its size.
 SPREAD = 3.0
 
+#: Relative change of the cost at which a search on a part of the samples ends, and on all of them.
+NEAR, CLOSE = 1e-4, 1e-7
+
+#: Distance from a bound at which a search begins at least.
+INSIDE = 1e-9
+
 #: Probability below which residuals are taken for correlated.
 WHITE = 1e-3
 
@@ -56,8 +62,13 @@ class Found:
     loss: str
     scale: float
 
+    @property
+    def cost(self) -> float:
+        """Mean square of the residual."""
+        return float(np.mean(np.square(self.residual)))
 
-def search(problem: Problem, loss: Loss, starts: int, frozen: Sequence[int] = ()) -> Found:
+
+def search(problem: Problem, loss: Loss, starts: int) -> Found:
     """Least squares from the start of the problem and from others around it.
 
     Parameters
@@ -67,9 +78,8 @@ def search(problem: Problem, loss: Loss, starts: int, frozen: Sequence[int] = ()
     loss : str
         One of `Loss`; all but "linear" scale by 1.48 times the median of the absolute residuals.
     starts : int
-        How many searches; the second and later ones begin at the best of random points.
-    frozen : sequence of int
-        Coordinates that keep their start.
+        How many searches; the second and later ones begin at the best of random points. Long records are searched on a
+        part of their samples first, and on all of them from the best end only.
 
     Raises
     ------
@@ -82,16 +92,21 @@ def search(problem: Problem, loss: Loss, starts: int, frozen: Sequence[int] = ()
         raise FitError(f"There are to be {starts} starts; give at least 1.")
     lower, upper = problem.bounds()
     first = np.clip(problem.start(), lower, upper)
-    free = np.array([i for i in range(len(first)) if i not in set(frozen)], dtype=int)
+    thin = problem.thinned()
+    quick = thin or problem
     points = [first]
     random = np.random.default_rng(7)
     for _ in range(starts - 1):
-        drawn = [_drawn(problem, first, free, lower, upper, random) for _ in range(CANDIDATES)]
-        points.append(min(drawn, key=lambda x: _cost(problem.residual(x))))
+        drawn = [_drawn(problem, first, lower, upper, random) for _ in range(CANDIDATES)]
+        points.append(min(drawn, key=lambda x: _cost(quick.residual(x))))
     # the matrices are tall and narrow: threads of the linear algebra cost more than they save
     with threadpool_limits(1):
-        found = [_one(problem, point, free, lower, upper, loss) for point in points]
-    best = min((f for f in found if f is not None), key=lambda f: _cost(f.residual), default=None)
+        if thin is not None:
+            near = [_one(thin, point, lower, upper, loss, NEAR) for point in points]
+            points = [f.x for f in sorted((f for f in near if f is not None), key=lambda f: f.cost)[:1]] or [first]
+            problem.simulations += thin.simulations
+        found = [_one(problem, point, lower, upper, loss, CLOSE) for point in points]
+    best = min((f for f in found if f is not None), key=lambda f: f.cost, default=None)
     if best is None:
         # what the block says of its start values is the reason
         problem.simulate(first, 0)
@@ -99,13 +114,10 @@ def search(problem: Problem, loss: Loss, starts: int, frozen: Sequence[int] = ()
     return best
 
 
-def _drawn(
-    problem: Problem, first: Array, free: Array, lower: Array, upper: Array, random: np.random.Generator
-) -> Array:
+def _drawn(problem: Problem, first: Array, lower: Array, upper: Array, random: np.random.Generator) -> Array:
     """A random point around the first one."""
     x = np.array(first)
-    for i in free:
-        c = problem.coordinates[i]
+    for i, c in enumerate(problem.coordinates):
         factor = math.log(SPREAD) * random.uniform(-1.0, 1.0)
         x[i] = x[i] + factor if c.log else x[i] * math.exp(factor) if c.lower >= 0.0 else x[i]
     return np.clip(x, lower, upper)
@@ -116,49 +128,41 @@ def _cost(residual: Array) -> float:
     return cost if math.isfinite(cost) else math.inf
 
 
-def _one(problem: Problem, start: Array, free: Array, lower: Array, upper: Array, loss: Loss) -> Found | None:
-    def whole(part: Array) -> Array:
-        x = np.array(start)
-        x[free] = part
-        return x
-
+def _one(problem: Problem, start: Array, lower: Array, upper: Array, loss: Loss, tolerance: float) -> Found | None:
+    """One search; None where the block refuses its start."""
     latest: dict[bytes, Array] = {}
 
-    def residual(part: Array) -> Array:
+    def residual(x: Array) -> Array:
         latest.clear()
-        found = latest[part.tobytes()] = problem.residual(whole(part))
+        found = latest[x.tobytes()] = problem.residual(x)
         return found
 
-    def jacobian(part: Array) -> Array:
-        return problem.jacobian(whole(part), latest.get(part.tobytes()))[:, free]
+    def jacobian(x: Array) -> Array:
+        return problem.jacobian(x, latest.get(x.tobytes()))
 
-    inside = np.clip(start[free], lower[free] + 1e-9, upper[free] - 1e-9)
-    begin = residual(inside)
-    if not np.all(np.isfinite(begin)):
+    x = np.clip(start, lower + INSIDE, upper - INSIDE)
+    error = residual(x)
+    if not np.all(np.isfinite(error)):
         return None
-    scale = 1.0
-    result = None
+    scale, converged = 1.0, False
     for _ in range(1 if loss == "linear" else 3):
         if loss != "linear":
-            scale = max(1.4826 * float(np.median(np.abs(begin))), 1e-9)
+            scale = max(1.4826 * float(np.median(np.abs(error))), 1e-9)
         result = scipy.optimize.least_squares(
             residual,
-            inside,
+            np.clip(x, lower + INSIDE, upper - INSIDE),
             jac=jacobian,
-            bounds=(lower[free], upper[free]),
+            bounds=(lower, upper),
             loss=loss,
             f_scale=scale,
-            ftol=1e-7,
-            xtol=1e-6,
+            ftol=tolerance,
+            xtol=10.0 * tolerance,
             gtol=1e-12,
             max_nfev=80,
         )
-        inside = np.asarray(result.x, dtype=np.float64)
-        begin = problem.residual(whole(inside))
-        inside = np.clip(inside, lower[free] + 1e-9, upper[free] - 1e-9)
-    assert result is not None
-    x = whole(np.asarray(result.x, dtype=np.float64))
-    return Found(x, begin, problem.jacobian(x, begin), bool(result.status > 0), loss, scale)
+        x, converged = np.asarray(result.x, dtype=np.float64), bool(result.status > 0)
+        error = problem.residual(x)
+    return Found(x, error, problem.jacobian(x, error), converged, loss, scale)
 
 
 def correlation_length(residual: Array) -> int:

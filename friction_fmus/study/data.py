@@ -13,6 +13,7 @@ import numpy as np
 
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.identification import ROTARY, Array, Record, filtered_motion, read_mapping, read_measurement
+from friction_fmus.identification.pieces import default_settings
 from friction_fmus.package import build_record
 
 from .config import ConfigError, Servo, StudyConfig
@@ -163,7 +164,7 @@ def measured_servo(data: Data, servo: Servo, folder: Path, name: str) -> Measure
     t = servo.Ts * np.arange(float(len(record)))
     reference = build_reference(t, record.reference, folder, f"{name}Reference")
     # the record may begin in motion
-    v0 = float(filtered_motion(record).v[0])
+    v0 = float(filtered_motion(record, default_settings(record)).v[0])
     task = Task(reference, len(record), float(record.q[0]), v0, rotary=data.rotary)
 
     def samples(records: tuple[Record, ...]) -> tuple[int, int]:

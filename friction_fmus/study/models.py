@@ -25,6 +25,7 @@ from friction_fmus.identification import (
     identify_inverse_model,
 )
 from friction_fmus.identification.models import contact_model
+from friction_fmus.identification.pieces import default_settings
 from harness import HarnessError
 
 from .config import Servo
@@ -158,7 +159,7 @@ def inverse_model(record: Record, published: Mapping[str, float], measured: Meas
     """
     summary = "Coulomb and viscous friction from the inverse model (IDIM-LS)"
     try:
-        fit = identify_inverse_model(record)
+        fit = identify_inverse_model(record, default_settings(record))
     except FrictionError as error:
         return Found(ModelRow(INVERSE, summary, reason=str(error)))
     rows = tuple(

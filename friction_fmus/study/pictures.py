@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion
+from friction_fmus.identification.pieces import default_settings
 from harness import Experiment, FmuPart, SeriesPart, System
 
 from .loop import block, typed
@@ -62,7 +63,7 @@ def friction_of(record: Record, mass: float, offset: float) -> tuple[Array, Arra
     """Position, velocity and friction behind the record, filtered; None if it has neither friction nor force."""
     if record.q is None:
         return None
-    motion = filtered_motion(record)
+    motion = filtered_motion(record, default_settings(record))
     if record.friction is not None:
         return record.q, motion.v, record.friction
     if record.force is None:

@@ -17,6 +17,7 @@ from friction_fmus.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import filtered_motion, identifiable
+from friction_fmus.identification.pieces import default_settings
 from friction_fmus.version import VERSION
 from harness import Progress, System
 from harness.atomic import atomic_path
@@ -32,7 +33,7 @@ from .pictures import over_position, over_velocity, series
 from .ranking import extremes, rank, recommend
 from .result import StudyResult
 from .rows import CompensatorRow, DoctorRow, Metrics, Recommendation, WrittenFile
-from .trial import Bench, Trial, try_out
+from .trial import Bench, Cost, Trial, cost_of, try_out
 
 CLOSE: Final = 1.5
 """Models whose error is at most so many times the smallest are fitted to the closed loop as well."""
@@ -243,7 +244,7 @@ class _Study:
         assert servo is not None
         t, r = record.t - record.t[0], record.reference
         if r is None:  # the path that was measured, smooth enough to be followed
-            motion = filtered_motion(record)
+            motion = filtered_motion(record, default_settings(record))
             r = record.column("q")[0] + np.concatenate([[0.0], np.cumsum(motion.v[:-1]) * record.Ts])
         last = min(t[-1], wanted.duration or t[-1])
         at = servo.Ts * np.arange(float(round(last / servo.Ts) + 1))
@@ -278,15 +279,18 @@ class _Study:
             Job(f"compensator-{choice.name}", try_out, (bench, choice.placed, wanted.gains, wanted.mismatch), Trial)
             for choice in tried
         ]
-        plain, without, *trials = self._do(jobs, 0.6, 0.95)
+        plain, without, *trials = self._do(jobs, 0.6, 0.9)
+        # one after the other, while nothing else runs here
+        prices = [Job(f"cost-{each.name}", cost_of, (each.placed, bench.servo.Ts, data.rotary), Cost) for each in tried]
+        costs = do(prices, self.store, None, self.tell.steps(0.9, 0.95, len(prices)))
         none = _row("none", "The servo without friction compensation", "none", None, without)
         none = extremes(none, none)
         if none.metrics is None:
             raise StudyError(f"The servo is unstable even without compensation: {without.sweep[0].failure}")
-        by_name = {choice.name: trial for choice, trial in zip(tried, trials, strict=True)}
+        found = {c.name: (trial, cost.ns) for c, trial, cost in zip(tried, trials, costs, strict=True)}
         blocks = catalogue()
         rows = [
-            _row(choice.name, blocks[choice.name].summary, choice.kind, choice, by_name.get(choice.name))
+            _row(choice.name, blocks[choice.name].summary, choice.kind, choice, *found.get(choice.name, (None,)))
             for choice in choices
         ]
         servos = {"as measured": plain.metrics} if plain.metrics is not None else {}
@@ -337,7 +341,9 @@ class _Study:
         return do(jobs, self.store, self.executor, self.tell.steps(begin, end, len(jobs)))
 
 
-def _row(name: str, summary: str, kind: str, choice: Choice | None, trial: Trial | None) -> CompensatorRow:
+def _row(
+    name: str, summary: str, kind: str, choice: Choice | None, trial: Trial | None, cost_ns: float = 0.0
+) -> CompensatorRow:
     if trial is None:
         return CompensatorRow(name, summary, kind, False, choice.reason if choice is not None else "")
     failures = [point.failure for point in trial.sweep if point.metrics is None]
@@ -353,7 +359,7 @@ def _row(name: str, summary: str, kind: str, choice: Choice | None, trial: Trial
         trial.metrics,
         trial.sweep,
         trial.corners,
-        cost_ns=trial.cost_ns,
+        cost_ns=cost_ns,
         error=trial.error,
     )
 

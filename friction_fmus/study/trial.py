@@ -65,8 +65,6 @@ class Trial:
         Over the gain.
     corners : tuple of Corner
         At the best gain.
-    cost_ns : float or None
-        Time of one sample [ns].
     error : Curve or None
         Reference minus position at the best gain.
     """
@@ -75,7 +73,6 @@ class Trial:
     metrics: Metrics | None
     sweep: tuple[GainPoint, ...]
     corners: tuple[Corner, ...]
-    cost_ns: float | None
     error: Curve | None
 
 
@@ -102,7 +99,7 @@ def try_out(bench: Bench, placed: Placed | None, gains: Sequence[float], mismatc
         sweep = tuple(point for point, _ in runs.values())
         fit = [(point.metrics.rms, point.gain) for point in sweep if point.metrics is not None and point.gain <= 1.0]
         if not fit:
-            return Trial(None, None, sweep, (), None, None)
+            return Trial(None, None, sweep, (), None)
         gain = min(fit)[1]
         best = with_gain(system, gain)
         for friction in (1.0 - mismatch, 1.0 + mismatch) if mismatch else ():
@@ -112,8 +109,7 @@ def try_out(bench: Bench, placed: Placed | None, gains: Sequence[float], mismatc
     point, error = runs[gain]
     assert error is not None
     drawn = thinned(bench.servo.Ts * np.arange(float(len(error))), error)
-    cost = cost_of(placed, bench) if placed else 0.0
-    return Trial(gain, point.metrics, sweep, tuple(corners), cost, drawn)
+    return Trial(gain, point.metrics, sweep, tuple(corners), drawn)
 
 
 def off_by(system: System, friction: float, mass: float) -> dict[str, float]:
@@ -157,12 +153,18 @@ def high_frequency(force: Array, bench: Bench) -> Array:
     return np.asarray(signal.sosfiltfilt(sections, force), dtype=np.float64)
 
 
-def cost_of(placed: Placed, bench: Bench, samples: int = 200_000) -> float:
-    """Time of one sample of the compensator's FMU in the engine [ns], the best of three; start-up does not count."""
-    part = FmuPart("law", block(placed.model, bench.task.rotary))
+@dataclass(frozen=True)
+class Cost:
+    """Time of one sample [ns]."""
+
+    ns: float
+
+
+def cost_of(placed: Placed, Ts: float, rotary: bool, samples: int = 100_000) -> Cost:
+    """Time of one sample of the compensator's FMU in the engine, the best of three; start-up does not count."""
+    part = FmuPart("law", block(placed.model, rotary))
     start: dict[str, StartValue] = {f"law.{port.name}": 0.01 for port in part.inputs if not port.optional}
     start |= {f"law.{name}": value for name, value in typed(part, placed.values).items()}
-    Ts = bench.servo.Ts
     with System([part], [], {**start, "law.Ts": Ts}) as system:
 
         def seconds(count: int) -> float:
@@ -172,7 +174,7 @@ def cost_of(placed: Placed, bench: Bench, samples: int = 200_000) -> float:
 
         short = samples // 10
         taken = min(seconds(samples) for _ in range(3)) - min(seconds(short) for _ in range(3))
-    return 1e9 * max(taken, 0.0) / (samples - short)
+    return Cost(1e9 * max(taken, 0.0) / (samples - short))
 
 
 def thinned(x: Array, y: Array, points: int = POINTS) -> Curve:

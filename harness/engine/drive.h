@@ -41,8 +41,8 @@ EXPORT int64_t engine_drive(Drive *d, int64_t samples)
             return k;
         if (k + 1 == samples)
             break;
-        if (d->set_slopes && stopped(d, SLOPES,
-                                     d->set_slopes(d->component, d->input_references, n, d->orders, d->slopes + row)))
+        if (d->set_slopes &&
+            stopped(d, SLOPES, d->set_slopes(d->component, d->input_references, n, d->orders, d->slopes + row)))
             return k;
         if (stopped(d, STEP, d->do_step(d->component, d->start + (double)k * d->step, d->step, 1)))
             return k;

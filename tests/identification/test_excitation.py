@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -179,3 +181,12 @@ def test_every_finding_says_what_and_what_to_measure() -> None:
 def test_a_window_that_holds_nothing_is_an_error() -> None:
     with pytest.raises(RecordError, match="fewer than 3 samples"):
         record(FAST).window(100.0, 101.0)
+
+
+def test_the_page_on_identification_lists_every_finding() -> None:
+    root = Path(__file__).parents[2]
+    sources = [path.read_text(encoding="utf-8") for path in (root / "friction_fmus" / "identification").glob("*.py")]
+    made = {name for source in sources for name in re.findall(r'Finding\(\s*"([a-z-]+)"', source)}
+    page = (root / "docs" / "identification.md").read_text(encoding="utf-8")
+    assert len(made) > 15
+    assert {name for name in made if f"`{name}`" not in page} == set()

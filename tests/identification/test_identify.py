@@ -23,6 +23,7 @@ from friction_fmus.identification import (
 from harness import Drive, FmuPart, read_ssv
 
 STEP = 1e-3
+Truth = tuple[Record, np.ndarray]
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ def sliding_record(outliers: int = 0, fastest: float = 0.05, slowest: float = 1e
 
 
 def test_lugre_is_found_within_a_fifth_of_a_percent_from_starts_three_times_off(
-    lugre: tuple[Record, np.ndarray],
+    lugre: Truth,
 ) -> None:
     record, _ = lugre
     random = np.random.default_rng(2)
@@ -59,7 +60,7 @@ def test_lugre_is_found_within_a_fifth_of_a_percent_from_starts_three_times_off(
             assert found[name] == pytest.approx(LUGRE[name], rel=2e-3), name
 
 
-def test_without_start_values_the_data_give_them(lugre: tuple[Record, np.ndarray]) -> None:
+def test_without_start_values_the_data_give_them(lugre: Truth) -> None:
     record, force = lugre
     result = identify("LuGre", record)
     assert result.method == "output-error" and result.errors == "classic"

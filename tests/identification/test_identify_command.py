@@ -8,6 +8,8 @@ import shlex
 import subprocess
 import sys
 import tomllib
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ import pytest
 from friction_fmus.__main__ import main
 from friction_fmus.catalogue import catalogue
 from friction_fmus.identification import FitError, Identification, compare_models, identify, read_measurement
-from friction_fmus.identification.survey import Task
+from friction_fmus.identification.survey import Task, _side_by_side
 from harness import open_archive, read_ssv
 
 ROOT = Path(__file__).parents[2]
@@ -64,18 +66,19 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     return folder / "axis", printed
 
 
-def test_the_true_parameters_are_within_four_standard_errors(outcome: tuple[Path, str]) -> None:
+def test_the_true_parameters_are_found_within_what_the_page_says(outcome: tuple[Path, str]) -> None:
     content = json.loads((outcome[0] / "identification.json").read_text(encoding="utf-8"))
     assert content["ranked_by"] == "validation error"
     best, other = content["models"]
     assert (best["model"], other["model"]) == ("LuGre", "Stribeck")
+    assert "is found is within 3 % of them" in PAGE
     for name, true in TRUE.items():
-        found = best["parameters"][name]
-        assert abs(found["value"] - true) < 4 * found["standard_error"], name
-        assert found["value"] == pytest.approx(true, rel=0.03), name
-    # the noise of 0.1 N in a force of 18 N rms
-    assert best["validation"]["relative_percent"] < 1.0
+        assert best["parameters"][name]["value"] == pytest.approx(true, rel=0.03), name
+    # noise of 0.1 N, of which decimation by 10 and a filter at 0.8 of the new Nyquist frequency leave 0.1 sqrt(0.08) N
+    assert best["train"]["rms"] == pytest.approx(0.1 * 0.08**0.5, rel=0.25)
+    assert best["validation"]["rms"] == pytest.approx(0.1 * 0.08**0.5, rel=0.25)
     assert other["validation"]["relative_percent"] > 10.0
+    assert set(other["weak"]) >= {"Fs"}
 
 
 def test_every_model_has_its_files_with_the_parameters_in_them(outcome: tuple[Path, str]) -> None:
@@ -102,11 +105,11 @@ def test_the_page_shows_what_the_command_prints(outcome: tuple[Path, str]) -> No
     as_words = re.compile(r"[-\d][-+.\de]*")  # numbers differ in the last digits from machine to machine
     assert as_words.sub("#", shown).split() == as_words.sub("#", printed).split()
     content = json.loads((folder / "identification.json").read_text(encoding="utf-8"))
-    (table,) = re.findall(r"^LuGre\nparameter .*\n((?:\w+ .*\n)+?)weak ", shown, re.M)
+    (table,) = re.findall(r"^LuGre\nparameter .*\n((?:\w+ .*\n)+)\n", shown, re.M)
     for line in table.splitlines():
         name, value, *_ = line.split()
         found = content["models"][0]["parameters"][name]
-        assert abs(float(value) - found["value"]) < 0.2 * found["standard_error"], name
+        assert abs(float(value) - found["value"]) < 0.5 * found["standard_error"], name
 
 
 def test_the_page_shows_the_mapping_of_the_example() -> None:
@@ -166,6 +169,19 @@ def test_a_model_that_fails_is_named_and_the_others_go_on(
     content = json.loads((tmp_path / "out" / "identification.json").read_text(encoding="utf-8"))
     assert list(content["failed"]) == ["Dahl", "Viscous"]
     assert not (tmp_path / "out" / "Dahl.fmu").exists()
+
+
+def test_a_process_that_dies_is_a_reason_too(log: Path) -> None:
+    class Dying:
+        def submit(self, *_: object) -> Future[object]:
+            future: Future[object] = Future()
+            future.set_exception(BrokenProcessPool("gone"))
+            return future
+
+    task = Task(read_measurement(log).window(0.0, 3.0))
+    found = _side_by_side(Dying(), ["Dahl", "LuGre"], task, None)
+    assert set(found) == {"Dahl", "LuGre"}
+    assert "a process died" in str(found["Dahl"])
 
 
 def test_nothing_is_written_if_no_model_can_be_identified(

@@ -6,7 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from friction_fmus.data import load_emps, load_tribometer
 from friction_fmus.identification import ROTARY, RecordError, read_mapping, read_measurement, read_records
+
+EXAMPLES = Path(__file__).parents[2] / "examples" / "identification"
 
 T = np.arange(400) * 2e-3
 X = np.sin(2 * np.pi * 5 * T)
@@ -196,3 +199,24 @@ def test_a_mapping_is_not_given_twice(tmp_path: Path) -> None:
     path = mapping(tmp_path, "[data]\nfile = 'axis.csv'\n")
     with pytest.raises(RecordError, match="is a mapping itself"):
         read_records(path, path)
+
+
+def test_the_mapping_of_the_emps_record_gives_the_record_of_the_package() -> None:
+    (record,) = read_records(EXAMPLES / "emps.toml")
+    known = load_emps().record
+    for column in ("t", "q", "reference", "force"):
+        # the gain of the mapping has as many digits as the README of the record
+        assert record.column(column) == pytest.approx(known.column(column), rel=1e-6, abs=1e-12)
+    assert record.quantum == pytest.approx(5e-8, rel=1e-6)
+
+
+def test_the_mapping_of_the_tribometer_gives_the_record_of_the_package() -> None:
+    measurement = read_measurement(EXAMPLES / "tribometer.toml")
+    (part,) = measurement.window(*measurement.mapping.windows["train"])
+    known = load_tribometer()
+    assert part.t[[0, -1]] == pytest.approx([60.0, 90.0])
+    # an interval of 9 ms before puts the samples at 60.004 s, 60.009 s, ...: the record was resampled
+    for column in ("q", "friction", "normal"):
+        between = np.interp(part.t, known.t, known.column(column))
+        assert part.column(column) == pytest.approx(between, rel=1e-6, abs=1e-8 if column == "q" else 1e-9)
+    assert [finding.name for finding in measurement.findings] == ["irregular-sampling"]

@@ -121,3 +121,14 @@ def test_forces_of_the_other_sign_are_named(tmp_path: Path) -> None:
     findings = read_measurement(axis(tmp_path, T, motion(T), 3.0 - velocity(T))).findings
     assert named(findings) == ["force-of-other-sign"]
     assert findings[0].measure == "Give the column sign = -1."
+
+
+def test_an_angle_that_begins_anew_after_each_turn_is_named(tmp_path: Path) -> None:
+    turns = 500.0 * motion(T)  # 5 rad to either side
+    path = axis(tmp_path, T, np.mod(turns + np.pi, 2 * np.pi) - np.pi, velocity(T))
+    path.write_text(path.read_text().replace("x [m]", "x [rad]").replace("force [N]", "force [N.m]"))
+    findings = read_measurement(path).findings
+    assert [finding.name for finding in findings if finding.name == "position-jumps"]
+    path = axis(tmp_path, T, turns, velocity(T))
+    path.write_text(path.read_text().replace("x [m]", "x [rad]").replace("force [N]", "force [N.m]"))
+    assert read_measurement(path).findings == ()

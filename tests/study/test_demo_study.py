@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import time
@@ -13,6 +14,7 @@ import fmpy
 import numpy as np
 import pytest
 
+from friction_fmus.__main__ import main
 from friction_fmus.study import StudyResult, run_study
 from friction_fmus.study.jobs import KEPT, rebuild
 from friction_fmus.study.loop import run_loop
@@ -27,6 +29,14 @@ class Study:
     told: list[tuple[int, int]]
 
 
+PAGE = Path(__file__).parents[2] / "docs" / "study-of-an-axis.md"
+
+
+def blocks(mark: str) -> list[str]:
+    """The code blocks of the page that stand below ``<!-- mark -->``."""
+    return re.findall(rf"<!-- {mark} -->\n```\w+\n(.*?)^```$", PAGE.read_text(encoding="utf-8"), re.S | re.M)
+
+
 class Listener:
     def __init__(self) -> None:
         self.told: list[tuple[int, int]] = []
@@ -39,7 +49,7 @@ class Listener:
 def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     out = tmp_path_factory.mktemp("study")
     (out / "notes of mine.txt").write_text("keep")
-    command = [sys.executable, "-m", "friction_fmus", "study", "demo", "-o", str(out), "--workers", "2"]
+    command = [sys.executable, "-m", *blocks("demo")[0].replace("-", "_", 1).replace("-o out", f"-o {out}").split()]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
         end = time.monotonic() + 300.0
         while len(list((out / KEPT).glob("model-*.json"))) < 2:
@@ -134,3 +144,24 @@ def test_the_doctor_has_looked(study: Study) -> None:
 def test_progress_only_grows(study: Study) -> None:
     assert study.told == sorted(study.told)
     assert study.told[-1] == (100, 100)
+
+
+def test_the_study_of_the_page_works(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log_file = PAGE.parents[1] / "examples" / "identification" / "log_file.py"
+    subprocess.run([sys.executable, str(log_file), str(tmp_path)], check=True)
+    (config,) = blocks("file: axis.toml")
+    (tmp_path / "axis.toml").write_text(config, encoding="utf-8")
+    (command,) = blocks("commands")
+    program, *arguments = command.split()
+    assert program == "friction-fmus"
+    places = {"axis.toml": str(tmp_path / "axis.toml"), "out": str(tmp_path / "out")}
+    assert main([places.get(each, each) for each in arguments]) == 0
+    printed = capsys.readouterr().out
+    assert "Recommendation: " in printed
+    assert "Runner-up: " in printed
+    content = json.loads((tmp_path / "out" / "study.json").read_text(encoding="utf-8"))
+    best = content["models"][0]
+    assert best["name"] == "LuGre"
+    found = {parameter["name"]: parameter["value"] for parameter in best["parameters"]}
+    assert found["M"] == pytest.approx(20.0, rel=0.01)  # the truth, from log_file.py
+    assert found["Fc"] == pytest.approx(20.0, rel=0.02)

@@ -38,6 +38,10 @@ def test_among_errors_that_are_alike_the_cheaper_one_comes_first() -> None:
     assert order(*rows) == ["cheap", "dear", "far"]
 
 
+def test_costs_that_differ_by_less_than_a_factor_of_two_do_not_decide() -> None:
+    assert order(row("better", 10e-6, cost=90.0), row("cheaper", 10.5e-6, cost=50.0)) == ["better", "cheaper"]
+
+
 def test_among_errors_that_are_alike_the_quiet_one_comes_before_the_cheaper_one() -> None:
     assert order(row("hissing", 10e-6, high=1.5, cost=1.0), row("quiet", 10.5e-6, cost=99.0)) == ["quiet", "hissing"]
 
