@@ -93,7 +93,7 @@ class AxisRun:
 _SYSTEMS: dict[tuple[Path, str], System] = {}
 
 
-def axis_run(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: float = FIT_STEP) -> AxisRun:
+def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: float = FIT_STEP) -> AxisRun:
     """The servo of a measured axis around a friction block.
 
     Parameters
@@ -172,7 +172,7 @@ def identify_closed_loop(
         raise FitError(f"All parameters of {contact.name} are fixed; leave at least one to be identified.")
     rest = {**opened.fixed, **{name: opened.parameters[name].value for name in unseen}}
     with tempfile.TemporaryDirectory(prefix="friction-fmus-axis-") as folder:
-        run = replace(axis_run(contact, axis, Path(folder)), fixed=tuple(rest.items()))
+        run = replace(write_axis(contact, axis, Path(folder)), fixed=tuple(rest.items()))
         target = Target(axis.record.column("q"), QUANTA * (axis.servo.quantum or 5e-8))
         lag = round(CORRELATED / axis.servo.Ts)
         fit = fit_output_error(
@@ -218,7 +218,7 @@ def axis_response(result: Identification, record: Record, step: float = FIT_STEP
         raise FitError("This identification was not made in a closed loop; give identify an axis with its servo.")
     contact = contact_model(result.block, record.units)
     with tempfile.TemporaryDirectory(prefix="friction-fmus-axis-") as folder:
-        run = axis_run(contact, MeasuredAxis(record, result.servo), Path(folder), step)
+        run = write_axis(contact, MeasuredAxis(record, result.servo), Path(folder), step)
         found = run(result.values())
         _SYSTEMS.clear()
     return found
