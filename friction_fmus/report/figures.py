@@ -33,7 +33,7 @@ STYLES = (
 )
 #: Curves that are seen at first; the others wait in the legend.
 SEEN = 4
-#: Most rows of the bar chart, so that it fits on a printed page.
+#: Most rows of the bar chart, so that it is legible on a printed page.
 ROWS = 24
 #: Most points of a curve.
 POINTS = 4000
@@ -199,7 +199,7 @@ def bars(rows: Sequence[Bar], titles: tuple[str, str]) -> go.Figure:
     figure.add_bar(
         x=[row.value for row in rows],
         y=place,
-        width=0.4,
+        width=0.36,
         orientation="h",
         marker=looks,
         error_x={
@@ -219,7 +219,7 @@ def bars(rows: Sequence[Bar], titles: tuple[str, str]) -> go.Figure:
     figure.add_bar(
         x=[0.0 if row.cost is None else row.cost for row in rows],
         y=place,
-        width=0.4,
+        width=0.36,
         orientation="h",
         marker=looks,
         text=["" if row.cost is None else number(row.cost, 2) for row in rows],
@@ -232,14 +232,16 @@ def bars(rows: Sequence[Bar], titles: tuple[str, str]) -> go.Figure:
     )
     for row, y in zip(rows, place, strict=True):
         figure.add_annotation(
-            x=0.0, y=y + 0.2, text=_text(row.name), showarrow=False, xanchor="left", yanchor="bottom", row=1, col=1
+            x=0.0, y=y + 0.16, text=_text(row.name), showarrow=False, xanchor="left", yanchor="bottom", row=1, col=1
         )
     figure.update_xaxes(rangemode="tozero")
     figure.update_xaxes(title=_text(titles[0]), col=1)
     costs = [row.cost for row in rows if row.cost is not None]
-    figure.update_xaxes(title=_text(titles[1]), range=[0.0, 1.35 * max(costs, default=1.0)], col=2)
+    figure.update_xaxes(
+        title=_text(titles[1]), range=[0.0, 1.35 * max(costs, default=1.0)], nticks=4, tickangle=0, col=2
+    )
     figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, range=[-len(rows) + 0.45, 0.8])
-    return _finished(figure, 110 + 36 * len(rows))
+    return _finished(figure, 110 + 40 * len(rows))
 
 
 def sweep(
