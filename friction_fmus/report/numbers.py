@@ -10,6 +10,7 @@ from friction_fmus.identification import Array
 
 MINUS = "−"
 NONE = "–"
+NO_BREAK = "\u00a0"
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 #: Unit -> units it is shown in, largest first, with the factor from the one to the other.
@@ -77,7 +78,7 @@ def quantity(value: float | None, name: str, digits: int = 3) -> str:
     if value is None or not math.isfinite(value):
         return number(value)
     shown, factor = multiple(name, value)
-    return f"{number(factor * value, digits)} {shown}".rstrip()
+    return f"{number(factor * value, digits)}{NO_BREAK}{shown}".rstrip()
 
 
 def multiple(name: str, values: float | Array) -> tuple[str, float]:

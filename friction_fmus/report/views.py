@@ -145,8 +145,26 @@ def friction_plots(study: StudyResult) -> list[Plot]:
         titles, factors = _axes(picture)
         seen = [row.name for row in study.models if row.name in picture.models][:4]
         figure = lines(picture.data, picture.models, titles, factors, name == "friction", seen)
+        if (span := _span(picture)) is not None:
+            figure.update_yaxes(range=[factors[1] * value for value in span])
+            caption += " The ordinate spans the record; the button “whole” shows where curves leave it."
         plots.append(Plot(f"{name}-plot", figure, caption, f"Plot. {caption}"))
     return plots
+
+
+def _span(picture: Picture, margin: float = 0.3) -> tuple[float, float] | None:
+    """Return the span of the record with a margin, if a model leaves it by more than its size; else None.
+
+    The force of a bristle that starts at a speed jumps far beyond friction, and would flatten all curves.
+    """
+    if not picture.data or not picture.models:
+        return None
+    low, high = (side(side(curve.y) for curve in picture.data.values()) for side in (min, max))
+    lowest, highest = (side(side(curve.y) for curve in picture.models.values()) for side in (min, max))
+    size = high - low
+    if lowest >= low - size and highest <= high + size:
+        return None
+    return low - margin * size, high + margin * size
 
 
 def friction_table(picture: Picture, rows: int = 9) -> tuple[list[str], list[list[str]]]:

@@ -178,6 +178,21 @@ def test_what_is_missing_is_said_and_nothing_breaks(name: str) -> None:
     assert not re.search(r"\b(nan|None:|inf)\b", shown)
 
 
+def test_a_curve_that_leaves_the_record_does_not_flatten_it() -> None:
+    study = made_up_study()
+    assert study.hysteresis is not None
+    loop = study.hysteresis.models["LuGre"]
+    jump = Curve(loop.x, (-3000.0, *loop.y[1:]))
+    page = parsed(report_html(replace(study, hysteresis=replace(study.hysteresis, models={"LuGre": jump}))))
+    (data,) = page.xpath("//script[@id='hysteresis-plot-data']/text()")
+    low, high = json.loads(data)["layout"]["yaxis"]["range"]
+    assert -40.0 < low < -20.0
+    assert 20.0 < high < 40.0
+    assert "the button “whole” shows where curves leave it" in words(page)
+    (data,) = parsed(report_html(study)).xpath("//script[@id='hysteresis-plot-data']/text()")
+    assert "range" not in json.loads(data)["layout"]["yaxis"]
+
+
 def test_the_same_study_gives_the_same_bytes(tmp_path: Path, text: str) -> None:
     file = tmp_path / "report.html"
     write_report(made_up_study(), file)
@@ -215,8 +230,8 @@ def test_the_error_says_how_many_digits_a_value_has(value: float, error: float |
 
 def test_units_are_printed_and_scaled() -> None:
     assert [unit(name) for name in ("N.s/m", "kg.m2", "1", "um")] == ["N·s/m", "kg·m²", "", "µm"]
-    assert quantity(1.2e-5, "m") == "12.0 µm"
-    assert quantity(0.25, "N") == "0.250 N"
+    assert quantity(1.2e-5, "m") == "12.0\u00a0µm"
+    assert quantity(0.25, "N") == "0.250\u00a0N"
     assert quantity(None, "m") == "–"
     assert multiple("m", np.array([1e-6, math.nan, 2e-3])) == ("mm", 1e3)
     assert brief(0.75) == "0.75"
