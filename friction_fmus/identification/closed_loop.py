@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -115,8 +116,10 @@ def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: fl
     r = record.column("reference")
     t = servo.Ts * np.arange(float(len(r)))
     rd = np.gradient(r, servo.Ts)
-    reference = build_record(t, r, rd, np.gradient(rd, servo.Ts), folder, name="MeasuredReference")
-    task = Task(reference, len(r), float(record.column("q")[0]), float(v[0]), rotary=record.units == ROTARY)
+    rotary = record.units == ROTARY
+    domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
+    reference = build_record(t, r, rd, np.gradient(rd, servo.Ts), folder, "MeasuredReference", domain=domain)
+    task = Task(reference, len(r), float(record.column("q")[0]), float(v[0]), rotary=rotary)
     direction = float(np.sign(v[0])) if abs(v[0]) > 1e-3 * np.max(np.abs(v)) else 0.0
     return AxisRun(feedback, task, contact.name, frozenset(contact.parameters), direction, step)
 

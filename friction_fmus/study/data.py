@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import pi
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -139,10 +139,11 @@ def tribometer() -> tuple[Record, ...]:
     return (record,) if isinstance(record, Record) else tuple(record)
 
 
-def build_reference(t: Array, r: Array, folder: Path, name: str) -> Path:
+def build_reference(t: Array, r: Array, folder: Path, name: str, rotary: bool = False) -> Path:
     """FMU that plays a reference, with its derivatives by central differences."""
     rd = np.gradient(r, t)
-    return build_record(t, r, rd, np.gradient(rd, t), folder, name=name)
+    domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
+    return build_record(t, r, rd, np.gradient(rd, t), folder, name=name, domain=domain)
 
 
 def measured_servo(data: Data, servo: Servo, folder: Path, name: str) -> Measured | None:
@@ -162,7 +163,7 @@ def measured_servo(data: Data, servo: Servo, folder: Path, name: str) -> Measure
             "every sample of the servo, or correct Ts."
         )
     t = servo.Ts * np.arange(float(len(record)))
-    reference = build_reference(t, record.reference, folder, f"{name}Reference")
+    reference = build_reference(t, record.reference, folder, f"{name}Reference", data.rotary)
     # the record may begin in motion
     v0 = float(filtered_motion(record, default_settings(record)).v[0])
     task = Task(reference, len(record), float(record.q[0]), v0, rotary=data.rotary)

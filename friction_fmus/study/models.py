@@ -220,10 +220,13 @@ def in_closed_loop(found: Found, measured: Measured) -> Found:
     if not (np.isfinite(trace.q).all() and np.isfinite(trace.force).all()):
         raise FrictionError("it is unstable.")
     q, force = measured.q, measured.force
-    fits = [Fit(_rms(trace.q - q), 100.0 * _rms(trace.q - q) / _rms(q), "position", "m")]
+    units = ROTARY if measured.task.rotary else LINEAR
+    fits = [Fit(_rms(trace.q - q), 100.0 * _rms(trace.q - q) / _rms(q), "position", units.position)]
     t = measured.servo.Ts * np.arange(float(len(q)))
     if force is not None:
-        fits.append(Fit(_rms(trace.force - force), 100.0 * _rms(trace.force - force) / _rms(force), "force", "N"))
+        fits.append(
+            Fit(_rms(trace.force - force), 100.0 * _rms(trace.force - force) / _rms(force), "force", units.force)
+        )
     return replace(
         found,
         row=replace(found.row, closed_loop=tuple(fits)),

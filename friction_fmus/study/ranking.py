@@ -115,7 +115,7 @@ def recommend(none: CompensatorRow, ranked: Sequence[CompensatorRow], unit: str)
     price = f"{force} the force above the bandwidth of the loop and takes {first.cost_ns or 0.0:.0f} ns a sample"
     if len(alike) > 1 and first in alike:
         others = f"{len(alike)} compensators are alike in the worst corner within {100 * ALIKE:.0f} %"
-        two = f"{others}, of which it is the first by noise and cost: it {price}."
+        two = f"{others}, and of these none is less noisy or takes less than half the time: it {price}."
     else:
         two = f"No other one that pays without more noise has a worst error as small, and it {price}."
     if len(paying) < 2:

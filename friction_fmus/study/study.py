@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,6 +34,7 @@ from .ranking import extremes, rank, recommend
 from .result import StudyResult
 from .rows import CompensatorRow, DoctorRow, Metrics, Recommendation, WrittenFile
 from .trial import Bench, Cost, Trial, cost_of, try_out
+from .wording import Teller, compensator_row, identifier, overview
 
 CLOSE: Final = 1.5
 """Models whose error is at most so many times the smallest are fitted to the closed loop as well."""
@@ -88,7 +89,7 @@ def run_study(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StudyError(f"Cannot make the folder {folder} ({error.strerror}); give another one.") from error
-    tell = _Teller(progress)
+    tell = Teller(progress)
     count = processes or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     with workers(0 if executor is not None else count) as own:
         study = _Study(config, folder, Store(folder / KEPT), executor or own, tell)
@@ -116,30 +117,6 @@ def _check(config: StudyConfig) -> None:
 
 
 @dataclass
-class _Teller:
-    """Tells the progress, 0 to 1."""
-
-    progress: Progress | None
-    told: float = 0.0
-
-    def __call__(self, part: float) -> None:
-        self.told = max(self.told, part)
-        if self.progress is not None:
-            self.progress.update(round(100.0 * self.told), 100)
-
-    def steps(self, begin: float, end: float, count: int) -> Callable[[Job], None]:
-        """To be called after each of `count` pieces between two parts of the whole."""
-        done = 0
-
-        def one(job: Job) -> None:
-            nonlocal done
-            done += 1
-            self(begin + (end - begin) * done / max(1, count))
-
-        return one
-
-
-@dataclass
 class _Study:
     """What the steps of a study share."""
 
@@ -147,7 +124,7 @@ class _Study:
     out: Path
     store: Store
     executor: Executor | None
-    tell: _Teller
+    tell: Teller
 
     def run(self) -> StudyResult:
         self.tell(0.0)
@@ -181,7 +158,7 @@ class _Study:
             name=record.name,
             citation=record.citation,
             units=record.units,
-            overview=self._overview(data),
+            overview=overview(self.config, data),
             record=series(data.records, models),
             friction=over_velocity(record, models),
             hysteresis=over_position(record, models),
@@ -203,7 +180,7 @@ class _Study:
         config = self.config
         measured = None
         if config.servo is not None:
-            measured = measured_servo(data, config.servo, self.out / KEPT, _identifier(data.longest.name))
+            measured = measured_servo(data, config.servo, self.out / KEPT, identifier(data.longest.name))
         names = list(identifiable()) if config.models == ALL else list(config.models)
         names.sort(key=lambda name: "presliding" not in catalogue()[name].features)  # those take longest
         records = data.train, data.validation
@@ -249,7 +226,7 @@ class _Study:
         last = min(t[-1], wanted.duration or t[-1])
         at = servo.Ts * np.arange(float(round(last / servo.Ts) + 1))
         r = np.interp(at, t, r)
-        reference = build_reference(at, r, self.out / KEPT, f"{_identifier(record.name)}Path")
+        reference = build_reference(at, r, self.out / KEPT, f"{identifier(record.name)}Path", data.rotary)
         plant = best.plant if best.mass > 0.0 else replace(best.plant, mass=servo.mass or 0.0)
         v0 = float((r[1] - r[0]) / servo.Ts)
         task = Task(reference, len(at), float(r[0]), v0, wanted.motion_feedforward, plant.offset, rotary=data.rotary)
@@ -283,14 +260,16 @@ class _Study:
         # one after the other, while nothing else runs here
         prices = [Job(f"cost-{each.name}", cost_of, (each.placed, bench.servo.Ts, data.rotary), Cost) for each in tried]
         costs = do(prices, self.store, None, self.tell.steps(0.9, 0.95, len(prices)))
-        none = _row("none", "The servo without friction compensation", "none", None, without)
+        none = compensator_row("none", "The servo without friction compensation", "none", None, without)
         none = extremes(none, none)
         if none.metrics is None:
             raise StudyError(f"The servo is unstable even without compensation: {without.sweep[0].failure}")
         found = {c.name: (trial, cost.ns) for c, trial, cost in zip(tried, trials, costs, strict=True)}
         blocks = catalogue()
         rows = [
-            _row(choice.name, blocks[choice.name].summary, choice.kind, choice, *found.get(choice.name, (None,)))
+            compensator_row(
+                choice.name, blocks[choice.name].summary, choice.kind, choice, *found.get(choice.name, (None,))
+            )
             for choice in choices
         ]
         servos = {"as measured": plain.metrics} if plain.metrics is not None else {}
@@ -310,64 +289,8 @@ class _Study:
             rows.append(DoctorRow(finding.parts, c.name, c.ok, *texts, value, bound))
         return tuple(sorted(rows, key=lambda row: row.ok))
 
-    def _overview(self, data: Data) -> dict[str, str]:
-        record, servo, wanted = data.longest, self.config.servo, self.config.compensation
-        length = f"{len(record)} samples of {1e3 * record.Ts:g} ms"
-        overview = {"record": length if len(data.records) == 1 else f"{len(data.records)} pieces, the longest {length}"}
-
-        def span(records: Sequence[Any]) -> str:
-            return f"{records[0].t[0]:.4g} to {records[-1].t[-1]:.4g} s"
-
-        overview["fitted"] = span(data.train)
-        if data.validation:
-            overview["predicted"] = span(data.validation)
-        for number, finding in enumerate(data.findings, start=1):
-            overview[f"finding {number}"] = finding
-        if servo is not None:
-            gains = ", ".join(f"{name} {value:.5g}" for name, value in servo.gains.items())
-            overview["servo"] = (
-                f"{servo.law} with {gains}; every {1e3 * servo.Ts:g} ms, limit ±{servo.force_limit:.4g} "
-                f"{record.units.force}, velocity over {servo.window} samples, encoder "
-                + (f"{1e9 * servo.quantum:g} n{record.units.position}" if servo.quantum else "exact")
-            )
-            overview["compensation"] = (
-                f"gains {', '.join(f'{gain:g}' for gain in wanted.gains)}; friction and mass of the axis "
-                f"±{100 * wanted.mismatch:g} % off in the corners; the servo "
-                + ("has feedforward of velocity and inertia" if wanted.motion_feedforward else "is as measured")
-            )
-        return overview
-
     def _do(self, jobs: Sequence[Job], begin: float, end: float) -> list[Any]:
         return do(jobs, self.store, self.executor, self.tell.steps(begin, end, len(jobs)))
-
-
-def _row(
-    name: str, summary: str, kind: str, choice: Choice | None, trial: Trial | None, cost_ns: float = 0.0
-) -> CompensatorRow:
-    if trial is None:
-        return CompensatorRow(name, summary, kind, False, choice.reason if choice is not None else "")
-    failures = [point.failure for point in trial.sweep if point.metrics is None]
-    return CompensatorRow(
-        name,
-        summary,
-        kind,
-        True,
-        failures[0] if trial.metrics is None and failures else "",
-        choice.model if choice is not None else "",
-        dict(choice.placed.values) if choice is not None and choice.placed is not None else {},
-        trial.gain,
-        trial.metrics,
-        trial.sweep,
-        trial.corners,
-        cost_ns=cost_ns,
-        error=trial.error,
-    )
-
-
-def _identifier(name: str) -> str:
-    """A model identifier from the name of a record."""
-    letters = "".join(letter for letter in name.title() if letter.isascii() and letter.isalnum())
-    return letters if letters and letters[0].isalpha() else f"Axis{letters}"
 
 
 __all__ = ["StudyError", "run_study"]
