@@ -151,7 +151,7 @@ def made_up_study() -> StudyResult:
     """All pieces."""
     return StudyResult(
         name="bench",
-        citation="A. Author, B. Author: Data of a bench, 2020",
+        citation="A. Author, B. Author: Data of a bench, 2020. https://example.org/data/of/a/bench/with/a/very/long/address",
         units=LINEAR,
         overview={"record": "4000 samples of 5 ms", "servo": "kp 160 1/s, kv 243 N·s/m, encoder 100 nm"},
         record=record(),
