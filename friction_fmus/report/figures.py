@@ -33,6 +33,8 @@ STYLES = (
 )
 #: Curves that are seen at first; the others wait in the legend.
 SEEN = 4
+#: Most rows of the bar chart, so that it is legible on a printed page.
+ROWS = 24
 #: Most points of a curve.
 POINTS = 4000
 
@@ -127,6 +129,7 @@ def lines(
     factors: tuple[float, float] = (1.0, 1.0),
     cloud: bool = False,
     seen: Iterable[str] = (),
+    height: int = 430,
 ) -> go.Figure:
     """Draw curves of models over what was measured.
 
@@ -142,20 +145,23 @@ def lines(
         What was measured is a cloud of points, else a path that is joined by a line.
     seen : iterable of str
         Models that are drawn at first; the first ones if none is named.
+    height : int
+        Height [px].
     """
     figure = go.Figure()
-    for (name, curve), colour in zip(data.items(), (FAINT if cloud else INK, INK, FAINT) + len(data) * (INK,)):
+    for name, curve in data.items():
         x, y = thinned(curve, factors)
-        few = len(x) <= 60
+        wanted = "reference" in name and len(data) > 1
+        points = {"color": FAINT, "size": 3.5, "opacity": 0.6}
+        if len(x) <= 60:
+            points = {"color": PAPER, "size": 8, "line": {"color": INK, "width": 1.6}}
         figure.add_scatter(
             x=_short(x),
             y=_short(y),
             **_named(name),
             mode="markers" if cloud else "lines",
-            line={"color": colour, "width": 2.6 if colour == INK else 1.4},
-            marker={"color": PAPER, "size": 8, "line": {"color": INK, "width": 1.6}}
-            if few
-            else {"color": colour, "size": 3.5, "opacity": 0.6},
+            line={"color": INK, "dash": "3px,3px", "width": 1.2} if wanted else {"color": FAINT, "width": 2.0},
+            marker=points,
         )
     chosen = set(seen) or set(list(models)[:SEEN])
     for (name, curve), (colour, dash, _) in zip(models.items(), _styles(len(models)), strict=True):
@@ -168,9 +174,9 @@ def lines(
             line={"color": colour, "dash": dash, "width": 1.8},
             visible=True if name in chosen else "legendonly",
         )
-    figure.update_xaxes(title=titles[0])
-    figure.update_yaxes(title=titles[1])
-    return _finished(figure, 430)
+    figure.update_xaxes(title=_text(titles[0]))
+    figure.update_yaxes(title=_text(titles[1]))
+    return _finished(figure, height)
 
 
 def bars(rows: Sequence[Bar], titles: tuple[str, str]) -> go.Figure:
@@ -184,7 +190,7 @@ def bars(rows: Sequence[Bar], titles: tuple[str, str]) -> go.Figure:
         Titles of error and cost, with units.
     """
     figure = make_subplots(cols=2, shared_yaxes=True, column_widths=[0.64, 0.36], horizontal_spacing=0.06)
-    place = -np.arange(len(rows), dtype=float)
+    place = [-float(i) for i in range(len(rows))]
     fill = {"best": ("#0072B2", ""), "second": ("#56B4E9", "/"), "": (FAINT, "")}
     looks: dict[str, Any] = {
         "color": [fill[row.emphasis][0] for row in rows],
@@ -193,7 +199,7 @@ def bars(rows: Sequence[Bar], titles: tuple[str, str]) -> go.Figure:
     figure.add_bar(
         x=[row.value for row in rows],
         y=place,
-        width=0.42,
+        width=0.36,
         orientation="h",
         marker=looks,
         error_x={
@@ -213,7 +219,7 @@ def bars(rows: Sequence[Bar], titles: tuple[str, str]) -> go.Figure:
     figure.add_bar(
         x=[0.0 if row.cost is None else row.cost for row in rows],
         y=place,
-        width=0.42,
+        width=0.36,
         orientation="h",
         marker=looks,
         text=["" if row.cost is None else number(row.cost, 2) for row in rows],
@@ -226,14 +232,16 @@ def bars(rows: Sequence[Bar], titles: tuple[str, str]) -> go.Figure:
     )
     for row, y in zip(rows, place, strict=True):
         figure.add_annotation(
-            x=0.0, y=y + 0.22, text=_text(row.name), showarrow=False, xanchor="left", yanchor="bottom", row=1, col=1
+            x=0.0, y=y + 0.16, text=_text(row.name), showarrow=False, xanchor="left", yanchor="bottom", row=1, col=1
         )
     figure.update_xaxes(rangemode="tozero")
-    figure.update_xaxes(title=titles[0], col=1)
+    figure.update_xaxes(title=_text(titles[0]), col=1)
     costs = [row.cost for row in rows if row.cost is not None]
-    figure.update_xaxes(title=titles[1], range=[0.0, 1.35 * max(costs, default=1.0)], col=2)
+    figure.update_xaxes(
+        title=_text(titles[1]), range=[0.0, 1.35 * max(costs, default=1.0)], nticks=4, tickangle=0, col=2
+    )
     figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, range=[-len(rows) + 0.45, 0.8])
-    return _finished(figure, 110 + 46 * len(rows))
+    return _finished(figure, 110 + 40 * len(rows))
 
 
 def sweep(
@@ -252,8 +260,8 @@ def sweep(
             marker={"symbol": marker, "size": 8, "color": colour},
             visible=True if name in chosen else "legendonly",
         )
-    figure.update_xaxes(title=titles[0])
-    figure.update_yaxes(title=titles[1], rangemode="tozero")
+    figure.update_xaxes(title=_text(titles[0]))
+    figure.update_yaxes(title=_text(titles[1]), rangemode="tozero")
     return _finished(figure, 430)
 
 

@@ -10,6 +10,7 @@ from friction_fmus.identification import Array
 
 MINUS = "−"
 NONE = "–"
+NO_BREAK = "\u00a0"
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 #: Unit -> units it is shown in, largest first, with the factor from the one to the other.
@@ -38,6 +39,11 @@ def number(value: float | None, digits: int = 3) -> str:
     if -3 <= exponent < 5:
         return _signed(f"{round(value, digits - 1 - exponent):.{max(0, digits - 1 - exponent)}f}")
     return f"{_signed(mantissa)}·{ten(exponent)}"
+
+
+def brief(value: float | None) -> str:
+    """Return a number that somebody chose, such as a gain, with the digits it has."""
+    return NONE if value is None else _signed(f"{value:.6g}")
 
 
 def with_error(value: float, error: float | None) -> str:
@@ -72,7 +78,7 @@ def quantity(value: float | None, name: str, digits: int = 3) -> str:
     if value is None or not math.isfinite(value):
         return number(value)
     shown, factor = multiple(name, value)
-    return f"{number(factor * value, digits)} {shown}".rstrip()
+    return f"{number(factor * value, digits)}{NO_BREAK}{shown}".rstrip()
 
 
 def multiple(name: str, values: float | Array) -> tuple[str, float]:

@@ -1,7 +1,7 @@
 // Draws the plots of the page and makes them usable: colours of the dark mode, legends and zoom that keys reach, prints.
 "use strict";
 (async () => {
-  const PRINT = 660; // px, what fits between the margins of A4 and letter
+  const PRINT = { width: 660, curves: 340, bars: 860 }; // px; two plots of curves, or one of bars, fit on A4 and letter
   const DARK = { "#222222": "#e9e9e9", "#ffffff": "#15181c", "#dddddd": "#3a4047", "#8a8a8a": "#8f969d", "#0072B2": "#3d9bd6" };
   const boxes = [...document.querySelectorAll(".plot")];
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
@@ -116,20 +116,14 @@
   }
   dark.addEventListener("change", () => boxes.forEach((box) => redraw(box, false)));
 
-  const closed = new Set();
   window.addEventListener("beforeprint", () => {
-    for (const details of document.querySelectorAll("details:not([open])")) {
-      closed.add(details);
-      details.open = true;
-    }
     for (const box of boxes) {
       redraw(box, true);
-      Plotly.relayout(box, { width: PRINT });
+      const height = document.getElementById(box.id + "-legend") ? PRINT.curves : PRINT.bars;
+      Plotly.relayout(box, { width: PRINT.width, height: Math.min(box.layout.height, height) });
     }
   });
   window.addEventListener("afterprint", () => {
-    closed.forEach((details) => (details.open = false));
-    closed.clear();
     for (const box of boxes) {
       redraw(box, false);
       Plotly.Plots.resize(box);

@@ -53,7 +53,8 @@ def report_html(study: StudyResult) -> str:
         HTML 5 without references to other files, the same for the same study. Texts of the study are escaped, and
         the policy of the page admits its own two scripts only.
     """
-    compensators = views.compensator_plots(study)
+    ranked = views.ranked(study)
+    unit, factor = views.error_unit(study)
     script = (FOLDER / "page.js").read_text(encoding="utf-8")
     template = _environment().get_template("page.html")
     return template.render(
@@ -67,8 +68,11 @@ def report_html(study: StudyResult) -> str:
         record_plots=views.record_plots(study),
         friction_plots=views.friction_plots(study),
         friction_table=None if study.friction is None else views.friction_table(study.friction),
-        plots=compensators,
-        ranked=views.ranked(study),
+        plots=views.compensator_plots(study),
+        ranked=ranked,
+        error_unit=unit,
+        factor=factor,
+        apart=views.apart(study),
         without=next((row for row in study.compensators if row.name == views.NONE), None),
         sources=_sources(study),
     )
@@ -84,6 +88,7 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
     )
     environment.filters |= {
+        "brief": numbers.brief,
         "number": numbers.number,
         "quantity": numbers.quantity,
         "unit": numbers.unit,
@@ -107,5 +112,7 @@ def _hash(script: str) -> str:
 def _sources(study: StudyResult) -> list[tuple[str, str]]:
     """Return name and source of the blocks that the study used; those of the user's own have none here."""
     known = catalogue()
-    names = [row.name for row in study.models if row.rank is not None] + [row.name for row in study.compensators if row.applies]
+    names = [row.name for row in study.models if row.rank is not None] + [
+        row.name for row in study.compensators if row.applies
+    ]
     return [(name, known[name].source) for name in dict.fromkeys(names) if name in known]

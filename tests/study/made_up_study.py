@@ -23,7 +23,7 @@ from friction_fmus.study.result import (
     WrittenFile,
 )
 
-T = np.arange(0.0, 20.0, 2e-3)
+T = np.arange(0.0, 20.0, 5e-3)
 REFERENCE = 0.1 * np.sin(0.2 * np.pi * T)
 LAWS = ("LuGreFeedforward", "StaticFeedforward", "GMSFeedforward", "DisturbanceObserver", "Dither")
 
@@ -45,7 +45,9 @@ def model(name: str, rank: int, percent: float) -> ModelRow:
     parameters = (
         FoundParameter("M", 95.1089, 0.1, "kg", "moved mass", 95.2),
         FoundParameter("sigma0", 1.234e6, 4.5e4, "N/m", "bristle stiffness"),
-        FoundParameter("vs", 0.0123, 0.0031, "m/s", "Stribeck velocity", weak="Few samples move slowly; record 1 mm/s."),
+        FoundParameter(
+            "vs", 0.0123, 0.0031, "m/s", "Stribeck velocity", weak="Few samples move slowly; record 1 mm/s."
+        ),
         FoundParameter("delta", 2.0, None, "1", "Stribeck exponent"),
     )
     return ModelRow(
@@ -80,7 +82,9 @@ def compensator(name: str, rank: int) -> CompensatorRow:
         model="LuGre",
         gain=0.75 if rank % 2 else 1.0,
         metrics=metrics(1.0),
-        sweep=tuple(GainPoint(gain, metrics(1.0 + 2.0 * (gain - 0.8) ** 2)) for gain in (0.0, 0.25, 0.5, 0.75, 1.0, 1.25)),
+        sweep=tuple(
+            GainPoint(gain, metrics(1.0 + 2.0 * (gain - 0.8) ** 2)) for gain in (0.0, 0.25, 0.5, 0.75, 1.0, 1.25)
+        ),
         corners=tuple(Corner(friction, mass, metrics(factor)) for friction, mass, factor in corners),
         worst=1.3 * rms,
         best=0.95 * rms,
@@ -95,7 +99,14 @@ def compensator(name: str, rank: int) -> CompensatorRow:
 def without() -> CompensatorRow:
     metrics = Metrics(12e-6, 55e-6, 20.1, 0.8)
     return CompensatorRow(
-        "none", "the servo alone", "none", True, metrics=metrics, worst=14e-6, best=11e-6, error=curve(T[::2], error(12e-6, 9)[::2])
+        "none",
+        "the servo alone",
+        "none",
+        True,
+        metrics=metrics,
+        worst=14e-6,
+        best=11e-6,
+        error=curve(T[::2], error(12e-6, 9)[::2]),
     )
 
 
@@ -104,9 +115,16 @@ def record() -> tuple[Picture, ...]:
     force = 20.0 * np.tanh(np.gradient(REFERENCE, T) / 1e-3)
     return (
         Picture(
-            "time", "position", "s", "m", {"reference": curve(T, REFERENCE), "measured": curve(T, q)}, {"LuGre": curve(T, q + noise(2, T, 1e-6))}
+            "time",
+            "position",
+            "s",
+            "m",
+            {"reference": curve(T, REFERENCE), "measured": curve(T, q)},
+            {"LuGre": curve(T, q + noise(2, T, 1e-6))},
         ),
-        Picture("time", "force", "s", "N", {"measured": curve(T, force + noise(3, T, 1.0))}, {"LuGre": curve(T, force)}),
+        Picture(
+            "time", "force", "s", "N", {"measured": curve(T, force + noise(3, T, 1.0))}, {"LuGre": curve(T, force)}
+        ),
     )
 
 
@@ -135,7 +153,7 @@ def made_up_study() -> StudyResult:
         name="bench",
         citation="A. Author, B. Author: Data of a bench, 2020",
         units=LINEAR,
-        overview={"record": "10 000 samples of 2 ms", "servo": "kp 160 1/s, kv 243 N·s/m, encoder 100 nm"},
+        overview={"record": "4000 samples of 5 ms", "servo": "kp 160 1/s, kv 243 N·s/m, encoder 100 nm"},
         record=record(),
         friction=friction(),
         hysteresis=hysteresis(),
@@ -143,15 +161,18 @@ def made_up_study() -> StudyResult:
             model("LuGre", 1, 3.4),
             model("GMS", 2, 3.9),
             model("Stribeck", 3, 4.4),
-            ModelRow("Leuven", "Leuven friction", reason="The record has no reversal inside presliding; record small motions."),
+            ModelRow("Leuven", "Leuven friction", reason="The record has no reversal in presliding."),
         ),
         plant="LuGre",
         no_compensation="",
-        servos={"as measured": Metrics(340e-6, 900e-6, 20.0, 0.7), "with motion feedforward": without().metrics or Metrics(0, 0, 0, 0)},
+        servos={
+            "as measured": Metrics(340e-6, 900e-6, 20.0, 0.7),
+            "with motion feedforward": Metrics(12e-6, 55e-6, 20.1, 0.8),
+        },
         compensators=(
             without(),
             *(compensator(name, rank) for rank, name in enumerate(LAWS, start=1)),
-            CompensatorRow("IterativeLearning", "learning over trials", "learning", False, "The reference does not repeat."),
+            CompensatorRow("IterativeLearning", "learning", "learning", False, "The reference does not repeat."),
         ),
         recommendation=Recommendation(
             "LuGreFeedforward",
@@ -162,7 +183,7 @@ def made_up_study() -> StudyResult:
             "StaticFeedforward has 1.3 times the error for half the cost.",
         ),
         doctor=(
-            DoctorRow(("controller", "friction"), "no_hunting", False, "The loop hunts.", "The integral winds up in stiction.",
+            DoctorRow(("controller", "friction"), "no_hunting", False, "The loop hunts.", "The integral winds up.",
                       "Set a dead-band.", "Hensen 2002", 1.2, 1.0),
             DoctorRow(("controller",), "sampling_fast_enough", True, value=0.1, bound=0.3),
         ),
