@@ -151,7 +151,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"friction-fmus: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:
-        print(f"friction-fmus: {error or 'interrupted'}", file=sys.stderr)
+        print(f"friction-fmus: {str(error) or 'interrupted'}", file=sys.stderr)
         return 130
 
 

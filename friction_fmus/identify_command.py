@@ -44,7 +44,13 @@ def add_identify_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fixed", action="append", metavar="NAME=VALUE", help="a known parameter; may be repeated")
     parser.add_argument("--method", choices=METHODS, default="auto", help="auto: what suits the model")
     parser.add_argument("--loss", choices=LOSSES, default="linear", help="all but linear make little of outliers")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, metavar="N", help="processes")
+    parser.add_argument(
+        "--workers",
+        type=int,
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="processes side by side, by default as many as processors",
+    )
 
 
 def identify_models(options: argparse.Namespace) -> None:

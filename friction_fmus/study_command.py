@@ -43,13 +43,16 @@ def study(options: argparse.Namespace) -> None:
 
             executor = stack.enter_context(connect(options.scheduler)).get_executor(pure=False)
         bar = stack.enter_context(progress_bar())
-        result = run_study(
-            options.config,
-            options.output,
-            executor=executor,
-            processes=options.workers,
-            progress=RunBar(bar, "study"),
-        )
+        try:
+            result = run_study(
+                options.config,
+                options.output,
+                executor=executor,
+                processes=options.workers,
+                progress=RunBar(bar, "study"),
+            )
+        except KeyboardInterrupt as error:
+            raise KeyboardInterrupt("interrupted; the same command goes on from here") from error
     show(result)
     for name in ("report.html", "recommended"):
         path = options.output / name

@@ -111,9 +111,11 @@ def test_python_of_the_readme_gives_the_published_stick_slip(tmp_path: Path) -> 
 
 def test_program_of_the_harness_page(tmp_path: Path) -> None:
     """Gauss-Seidel misses what it hands over, and is wrong by a quarter of a metre, as the page says."""
-    (program,) = blocks(ROOT / "docs" / "harness.md", "python")
+    program, drive = blocks(ROOT / "docs" / "harness.md", "python")
     (tmp_path / "program.py").write_text(program, encoding="utf-8")
+    (tmp_path / "drive.py").write_text(drive + "assert abs(F).max() > 1.0\n", encoding="utf-8")
     defect, error = (float(word) for word in run(f"{sys.executable} program.py", tmp_path).split())
+    run(f"{sys.executable} drive.py", tmp_path)
     assert defect > 0.05
     assert error == pytest.approx(0.26, abs=0.01)
 

@@ -19,7 +19,7 @@ from harness import System
 
 from .errors import FitError
 from .idim import filtered_motion
-from .models import STATE_SCALES, ContactModel, contact_model
+from .models import ContactModel, contact_model, state_sizes
 from .output_error import Mapper, Target, Unknown, fit_output_error
 from .record import ROTARY, Array, Record
 from .result import Identification, Score
@@ -49,10 +49,8 @@ class AxisRun:
         Feedback and sensors.
     task : Task
         The reference, and the state at the beginning.
-    model : str
-        Name of the friction block.
-    parameters : frozenset of str
-        Its parameters.
+    contact : ContactModel
+        The friction block.
     direction : float
         Sign of the motion at the beginning, in which the contact slides; 0: at rest.
     step : float
@@ -63,8 +61,7 @@ class AxisRun:
 
     servo: Servo
     task: Task
-    model: str
-    parameters: frozenset[str]
+    contact: ContactModel
     direction: float
     step: float
     fixed: tuple[tuple[str, float], ...] = ()
@@ -73,21 +70,19 @@ class AxisRun:
         """Return "q" [m] and "force" [N], shape (samples,), for these parameters."""
         values = {**dict(self.fixed), **parameters}
         start: dict[str, float | int | bool | str] = {"axis.m": values["M"], "axis.F_load": -values.get("OF", 0.0)}
-        own = {name: value for name, value in values.items() if name in self.parameters}
-        system = self._loaded(Plant(self.model, own, values["M"]))
+        own = {name: value for name, value in values.items() if name in self.contact.parameters}
+        system = self._loaded(Plant(self.contact.name, own, values["M"]))
         start |= {f"friction.{name}": value for name, value in typed(system.parts["friction"], own).items()}
-        known = STATE_SCALES.get(self.model)
-        if known is not None and self.direction:
-            state = "F_fast" if self.model == "BlimanSorine" else "d" if self.model == "SevenParameter" else "z"
-            start[f"friction.{state}"] = self.direction * known(values)
+        start |= {f"friction.{name}": self.direction * size for name, size in state_sizes(self.contact, values).items()}
         trace = run_loop(system.with_start(start))
         return {"q": trace.q, "force": trace.force}
 
     def _loaded(self, plant: Plant) -> System:
-        key = self.task.reference, self.model
+        key = self.task.reference, self.contact.name
         if key not in _SYSTEMS:
             _SYSTEMS.clear()
-            _SYSTEMS[key] = closed_loop(self.servo, plant, self.task, longest=self.step)
+            own = {"friction": self.contact.path}
+            _SYSTEMS[key] = closed_loop(self.servo, plant, self.task, fmus=own, longest=self.step)
         return _SYSTEMS[key]
 
 
@@ -121,7 +116,7 @@ def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: fl
     reference = build_record(t, r, rd, np.gradient(rd, servo.Ts), folder, "MeasuredReference", domain=domain)
     task = Task(reference, len(r), float(record.column("q")[0]), float(v[0]), rotary=rotary)
     direction = float(np.sign(v[0])) if abs(v[0]) > 1e-3 * np.max(np.abs(v)) else 0.0
-    return AxisRun(feedback, task, contact.name, frozenset(contact.parameters), direction, step)
+    return AxisRun(feedback, task, contact, direction, step)
 
 
 def identify_closed_loop(
@@ -157,12 +152,15 @@ def identify_closed_loop(
     Notes
     -----
     Only the position is compared: the force follows from it through the known controller and would count the same
-    error twice. The search is that of `fit_output_error`.
+    error twice. The search is that of `fit_output_error`. Of `GMS` only the sliding law is fitted; the elements stay
+    those of `opened`.
     """
     begin = time.perf_counter()
     contact = contact_model(model, axis.record.units)
     unseen = [name for name, e in opened.parameters.items() if not np.isfinite(e.standard_error)]
-    names = [name for name in opened.parameters if name not in unseen]
+    # an axis in closed loop hardly moves in presliding: a law with both keeps its elements
+    kept = [name for name in opened.parameters if "[" in name and "Fc" in opened.parameters]
+    names = [name for name in opened.parameters if name not in (*unseen, *kept)]
     unknowns = []
     for name in names:
         parameter = contact.parameters.get(name)
@@ -173,7 +171,7 @@ def identify_closed_loop(
         unknowns.append(Unknown(name, value, step, opened.parameters[name].unit, max(low, lower), min(high, upper)))
     if not unknowns:
         raise FitError(f"All parameters of {contact.name} are fixed; leave at least one to be identified.")
-    rest = {**opened.fixed, **{name: opened.parameters[name].value for name in unseen}}
+    rest = {**opened.fixed, **{name: opened.parameters[name].value for name in (*unseen, *kept)}}
     with tempfile.TemporaryDirectory(prefix="friction-fmus-axis-") as folder:
         run = replace(write_axis(contact, axis, Path(folder)), fixed=tuple(rest.items()))
         target = Target(axis.record.column("q"), QUANTA * (axis.servo.quantum or 5e-8))

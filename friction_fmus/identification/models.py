@@ -186,6 +186,29 @@ class ContactModel:
         return chosen
 
 
+def state_sizes(model: ContactModel, values: Mapping[str, float]) -> dict[str, float]:
+    """States that a contact in steady sliding has -> their size: the deflection, or the force of each element.
+
+    Parameters
+    ----------
+    model : ContactModel
+        The block.
+    values : mapping of str to float
+        Its parameters; those that are missing have their start values.
+    """
+    values = {**{name: parameter.start for name, parameter in model.parameters.items()}, **values}
+    if model.initial_state is not None:
+        return {model.initial_state: STATE_SCALES[model.name](values)}
+    if model.name not in HYSTERESIS:
+        return {}
+    elements = range(1, int(values["N"]) + 1)
+    if "alpha[1]" not in values:
+        return {f"Fi[{i}]": values[f"W[{i}]"] for i in elements}
+    shares = {i: values[f"alpha[{i}]"] for i in elements}
+    level = max(values["Fs"], values["Fc"]) / (sum(shares.values()) or 1.0)
+    return {f"Fi[{i}]": level * share for i, share in shares.items()}
+
+
 def row_of(name: str) -> Row | None:
     """The row of a parameter, of an element of a vector, or of a parameter for v < 0."""
     return ROWS.get(name.split("[")[0].removesuffix("_neg"))

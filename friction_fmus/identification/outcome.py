@@ -115,19 +115,20 @@ def comparison(found: Survey) -> Figure:
 
 
 def _bars(axes: Axes, found: Survey) -> None:
-    """One pair of bars for each model; those far beyond the best one are cut, their number tells."""
+    """One pair of bars for each model; those far beyond the others are cut, their number tells."""
     train = [result.train.relative_percent for result in found.results]
     pairs = [(train, "#999999", "fitted")]
     if found.ranked_by != "BIC":
         scores = (result.validation for result in found.results)
         pairs.append(([score.relative_percent if score else math.nan for score in scores], COLOURS[0], "validation"))
-    limit = 1.15 * min(max(max(values) for values, _, _ in pairs), 8.0 * max(values[0] for values, _, _ in pairs))
+    every = np.concatenate([values for values, _, _ in pairs])
+    limit = 1.15 * min(float(np.max(every)), 4.0 * float(np.median(every)))
     rows = np.arange(len(train))
     for (values, colour, label), side in zip(pairs, (-1, 1) if len(pairs) > 1 else (0,), strict=True):
         axes.barh(rows + 0.2 * side, values, 0.36, color=colour, label=label)
         for row, value in zip(rows, values, strict=True):
             where = (min(value, 0.93 * limit), row + 0.2 * side)
-            box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6} if value > limit else None
+            box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6} if value > 0.93 * limit else None
             axes.text(*where, f" {value:.2f}", va="center", fontsize="x-small", bbox=box)
     axes.set_xlim(0.0, limit)
     axes.set_yticks(rows, [result.model for result in found.results])

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from .drives import driven
-from .models import STATE_SCALES, ContactModel, contact_model
+from .models import ContactModel, contact_model, state_sizes
 from .pieces import Piece, prepare
 from .problem import Coordinate, Problem
 from .record import Array, Record
@@ -67,32 +67,9 @@ def _simulated(result: Identification, record: Record, fit: bool) -> tuple[Piece
 def _initial(
     result: Identification, contact: ContactModel, piece: Piece
 ) -> tuple[tuple[Coordinate, ...], dict[str, float]]:
-    """The initial states to fit, and their sizes: the deflection, or the force of each element."""
-    values = {**{name: p.start for name, p in contact.parameters.items()}, **result.values()}
-    sizes = {}
-    if contact.initial_state is not None:
-        sizes[contact.initial_state] = STATE_SCALES[contact.name](values)
-        limit = INITIAL_LIMIT
-    else:
-        limit = 1.0
-        N = int(values.get("N", 0))
-        levels = [values.get(f"W[{i}]", values.get(f"alpha[{i}]", 0.0)) for i in range(1, N + 1)]
-        if "Fs" in values and "alpha[1]" in values:
-            levels = [max(values["Fs"], values["Fc"]) * level / (sum(levels) or 1.0) for level in levels]
-        sizes = {f"Fi[{i}]": level for i, level in enumerate(levels, start=1) if level > 0.0}
-    total = sum(sizes.values()) if not contact.initial_state else 0.0
-    load = 1.0 if piece.per is None else float(result.values().get("Fn0", np.mean(piece.per)))
-    begin = float(np.median(piece.measured[:3])) * load
-    found = []
-    for name, size in sizes.items():
-        part = begin / (total or _force(contact, size, values))
-        found.append(Coordinate(name, 1.0, min(max(part, -0.99), 0.99), -limit, limit, piece=0))
-    return tuple(found), sizes
-
-
-def _force(contact: ContactModel, size: float, values: dict[str, float]) -> float:
-    """Force of a deflection of this size."""
-    for stiffness in ("sigma0", "sigma", "kt"):
-        if stiffness in contact.parameters:
-            return values[stiffness] * size
-    return size
+    """The initial states to fit, begun at the force with which the record does, and their sizes in sliding."""
+    sizes = {name: size for name, size in state_sizes(contact, result.values()).items() if size > 0.0}
+    limit = INITIAL_LIMIT if contact.initial_state else 1.0
+    peak = float(np.max(np.abs(piece.measured))) or 1.0
+    part = 0.99 * float(np.median(piece.measured[:3])) / peak
+    return tuple(Coordinate(name, 1.0, part, -limit, limit, piece=0) for name in sizes), sizes

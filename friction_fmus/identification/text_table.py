@@ -36,7 +36,7 @@ def read_text(path: Path) -> Table:
     full = [(n, line) for n, line in enumerate(_decoded(path).splitlines(), start=1) if line.strip()]
     numbered = [(n, line) for n, line in full if not line.lstrip().startswith(_COMMENTS)]
     if len(numbered) < 4:
-        raise RecordError(f"{path} has {len(numbered)} lines that are no comments; give a table with a heading.")
+        raise RecordError(f"{path} has too few lines for a table ({len(numbered)}); give a heading and numbers below.")
     separator = _separator([line for _, line in numbered])
     first = next((i for i, (_, line) in enumerate(numbered) if _is_data(_cells(line, separator))), None)
     if first is None:

@@ -196,6 +196,9 @@ def closed_loop(
         parts.append(part("encoder", "Quantiser"))
         wires.append("axis.x -> encoder.x")
     wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
+    if "Fn0" in plant.values:  # identified at that normal force, which stays
+        loaded = [each for each in parts if isinstance(each, FmuPart) and "Fn" in {port.name for port in each.inputs}]
+        start |= {f"{each.name}.Fn": plant.values["Fn0"] for each in loaded}
     if any(port.name == "F_ext" for port in contact.inputs):
         wires.append("axis.F_ext -> friction.F_ext")
     step = servo.Ts / every

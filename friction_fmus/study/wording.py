@@ -24,6 +24,7 @@ class Teller:
     told: float = 0.0
 
     def __call__(self, part: float) -> None:
+        """Tell that this part is done; it never goes back."""
         self.told = max(self.told, part)
         if self.progress is not None:
             self.progress.update(round(100.0 * self.told), 100)

@@ -176,7 +176,7 @@ def test_missing_cells_are_left_out_and_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.csv", b"", "has 0 lines that are no comments"),
+        ("a.csv", b"", "has too few lines for a table .0.;"),
         ("a.csv", b"one\ntwo\nthree\nfour\n", "has no line of numbers"),
         ("a.mat", b"nothing of MATLAB" * 50, "cannot be read as a .mat file"),
         ("a.parquet", b"PAR1", "cannot be read as a .parquet file"),
