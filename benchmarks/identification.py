@@ -23,7 +23,7 @@ from friction_fmus import fmu, identify
 from friction_fmus.data import load_emps, load_tribometer
 from friction_fmus.identification import Record, identify_hysteresis
 from friction_fmus.identification.closed_loop import axis_response
-from friction_fmus.study.metrics import agreement
+from friction_fmus.identification.scores import score
 from harness import Drive, FmuPart
 
 NOISE = 0.01  # [N]
@@ -129,9 +129,9 @@ def emps() -> list[Row]:
         found = identify(model, axis)
         seconds = time.perf_counter() - begin
         simulated = axis_response(found, axis.record, 1e-4)
-        reached = agreement(axis.record, simulated["q"], simulated["force"])
-        rows.append(Row(f"EMPS in closed loop, {model}: position", reached.position_rms_um, "um", position))
-        rows.append(Row(f"EMPS in closed loop, {model}: force", reached.force_percent, "%", force))
+        q, u = (score(axis.record.column(name), simulated[name]) for name in ("q", "force"))
+        rows.append(Row(f"EMPS in closed loop, {model}: position", 1e6 * q.rms, "um", position))
+        rows.append(Row(f"EMPS in closed loop, {model}: force", u.relative_percent, "%", force))
         rows.append(Row(f"EMPS in closed loop, {model}: time of the fit", seconds, "s"))
     return rows
 

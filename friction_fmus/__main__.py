@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import logging
-import os
 import sys
 import textwrap
 from collections.abc import Callable, Sequence
@@ -20,7 +19,8 @@ from friction_fmus.doctor_command import add_doctor_options, examine_system
 from friction_fmus.errors import FrictionError
 from friction_fmus.identify_command import add_identify_options, identify_models
 from friction_fmus.run_command import add_run_options, run_system
-from friction_fmus.terminal import RunBar, console, parse_assignment, progress_bar
+from friction_fmus.study_command import add_study_options, study
+from friction_fmus.terminal import console, parse_assignment, progress_bar
 from friction_fmus.version import VERSION
 from harness import HarnessError
 
@@ -79,16 +79,6 @@ def build_blocks(options: argparse.Namespace) -> None:
             bar.console.print(path) if bar.console.is_terminal else print(path)
 
 
-def study(options: argparse.Namespace) -> None:
-    """The study of a measured axis."""
-    from friction_fmus.study import StudySettings, run_study, summary_table
-
-    with progress_bar() as bar:
-        summary = run_study(options.output, RunBar(bar, "study"), StudySettings(workers=min(2, os.cpu_count() or 1)))
-    console.print(summary_table(summary))
-    console.print(f"Report: {options.output / 'report.html'}", highlight=False, soft_wrap=True)
-
-
 def parser() -> argparse.ArgumentParser:
     """All commands and options."""
     top = argparse.ArgumentParser(
@@ -138,9 +128,8 @@ def parser() -> argparse.ArgumentParser:
     sweep_command.add_arguments(sweeping)
     identifying = command("identify", identify_models, "find the friction models that fit a log file")
     add_identify_options(identifying)
-    studying = command("study", study, "identify a measured axis, co-simulate it, and see what compensation gains")
-    studying.add_argument("axis", choices=["emps"], help="which record")
-    studying.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the results")
+    studying = command("study", study, "identify a measured axis, co-simulate it, and find the compensator that pays")
+    add_study_options(studying)
     return top
 
 
@@ -162,7 +151,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"friction-fmus: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:
-        print(f"friction-fmus: {error or 'interrupted'}", file=sys.stderr)
+        print(f"friction-fmus: {str(error) or 'interrupted'}", file=sys.stderr)
         return 130
 
 

@@ -145,7 +145,14 @@ def _computed(block: Block) -> dict[str, tuple[str, ...]]:
 
 
 def build_record(
-    times: ArrayLike, r: ArrayLike, rd: ArrayLike, rdd: ArrayLike, out_dir: str | Path, name: str = "Record"
+    times: ArrayLike,
+    r: ArrayLike,
+    rd: ArrayLike,
+    rdd: ArrayLike,
+    out_dir: str | Path,
+    name: str = "Record",
+    *,
+    domain: Literal["translational", "rotational"] = "translational",
 ) -> Path:
     """Builds a `Record` FMU that plays a measured or computed reference.
 
@@ -157,6 +164,8 @@ def build_record(
         Folder for the FMU.
     name : str
         Model identifier.
+    domain : {"translational", "rotational"}
+        The rotational twin has rad for m.
 
     Raises
     ------
@@ -171,7 +180,7 @@ def build_record(
         raise BuildError("A record needs finite values at strictly increasing times; sort it and drop the gaps")
     rows = "".join("    {" + ", ".join(repr(float(value)) for value in row) + "},\n" for row in table)
     text = f"/* t [s], r [m], rd [m/s], rdd [m/s2] */\nstatic const double series[][4] = {{\n{rows}}};\n"
-    return build("Record", out_dir, name=name, files={"series.h": text})
+    return build("Record", out_dir, name=name, files={"series.h": text}, domain=domain)
 
 
 def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:

@@ -93,7 +93,7 @@ def sweep_system(options: argparse.Namespace) -> int:
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
     with ExitStack() as stack:
-        executor: Any = stack.enter_context(_client(options.scheduler)) if options.scheduler else options.executor
+        executor: Any = stack.enter_context(connect(options.scheduler)) if options.scheduler else options.executor
         system = stack.enter_context(open_system(options.system))
         bar = stack.enter_context(
             Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal, speed_estimate_period=60)
@@ -200,13 +200,20 @@ def _value(text: str) -> float | bool | str:
         return text
 
 
-def _client(address: str) -> Any:
+def connect(address: str) -> Any:
+    """A client of the dask cluster at this address.
+
+    Raises
+    ------
+    FrictionError
+        If dask is not installed, or no scheduler answers.
+    """
     try:
         from distributed import Client
     except ImportError as error:
         raise FrictionError("--scheduler needs dask; install it with `pip install friction-fmus[dask]`") from error
-    connect: Any = Client
+    make: Any = Client
     try:
-        return connect(address, timeout=PATIENCE)
+        return make(address, timeout=PATIENCE)
     except (OSError, ValueError) as error:
         raise FrictionError(f"no dask scheduler answers at {address}: {error}; start `dask scheduler`") from error

@@ -6,21 +6,22 @@ import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from friction_fmus.data import MeasuredAxis
-from friction_fmus.package import build
-from friction_fmus.study.servo import ServoFmus, build_fixed, write_servo
+from friction_fmus.package import build_record
+from friction_fmus.study.config import Servo
+from friction_fmus.study.loop import Plant, Task, closed_loop, run_loop, typed
 from harness import System
 
 from .errors import FitError
 from .idim import filtered_motion
 from .models import ContactModel, contact_model, state_sizes
 from .output_error import Mapper, Target, Unknown, fit_output_error
-from .record import Array, Record
+from .record import ROTARY, Array, Record
 from .result import Identification, Score
 from .scores import criteria, independent_samples, score, weak_parameters
 from .setup import Wishes
@@ -44,42 +45,52 @@ class AxisRun:
 
     Attributes
     ----------
-    path : Path
-        The system file.
+    servo : Servo
+        Feedback and sensors.
+    task : Task
+        The reference, and the state at the beginning.
     contact : ContactModel
         The friction block.
     direction : float
         Sign of the motion at the beginning, in which the contact slides; 0: at rest.
+    step : float
+        Longest communication step between mass and friction [s].
     fixed : tuple of (str, float)
         Parameters that stay as they are.
     """
 
-    path: Path
+    servo: Servo
+    task: Task
     contact: ContactModel
     direction: float
+    step: float
     fixed: tuple[tuple[str, float], ...] = ()
 
     def __call__(self, parameters: Mapping[str, float]) -> dict[str, Array]:
         """Return "q" [m] and "force" [N], shape (samples,), for these parameters."""
         values = {**dict(self.fixed), **parameters}
         start: dict[str, float | int | bool | str] = {"axis.m": values["M"], "axis.F_load": -values.get("OF", 0.0)}
-        start |= {f"friction.{name}": value for name, value in values.items() if name in self.contact.parameters}
+        own = {name: value for name, value in values.items() if name in self.contact.parameters}
+        system = self._loaded(Plant(self.contact.name, own, values["M"]))
+        start |= {f"friction.{name}": value for name, value in typed(system.parts["friction"], own).items()}
         start |= {f"friction.{name}": self.direction * size for name, size in state_sizes(self.contact, values).items()}
-        result = _loaded(self.path).with_start(start).run()
-        # a row holds the position at its instant and the force of the sampling period that ends there
-        return {
-            "q": np.asarray(result["axis.x"].to_numpy(), dtype=np.float64)[:-1],
-            "force": np.asarray(result["servo.u"].to_numpy(), dtype=np.float64)[1:],
-        }
+        trace = run_loop(system.with_start(start))
+        return {"q": trace.q, "force": trace.force}
+
+    def _loaded(self, plant: Plant) -> System:
+        key = self.task.reference, self.contact.name
+        if key not in _SYSTEMS:
+            _SYSTEMS.clear()
+            own = {"friction": self.contact.path}
+            _SYSTEMS[key] = closed_loop(self.servo, plant, self.task, fmus=own, longest=self.step)
+        return _SYSTEMS[key]
 
 
-@lru_cache(maxsize=4)
-def _loaded(path: Path) -> System:
-    return System.from_toml(path)
+_SYSTEMS: dict[tuple[Path, str], System] = {}
 
 
 def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: float = FIT_STEP) -> AxisRun:
-    """Build the servo of a measured axis around a friction block.
+    """The servo of a measured axis around a friction block.
 
     Parameters
     ----------
@@ -88,19 +99,24 @@ def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: fl
     axis : MeasuredAxis
         Record and servo.
     folder : Path
-        Where FMUs and system file go.
+        Where the FMU of the reference goes.
     step : float
-        Communication step between mass and friction [s].
+        Longest communication step between mass and friction [s].
     """
     record = axis.record
-    motion = filtered_motion(record)
-    fixed = build_fixed(axis, folder / "fmus", "Measured")
-    state = {"x0": float(record.column("q")[0]), "v0": float(motion.v[0])}
-    mass = build("Mass", folder / "fmus", state, name="MeasuredAxis")
-    fmus = ServoFmus(**fixed, axis=mass, friction=contact.path)
-    path = write_servo(folder / f"servo_{contact.name}.toml", fmus, len(record), axis.servo, step)
-    direction = float(np.sign(motion.v[0])) if abs(motion.v[0]) > 1e-3 * np.max(np.abs(motion.v)) else 0.0
-    return AxisRun(path, contact, direction)
+    v = filtered_motion(record).v
+    servo = axis.servo
+    gains = {"kp": servo.kp, "kv": servo.kv, "ki": 0.0}
+    feedback = Servo("CascadePPI", gains, servo.Ts, servo.force_limit, servo.window, servo.quantum)
+    r = record.column("reference")
+    t = servo.Ts * np.arange(float(len(r)))
+    rd = np.gradient(r, servo.Ts)
+    rotary = record.units == ROTARY
+    domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
+    reference = build_record(t, r, rd, np.gradient(rd, servo.Ts), folder, "MeasuredReference", domain=domain)
+    task = Task(reference, len(r), float(record.column("q")[0]), float(v[0]), rotary=rotary)
+    direction = float(np.sign(v[0])) if abs(v[0]) > 1e-3 * np.max(np.abs(v)) else 0.0
+    return AxisRun(feedback, task, contact, direction, step)
 
 
 def identify_closed_loop(
@@ -164,7 +180,7 @@ def identify_closed_loop(
             run, unknowns, {"q": target}, mapper=mapper, correlation=lag, max_iterations=12, tolerance=1e-4
         )
         predicted = run(fit.values())["q"]
-        _loaded.cache_clear()
+        _SYSTEMS.clear()
     measured = axis.record.column("q")
     estimates = {name: fit.parameters.get(name, opened.parameters[name]) for name in opened.parameters}
     samples = independent_samples([measured - axis.record.column("reference")])
@@ -205,7 +221,7 @@ def axis_response(result: Identification, record: Record, step: float = FIT_STEP
     with tempfile.TemporaryDirectory(prefix="friction-fmus-axis-") as folder:
         run = write_axis(contact, MeasuredAxis(record, result.servo), Path(folder), step)
         found = run(result.values())
-        _loaded.cache_clear()
+        _SYSTEMS.clear()
     return found
 
 

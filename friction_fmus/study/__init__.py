@@ -1,20 +1,17 @@
-"""The study of a measured axis, from the record to the report."""
+"""The study of a measured axis, from the record to the recommended compensator and the report."""
 
-from .emps import StudyError, StudySettings, run_study
-from .metrics import Agreement, agreement, rms, tracking_rms_um
-from .summary import Compensation, Identified, Summary, Tracking, summary_table
+from .config import Compensation, ConfigError, Servo, StudyConfig, load_config, parse_config
+from .result import StudyResult
+from .study import StudyError, run_study
 
 __all__ = [
-    "Agreement",
     "Compensation",
-    "Identified",
+    "ConfigError",
+    "Servo",
+    "StudyConfig",
     "StudyError",
-    "StudySettings",
-    "Summary",
-    "Tracking",
-    "agreement",
-    "rms",
+    "StudyResult",
+    "load_config",
+    "parse_config",
     "run_study",
-    "summary_table",
-    "tracking_rms_um",
 ]

@@ -1,0 +1,302 @@
+"""The plots of the report as plotly figures; page.js draws them and exchanges their colours in its dark mode."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from friction_fmus.identification import Array
+from friction_fmus.study.rows import Curve
+
+from .numbers import number
+
+#: Colours for ink, paper, grid and what stays in the background; page.js knows their counterparts in the dark.
+INK, PAPER, GRID, FAINT = "#222222", "#ffffff", "#dddddd", "#8a8a8a"
+#: Colours that people with any colour vision tell apart (after M. Okabe, K. Ito, 2008), each with a dash and a
+#: marker of its own for prints without colour.
+STYLES = (
+    ("#0072B2", "solid", "circle"),
+    ("#D55E00", "8px,4px", "square"),
+    ("#009E73", "8px,3px,2px,3px", "diamond"),
+    ("#CC79A7", "2px,3px", "triangle-up"),
+    ("#E69F00", "14px,4px", "triangle-down"),
+    ("#56B4E9", "14px,3px,2px,3px", "cross"),
+    ("#7F5539", "5px,5px", "x"),
+    ("#6A4C93", "8px,3px,2px,3px,2px,3px", "star"),
+)
+#: Curves that are seen at first; the others wait in the legend.
+SEEN = 4
+#: Most rows of the bar chart, so that it is legible on a printed page.
+ROWS = 24
+#: Most points of a curve.
+POINTS = 4000
+
+
+@dataclass(frozen=True, eq=False)
+class Plot:
+    """A plot of the page.
+
+    Attributes
+    ----------
+    name : str
+        Identifier of the element, the same for the same report.
+    figure : plotly.graph_objects.Figure
+        What is drawn.
+    caption : str
+        What is to be seen, below the plot.
+    label : str
+        The same in short, for those who hear the page.
+    curves : bool
+        Whether it consists of curves, for which the page offers a legend and buttons that zoom.
+    views : mapping of str to (float, float)
+        Buttons -> the range of the abscissa they show.
+    """
+
+    name: str
+    figure: go.Figure
+    caption: str
+    label: str
+    curves: bool = True
+    views: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def height(self) -> int:
+        """Height [px]."""
+        return int(self.figure.layout.height)
+
+    def to_json(self) -> str:
+        """Return the figure as JSON that may stand in an HTML script element."""
+        text = json.dumps(json.loads(self.figure.to_json()), sort_keys=True, separators=(",", ":"))
+        return text.replace("<", "\\u003c").replace("&", "\\u0026")
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A row of the bar chart.
+
+    Attributes
+    ----------
+    name : str
+        What it is.
+    value, low, high : float
+        Tracking error, and the least and the largest one with a model that is off.
+    cost : float or None
+        Time per sample [ns].
+    emphasis : str
+        "best", "second" or "".
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    cost: float | None
+    emphasis: str = ""
+
+
+def thinned(curve: Curve, factors: tuple[float, float] = (1.0, 1.0), points: int = POINTS) -> tuple[Array, Array]:
+    """Return x and y of a curve with at most that many points: the lowest and the highest y of each run of points.
+
+    Parameters
+    ----------
+    curve : Curve
+        The curve.
+    factors : tuple of float
+        What x and y are multiplied with, to come into the units that are shown.
+    points : int
+        Most points.
+    """
+    x = factors[0] * np.asarray(curve.x, dtype=float)
+    y = factors[1] * np.asarray(curve.y, dtype=float)
+    if len(y) <= points:
+        return x, y
+    parts = np.array_split(np.arange(len(y)), points // 2)
+    kept = np.unique([part[choice] for part in parts for choice in (np.argmin(y[part]), np.argmax(y[part]))])
+    return x[kept], y[kept]
+
+
+def lines(
+    data: Mapping[str, Curve],
+    models: Mapping[str, Curve],
+    titles: tuple[str, str],
+    factors: tuple[float, float] = (1.0, 1.0),
+    cloud: bool = False,
+    seen: Iterable[str] = (),
+    height: int = 430,
+) -> go.Figure:
+    """Draw curves of models over what was measured.
+
+    Parameters
+    ----------
+    data, models : mapping of str to Curve
+        Measured and modelled curves by name.
+    titles : tuple of str
+        Titles of the axes, with units.
+    factors : tuple of float
+        What x and y are multiplied with.
+    cloud : bool
+        What was measured is a cloud of points, else a path that is joined by a line.
+    seen : iterable of str
+        Models that are drawn at first; the first ones if none is named.
+    height : int
+        Height [px].
+    """
+    figure = go.Figure()
+    for name, curve in data.items():
+        x, y = thinned(curve, factors)
+        wanted = "reference" in name and len(data) > 1
+        points = {"color": FAINT, "size": 3.5, "opacity": 0.6}
+        if len(x) <= 60:
+            points = {"color": PAPER, "size": 8, "line": {"color": INK, "width": 1.6}}
+        figure.add_scatter(
+            x=_short(x),
+            y=_short(y),
+            **_named(name),
+            mode="markers" if cloud else "lines",
+            line={"color": INK, "dash": "3px,3px", "width": 1.2} if wanted else {"color": FAINT, "width": 2.0},
+            marker=points,
+        )
+    chosen = set(seen) or set(list(models)[:SEEN])
+    for (name, curve), (colour, dash, _) in zip(models.items(), _styles(len(models)), strict=True):
+        x, y = thinned(curve, factors)
+        figure.add_scatter(
+            x=_short(x),
+            y=_short(y),
+            **_named(name),
+            mode="lines",
+            line={"color": colour, "dash": dash, "width": 1.8},
+            visible=True if name in chosen else "legendonly",
+        )
+    figure.update_xaxes(title=_text(titles[0]))
+    figure.update_yaxes(title=_text(titles[1]))
+    return _finished(figure, height)
+
+
+def bars(rows: Sequence[Bar], titles: tuple[str, str]) -> go.Figure:
+    """Draw tracking error with mismatch band, and cost beside it; the names stand above the bars.
+
+    Parameters
+    ----------
+    rows : sequence of Bar
+        From top to bottom.
+    titles : tuple of str
+        Titles of error and cost, with units.
+    """
+    figure = make_subplots(cols=2, shared_yaxes=True, column_widths=[0.64, 0.36], horizontal_spacing=0.06)
+    place = [-float(i) for i in range(len(rows))]
+    fill = {"best": ("#0072B2", ""), "second": ("#56B4E9", "/"), "": (FAINT, "")}
+    looks: dict[str, Any] = {
+        "color": [fill[row.emphasis][0] for row in rows],
+        "pattern": {"shape": [fill[row.emphasis][1] for row in rows], "fgcolor": INK, "solidity": 0.25},
+    }
+    figure.add_bar(
+        x=[row.value for row in rows],
+        y=place,
+        width=0.36,
+        orientation="h",
+        marker=looks,
+        error_x={
+            "type": "data",
+            "array": [row.high - row.value for row in rows],
+            "arrayminus": [row.value - row.low for row in rows],
+            "color": INK,
+            "thickness": 1.4,
+            "width": 5,
+        },
+        name="tracking error",
+        hovertext=[f"{_text(row.name)}: {number(row.value)} ({number(row.low)} to {number(row.high)})" for row in rows],
+        hoverinfo="text",
+        row=1,
+        col=1,
+    )
+    figure.add_bar(
+        x=[0.0 if row.cost is None else row.cost for row in rows],
+        y=place,
+        width=0.36,
+        orientation="h",
+        marker=looks,
+        text=["" if row.cost is None else number(row.cost, 2) for row in rows],
+        textposition="outside",
+        cliponaxis=False,
+        name="cost",
+        hoverinfo="x",
+        row=1,
+        col=2,
+    )
+    for row, y in zip(rows, place, strict=True):
+        figure.add_annotation(
+            x=0.0, y=y + 0.16, text=_text(row.name), showarrow=False, xanchor="left", yanchor="bottom", row=1, col=1
+        )
+    figure.update_xaxes(rangemode="tozero")
+    figure.update_xaxes(title=_text(titles[0]), col=1)
+    costs = [row.cost for row in rows if row.cost is not None]
+    figure.update_xaxes(
+        title=_text(titles[1]), range=[0.0, 1.35 * max(costs, default=1.0)], nticks=4, tickangle=0, col=2
+    )
+    figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, range=[-len(rows) + 0.45, 0.8])
+    return _finished(figure, 110 + 40 * len(rows))
+
+
+def sweep(
+    curves: Mapping[str, Curve], titles: tuple[str, str], factor: float = 1.0, seen: Iterable[str] = ()
+) -> go.Figure:
+    """Draw the tracking error over the gain of the compensation, a marker at every run; `seen` as in `lines`."""
+    figure = go.Figure()
+    chosen = set(seen) or set(list(curves)[:SEEN])
+    for (name, curve), (colour, dash, marker) in zip(curves.items(), _styles(len(curves)), strict=True):
+        figure.add_scatter(
+            x=list(curve.x),
+            y=[factor * y for y in curve.y],
+            **_named(name),
+            mode="lines+markers",
+            line={"color": colour, "dash": dash, "width": 1.8},
+            marker={"symbol": marker, "size": 8, "color": colour},
+            visible=True if name in chosen else "legendonly",
+        )
+    figure.update_xaxes(title=_text(titles[0]))
+    figure.update_yaxes(title=_text(titles[1]), rangemode="tozero")
+    return _finished(figure, 430)
+
+
+def _finished(figure: go.Figure, height: int) -> go.Figure:
+    """Give a figure the looks of the page: no template, grid and frame in few colours."""
+    figure.update_layout(
+        template=go.layout.Template(),
+        height=height,
+        paper_bgcolor=PAPER,
+        plot_bgcolor=PAPER,
+        font={"family": "system-ui, sans-serif", "size": 13, "color": INK},
+        margin={"l": 60, "r": 12, "t": 12, "b": 48},
+        showlegend=False,  # the page makes one that keys can reach
+        hovermode="closest",
+        hoverlabel={"bgcolor": PAPER, "font": {"color": INK}},
+    )
+    for update in (figure.update_xaxes, figure.update_yaxes):
+        update(gridcolor=GRID, zerolinecolor=FAINT, zerolinewidth=1, automargin=True)
+    return figure
+
+
+def _styles(count: int) -> list[tuple[str, str, str]]:
+    return [STYLES[i % len(STYLES)] for i in range(count)]
+
+
+def _short(values: Array) -> Any:
+    """Return numbers in single precision: half the page, and finer than any screen."""
+    return np.asarray(values, dtype=np.float32)
+
+
+def _named(name: str) -> dict[str, str]:
+    """Return the name of a trace, for the labels of plotly and for the legend of the page."""
+    return {"name": _text(name), "meta": name}
+
+
+def _text(text: str) -> str:
+    """Return a text of the user for plotly, which takes some tags for its own."""
+    return escape(text, quote=False)

@@ -1,0 +1,139 @@
+// Draws the plots of the page and makes them usable: colours of the dark mode, legends and zoom that keys reach, prints.
+"use strict";
+(async () => {
+  const PRINT = { width: 660, curves: 340, bars: 860 }; // px; two plots of curves, or one of bars, fit on A4 and letter
+  const DARK = { "#222222": "#e9e9e9", "#ffffff": "#15181c", "#dddddd": "#3a4047", "#8a8a8a": "#8f969d", "#0072B2": "#3d9bd6" };
+  const boxes = [...document.querySelectorAll(".plot")];
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+
+  // the library travels compressed; the policy of the page admits exactly this text as a script
+  const packed = Uint8Array.from(atob(document.getElementById("library").textContent), (c) => c.charCodeAt(0));
+  const unpacked = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const library = document.createElement("script");
+  library.textContent = await new Response(unpacked).text();
+  document.head.append(library);
+
+  const colour = (name, light) => (light || !dark.matches ? name : DARK[name] ?? name);
+
+  function numbers(column) {
+    if (!column || !column.bdata) return column;
+    const bytes = Uint8Array.from(atob(column.bdata), (c) => c.charCodeAt(0));
+    return new Float32Array(bytes.buffer);
+  }
+
+  function figure(box, light) {
+    const text = document.getElementById(box.id + "-data").textContent;
+    const recoloured = text.replace(/"(#[0-9a-fA-F]{6})"/g, (_, name) => `"${colour(name, light)}"`);
+    const { data, layout } = JSON.parse(recoloured);
+    for (const trace of data) Object.assign(trace, { x: numbers(trace.x), y: numbers(trace.y) });
+    layout.dragmode = window.matchMedia("(pointer: coarse)").matches ? false : "zoom"; // a finger scrolls the page
+    return { data, layout };
+  }
+
+  // what the reader has hidden or zoomed stays so
+  function redraw(box, light) {
+    const { data, layout } = figure(box, light);
+    data.forEach((trace, i) => (trace.visible = box.data[i].visible));
+    for (const key of Object.keys(box.layout).filter((name) => /^[xy]axis/.test(name))) {
+      layout[key].range = [...box.layout[key].range];
+    }
+    Plotly.react(box, data, layout);
+    legend(box, light);
+  }
+
+  function legend(box, light) {
+    const list = document.getElementById(box.id + "-legend");
+    if (!list) return;
+    list.replaceChildren(
+      ...box.data.map((trace, i) => {
+        const button = document.createElement("button");
+        const sample = document.createElement("span");
+        button.type = "button";
+        button.setAttribute("aria-pressed", String(trace.visible !== "legendonly"));
+        sample.innerHTML = swatch(trace, light);
+        button.append(sample, trace.meta);
+        button.addEventListener("click", () => {
+          const seen = box.data[i].visible !== "legendonly";
+          Plotly.restyle(box, { visible: seen ? "legendonly" : true }, [i]);
+          button.setAttribute("aria-pressed", String(!seen));
+        });
+        return button;
+      }),
+    );
+  }
+
+  function swatch(trace, light) {
+    const line = trace.mode.includes("lines")
+      ? `<line x1="0" y1="6" x2="34" y2="6" stroke="${trace.line.color}" stroke-width="2.4"
+           stroke-dasharray="${trace.line.dash && trace.line.dash !== "solid" ? trace.line.dash.replaceAll("px", "") : "none"}"/>`
+      : "";
+    const mark = trace.mode.includes("markers")
+      ? `<circle cx="17" cy="6" r="3.5" fill="${trace.marker.color}" stroke="${(trace.marker.line ?? trace.marker).color}"/>`
+      : "";
+    return `<svg width="34" height="12" aria-hidden="true">${line}${mark}</svg>`;
+  }
+
+  // the ordinates follow what is seen of the abscissa
+  function show(box, begin, end) {
+    let [low, high] = [Infinity, -Infinity];
+    for (const trace of box.data) {
+      if (trace.visible === "legendonly") continue;
+      trace.x.forEach((x, i) => {
+        if (x >= begin && x <= end) [low, high] = [Math.min(low, trace.y[i]), Math.max(high, trace.y[i])];
+      });
+    }
+    const change = { "xaxis.range": [begin, end] };
+    if (low < high) change["yaxis.range"] = [low - 0.05 * (high - low), high + 0.05 * (high - low)];
+    Plotly.relayout(box, change);
+  }
+
+  function press(button) {
+    const box = document.getElementById(button.dataset.plot);
+    const { begin, end, zoom, move } = button.dataset;
+    if (begin !== undefined) return show(box, Number(begin), Number(end));
+    if (zoom === undefined && move === undefined) {
+      return Plotly.relayout(box, { "xaxis.autorange": true, "yaxis.autorange": true });
+    }
+    const [left, right] = box.layout.xaxis.range;
+    const half = 0.5 * (right - left) * Number(zoom ?? 1);
+    const centre = 0.5 * (left + right) + Number(move ?? 0) * (right - left);
+    return show(box, centre - half, centre + half);
+  }
+
+  for (const box of boxes) {
+    const { data, layout } = figure(box, false);
+    await Plotly.newPlot(box, data, layout, {
+      responsive: true,
+      displaylogo: false,
+      displayModeBar: false,
+      doubleClick: "reset",
+    });
+    legend(box, false);
+  }
+  for (const button of document.querySelectorAll(".tools button")) {
+    button.disabled = false;
+    button.addEventListener("click", () => press(button));
+  }
+  dark.addEventListener("change", () => boxes.forEach((box) => redraw(box, false)));
+
+  window.addEventListener("beforeprint", () => {
+    for (const box of boxes) {
+      redraw(box, true);
+      const height = document.getElementById(box.id + "-legend") ? PRINT.curves : PRINT.bars;
+      Plotly.relayout(box, { width: PRINT.width, height: Math.min(box.layout.height, height) });
+    }
+  });
+  window.addEventListener("afterprint", () => {
+    for (const box of boxes) {
+      redraw(box, false);
+      Plotly.Plots.resize(box);
+    }
+  });
+  document.documentElement.dataset.plots = "drawn";
+})().catch((error) => {
+  console.error(error);
+  for (const box of document.querySelectorAll(".plot")) {
+    box.classList.add("missing");
+    box.textContent = "This plot needs a browser of 2023 or later; the tables hold its figures.";
+  }
+});

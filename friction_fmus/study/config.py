@@ -1,0 +1,275 @@
+"""What a study is to do, read from TOML."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from friction_fmus.errors import FrictionError, nearest
+
+GAINS: Final[Mapping[str, tuple[str, ...]]] = {"CascadePPI": ("kp", "kv", "ki"), "PID": ("Kp", "Kd", "Ki")}
+"""Law of the servo -> names of its gains; the last one may be left out, which is 0."""
+
+RECORDS: Final = ("emps", "tribometer", "demo")
+"""Records that come with the package, and names of the studies of them."""
+
+ALL: Final = "all"
+
+_TABLES = ("data", "columns", "windows", "servo", "identify", "compensation")
+
+
+class ConfigError(FrictionError):
+    """A configuration cannot be understood; the message names file, table and key."""
+
+
+@dataclass(frozen=True)
+class Servo:
+    """The servo of an axis: its feedback, its sensor and its limit.
+
+    Attributes
+    ----------
+    law : str
+        "CascadePPI" or "PID".
+    gains : mapping of str to float
+        Its gains, see `GAINS`.
+    Ts : float
+        Sampling period [s].
+    force_limit : float
+        Largest force of either sign [N].
+    window : int
+        The velocity is (x[k] - x[k - window]) / (window Ts).
+    quantum : float
+        Grid of the position measurement [m]; 0: none.
+    velocity_feedforward : bool
+        Whether the measured servo is given the reference velocity.
+    mass : float or None
+        Moved mass [kg], where the record has no drive force to identify it from.
+    """
+
+    law: str
+    gains: Mapping[str, float]
+    Ts: float
+    force_limit: float
+    window: int = 2
+    quantum: float = 0.0
+    velocity_feedforward: bool = False
+    mass: float | None = None
+
+    @property
+    def pid(self) -> tuple[float, float, float]:
+        """The same feedback as PID: Kp [N/m], Kd [N.s/m], Ki [N/(m.s)]."""
+        first, second, third = (self.gains.get(name, 0.0) for name in GAINS[self.law])
+        return (first, second, third) if self.law == "PID" else (second * first + third, second, third * first)
+
+
+@dataclass(frozen=True)
+class Compensation:
+    """What is tried on the axis.
+
+    Attributes
+    ----------
+    compensators : tuple of str or "all"
+        Names of laws.
+    gains : tuple of float
+        Shares of the compensation that are tried; those above 1 show what too much does.
+    mismatch : float
+        Friction and mass of the axis differ by this share in the corners.
+    motion_feedforward : bool
+        Whether the servo is given the reference velocity and acceleration, so that what is left is friction.
+    duration : float or None
+        How much of the reference is run [s]; None: all.
+    """
+
+    compensators: tuple[str, ...] | str = ALL
+    gains: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
+    mismatch: float = 0.1
+    motion_feedforward: bool = True
+    duration: float | None = None
+
+
+@dataclass(frozen=True)
+class StudyConfig:
+    """A study.
+
+    Attributes
+    ----------
+    name : str
+        What to type after ``friction-fmus study``.
+    record : str
+        One of `RECORDS`; empty where the data are a file.
+    data : mapping
+        The tables data, columns and windows, for `read_mapping`.
+    folder : Path
+        Where a relative path of the data file begins.
+    servo : Servo or None
+        None: there is no axis, only a contact.
+    models : tuple of str or "all"
+        Friction models to identify.
+    compensation : Compensation
+        What is tried on the axis.
+    """
+
+    name: str
+    record: str
+    data: Mapping[str, Any]
+    folder: Path
+    servo: Servo | None = None
+    models: tuple[str, ...] | str = ALL
+    compensation: Compensation = field(default_factory=Compensation)
+
+
+def load_config(what: str | Path) -> StudyConfig:
+    """Read a configuration.
+
+    Parameters
+    ----------
+    what : str or Path
+        One of `RECORDS`, or the path of a TOML file.
+
+    Raises
+    ------
+    ConfigError
+        The file is missing, is no TOML, or says something that is not understood.
+    """
+    known = str(what) in RECORDS
+    path = Path(__file__).with_name("axes") / f"{what}.toml" if known else Path(what)
+    if not path.is_file():
+        hint = nearest(str(what), RECORDS)
+        choice = ", ".join(RECORDS)
+        raise ConfigError(f"There is no file {what}{hint}; give the path of a configuration or one of {choice}.")
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"{path} cannot be read as TOML ({error}); repair it.") from error
+    return parse_config(table, path.parent, str(what))
+
+
+def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str = "The configuration") -> StudyConfig:
+    """Read a configuration from its tables; `origin` names it in errors, which are those of `load_config`."""
+    _known(content, _TABLES, origin, "table")
+    tables = {name: _Table(content.get(name, {}), f"{origin}, [{name}],", name) for name in _TABLES}
+    data = dict(tables["data"].content)
+    record = tables["data"].text("record", choices=RECORDS) if "record" in data else ""
+    if record and (data.keys() - {"record"} or "columns" in content):
+        raise ConfigError(f"{origin}, [data], names the record {record!r} and describes another one; leave one out.")
+    if not record and "file" not in data:
+        raise ConfigError(f'{origin}, [data], has no file; give the path of the data file as file = "...".')
+    mapping = {name: content[name] for name in ("data", "columns", "windows") if name in content}
+    models = tables["identify"]
+    models.known(("models",))
+    return StudyConfig(
+        origin,
+        record,
+        mapping,
+        folder,
+        _servo(tables["servo"]) if "servo" in content else None,
+        models.names("models"),
+        _compensation(tables["compensation"]),
+    )
+
+
+def _servo(table: _Table) -> Servo:
+    law = table.text("law", choices=tuple(GAINS))
+    names = GAINS[law]
+    other = ("law", "Ts", "force_limit", "window", "quantum", "velocity_feedforward", "mass")
+    table.known((*names, *other))
+    gains = {name: table.number(name, low=0.0, above=name != names[-1]) for name in names[:-1]}
+    gains[names[-1]] = table.number(names[-1], 0.0, low=0.0)
+    window = table.number("window", 2.0, low=1.0)
+    if window != int(window):
+        raise ConfigError(f"{table.where} has window = {window:g}; give a whole number of samples.")
+    return Servo(
+        law,
+        gains,
+        Ts=table.number("Ts", low=0.0, above=True),
+        force_limit=table.number("force_limit", low=0.0, above=True),
+        window=int(window),
+        quantum=table.number("quantum", 0.0, low=0.0),
+        velocity_feedforward=table.flag("velocity_feedforward", False),
+        mass=table.number("mass", low=0.0, above=True) if "mass" in table.content else None,
+    )
+
+
+def _compensation(table: _Table) -> Compensation:
+    table.known(("compensators", "gains", "mismatch", "motion_feedforward", "duration"))
+    default = Compensation()
+    gains = table.numbers("gains", default.gains)
+    if not any(0.0 < gain <= 1.0 for gain in gains):
+        raise ConfigError(f"{table.where} has gains = {list(gains)} without one between 0 and 1; add 1.0.")
+    return Compensation(
+        table.names("compensators"),
+        tuple(sorted(set(gains))),
+        table.number("mismatch", default.mismatch, low=0.0, high=0.9),
+        table.flag("motion_feedforward", default.motion_feedforward),
+        table.number("duration", low=0.0, above=True) if "duration" in table.content else None,
+    )
+
+
+@dataclass(frozen=True)
+class _Table:
+    """One table of the file, whose values are checked as they are taken."""
+
+    content: Any
+    where: str
+    name: str
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.content, Mapping):
+            raise ConfigError(f"{self.where} is {self.content!r}; make it a table.")
+
+    def known(self, keys: tuple[str, ...]) -> None:
+        _known(self.content, keys, self.where, "key")
+
+    def text(self, key: str, choices: tuple[str, ...]) -> str:
+        value = self._value(key)
+        if value not in choices:
+            hint = nearest(value, choices) if isinstance(value, str) else ""
+            raise ConfigError(f"{self.where} has {key} = {value!r}{hint}; give one of {', '.join(choices)}.")
+        return str(value)
+
+    def flag(self, key: str, default: bool) -> bool:
+        value = self.content.get(key, default)
+        if not isinstance(value, bool):
+            raise ConfigError(f"{self.where} has {key} = {value!r}; give true or false.")
+        return value
+
+    def number(
+        self, key: str, default: float | None = None, *, low: float, high: float = math.inf, above: bool = False
+    ) -> float:
+        value = self._value(key) if default is None else self.content.get(key, default)
+        ok = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+        if not ok or not low <= value <= high or (above and value == low):
+            limits = f"above {low:g}" if above else f"from {low:g}" + (f" to {high:g}" if high < math.inf else "")
+            raise ConfigError(f"{self.where} has {key} = {value!r}; give a number {limits}.")
+        return float(value)
+
+    def numbers(self, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
+        values = self.content.get(key, list(default))
+        right = isinstance(values, list) and values
+        if not right or any(isinstance(v, bool) or not isinstance(v, (int, float)) or not 0 < v <= 2 for v in values):
+            raise ConfigError(f"{self.where} has {key} = {values!r}; give a list of numbers above 0 and up to 2.")
+        return tuple(float(value) for value in values)
+
+    def names(self, key: str) -> tuple[str, ...] | str:
+        values = self.content.get(key, ALL)
+        if values == ALL:
+            return ALL
+        if not (isinstance(values, list) and values and all(isinstance(value, str) for value in values)):
+            raise ConfigError(f'{self.where} has {key} = {values!r}; give "all" or a list of names.')
+        return tuple(dict.fromkeys(values))
+
+    def _value(self, key: str) -> Any:
+        if key not in self.content:
+            raise ConfigError(f"{self.where} has no {key}; add it.")
+        return self.content[key]
+
+
+def _known(content: Mapping[str, Any], names: tuple[str, ...], where: str, noun: str) -> None:
+    for name in content:
+        if name not in names:
+            hint = nearest(name, names)
+            raise ConfigError(f"{where} has the unknown {noun} {name!r}{hint}; known are {', '.join(names)}.")

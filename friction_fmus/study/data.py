@@ -1,0 +1,208 @@
+"""The record of a study: from the package, from a file, or made."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import pi
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+
+from friction_fmus.data import EMPS_PUBLISHED, load_emps
+from friction_fmus.identification import ROTARY, Array, Record, filtered_motion, read_mapping, read_measurement
+from friction_fmus.identification.pieces import default_settings
+from friction_fmus.package import build_record
+
+from .config import ConfigError, Servo, StudyConfig
+from .loop import Plant, Task, closed_loop, run_loop
+from .models import Measured
+
+TRAIN: Final = 0.6
+"""Part of the record, at its beginning, that is fitted where no windows are given; the rest is predicted."""
+
+LUGRE: Final[Mapping[str, float]] = {
+    "sigma0": 1e5,
+    "sigma1": 1e5**0.5,
+    "sigma2": 0.4,
+    "Fc": 1.0,
+    "Fs": 1.5,
+    "vs": 1e-3,
+    "delta": 2.0,
+}
+"""Friction of the demo: Canudas de Wit, Olsson, Astrom, Lischinsky 1995."""
+
+PERIOD: Final = 2.0
+"""Of the reference of the demo [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """What was measured.
+
+    Attributes
+    ----------
+    records : tuple of Record
+        The pieces between gaps.
+    train, validation : tuple of Record
+        What is fitted, and what is predicted.
+    published : mapping of str to mapping
+        Model -> known values of its parameters.
+    findings : tuple of str
+        What should be known about the data.
+    """
+
+    records: tuple[Record, ...]
+    train: tuple[Record, ...]
+    validation: tuple[Record, ...]
+    published: Mapping[str, Mapping[str, float]]
+    findings: tuple[str, ...] = ()
+
+    @property
+    def longest(self) -> Record:
+        """The longest piece."""
+        return max(self.records, key=len)
+
+    @property
+    def rotary(self) -> bool:
+        """Whether it is an angle that was measured."""
+        return self.longest.units == ROTARY
+
+
+def load_data(config: StudyConfig, scratch: Path) -> Data:
+    """Read or make the records of a study.
+
+    Parameters
+    ----------
+    config : StudyConfig
+        What to read.
+    scratch : Path
+        Folder for FMUs, of the demo.
+
+    Raises
+    ------
+    RecordError, ConfigError
+        As of `read_measurement`; or a window lies outside the record.
+    """
+    published: Mapping[str, Mapping[str, float]] = {}
+    findings: tuple[str, ...] = ()
+    windows = dict(config.data.get("windows", {}))
+    if config.record == "emps":
+        records: tuple[Record, ...] = (load_emps().record,)
+        published = {"inverse": dict(EMPS_PUBLISHED)}
+    elif config.record == "demo":
+        assert config.servo is not None
+        records, published = (demo(config.servo, scratch),), {"LuGre": {**LUGRE, "M": 1.0, "OF": 0.0}}
+    elif config.record == "tribometer":
+        records = tribometer()
+    else:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = read_measurement(read_mapping(config.data, config.folder, config.name))
+        records, findings = found.records, tuple(str(finding) for finding in found.findings)
+        windows = dict(found.mapping.windows)
+    return Data(records, *_windows(records, windows, config.name), published, findings)
+
+
+def demo(servo: Servo, scratch: Path) -> Record:
+    """A synthetic record: 1 kg with LuGre friction under the servo, two periods of two sines, measured by its encoder.
+
+    Parameters
+    ----------
+    servo : Servo
+        Feedback and sensors.
+    scratch : Path
+        Folder for the FMU of the reference.
+    """
+    t = servo.Ts * np.arange(float(round(2.5 * PERIOD / servo.Ts)))
+    w = 2.0 * pi / PERIOD
+    r = 4e-3 * (1.0 - np.cos(w * t)) + 0.5e-3 * (1.0 - np.cos(5.0 * w * t))
+    reference = build_reference(t, r, scratch, "DemoReference")
+    task = Task(reference, len(t), 0.0, 0.0)
+    with closed_loop(servo, Plant("LuGre", LUGRE, 1.0), task) as system:
+        trace = run_loop(system)
+    q = servo.quantum * np.round(trace.q / servo.quantum) if servo.quantum else trace.q
+    # the force of a sample acts from its instant on
+    return Record("demo", t, q=q, reference=r, force=trace.force, citation="", quantum=servo.quantum)
+
+
+def tribometer() -> tuple[Record, ...]:
+    """The record of the reciprocating contact."""
+    from friction_fmus import data
+
+    load = getattr(data, "load_tribometer", None)
+    if load is None:
+        raise ConfigError("The record of the tribometer is not part of this package; give a data file of your own.")
+    record = load()
+    return (record,) if isinstance(record, Record) else tuple(record)
+
+
+def build_reference(t: Array, r: Array, folder: Path, name: str, rotary: bool = False) -> Path:
+    """FMU that plays a reference, with its derivatives by central differences."""
+    rd = np.gradient(r, t)
+    domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
+    return build_record(t, r, rd, np.gradient(rd, t), folder, name=name, domain=domain)
+
+
+def measured_servo(data: Data, servo: Servo, folder: Path, name: str) -> Measured | None:
+    """The servo as it was measured, None where the record lacks position or reference.
+
+    Raises
+    ------
+    ConfigError
+        The sampling periods of record and servo differ.
+    """
+    record = data.longest
+    if record.q is None or record.reference is None:
+        return None
+    if abs(record.Ts / servo.Ts - 1.0) > 1e-3:
+        raise ConfigError(
+            f"[servo] has Ts = {servo.Ts:g} s but the record {record.name!r} was sampled every {record.Ts:g} s; log "
+            "every sample of the servo, or correct Ts."
+        )
+    t = servo.Ts * np.arange(float(len(record)))
+    reference = build_reference(t, record.reference, folder, f"{name}Reference", data.rotary)
+    # the record may begin in motion
+    v0 = float(filtered_motion(record, default_settings(record)).v[0])
+    task = Task(reference, len(record), float(record.q[0]), v0, rotary=data.rotary)
+
+    def samples(records: tuple[Record, ...]) -> tuple[int, int]:
+        if not records:
+            return 0, len(record)
+        ends = (records[0].t[0] - record.t[0], records[-1].t[-1] - record.t[0])
+        first, last = (round(float(end) / servo.Ts) for end in ends)
+        return max(0, first), min(len(record), last + 1)
+
+    return Measured(servo, task, record.q, record.force, samples(data.train), samples(data.validation or data.train))
+
+
+def _windows(
+    records: tuple[Record, ...], windows: Mapping[str, tuple[float, float]], origin: str
+) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
+    """Records to fit and to predict."""
+    begin, end = records[0].t[0], records[-1].t[-1]
+    if not windows:
+        middle = begin + TRAIN * (end - begin)
+        windows = {"train": (begin, middle), "validation": (middle, end)}
+
+    def cut(name: str) -> tuple[Record, ...]:
+        if name not in windows:
+            return ()
+        low, high = windows[name]
+        inside = [r for r in records if np.count_nonzero((r.t >= low) & (r.t <= high)) >= 50]
+        if not inside:
+            raise ConfigError(
+                f"{origin}, [windows], has {name} = [{low:g}, {high:g}], but the record lasts from {begin:g} to "
+                f"{end:g} s; choose another window."
+            )
+        return tuple(replace(r.window(low, high), name=r.name) for r in inside)
+
+    train = cut("train")
+    if not train:
+        raise ConfigError(f"{origin}, [windows], has no train; add train = [begin, end].")
+    return train, cut("validation")
+
+
+__all__ = ["Data", "build_reference", "demo", "load_data", "measured_servo"]

@@ -1,0 +1,114 @@
+"""The recommended compensator as files: FMU, C code, the whole axis as SSP, and its parameters as SSV."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final, Literal
+
+from friction_fmus.catalogue import find
+from friction_fmus.codegen.export import export_law
+from friction_fmus.package import build
+from harness import FmuPart, Parameter, ParameterSet, open_archive, write_ssv
+
+from .compensators import Choice
+from .loop import block, closed_loop, typed, with_gain
+from .models import Found
+from .rows import WrittenFile
+from .trial import Bench
+
+OWN: Final = "recommended"
+"""Folder of what belongs to the recommendation."""
+
+
+def export_recommended(
+    out: Path, bench: Bench, choice: Choice | None, gain: float, name: str, citation: str
+) -> tuple[WrittenFile, ...]:
+    """Write what is needed to use the recommended compensator.
+
+    Parameters
+    ----------
+    out : Path
+        Folder of the results.
+    bench : Bench
+        The axis.
+    choice : Choice or None
+        The compensator; None: the axis without one.
+    gain : float
+        Share of the compensation.
+    name : str
+        What the axis is called.
+    citation : str
+        Whom to cite.
+
+    Returns
+    -------
+    tuple of WrittenFile
+        What was written. `axis.ssp` and `axis.toml` have all FMUs and parameters of the axis; in the compensator its
+        own parameter `gain` is the share, and the wire passes its force on as it is.
+    """
+    folder = out / OWN
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    placed = choice.placed if choice is not None else None
+    fmus = {}
+    if choice is not None and placed is not None:
+        limits = {"u_min": -bench.servo.force_limit, "u_max": bench.servo.force_limit}
+        given = {**limits, "gain": gain, **placed.values, "Ts": bench.servo.Ts}
+        values = typed(FmuPart("law", block(placed.model, bench.task.rotary)), given)
+        domain: Literal["translational", "rotational"] = "rotational" if bench.task.rotary else "translational"
+        fmus["compensator"] = build(placed.model, folder, values, domain=domain)
+        written.append(WrittenFile(_path(out, fmus["compensator"]), f"{placed.model} with the parameters of the axis"))
+        parameters = _parameters(fmus["compensator"], values)
+        write_ssv(ParameterSet(f"{name} {placed.model}", parameters, _cited(citation)), folder / "compensator.ssv")
+        written.append(WrittenFile(f"{OWN}/compensator.ssv", f"Parameters of {placed.model}, SSP 1.0"))
+        if find(placed.model).kind == "law" and not bench.task.rotary:
+            for file in export_law(placed.model, folder / "c", start=values):
+                written.append(WrittenFile(_path(out, file), "C code of the same, for an embedded target"))
+    with closed_loop(bench.servo, bench.plant, bench.task, placed, fmus) as system:
+        whole = with_gain(system, gain) if placed is not None and placed.output != "u" else system
+        whole.to_ssp(folder / "axis.ssp")
+        written.append(WrittenFile(f"{OWN}/axis.ssp", "The whole axis: reference, compensator, servo, mass, friction"))
+    return tuple(written)
+
+
+def export_models(out: Path, models: Sequence[Found], rotary: bool, citation: str) -> tuple[WrittenFile, ...]:
+    """Write the best model as FMU, and the parameters of every identified one as SSV."""
+    written = []
+    folder = out / "models"
+    folder.mkdir(parents=True, exist_ok=True)
+    domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
+    for found in models:
+        if found.row.rank is None:
+            continue
+        identifier = found.row.name.replace(" + ", "And")
+        path = block(found.block, rotary)
+        values = typed(FmuPart("friction", path), found.values)
+        if found.row.rank == 1:
+            own = build(found.block, folder, values, identifier, domain=domain)
+            written.append(WrittenFile(_path(out, own), f"FMU of the best friction model, {found.row.name}"))
+        file = folder / f"{identifier}.ssv"
+        write_ssv(ParameterSet(identifier, _parameters(path, values), _cited(citation)), file)
+        written.append(WrittenFile(_path(out, file), f"Parameters of {found.row.name}, SSP 1.0"))
+    return tuple(written)
+
+
+def _parameters(path: Path, values: Mapping[str, float | int | bool]) -> dict[str, Parameter]:
+    known = {port.name: port for port in FmuPart("block", path).parameters}
+    about = open_archive(path).variables
+    return {
+        name: Parameter(
+            value,
+            known[name].unit if known[name].type == "Real" else None,
+            description=about[name].description or "",
+        )
+        for name, value in values.items()
+    }
+
+
+def _cited(citation: str) -> str:
+    return f"Identified from the record of {citation}" if citation else ""
+
+
+def _path(out: Path, file: Path) -> str:
+    return file.relative_to(out).as_posix()

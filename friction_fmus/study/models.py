@@ -1,0 +1,325 @@
+"""The friction models of a study: identify one, see how the servo moves with it, bring all in order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from friction_fmus.catalogue import find
+from friction_fmus.errors import FrictionError
+from friction_fmus.identification import (
+    LINEAR,
+    ROTARY,
+    Array,
+    Estimate,
+    Identification,
+    Record,
+    Score,
+    Target,
+    Unknown,
+    fit_output_error,
+    identify,
+    identify_inverse_model,
+)
+from friction_fmus.identification.models import contact_model
+from friction_fmus.identification.pieces import default_settings
+from harness import HarnessError
+
+from .config import Servo
+from .loop import Plant, Task, closed_loop, run_loop
+from .rows import Curve, Fit, FoundParameter, ModelRow
+from .trial import thinned
+
+ALIKE: Final = 0.05
+"""Errors that differ by less count as equal, and the information criterion decides."""
+
+INVERSE: Final = "Coulomb + viscous"
+"""Name of the row of the inverse model."""
+
+MEANING: Final = {"M": "moved mass", "OF": "offset of the drive"}
+
+_STEPS: Final = {"M": 0.02, "vs": 0.2, "Fs": 0.1}
+"""Part of a parameter by which it is changed for a difference, 4 % for others: the axis must move by more than the grid
+of its encoder."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A model with its parameters.
+
+    Attributes
+    ----------
+    row : ModelRow
+        For the report.
+    block : str
+        Friction block that has these parameters.
+    values : mapping of str to float
+        Parameters of the block.
+    mass, offset : float
+        Of the axis; 0 where the record has no drive force.
+    error : float
+        What the models are ranked by; infinite is None.
+    predicted : Curve or None
+        The fitted signal over time as the model has it.
+    position, force : Curve or None
+        Simulated minus measured position, and simulated force, of the servo over time.
+    """
+
+    row: ModelRow
+    block: str = ""
+    values: Mapping[str, float] = field(default_factory=dict)
+    mass: float = 0.0
+    offset: float = 0.0
+    error: float | None = None
+    predicted: Curve | None = None
+    position: Curve | None = None
+    force: Curve | None = None
+
+    @property
+    def plant(self) -> Plant:
+        """The axis with this friction."""
+        return Plant(self.block, self.values, self.mass, self.offset)
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """The servo as it was measured.
+
+    Attributes
+    ----------
+    servo : Servo
+        Its feedback and sensors.
+    task : Task
+        The reference and the state at the beginning, of the whole record.
+    q, force : array, shape (samples,)
+        What was measured.
+    train, validation : (int, int)
+        First sample, and the one behind the last, of what is fitted and of what the models are ranked by.
+    """
+
+    servo: Servo
+    task: Task
+    q: Array
+    force: Array | None
+    train: tuple[int, int]
+    validation: tuple[int, int]
+
+
+def identify_model(
+    name: str,
+    train: Sequence[Record],
+    validation: Sequence[Record],
+    published: Mapping[str, float],
+    measured: Measured | None,
+) -> Found:
+    """Identify a friction model; if that fails the row says why.
+
+    Parameters
+    ----------
+    name : str
+        Friction block.
+    train, validation : sequence of Record
+        What is fitted, and what is predicted.
+    published : mapping of str to float
+        Known values of parameters.
+    measured : Measured or None
+        The servo, with which the model is then co-simulated.
+    """
+    summary = find(name).summary
+    try:
+        # a law without a state is quick to search, and has more than one valley
+        starts = 3 if contact_model(name, train[0].units).static else 1
+        result = identify(name, list(train), validation=list(validation) or None, starts=starts)
+    except (FrictionError, HarnessError, ArithmeticError, np.linalg.LinAlgError) as error:
+        return Found(ModelRow(name, summary, reason=str(error)))
+    found = Found(
+        row_of(result, summary, published),
+        name,
+        {key: value for key, value in result.values().items() if key not in MEANING},
+        result.values().get("M", 0.0),
+        result.values().get("OF", 0.0),
+        (result.validation or result.train).rms,
+        thinned(result.t, result.predicted),
+    )
+    if measured is None or found.mass <= 0.0:
+        return found
+    try:
+        return in_closed_loop(found, measured)
+    except (FrictionError, HarnessError) as error:
+        warnings = (*found.row.warnings, f"The servo could not be co-simulated with it: {error}")
+        return replace(found, row=replace(found.row, warnings=warnings), error=None)
+
+
+def inverse_model(record: Record, published: Mapping[str, float], measured: Measured | None) -> Found:
+    """Mass, viscous friction, Coulomb friction and offset by least squares of the inverse model (Janot, Gautier, Brunot
+    2019), as the block Stribeck without a Stribeck effect.
+    """
+    summary = "Coulomb and viscous friction from the inverse model (IDIM-LS)"
+    try:
+        fit = identify_inverse_model(record, default_settings(record))
+    except FrictionError as error:
+        return Found(ModelRow(INVERSE, summary, reason=str(error)))
+    rows = tuple(
+        FoundParameter(p.name, p.value, p.standard_error, p.unit, MEANING.get(p.name, ""), published.get(p.name))
+        for p in fit.parameters.values()
+    )
+    Fc = fit.parameters["Fc"].value
+    force = record.column("force")
+    train = Fit(fit.relative_residual * _rms(force), 100.0 * fit.relative_residual, "force", record.units.force)
+    found = Found(
+        ModelRow(INVERSE, summary, "inverse", rows, train, simulations=0),
+        "Stribeck",
+        {"Fc": Fc, "Fs": Fc, "Fv": fit.parameters["Fv"].value},
+        fit.parameters["M"].value,
+        fit.parameters["OF"].value,
+        train.rms,
+    )
+    return found if measured is None else in_closed_loop(found, measured)
+
+
+def row_of(result: Identification, summary: str, published: Mapping[str, float]) -> ModelRow:
+    """The row of a result."""
+
+    def parameter(name: str, estimate: Estimate) -> FoundParameter:
+        error = estimate.standard_error
+        return FoundParameter(
+            name,
+            estimate.value,
+            error if np.isfinite(error) else None,
+            estimate.unit,
+            MEANING.get(name, ""),
+            published.get(name),
+            result.weak.get(name, ""),
+        )
+
+    def fit(score: Score | None) -> Fit | None:
+        return None if score is None else Fit(score.rms, score.relative_percent, result.signal, result.unit)
+
+    return ModelRow(
+        result.model,
+        summary,
+        result.method,
+        tuple(parameter(name, estimate) for name, estimate in result.parameters.items()),
+        fit(result.train),
+        fit(result.validation),
+        aic=result.aic,
+        bic=result.bic,
+        warnings=tuple(result.warnings),
+        seconds=result.seconds,
+        simulations=result.simulations,
+    )
+
+
+def in_closed_loop(found: Found, measured: Measured) -> Found:
+    """Co-simulate the servo with an identified model, from the beginning of the record."""
+    with closed_loop(measured.servo, found.plant, measured.task) as system:
+        trace = run_loop(system)
+    if not (np.isfinite(trace.q).all() and np.isfinite(trace.force).all()):
+        raise FrictionError("it is unstable.")
+    q, force = measured.q, measured.force
+    units = ROTARY if measured.task.rotary else LINEAR
+    fits = [Fit(_rms(trace.q - q), 100.0 * _rms(trace.q - q) / _rms(q), "position", units.position)]
+    t = measured.servo.Ts * np.arange(float(len(q)))
+    if force is not None:
+        fits.append(
+            Fit(_rms(trace.force - force), 100.0 * _rms(trace.force - force) / _rms(force), "force", units.force)
+        )
+    return replace(
+        found,
+        row=replace(found.row, closed_loop=tuple(fits)),
+        error=_rms((trace.q - q)[slice(*measured.validation)]),
+        position=thinned(t, trace.q - q),
+        force=thinned(t, trace.force),
+    )
+
+
+def refine(found: Found, measured: Measured) -> Found:
+    """Fit what the record determines well so that the co-simulated servo moves as the measured one did.
+
+    Only the position is compared: the force follows from it through the known controller and would count the same error
+    twice. If the servo does not come closer, the model stays as it was.
+    """
+    rows = {p.name: p for p in found.row.parameters}
+    free = [p for p in rows.values() if p.standard_error is not None and p.standard_error < abs(p.value)]
+    free = [p for p in free if p.value > 0.0 or p.name == "OF"]
+    level = max((found.values.get(name, 0.0) for name in ("Fc", "Fs", "f1")), default=0.0)
+    if "M" not in {p.name for p in free} or not level:
+        return found
+
+    def step(p: FoundParameter) -> float:
+        return 0.02 * level if p.name == "OF" else _STEPS.get(p.name, 0.04) * p.value
+
+    known = contact_model(found.block, ROTARY if measured.task.rotary else LINEAR).parameters
+
+    def unknown(p: FoundParameter) -> Unknown:
+        lower = -np.inf if p.name == "OF" else 1e-3 * p.value
+        if p.name in known:
+            return Unknown(p.name, p.value, step(p), p.unit, max(lower, known[p.name].lower), known[p.name].upper)
+        return Unknown(p.name, p.value, step(p), p.unit, lower)
+
+    unknowns = [unknown(p) for p in free]
+    first, last = measured.train
+    task = replace(measured.task, samples=last)
+    with closed_loop(measured.servo, found.plant, task) as system:
+
+        def simulate(values: Mapping[str, float]) -> dict[str, Array]:
+            own = {f"friction.{name}": value for name, value in values.items() if name not in MEANING}
+            moved = {"axis.m": values["M"], "axis.F_load": -values.get("OF", found.offset)}
+            return {"q": run_loop(system.with_start({**own, **moved})).q}
+
+        target = Target(measured.q[:last], 1e-6 if found.error is None else max(found.error, 1e-12), first)
+        try:
+            fit = fit_output_error(
+                simulate, unknowns, {"q": target}, correlation=max(1, round(0.2 / measured.servo.Ts))
+            )
+        except (FrictionError, HarnessError):
+            return found
+    values = fit.values()
+    refined = Found(
+        replace(
+            found.row,
+            method=f"{found.row.method}, then closed-loop",
+            parameters=tuple(_replaced(p, fit.parameters.get(p.name)) for p in rows.values()),
+            simulations=found.row.simulations + fit.simulations,
+        ),
+        found.block,
+        {name: values.get(name, value) for name, value in found.values.items()},
+        values["M"],
+        values.get("OF", found.offset),
+        found.error,
+        found.predicted,
+    )
+    refined = in_closed_loop(refined, measured)
+    better = found.error is None or (refined.error is not None and refined.error < found.error)
+    return refined if better else found
+
+
+def ranked(models: Sequence[Found]) -> list[Found]:
+    """Models in order, with their rank: the smaller error first; alike within `ALIKE`, the smaller BIC first."""
+    left = sorted((found for found in models if found.error is not None), key=_error)
+    ordered: list[Found] = []
+    while left:
+        alike = [found for found in left if _error(found) <= (1.0 + ALIKE) * _error(left[0])]
+        first = min(alike, key=lambda found: np.inf if found.row.bic is None else found.row.bic)
+        ordered.append(replace(first, row=replace(first.row, rank=len(ordered) + 1)))
+        left.remove(first)
+    return ordered + [found for found in models if found.error is None]
+
+
+def _error(found: Found) -> float:
+    assert found.error is not None
+    return found.error
+
+
+def _replaced(p: FoundParameter, estimate: Estimate | None) -> FoundParameter:
+    if estimate is None:
+        return p
+    error = estimate.standard_error
+    return replace(p, value=estimate.value, standard_error=error if np.isfinite(error) else None)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

@@ -1,0 +1,135 @@
+"""What a study draws: the record, friction over velocity, and the loops of friction over position."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion
+from friction_fmus.identification.pieces import default_settings
+from harness import Experiment, FmuPart, SeriesPart, System
+
+from .loop import block, typed
+from .models import Found
+from .rows import Curve, Picture
+from .trial import thinned
+
+DRAWN: Final = 4
+"""Models that are drawn, the best ones."""
+
+CLOUD: Final = 2000
+"""Points of a cloud, about."""
+
+LOOP: Final = 3.0
+"""Longest piece of the record of which loops are drawn [s]."""
+
+
+def series(data: Sequence[Record], models: Sequence[Found]) -> tuple[Picture, ...]:
+    """The record over time, and what the best models make of it."""
+    record = max(data, key=len)
+    units = record.units
+    drawn = [found for found in models[:DRAWN] if found.row.rank]
+
+    def picture(name: str, unit: str, columns: Mapping[str, Array | None], lines: Mapping[str, Curve]) -> Picture:
+        shown = {key: thinned(record.t, column) for key, column in columns.items() if column is not None}
+        return Picture("time", name, "s", unit, shown, lines)
+
+    pictures = []
+    if record.q is not None:
+        pictures.append(picture("position", units.position, {"measured": record.q, "reference": record.reference}, {}))
+        errors = {found.row.name: found.position for found in drawn if found.position is not None}
+        if record.reference is not None:
+            error = {"measured, reference − position": record.reference - record.q}
+            pictures.append(picture("position error", units.position, error, {}))
+        if errors:
+            pictures.append(Picture("time", "simulated − measured position", "s", units.position, {}, errors))
+    if record.v is not None:
+        pictures.append(picture("velocity", units.velocity, {"measured": record.v}, {}))
+    if record.force is not None:
+        forces = {found.row.name: found.force for found in drawn if found.force is not None}
+        pictures.append(picture("drive force", units.force, {"measured": record.force}, forces))
+    if record.friction is not None:
+        over = record.normal if record.normal is not None and np.all(record.normal > 0.0) else None
+        column = record.friction if over is None else record.friction / over
+        lines = {found.row.name: found.predicted for found in drawn if found.predicted is not None}
+        name, unit = ("friction", units.force) if over is None else ("friction coefficient", "1")
+        pictures.append(picture(name, unit, {"measured": column}, lines))
+    return tuple(pictures)
+
+
+def friction_of(record: Record, mass: float, offset: float) -> tuple[Array, Array, Array] | None:
+    """Position, velocity and friction behind the record, filtered; None if it has neither friction nor force."""
+    if record.q is None:
+        return None
+    motion = filtered_motion(record, default_settings(record))
+    if record.friction is not None:
+        return record.q, motion.v, record.friction
+    if record.force is None:
+        return None
+    return record.q, motion.v, record.force - mass * motion.a - offset
+
+
+def over_velocity(record: Record, models: Sequence[Found]) -> Picture | None:
+    """Friction over velocity: points of the record, and the curves that the FMUs draw along a slow sweep."""
+    best = [found for found in models if found.row.rank]
+    behind = friction_of(record, best[0].mass, best[0].offset) if best else None
+    if behind is None:
+        return None
+    _, v, friction = behind
+    smooth, level = decimate(v, 10), decimate(friction, 10)
+    few = slice(50, -50, max(1, len(smooth) // CLOUD)) if len(smooth) > 300 else slice(None)
+    fastest = 1.05 * float(np.max(np.abs(v)))
+    at = np.linspace(-fastest, fastest, 800)  # even, so that it steps over the jump at rest
+    curves = {}
+    for found in best[:DRAWN]:
+        F = drive(found, record.units, 5.0 * np.arange(800.0) / 800.0, at, _load(record))
+        curves[found.row.name] = Curve(tuple(at[1:].tolist()), tuple(F[1:].tolist()))
+    points = Curve(tuple(smooth[few].tolist()), tuple(level[few].tolist()))
+    units = record.units
+    return Picture("velocity", "friction", units.velocity, units.force, {"record": points}, curves)
+
+
+def over_position(record: Record, models: Sequence[Found]) -> Picture | None:
+    """Friction over position around the reversal in the middle of the record: measured, and of the models."""
+    best = [found for found in models if found.row.rank]
+    behind = friction_of(record, best[0].mass, best[0].offset) if best else None
+    if behind is None:
+        return None
+    q, v, friction = behind
+    turns = np.flatnonzero(np.diff(np.sign(v)) != 0)
+    turns = turns[(turns > 100) & (turns < len(v) - 100)]
+    if not turns.size:
+        return None
+    centre = int(turns[np.argmin(np.abs(turns - len(v) // 2))])
+    half = min(round(0.5 * LOOP / record.Ts), len(v) // 4)
+    piece = slice(max(0, centre - half), centre + half)
+    t = record.Ts * np.arange(float(len(v[piece])))
+    few = max(1, len(t) // 600)
+    loops = {}
+    for found in best[:DRAWN]:
+        F = drive(found, record.units, t, v[piece], _load(record))
+        loops[found.row.name] = Curve(tuple(q[piece][::few].tolist()), tuple(F[::few].tolist()))
+    points = Curve(tuple(q[piece][::few].tolist()), tuple(friction[piece][::few].tolist()))
+    units = record.units
+    return Picture("position", "friction", units.position, units.force, {"record": points}, loops)
+
+
+def drive(found: Found, units: AxisUnits, t: Array, v: Array, load: float | None) -> Array:
+    """Friction force of a model along a velocity, shape (n,): the FMU, stepped from sample to sample."""
+    step = float(t[1] - t[0])
+    contact = FmuPart("friction", block(found.block, units.position == "rad"))
+    sweep = SeriesPart("sweep", t, {"v": v}, {"v": units.velocity})
+    inputs = {port.name for port in contact.inputs}
+    start: dict[str, float | int | bool | str] = {f"friction.{k}": v for k, v in typed(contact, found.values).items()}
+    start |= {"friction.F_ext": 0.0} if "F_ext" in inputs else {}
+    start |= {"friction.Fn": load} if "Fn" in inputs and load is not None else {}
+    experiment = Experiment(stop=step * (len(t) - 1), step=step, record=("friction.F",))
+    with System([sweep, contact], ["sweep.v -> friction.v"], start, experiment, "curve") as system:
+        return np.asarray(system.run()["friction.F"].to_numpy(), dtype=np.float64)
+
+
+def _load(record: Record) -> float | None:
+    """Mean normal force, where it was measured."""
+    return None if record.normal is None else float(np.mean(record.normal))

@@ -1,0 +1,159 @@
+"""The report in a real Chromium: plots drawn, nothing fetched, readable on a phone, printable, accessible."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pypdfium2
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from made_up_study import made_up_study
+from PIL import Image
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from friction_fmus.report import write_report
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+SCREENS: dict[str, dict[str, Any]] = {
+    "desktop": {"viewport": {"width": 1280, "height": 900}},
+    "phone": {"viewport": {"width": 360, "height": 740}, "is_mobile": True, "has_touch": True},
+    "dark": {"viewport": {"width": 1280, "height": 900}, "color_scheme": "dark"},
+}
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+
+
+@dataclass
+class Watched:
+    """A page that is open, and what it did: requests, messages on the console, errors."""
+
+    page: Page
+    requests: list[str] = field(default_factory=list)
+    messages: list[str] = field(default_factory=list)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    sandbox = ["--no-sandbox"] if os.getuid() == 0 else []  # which Chromium does not have for root
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=sandbox)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(made_up_study(), file)
+    return file
+
+
+@contextmanager
+def opened(browser: Browser, report: Path, screen: str) -> Iterator[Watched]:
+    context = browser.new_context(**SCREENS[screen])
+    page = context.new_page()
+    watched = Watched(page)
+    page.on("request", lambda request: watched.requests.append(request.url))
+    page.on("console", lambda message: watched.messages.append(message.text))
+    page.on("pageerror", lambda error: watched.messages.append(str(error)))
+    page.goto(report.as_uri())
+    page.wait_for_selector("html[data-plots=drawn]", timeout=30_000)
+    yield watched
+    context.close()
+
+
+@pytest.fixture(params=list(SCREENS))
+def watched(request: pytest.FixtureRequest, browser: Browser, report: Path) -> Iterator[Watched]:
+    with opened(browser, report, request.param) as watched:
+        yield watched
+
+
+def inked(picture: Image.Image) -> float:
+    """The part of a picture that is not of its background, the colour of its corner."""
+    pixels = np.asarray(picture.convert("RGB"), dtype=int)
+    return float(np.mean(np.abs(pixels - pixels[0, 0]).sum(axis=2) > 60))
+
+
+def test_a_screen_shows_all_without_network_or_error(watched: Watched, report: Path) -> None:
+    page = watched.page
+    for plot in page.query_selector_all(".plot"):
+        plot.scroll_into_view_if_needed()
+        box = plot.bounding_box()
+        assert box is not None
+        assert plot.query_selector_all(".trace path, .point path")
+        assert inked(Image.open(io.BytesIO(plot.screenshot()))) > 0.004, plot.get_attribute("id")
+        assert box["x"] >= 0 and box["x"] + box["width"] <= page.viewport_size["width"]  # type: ignore[index]
+    widths = page.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]")
+    assert widths[0] == widths[1], "the page scrolls sideways"
+    assert watched.requests == [report.as_uri()]
+    assert watched.messages == []
+
+    found = Axe().run(page).response
+    assert len(found["passes"]) > 20
+    assert [rule["id"] for rule in found["violations"] if rule["impact"] in ("serious", "critical")] == []
+
+
+def test_legend_and_zoom_work_by_key(browser: Browser, report: Path) -> None:
+    with opened(browser, report, "desktop") as watched:
+        page = watched.page
+
+        def span() -> list[float]:
+            return page.eval_on_selector("#errors-plot", "box => box.layout.xaxis.range")
+
+        whole = span()
+        tools = page.locator("figure:has(#errors-plot) .tools")
+        tools.get_by_role("button", name="around a reversal").press("Enter")
+        begin, end = span()
+        assert end - begin == pytest.approx(0.8, rel=1e-3)  # 4 % of 20 s
+        assert (begin + end) / 2 == pytest.approx(7.5, abs=0.01) or (begin + end) / 2 == pytest.approx(12.5, abs=0.01)
+        tools.get_by_role("button", name="zoom out").press("Enter")
+        assert span()[1] - span()[0] == pytest.approx(1.6, rel=1e-3)
+        tools.get_by_role("button", name="to the right").press("Enter")
+        assert span()[0] == pytest.approx(begin + 0.4, abs=1e-3)
+        tools.get_by_role("button", name="whole").press("Enter")
+        assert span() == pytest.approx(whole)
+
+        drawn = "box => box.querySelectorAll('.scatterlayer .trace').length"
+        before = page.eval_on_selector("#errors-plot", drawn)
+        name = page.locator("#errors-plot-legend").get_by_role("button", name="GMSFeedforward")
+        assert name.get_attribute("aria-pressed") == "false"
+        name.press("Enter")
+        assert name.get_attribute("aria-pressed") == "true"
+        assert page.eval_on_selector("#errors-plot", drawn) == before + 1
+        assert watched.messages == []
+
+
+def test_dark_mode_comes_and_goes_with_the_system(browser: Browser, report: Path) -> None:
+    with opened(browser, report, "dark") as watched:
+        background = "box => box.layout.paper_bgcolor"
+        assert watched.page.eval_on_selector("#sweep-plot", background) == "#15181c"
+        watched.page.emulate_media(color_scheme="light")
+        watched.page.wait_for_selector("#sweep-plot .main-svg[style*='rgb(255, 255, 255)']")
+        assert watched.page.eval_on_selector("#sweep-plot", background) == "#ffffff"
+
+
+def test_the_print_has_pages_and_all_plots(browser: Browser, report: Path) -> None:
+    with opened(browser, report, "dark") as watched:
+        printed = watched.page.pdf(prefer_css_page_size=True, print_background=True)
+        assert watched.page.eval_on_selector("#bars-plot", "box => box.layout.paper_bgcolor") == "#15181c"
+    document = pypdfium2.PdfDocument(printed)
+    assert 4 <= len(document) <= 12
+    titles = ("position [mm]", "force [N]", "velocity [mm/s]", "displacement [µm]", "cost [ns]", "time [s]", "gain")
+    text = "".join(page.get_textpage().get_text_bounded() for page in document)
+    for title in titles:
+        assert title in text, title
+    for page in document:
+        width, height = page.get_size()
+        assert (round(width), round(height)) == (595, 842)  # A4
+        picture = page.render(scale=1.0).to_pil()
+        assert picture.getpixel((0, 0)) == (255, 255, 255)
+        assert inked(picture) > 0.005
+        right = np.asarray(picture.convert("L"))[:, round(width) - 25 :]
+        assert right.min() > 200, "something is cut off at the right margin"

@@ -1,0 +1,124 @@
+"""The axis of a study: metrics, mismatch, candidates, and axes that turn or have no servo."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from friction_fmus.study import Servo, load_config, run_study
+from friction_fmus.study.compensators import Known, candidates, period_of
+from friction_fmus.study.data import LUGRE, build_reference
+from friction_fmus.study.loop import Plant, Task, Trace, closed_loop
+from friction_fmus.study.trial import Bench, high_frequency, judge, off_by, thinned, try_out
+
+SERVO = Servo("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 0.0}, 1e-3, 20.0)
+PLANT = Plant("LuGre", LUGRE, 1.0, 0.2)
+T = 1e-3 * np.arange(1001.0)
+R = 4e-3 * (1.0 - np.cos(2.0 * pi * T))
+
+
+def bench(folder: Path, rotary: bool = False) -> Bench:
+    reference = build_reference(T, R, folder, "Reference", rotary)
+    return Bench(SERVO, PLANT, Task(reference, len(T), 0.0, 0.0, motion=True, offset=0.2, rotary=rotary), R)
+
+
+def test_an_axis_that_turns_is_the_same_axis(tmp_path: Path) -> None:
+    known = Known(SERVO, PLANT, {"LuGre": LUGRE})
+    (choice,) = candidates(["LuGreFeedforward"], known)
+    (turning,) = candidates(["LuGreFeedforward"], replace(known, rotary=True))
+    straight = try_out(bench(tmp_path), choice.placed, (1.0,), 0.1)
+    turned = try_out(bench(tmp_path, rotary=True), turning.placed, (1.0,), 0.1)
+    assert straight.metrics is not None
+    assert turned == straight
+    assert [(corner.friction, corner.mass) for corner in straight.corners] == [
+        (0.9, 0.9),
+        (0.9, 1.1),
+        (1.1, 0.9),
+        (1.1, 1.1),
+    ]
+
+
+def test_mismatch_scales_forces_and_mass_alone(tmp_path: Path) -> None:
+    given = bench(tmp_path)
+    with closed_loop(SERVO, PLANT, given.task) as system:
+        found = off_by(system, 1.1, 0.9)
+    expected = {f"friction.{name}": 1.1 * LUGRE[name] for name in ("sigma0", "sigma1", "sigma2", "Fc", "Fs")}
+    assert found == pytest.approx({**expected, "axis.m": 0.9})
+
+
+def test_metrics_of_a_sine(tmp_path: Path) -> None:
+    given = bench(tmp_path)
+    sine = np.sin(2.0 * pi * 10.0 * T)
+    metrics, error, failure = judge(Trace(R - 1e-5 * sine, 3.0 * sine), given)
+    assert metrics is not None
+    assert error is not None
+    assert failure == ""
+    assert metrics.rms == pytest.approx(1e-5 / sqrt(2.0), rel=1e-3)
+    assert metrics.largest == pytest.approx(1e-5, rel=1e-3)
+    assert metrics.effort == pytest.approx(3.0 / sqrt(2.0), rel=1e-3)
+
+
+def test_a_loop_that_runs_away_has_no_metrics(tmp_path: Path) -> None:
+    metrics, _, failure = judge(Trace(R + 1.0, 0.0 * R), bench(tmp_path))
+    assert metrics is None
+    assert "unstable" in failure
+
+
+@pytest.mark.parametrize("frequency", [30.0, 200.0])
+def test_high_frequency_force_is_what_a_butterworth_filter_leaves(tmp_path: Path, frequency: float) -> None:
+    given = bench(tmp_path)
+    force = np.sin(2.0 * pi * frequency * T)
+    left = high_frequency(force, given)[300:-300]
+    corner = 5.0 * sqrt(12e3) / (2.0 * pi)
+    warped = np.tan(pi * corner * 1e-3) / np.tan(pi * frequency * 1e-3)  # the bilinear transform bends the scale
+    assert sqrt(2.0 * np.mean(left**2)) == pytest.approx(1.0 / (1.0 + warped**4), rel=0.02)
+
+
+def test_a_thinned_line_keeps_its_peaks() -> None:
+    y = np.zeros(100_000)
+    y[[31_234, 77_777]] = 5.0, -3.0
+    curve = thinned(np.arange(100_000.0), y, points=1000)
+    assert len(curve.x) < 1100
+    assert curve.x[0] == 0.0
+    assert curve.x[-1] == 99_999.0
+    assert dict(zip(curve.x, curve.y, strict=True))[31_234.0] == 5.0
+    assert min(curve.y) == -3.0
+
+
+def test_the_period_of_a_reference() -> None:
+    assert period_of(np.tile(R[:500], 4), 100) == 500
+    assert period_of(np.cumsum(np.tile(R[:500], 4)), 100) == 0
+    assert period_of(np.zeros(1000), 100) == 0
+
+
+def test_candidates_that_do_not_apply_say_why() -> None:
+    known = Known(SERVO, PLANT, {"LuGre": LUGRE})
+    found = {choice.name: choice for choice in candidates("all", known)}
+    assert found["LuGreFeedforward"].model == "LuGre"
+    assert "parameters of Dahl" in found["DahlFeedforward"].reason
+    assert "does not repeat" in found["RepetitiveController"].reason
+    assert "same feedback gains" in found["AdaptiveLuGre"].reason
+    periodic = candidates(["RepetitiveController"], replace(known, period=500))[0].placed
+    assert periodic is not None
+    assert periodic.values["N"] == 500
+    assert all((choice.placed is None) == bool(choice.reason) for choice in found.values())
+
+
+def test_a_contact_without_a_servo_ends_with_its_models(tmp_path: Path) -> None:
+    windows = {"windows": {"train": [60.0, 66.0], "validation": [120.0, 126.0]}}
+    config = load_config("tribometer")
+    config = replace(config, models=("Dahl",), data={**config.data, **windows})
+    result = run_study(config, tmp_path, processes=1)
+    (model,) = result.models
+    assert model.rank == 1
+    assert model.validation is not None
+    assert model.validation.percent < 15.0
+    assert result.compensators == ()
+    assert result.recommendation.name == ""
+    assert "Add [servo]" in result.no_compensation
+    assert (tmp_path / "report.html").is_file()
+    assert not (tmp_path / "recommended").exists()

@@ -1,0 +1,108 @@
+"""Configurations of a study: what they say, and what is said about those that are wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from friction_fmus.study import ConfigError, Servo, StudyConfig, load_config, parse_config, run_study
+from friction_fmus.study.compensators import CANDIDATES, check_names, laws
+
+SERVO: dict[str, Any] = {"law": "PID", "Kp": 1e4, "Kd": 100.0, "Ts": 1e-3, "force_limit": 50.0}
+DATA: dict[str, Any] = {"data": {"file": "log.csv"}}
+
+
+@pytest.mark.parametrize("name", ["emps", "tribometer", "demo"])
+def test_studies_of_the_package_are_configurations(name: str) -> None:
+    config = load_config(name)
+    assert config.record == config.name == name
+    assert (config.servo is None) == (name == "tribometer")
+
+
+def test_a_configuration_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "axis.toml"
+    file.write_text(
+        '[data]\nfile = "log.csv"\n'
+        '[columns]\ntime = { column = "t", unit = "s" }\nposition = { column = "x", unit = "mm" }\n'
+        '[servo]\nlaw = "CascadePPI"\nkp = 50\nkv = 2000.0\nki = 10.0\nTs = 5e-4\nforce_limit = 80\nwindow = 4\n'
+        '[identify]\nmodels = ["LuGre"]\n'
+        "[compensation]\ngains = [1.0, 0.5, 1.0]\nmismatch = 0.2\nmotion_feedforward = false\n",
+        encoding="utf-8",
+    )
+    config = load_config(file)
+    assert config.folder == tmp_path
+    assert config.data["columns"]["position"]["unit"] == "mm"
+    assert config.servo == Servo("CascadePPI", {"kp": 50.0, "kv": 2000.0, "ki": 10.0}, 5e-4, 80.0, window=4)
+    assert config.models == ("LuGre",)
+    assert config.compensation.gains == (0.5, 1.0)
+    assert config.compensation.mismatch == 0.2
+    assert not config.compensation.motion_feedforward
+
+
+def test_a_cascade_is_a_pid() -> None:
+    servo = Servo("CascadePPI", {"kp": 50.0, "kv": 2000.0, "ki": 10.0}, 1e-3, 1.0)
+    assert servo.pid == (2000.0 * 50.0 + 10.0, 2000.0, 10.0 * 50.0)
+
+
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "table": ({**DATA, "servos": {}}, r"unknown table 'servos'; did you mean servo\?"),
+    "no data": ({}, r"\[data\], has no file; give the path"),
+    "two data": ({"data": {"record": "emps", "file": "x.csv"}}, r"\[data\], names the record 'emps' and describes"),
+    "record": ({"data": {"record": "emp"}}, r"\[data\], has record = 'emp'; did you mean emps\?"),
+    "law": ({**DATA, "servo": {**SERVO, "law": "PI"}}, r"\[servo\], has law = 'PI'; did you mean PID\?"),
+    "gain": ({**DATA, "servo": {**SERVO, "kp": 1.0}}, r"\[servo\], has the unknown key 'kp'; did you mean Kp\?"),
+    "missing": (
+        {**DATA, "servo": {key: value for key, value in SERVO.items() if key != "Ts"}},
+        r"\[servo\], has no Ts; add it",
+    ),
+    "text": ({**DATA, "servo": {**SERVO, "Ts": "1 ms"}}, r"\[servo\], has Ts = '1 ms'; give a number above 0"),
+    "window": ({**DATA, "servo": {**SERVO, "window": 2.5}}, r"\[servo\], has window = 2.5; give a whole number"),
+    "gains": ({**DATA, "compensation": {"gains": [1.2]}}, r"\[compensation\], has gains = \[1.2\] without one"),
+    "mismatch": (
+        {**DATA, "compensation": {"mismatch": 1}},
+        r"\[compensation\], has mismatch = 1; give a number from 0",
+    ),
+    "models": (
+        {**DATA, "identify": {"models": "LuGre"}},
+        r"\[identify\], has models = 'LuGre'; give \"all\" or a list",
+    ),
+    "not a table": ({**DATA, "servo": 3}, r"\[servo\], is 3; make it a table"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_configuration_names_table_and_key(name: str) -> None:
+    content, message = WRONG[name]
+    with pytest.raises(ConfigError, match=message):
+        parse_config(content, origin="axis.toml")
+
+
+def test_a_missing_file_names_the_studies_of_the_package(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"no file emp; did you mean emps\?; give .* one of emps, tribometer, demo"):
+        load_config("emp")
+    (tmp_path / "broken.toml").write_text("[servo\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match="cannot be read as TOML"):
+        load_config(tmp_path / "broken.toml")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"identify": {"models": ["Lugre2"]}}, r"\[identify\], models, names 'Lugre2', which cannot be identified"),
+        ({"compensation": {"compensators": ["LuGreFeedforwards"]}}, r"is no law; did you mean LuGreFeedforward\?"),
+    ],
+)
+def test_unknown_names_are_refused_before_anything_is_done(
+    tmp_path: Path, content: dict[str, Any], message: str
+) -> None:
+    config: StudyConfig = parse_config({**DATA, **content})
+    with pytest.raises(ConfigError, match=message):
+        run_study(config, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_every_law_has_its_row() -> None:
+    assert set(CANDIDATES) == set(laws())
+    check_names("all")
