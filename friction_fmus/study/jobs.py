@@ -21,6 +21,7 @@ from typing import Any, Final, TypeVar, Union, get_args, get_origin, get_type_hi
 
 import numpy as np
 
+import harness
 from friction_fmus.catalogue import source_folder
 from friction_fmus.version import VERSION
 from harness.atomic import atomic_path
@@ -224,8 +225,9 @@ def _ready() -> None:
 def _program() -> str:
     """Version and source text of the program: other programs give other results."""
     digest = hashlib.sha256(VERSION.encode())
-    package = Path(__file__).parents[1]
-    for path in sorted([*package.rglob("*.py"), *source_folder().rglob("*.[ch]")]):
+    packages = Path(__file__).parents[1], Path(harness.__file__).parent
+    python = [path for package in packages for path in package.rglob("*.py")]
+    for path in sorted([*python, *source_folder().rglob("*.[ch]"), *packages[1].rglob("*.[ch]")]):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
