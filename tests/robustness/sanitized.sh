@@ -14,7 +14,7 @@ address)
     sanitizer=address,undefined
     libraries="libasan.so libubsan.so"
     runner=()
-    others=()
+    tests=(tests/harness)
     # Python does not free everything at its end; memory that a test asks for to be refused is no fault; ecos
     # deletes an object of its own by a wrong type; tests of dying processes want the signal and not a report
     ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=1:new_delete_type_mismatch=0
@@ -25,8 +25,8 @@ thread)
     libraries=libtsan.so
     # without random addresses, which gcc's TSan does not find its shadow for
     runner=(setarch -R)
-    # programs of others with threads of their own, and processes that die
-    others=(--ignore=tests/harness/test_ssp_peers.py --ignore=tests/harness/test_isolated.py)
+    # without processes and libraries that have threads of their own, which it cannot follow
+    tests=(tests/harness/test_{engine,extrapolation,drive,harness_*,manipulators,newton*}.py)
     # races and locks within other libraries are not ours
     printf '%s\n' {race,deadlock}:{libarrow,libscipy_openblas} >"$scratch/suppressions"
     TSAN_OPTIONS=allocator_may_return_null=1:exitcode=0:log_path=$scratch/report
@@ -39,7 +39,7 @@ thread)
 esac
 shift
 # sanitizers keep back what is freed, so the growth of memory is watched without them
-[ $# -gt 0 ] || set -- -n 2 tests/blocks tests/fmi tests/harness -k "not leave_no_memory_behind" "${others[@]}"
+[ $# -gt 0 ] || set -- -n 2 tests/blocks tests/fmi "${tests[@]}" -k "not leave_no_memory_behind"
 export FRICTION_FMUS_CACHE="$scratch/cache"
 # no -Werror: with sanitizers gcc guesses at values that cannot be
 export CC="gcc -fsanitize=$sanitizer -fno-sanitize-recover=all -Wno-error=maybe-uninitialized"
