@@ -18,6 +18,7 @@ from .idim import (
 from .mapping import DataMapping, load_mapping, read_mapping, read_windows
 from .models import identifiable
 from .output_error import Mapper, OutputErrorFit, Simulator, Target, Unknown, fit_output_error
+from .presliding import PreslidingFit, identify_presliding
 from .reading import Measurement, read_measurement, read_records
 from .record import LINEAR, ROTARY, Array, AxisUnits, Record
 from .result import Identification, Score
@@ -43,6 +44,7 @@ __all__ = [
     "Method",
     "Motion",
     "OutputErrorFit",
+    "PreslidingFit",
     "Record",
     "RecordError",
     "RecordWarning",
@@ -63,6 +65,7 @@ __all__ = [
     "identify_hysteresis",
     "identify_inverse_model",
     "identify_inverse_stribeck",
+    "identify_presliding",
     "load_mapping",
     "read_mapping",
     "read_measurement",
