@@ -311,9 +311,12 @@ def period_of(r: Array, least: int) -> int:
     span = float(np.ptp(r))
     if span == 0.0:
         return 0
-    spectrum = np.fft.rfft(r - r.mean(), 2 * len(r))
-    likeness = np.fft.irfft(np.abs(spectrum) ** 2)[: len(r)]
-    for lag in np.argsort(likeness[least : len(r) // 2])[::-1][:50] + least:
+    # mean square of r[k + lag] - r[k], of which a period is a minimum
+    lags = np.arange(least, len(r) // 2 + 1)
+    power = np.append(0.0, np.cumsum(np.square(r - r.mean())))
+    likeness = np.fft.irfft(np.abs(np.fft.rfft(r - r.mean(), 2 * len(r))) ** 2)[lags]
+    change = (power[len(r) - lags] + power[-1] - power[lags] - 2.0 * likeness) / (len(r) - lags)
+    for lag in lags[change < 1e-9 * span**2]:
         if np.max(np.abs(r[lag:] - r[:-lag])) < 1e-6 * span:
             return int(lag)
     return 0

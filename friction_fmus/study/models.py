@@ -26,6 +26,7 @@ from friction_fmus.identification import (
 )
 from friction_fmus.identification.models import contact_model
 from friction_fmus.identification.pieces import default_settings
+from friction_fmus.identification.scores import weak_parameters
 from harness import HarnessError
 
 from .config import Servo
@@ -183,14 +184,17 @@ def inverse_model(record: Record, published: Mapping[str, float], measured: Meas
 def row_of(result: Identification, summary: str, published: Mapping[str, float]) -> ModelRow:
     """The row of a result."""
 
+    known = contact_model(result.block, result.records[0].units).parameters
+
     def parameter(name: str, estimate: Estimate) -> FoundParameter:
         error = estimate.standard_error
+        meaning = MEANING.get(name) or known[name].text
         return FoundParameter(
             name,
             estimate.value,
             error if np.isfinite(error) else None,
             estimate.unit,
-            MEANING.get(name, ""),
+            meaning,
             published.get(name),
             result.weak.get(name, ""),
         )
@@ -278,11 +282,20 @@ def refine(found: Found, measured: Measured) -> Found:
         except (FrictionError, HarnessError):
             return found
     values = fit.values()
+    errors = {name: estimate.standard_error for name, estimate in fit.parameters.items()}
+    weak = weak_parameters(list(values), values, errors, fit.correlation, {}, ())
+
+    def replaced(p: FoundParameter) -> FoundParameter:
+        if p.name not in values:
+            return p
+        error = errors[p.name] if np.isfinite(errors[p.name]) else None
+        return replace(p, value=values[p.name], standard_error=error, weak=weak.get(p.name, ""))
+
     refined = Found(
         replace(
             found.row,
             method=f"{found.row.method}, then closed-loop",
-            parameters=tuple(_replaced(p, fit.parameters.get(p.name)) for p in rows.values()),
+            parameters=tuple(replaced(p) for p in rows.values()),
             simulations=found.row.simulations + fit.simulations,
         ),
         found.block,
@@ -312,13 +325,6 @@ def ranked(models: Sequence[Found]) -> list[Found]:
 def _error(found: Found) -> float:
     assert found.error is not None
     return found.error
-
-
-def _replaced(p: FoundParameter, estimate: Estimate | None) -> FoundParameter:
-    if estimate is None:
-        return p
-    error = estimate.standard_error
-    return replace(p, value=estimate.value, standard_error=error if np.isfinite(error) else None)
 
 
 def _rms(values: Array) -> float:

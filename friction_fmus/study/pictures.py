@@ -105,11 +105,14 @@ def over_position(record: Record, models: Sequence[Found]) -> Picture | None:
     centre = int(turns[np.argmin(np.abs(turns - len(v) // 2))])
     half = min(round(0.5 * LOOP / record.Ts), len(v) // 4)
     piece = slice(max(0, centre - half), centre + half)
-    t = record.Ts * np.arange(float(len(v[piece])))
-    few = max(1, len(t) // 600)
+    # a bristle that starts at speed takes a while to bend
+    lead = min(piece.start, half)
+    driven = slice(piece.start - lead, piece.stop)
+    t = record.Ts * np.arange(float(len(v[driven])))
+    few = max(1, len(v[piece]) // 600)
     loops = {}
     for found in best[:DRAWN]:
-        F = drive(found, record.units, t, v[piece], _load(record))
+        F = drive(found, record.units, t, v[driven], _load(record))[lead:]
         loops[found.row.name] = Curve(tuple(q[piece][::few].tolist()), tuple(F[::few].tolist()))
     points = Curve(tuple(q[piece][::few].tolist()), tuple(friction[piece][::few].tolist()))
     units = record.units
