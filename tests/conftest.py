@@ -9,17 +9,18 @@ import pytest
 
 from friction_fmus import build
 
-# one after the other, so that the second one finds the FMUs of the first one compiled
+# on one worker, so that the second one finds the FMUs of the first one compiled
 ALL_PLATFORMS = ("test_platforms.py", "test_wheel.py")
-LONG = (*ALL_PLATFORMS, "test_native_checks.py", "test_cofmupy.py")
+LONG = (*ALL_PLATFORMS, "test_documents.py", "test_examples.py", "test_native_checks.py", "test_cofmupy.py")
 
 
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The longest first, so that no worker waits for another one at the end; groups of files on one worker."""
-    items.sort(key=lambda item: item.path.name not in LONG)
+    """A file on one worker, which makes its fixtures once; the longest first, so that no worker waits at the end."""
+    items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
     for item in items:
-        if item.path.name in ALL_PLATFORMS:
-            item.add_marker(pytest.mark.xdist_group("all platforms"))
+        group = "all platforms" if item.path.name in ALL_PLATFORMS else str(item.path)
+        item.add_marker(pytest.mark.xdist_group(group))
 
 
 @pytest.fixture(scope="session")

@@ -143,7 +143,11 @@ def expected(pieces: Sequence[Piece], p: dict[str, float]) -> list[tuple[float, 
 # ---- trajectories
 
 duration = st.one_of(st.sampled_from([1e-6, 1e-4, 1e-3, 5e-3, 0.02]), st.floats(1e-6, 0.02))
-velocity = st.one_of(st.floats(-5e-3, 5e-3), st.sampled_from([0.0, 0.0, 1e-3, -1e-3, 0.1, -0.1, 1e-6]))
+# slower ones move a contact at its limit by less than the rounding of d: the oracle does not see it break away
+velocity = st.one_of(
+    st.floats(-5e-3, 5e-3).filter(lambda v: v == 0.0 or abs(v) > 1e-9),
+    st.sampled_from([0.0, 0.0, 1e-3, -1e-3, 0.1, -0.1, 1e-6]),
+)
 parameters = st.fixed_dictionaries(
     {
         "kt": st.sampled_from([97531.0, 20117.0]),  # such that break-away is never just at the end of a step
