@@ -9,18 +9,21 @@ import pytest
 
 from friction_fmus import build
 
-# on one worker, so that the second one finds the FMUs of the first one compiled
-ALL_PLATFORMS = ("test_platforms.py", "test_wheel.py")
-LONG = (*ALL_PLATFORMS, "test_documents.py", "test_examples.py", "test_native_checks.py", "test_cofmupy.py")
+# the longest first, so that no worker waits for another one at the end; the wheel when the platforms are compiled
+LONG = (
+    "test_platforms.py",
+    "test_documents.py",
+    "test_examples.py",
+    "test_native_checks.py",
+    "test_random_calls.py",
+    "test_wheel.py",
+    "test_cofmupy.py",
+)
 
 
-@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """A file on one worker, which makes its fixtures once; the longest first, so that no worker waits at the end."""
+    """The order of `LONG`, then all others; a worker takes a file at a time."""
     items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
-    for item in items:
-        group = "all platforms" if item.path.name in ALL_PLATFORMS else str(item.path)
-        item.add_marker(pytest.mark.xdist_group(group))
 
 
 @pytest.fixture(scope="session")

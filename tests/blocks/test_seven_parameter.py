@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fmi.instance import OK, WARNING, Instance, Library, load
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
@@ -42,6 +42,7 @@ class Oracle:
     slip: float = 0.0
     Fs_last: float = 0.0
     history: list[tuple[float, float, float]] = field(default_factory=list)  # begin, v, slope
+    tie: bool = False  # a piece ended so near to break-away that rounding decides
 
     def __post_init__(self) -> None:
         self.Fs_last = self.p["Fs_a"]
@@ -79,6 +80,9 @@ class Oracle:
         if not self.slip:
             wait = self.break_away(duration, v, slope)
             stuck = min(wait, duration)
+            end = self.d + v * duration + 0.5 * slope * duration**2
+            beyond = self.p["kt"] * abs(end) - self.p["Fc"] - self.excess(self.t2 + duration)
+            self.tie = self.tie or ((v != 0.0 or slope != 0.0) and abs(beyond) < 1e-9)
             self.d += v * stuck + 0.5 * slope * stuck**2
             self.t2 += stuck
             if wait <= duration:
@@ -132,10 +136,13 @@ def play(
     return found
 
 
-def expected(pieces: Sequence[Piece], p: dict[str, float]) -> list[tuple[float, ...]]:
+def expected(pieces: Sequence[Piece], p: dict[str, float], ties: bool = False) -> list[tuple[float, ...]]:
+    """As of `play`; made-up pieces with ties are passed over."""
     oracle, found = Oracle(p), []
     for duration, v, slope in pieces:
         oracle.move(duration, v, slope)
+        if not ties:
+            assume(not oracle.tie)
         found.append((oracle.force, float(not oracle.slip), oracle.d, oracle.t2))
     return found
 
@@ -143,11 +150,7 @@ def expected(pieces: Sequence[Piece], p: dict[str, float]) -> list[tuple[float, 
 # ---- trajectories
 
 duration = st.one_of(st.sampled_from([1e-6, 1e-4, 1e-3, 5e-3, 0.02]), st.floats(1e-6, 0.02))
-# slower ones move a contact at its limit by less than the rounding of d: the oracle does not see it break away
-velocity = st.one_of(
-    st.floats(-5e-3, 5e-3).filter(lambda v: v == 0.0 or abs(v) > 1e-9),
-    st.sampled_from([0.0, 0.0, 1e-3, -1e-3, 0.1, -0.1, 1e-6]),
-)
+velocity = st.one_of(st.floats(-5e-3, 5e-3), st.sampled_from([0.0, 0.0, 1e-3, -1e-3, 0.1, -0.1, 1e-6]))
 parameters = st.fixed_dictionaries(
     {
         "kt": st.sampled_from([97531.0, 20117.0]),  # such that break-away is never just at the end of a step
@@ -310,7 +313,7 @@ def test_the_force_is_continuous_where_slip_ends(seven: Library, s: float) -> No
 def test_a_velocity_that_only_touches_zero_makes_the_contact_stick(seven: Library) -> None:
     pieces = [(0.05, 2e-3, 0.0), (1e-3, 2e-3, -2.0), (1e-6, 0.0, 0.1), (0.01, 1e-7, 0.1)]
     found = play(seven, pieces, gamma=1e-3)
-    for k, (one, other) in enumerate(zip(found, expected(pieces, START | {"gamma": 1e-3}), strict=True)):
+    for k, (one, other) in enumerate(zip(found, expected(pieces, START | {"gamma": 1e-3}, ties=True), strict=True)):
         shown = 2 if k == 1 else 4  # where it has just stopped, d and t2 follow with the next step
         assert one[:shown] == pytest.approx(other[:shown], rel=1e-8, abs=1e-9)
     assert found[2][1] == 1.0
