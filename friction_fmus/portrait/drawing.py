@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import re
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -68,10 +69,14 @@ class Image:
     svg: bytes
 
 
+#: Matplotlib's settings are those of the whole process, and threads may build blocks side by side.
+_STYLED = threading.Lock()
+
+
 @contextmanager
 def _plain_style(**other: str) -> Iterator[None]:
     """Matplotlib as it comes, whatever the user has set."""
-    with mpl.style.context(["default", STYLE | other]):
+    with _STYLED, mpl.style.context(["default", STYLE | other]):
         yield
 
 

@@ -103,9 +103,10 @@ class Oracle:
         times = np.unique([0.0, *np.geomspace(1e-9, 1.0, 100) * duration, *np.linspace(0.0, duration, 300)])
         for k, u in enumerate(times):
             if over(float(u)) > 1e-12:
-                return (
-                    float(brentq(over, times[k - 1], u, xtol=1e-18, rtol=1e-15)) if k and over(times[k - 1]) < 0 else u
-                )
+                before = float(times[max(k - 1, 0)])
+                if over(before) > -1e-12:  # at the limit already
+                    return before
+                return float(brentq(over, before, u, xtol=1e-18, rtol=1e-15))
         return math.inf
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import fmpy
@@ -122,6 +123,14 @@ def test_pictures_do_not_depend_on_the_settings_of_the_user() -> None:
     with mpl.rc_context({"lines.linewidth": 9.0, "font.size": 30.0, "svg.hashsalt": "other", "axes.facecolor": "red"}):
         second = chart(panel, "Cube"), icon("Cube", "friction", "", (panel,))
     assert first == second
+
+
+def test_threads_that_draw_side_by_side_draw_what_one_draws() -> None:
+    x = np.linspace(-1.0, 1.0, 51)
+    panel = Panel((Curve(x, x**3, "a"),), ("v", "m/s"), ("F", "N"), "A cube.")
+    alone = chart(panel, "Cube")
+    with ThreadPoolExecutor(4) as pool:
+        assert set(pool.map(lambda _: chart(panel, "Cube"), range(24))) == {alone}
 
 
 def test_axes_are_named_with_handy_numbers() -> None:
