@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +13,7 @@ from rich.table import Table
 
 from friction_fmus.errors import FrictionError
 from friction_fmus.terminal import RunBar, console, parse_assignment, progress_bar
+from harness.processors import available
 
 if TYPE_CHECKING:
     from friction_fmus.identification import Finding, Identification, Measurement, Record
@@ -47,7 +47,7 @@ def add_identify_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--workers",
         type=int,
-        default=os.cpu_count() or 1,
+        default=available(),
         metavar="N",
         help="processes side by side, by default as many as processors",
     )

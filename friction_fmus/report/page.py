@@ -12,6 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
 from friction_fmus.catalogue import catalogue
+from friction_fmus.study.models import ALIKE
 from friction_fmus.study.result import StudyResult
 from harness.atomic import atomic_path
 
@@ -59,6 +60,7 @@ def report_html(study: StudyResult) -> str:
     template = _environment().get_template("page.html")
     return template.render(
         study=study,
+        alike=ALIKE,
         style=(FOLDER / "page.css").read_text(encoding="utf-8"),
         script=script,
         library=_library(),

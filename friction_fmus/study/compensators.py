@@ -15,7 +15,7 @@ import numpy as np
 from friction_fmus.catalogue import catalogue
 from friction_fmus.errors import nearest
 from friction_fmus.identification import Array
-from harness import FmuPart
+from harness import FmuPart, open_archive
 
 from .config import ALL, ConfigError, Servo
 from .loop import Placed, Plant, block
@@ -280,13 +280,12 @@ def _choice(name: str, row: Candidate, known: Known) -> Choice:
         return Choice(
             name, row.kind, "", None, f"It needs the parameters of {row.models[0]}, which was not identified."
         )
-    if name == "RepetitiveController" and not 0 < known.period <= 4096:
-        text = (
-            "does not repeat" if not known.period else f"repeats after {known.period} samples only, 4096 are possible"
-        )
+    path = block(name, known.rotary)
+    if name == "RepetitiveController" and not 0 < known.period <= (most := int(open_archive(path).variables["N"].max)):
+        text = f"repeats after {known.period} samples, and {most} are possible" if known.period else "does not repeat"
         return Choice(name, row.kind, "", None, f"It needs a periodic reference, and this one {text}.")
     given = known.models.get(model, {})
-    part = FmuPart("law", block(name, known.rotary))
+    part = FmuPart("law", path)
     settable = {port.name for port in part.parameters}
     taken = {row.renamed.get(parameter, parameter): value for parameter, value in given.items()}
     values = {parameter: value for parameter, value in taken.items() if parameter in settable}

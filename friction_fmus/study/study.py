@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import time
 from collections.abc import Sequence
@@ -21,6 +20,7 @@ from friction_fmus.identification.pieces import default_settings
 from friction_fmus.version import VERSION
 from harness import Progress, System
 from harness.atomic import atomic_path
+from harness.processors import available
 
 from .compensators import Choice, Known, candidates, check_names, period_of
 from .config import ALL, ConfigError, StudyConfig, load_config
@@ -77,21 +77,22 @@ def run_study(
     ConfigError
         The configuration is not understood.
     StudyError
-        The folder cannot be made, or no model can be identified.
+        The folder cannot be made, fewer than one process is asked for, or no model can be identified.
     FrictionError, HarnessError
         Whatever goes wrong with data, builds and files.
     """
     begin = time.perf_counter()
     config = what if isinstance(what, StudyConfig) else load_config(what)
     _check(config)
+    if processes is not None and processes < 1:
+        raise StudyError(f"{processes} processes were asked for; give 1 or more.")
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StudyError(f"Cannot make the folder {folder} ({error.strerror}); give another one.") from error
     tell = Teller(progress)
-    count = processes or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with workers(0 if executor is not None else count) as own:
+    with workers(0 if executor is not None else processes or available()) as own:
         study = _Study(config, folder, Store(folder / KEPT), executor or own, tell)
         result = study.run()
     result = replace(result, seconds=time.perf_counter() - begin)

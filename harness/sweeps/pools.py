@@ -16,6 +16,7 @@ from types import ModuleType
 from typing import Any, Protocol, TypeAlias
 
 from harness.errors import SweepError
+from harness.processors import available
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Job, Outcome, close_runners, run_chunk
 
@@ -223,13 +224,12 @@ def make_pool(executor: Any, workers: int | None) -> Pool:
     """
     if workers is not None and workers < 1:
         raise SweepError(f"{workers} workers were asked for: give 1 or more")
-    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     if executor == "serial":
         return SerialPool()
     if executor == "threads":
-        return ThreadPool(workers or available)
+        return ThreadPool(workers or available())
     if executor == "processes":
-        return ProcessPool(workers or available)
+        return ProcessPool(workers or available())
     if hasattr(executor, "get_executor"):
         return DaskPool(executor)
     raise SweepError(f"{executor!r} does not run sweeps: use 'processes', 'threads', 'serial' or a dask client")

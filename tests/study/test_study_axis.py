@@ -105,6 +105,8 @@ def test_candidates_that_do_not_apply_say_why() -> None:
     assert found["LuGreFeedforward"].model == "LuGre"
     assert "parameters of Dahl" in found["DahlFeedforward"].reason
     assert "does not repeat" in found["RepetitiveController"].reason
+    (long,) = candidates(["RepetitiveController"], replace(known, period=6240))
+    assert "repeats after 6240 samples, and 4096 are possible" in long.reason
     assert "same feedback gains" in found["AdaptiveLuGre"].reason
     periodic = candidates(["RepetitiveController"], replace(known, period=500))[0].placed
     assert periodic is not None

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from friction_fmus.study import ConfigError, Servo, StudyConfig, load_config, parse_config, run_study
+from friction_fmus.study import ConfigError, Servo, StudyConfig, StudyError, load_config, parse_config, run_study
 from friction_fmus.study.compensators import CANDIDATES, check_names, laws
 
 SERVO: dict[str, Any] = {"law": "PID", "Kp": 1e4, "Kd": 100.0, "Ts": 1e-3, "force_limit": 50.0}
@@ -100,6 +100,12 @@ def test_unknown_names_are_refused_before_anything_is_done(
     config: StudyConfig = parse_config({**DATA, **content})
     with pytest.raises(ConfigError, match=message):
         run_study(config, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_fewer_than_one_process_are_refused_before_anything_is_done(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match="-1 processes were asked for; give 1 or more"):
+        run_study("demo", tmp_path / "out", processes=-1)
     assert not (tmp_path / "out").exists()
 
 
