@@ -1,7 +1,7 @@
 """What outputs depend on directly, found by trial where an FMU does not declare it.
 
-Most simple exporters declare nothing. FMI then makes an output depend on every input, and every loop of such FMUs an
-algebraic one, which few are.
+Most simple exporters declare nothing. By FMI an output then depends on every input, so that every loop of such FMUs
+would be an algebraic one; few are.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ class Port:
     unit : str or None
         Unit name; None means not stated, and is then not checked on a wire.
     type : {"Real", "Integer", "Boolean", "String"}
-        Values of the first three cross as float64; a String can only be a parameter.
+        Values of the first three cross as float64; a String is set once, before a run.
     start : float, int, bool, str or None
         Start value, where there is one.
     description : str
