@@ -102,6 +102,7 @@ typedef struct {
     bool slopes_used;              /* the input slopes belong to the step that is over             */
     bool outputs_done;             /* the step has computed the outputs, too                       */
     bool warning, warned;          /* the block's WARNING is due, has been given                   */
+    bool too_much;                 /* the step that fails would take more work than one may        */
     double start, stop, tolerance; /* [s], [s], relative; stop = INF and tolerance = 0 if not given. No step changes
                                       them, so they stand last                                     */
 } Run;
@@ -282,6 +283,13 @@ static inline double sign(double a) { return (double)((a > 0.0) - (a < 0.0)); }
 static inline double clip(double a, double low, double high) { return a < low ? low : a > high ? high : a; }
 
 static inline double *value_of(Model *m, uint32_t index) { return (double *)(void *)m + index; }
+
+/* What an own step returns that would take more work than effort.h allows. */
+static inline bool too_much(Model *m)
+{
+    m->run.too_much = true;
+    return false;
+}
 
 #ifdef SAMPLED
 static void sample(Model *m);

@@ -23,7 +23,7 @@
    are usual. It needs no F_ext for the force at rest: the bristles are springs.
 
    Limits: no damping, so a mass on it rings; no effect of speed on the mean force; the cost grows with N and with the
-   re-bonds in a step (a step with more than some 1e9 of them is refused). */
+   re-bonds in a step (a step with more than some 1e8 of them is discarded). */
 
 /* @article{Haessig1991,
      author  = {Haessig, D. A. and Friedland, B.},
@@ -115,11 +115,11 @@ static void equations(Model *m)
 static bool step(Model *m, double h)
 {
     GIVEN(m)
-    const double most = 1000.0 * MOST_TRIES; /* re-bonds */
+    const double most = 3.0 * MOST_WORK; /* re-bonds, 8 ns each */
     struct bristles *const all = &m->memory;
     const double path = (v + 0.5 * SLOPE(v) * h) * h, D = fmin(Delta, 2.0 * delta_s);
     if (!(N * fabs(path) <= 0.5 * D * most) && D > 0.0)
-        return false;
+        return too_much(m);
 
     double sum = 0.0, squares = 0.0;
     for (int i = 0; i < N; i++) {

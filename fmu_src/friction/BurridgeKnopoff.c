@@ -305,20 +305,22 @@ static bool step(Model *m, double h)
     f->ready = true;
     Train t = train_of(m);
     const double rate = 1.0 + sqrt(1.0 + 4.0 * t.coupling) + 2.0 * t.alpha;
-    const Dynamics d = {accelerations, &t, t.n, rate, m->run.tolerance > 0.0 ? m->run.tolerance : CHAIN_TOLERANCE};
-    double y[2 * MASSES], H = m->run.inner_step > 0.0 ? m->run.inner_step : 0.1 / rate;
+    const double tolerance = m->run.tolerance > 0.0 ? m->run.tolerance : CHAIN_TOLERANCE;
+    double y[2 * MASSES], H = m->run.inner_step > 0.0 ? m->run.inner_step : 0.1 / rate, left = 10.0 * MOST_WORK;
+    const Dynamics d = {accelerations, &t, t.n, rate, tolerance, &left};
 
     double s = 0.0;
-    for (long tries = 0; s < h; tries++) {
+    while (s < h) {
+        left -= t.n; /* forces between the steps; one on a block takes 4 ns */
         if (f->moving == 0) {
             const double largest = largest_force(&t, t.X, f->y),
-                         left = time_at_rest(1.0 - largest, t.X_rate, t.X_curvature);
-            if (!(left < h - s)) {
+                         rest = time_at_rest(1.0 - largest, t.X_rate, t.X_curvature);
+            if (!(rest < h - s)) {
                 pass(&t, h - s);
                 break;
             }
-            pass(&t, left);
-            s += left;
+            pass(&t, rest);
+            s += rest;
             t.X += fmax(1.0 - largest_force(&t, t.X, f->y), 0.0); /* rounding */
             switch_blocks(f, &t);
             H = fmin(H, 0.1 / rate);
@@ -341,8 +343,8 @@ static bool step(Model *m, double h)
             const double next = next_step(taken, columns);
             H = taken < H && columns > 0 ? fmax(H, next) : next;
         }
-        if (tries > MOST_TRIES || !(H > 1e-9 * h))
-            return false;
+        if (!goes_on(&d, H))
+            return left < 0.0 ? too_much(m) : false;
     }
     m->run.inner_step = H;
     m->X = t.X;

@@ -290,7 +290,7 @@ static bool step(Model *model, double h)
         const double t =
             now->phase == STICK ? stick(model, rest, &s) : slide(model, rest, &inner_steps, &ended, &inside);
         if (!(t >= 0.0))
-            return false;
+            return inner_steps < 0 ? too_much(model) : false;
         move_inputs(model, t);
         rest -= t;
 
@@ -309,5 +309,5 @@ static bool step(Model *model, double h)
     for (int i = 0; i < INPUTS; i++) /* which the caller moves */
         *value_of(model, inputs[i]) = ((const double *)(const void *)&begin)[inputs[i]];
     model->memory = begin.memory;
-    return rest <= 0.0;
+    return rest <= 0.0 ? true : too_much(model);
 }

@@ -38,7 +38,10 @@ static bool move(Model *m, double h)
     if (!m->memory.ready)
         lay(m, &m->memory);
     struct surroundings at = around(m);
-    return move_chain(&m->memory, &at, m->time, h, m->run.tolerance, &m->run.inner_step);
+    double left = 2.5 * MOST_WORK; /* forces on an atom, 13 ns each */
+    if (move_chain(&m->memory, &at, m->time, h, m->run.tolerance, &m->run.inner_step, &left))
+        return true;
+    return left < 0.0 ? too_much(m) : false;
 }
 
 #endif

@@ -204,7 +204,7 @@ static bool follow_motion(Model *m, Motion motion)
         const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p, slope == 0.0, &budget};
         const int how = follow(m, &law, &s, &b.zeta, end, size, size * (p.flat ? 1.0 : sharpness(n)));
         if (how == FAILED)
-            return false;
+            return failed(m, budget);
         if (how == REACHED && b.zeta >= p.closing)
             continue_on(m, &b, b.depth - 2);
     }
