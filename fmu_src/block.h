@@ -11,9 +11,9 @@
 
    A block may also define
      MEMORY     a struct without pointers, reached as m->memory, part of the FMU state
-     KEEPS_BY   the name of `static void f(Memory *kept, const Model *m, bool follows)`, for a large MEMORY of which
-                little is in use: copies m->memory to `kept`, where a failed step finds it again; if it `follows`,
-                `kept` is the memory of an earlier step of the same run
+     KEEPS_BY   the name of `static void f(Memory *to, const Memory *from, const Model *m, bool follows)`, for a large
+                MEMORY of which little is in use: copies that from one to the other, before a step and, if the step
+                fails, back; if it `follows`, `to` is the memory of an earlier step of the same run
      STEPS_BY   the name of its own exact step `static bool f(Model *m, double h)` in place of `integrate`; if it
                 has also computed the outputs, at the end of the step, it says so by m->run.outputs_done = true
      WARNING    the text of a warning that is given once, when it sets m->run.warning = true
@@ -305,7 +305,7 @@ static const char *REQUIRES(const Model *m);
 #endif
 
 #ifdef KEEPS_BY
-static void KEEPS_BY(Memory *kept, const Model *m, bool follows);
+static void KEEPS_BY(Memory *to, const Memory *from, const Model *m, bool follows);
 #endif
 
 #include "fmi2.h"

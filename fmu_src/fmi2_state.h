@@ -259,11 +259,14 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
             const double value = fabs(*value_of(&c->model, i)), nominal = c->row_of[i]->nominal;
             distance = fmin(distance, 0.05 * (value > 1e-5 * nominal ? value : nominal) / fabs(direction[i]));
         }
+    double found[VALUES];
     for (size_t i = 0; i < n_unknowns; i++) {
         const double value = distance < INF ? derivative_along(c, unknowns[i], direction, distance) : 0.0;
         REQUIRE(isfinite(value), "fmi2GetDirectionalDerivative: that of %s is not finite", c->row_of[unknowns[i]]->name)
-        result[i] = value;
+        found[unknowns[i]] = value;
     }
+    for (size_t i = 0; i < n_unknowns; i++)
+        result[i] = found[unknowns[i]];
     return fmi2OK;
 }
 
@@ -318,12 +321,15 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
     for (size_t i = 0; i < n; i++)
         values[i] = 0.0; /* held between samples */
 #else
-    double direction[VALUES] = {0.0};
-    REQUIRE(refresh(c), "fmi2GetRealOutputDerivatives: an output of \"%s\" is not finite", c->name)
+    double direction[VALUES] = {0.0}, found[VALUES];
+    Model *const now = spare(c); /* not refreshed in place, as the call may still be refused */
+    if (now->run.stale)
+        evaluate(now);
+    REQUIRE(results_finite(now), "fmi2GetRealOutputDerivatives: an output of \"%s\" is not finite", c->name)
     direction[AT(time)] = 1.0;
     for (int r = 0; r < STATE_ROWS; r++)
         for (uint32_t k = 0; k < state_rows[r].count; k++)
-            direction[state_rows[r].index + k] = *value_of(&c->model, state_rows[r].derivative + k);
+            direction[state_rows[r].index + k] = *value_of(now, state_rows[r].derivative + k);
     for (int i = 0; i < INPUTS; i++)
         direction[inputs[i]] = c->model.slope[i];
     const double distance = 0.05 * (c->model.run.last_step > 0.0 ? c->model.run.last_step : 1e-3);
@@ -331,8 +337,10 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
         const double value = derivative_along(c, references[i], direction, distance);
         REQUIRE(isfinite(value), "fmi2GetRealOutputDerivatives: that of %s is not finite",
                 c->row_of[references[i]]->name)
-        values[i] = value;
+        found[references[i]] = value;
     }
+    for (size_t i = 0; i < n; i++)
+        values[i] = found[references[i]];
 #endif
     return fmi2OK;
 }

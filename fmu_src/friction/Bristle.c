@@ -78,10 +78,10 @@ struct bristles {
 #include "load.h"
 #include "counter_random.h"
 
-static void keep_bristles(Memory *kept, const Model *m, bool follows)
+static void keep_bristles(Memory *to, const Memory *from, const Model *m, bool follows)
 {
     (void)follows;
-    memcpy(kept, &m->memory, offsetof(struct bristles, one) + (size_t)m->N * sizeof(struct bristle));
+    memcpy(to, from, offsetof(struct bristles, one) + (size_t)m->N * sizeof(struct bristle));
 }
 
 /* Deflection of bristle i at the start: its number 0, with the sign of its place in the pair. */

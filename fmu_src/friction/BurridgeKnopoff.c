@@ -95,10 +95,10 @@ struct fault {
 #include "block.h"
 #include "random.h"
 
-static void keep_fault(Memory *kept, const Model *m, bool follows)
+static void keep_fault(Memory *to, const Memory *from, const Model *m, bool follows)
 {
     (void)follows;
-    memcpy(kept, &m->memory, offsetof(struct fault, y) + 2 * (size_t)m->N * sizeof(double));
+    memcpy(to, from, offsetof(struct fault, y) + 2 * (size_t)m->N * sizeof(double));
 }
 
 #define SAME 1e-13 /* forces and velocities that are equal but for rounding */

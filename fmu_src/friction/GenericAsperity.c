@@ -126,10 +126,10 @@ struct population {
 #include "load.h"
 #include "counter_random.h"
 
-static void keep_population(Memory *kept, const Model *m, bool follows)
+static void keep_population(Memory *to, const Memory *from, const Model *m, bool follows)
 {
     (void)follows;
-    memcpy(kept, &m->memory, offsetof(struct population, tip) + (size_t)m->N * sizeof(Tip));
+    memcpy(to, from, offsetof(struct population, tip) + (size_t)m->N * sizeof(Tip));
 }
 
 /* Under asperity i; pairs have the same. */

@@ -94,19 +94,19 @@ struct memory {
 static struct piece *piece(struct memory *past, int i) { return &past->ring[(past->first + i) % PIECES]; }
 
 /* A step adds a few pieces at the end, of which the first may take the place of the last one; unless it thins out. */
-static void keep_history(Memory *kept, const Model *m, bool follows)
+static void keep_history(Memory *to, const Memory *from, const Model *m, bool follows)
 {
-    const struct memory *const now = &m->memory;
-    if (follows && kept->thinned == now->thinned && kept->count > 0) {
-        const int end = (now->first + now->count) % PIECES;
-        int i = (kept->first + kept->count - 1) % PIECES;
-        memcpy(kept, now, offsetof(struct memory, ring));
+    (void)m;
+    if (follows && to->thinned == from->thinned && to->count > 0) {
+        const int end = (from->first + from->count) % PIECES;
+        int i = (to->first + to->count - 1) % PIECES;
+        memcpy(to, from, offsetof(struct memory, ring));
         do {
-            kept->ring[i] = now->ring[i];
+            to->ring[i] = from->ring[i];
             i = (i + 1) % PIECES;
         } while (i != end);
     } else
-        *kept = *now;
+        *to = *from;
 }
 
 static double along(const struct piece *p, double t) { return p->v + p->rate * (t - p->begin); }
