@@ -23,7 +23,7 @@
    are usual. It needs no F_ext for the force at rest: the bristles are springs.
 
    Limits: no damping, so a mass on it rings; no effect of speed on the mean force; the cost grows with N and with the
-   re-bonds in a step (a step with more than some 1e9 of them is refused). */
+   re-bonds in a step (a step with more than some 1e8 of them is refused). */
 
 /* @article{Haessig1991,
      author  = {Haessig, D. A. and Friedland, B.},
@@ -62,6 +62,7 @@ enum { MOST = 1000 };
 #define STEPS_BY step
 #define MEMORY   struct bristles
 #define KEEPS_BY keep_bristles
+#define VALID_BY are_bristles
 
 struct bristle {
     double d;         /* deflection                           */
@@ -82,6 +83,15 @@ static void keep_bristles(Memory *to, const Memory *from, const Model *m, bool f
 {
     (void)follows;
     memcpy(to, from, offsetof(struct bristles, one) + (size_t)m->N * sizeof(struct bristle));
+}
+
+static bool are_bristles(const Model *m)
+{
+    const struct bristles *const all = &m->memory;
+    bool good = is_flag(&all->moved) && isfinite(all->squares) && is_count(all->total, DBL_MAX);
+    for (int i = 0; good && i < (int)m->N; i++)
+        good = isfinite(all->one[i].d);
+    return good;
 }
 
 /* Deflection of bristle i at the start: its number 0, with the sign of its place in the pair. */
@@ -115,10 +125,12 @@ static void equations(Model *m)
 static bool step(Model *m, double h)
 {
     GIVEN(m)
-    const double most = 1000.0 * MOST_TRIES; /* re-bonds */
+    const double most = 100.0 * MOST_TRIES; /* re-bonds, 2 s */
     struct bristles *const all = &m->memory;
-    const double path = (v + 0.5 * SLOPE(v) * h) * h, D = fmin(Delta, 2.0 * delta_s);
-    if (!(N * fabs(path) <= 0.5 * D * most) && D > 0.0)
+    const double path = (v + 0.5 * SLOPE(v) * h) * h, width = fmin(Delta, 2.0 * delta_s);
+    const double D = width > 4.0 * DBL_EPSILON * delta_s ? width : 0.0; /* no re-bond that rounding hides */
+    const double farthest = 0.5 * D * most;                             /* by which all bristles may re-bond */
+    if (!(N * fabs(path) <= farthest) && D > 0.0)
         return false;
 
     double sum = 0.0, squares = 0.0;
@@ -127,6 +139,8 @@ static bool step(Model *m, double h)
         double d = (all->moved ? bristle->d : start_of(m, i)) + path;
         if (D == 0.0)
             d = clip(d, -delta_s, delta_s);
+        if (fabs(d) > delta_s && !(N * (fabs(d) - delta_s) <= farthest)) /* z or delta_s was set so */
+            return false;
         while (fabs(d) > delta_s) {
             d -= sign(d) * D * uniform_at(seed, i, ++bristle->rebonds);
             all->total += 1.0;

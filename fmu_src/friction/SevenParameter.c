@@ -77,19 +77,31 @@ struct memory {
     double slip, Fs_last; /* direction of slip, 0: stuck */
     int slid;             /* a sliding has ended */
     int forgot;           /* pieces have been forgotten */
-    int thinned;          /* how often pieces have been joined */
+    unsigned thinned;     /* how often pieces have been joined */
     int first, count;     /* of the pieces, a ring */
     struct piece ring[PIECES];
 };
 
 #define STEPS_BY step
 #define MEMORY   struct memory
+#define VALID_BY is_history
 #define KEEPS_BY keep_history
 
 #include "block.h"
 #include "load.h"
 
 /* ---- the history of v --------------------------------------------------------------------------------------- */
+
+static bool is_history(const Model *m)
+{
+    const struct memory *const past = &m->memory;
+    bool good = is_direction(past->slip) && isfinite(past->Fs_last) && is_count(past->slid, 1.0) &&
+                is_count(past->forgot, 1.0) && past->first < PIECES && is_count(past->first, PIECES) &&
+                is_count(past->count, PIECES);
+    for (int i = 0; good && i < past->count; i++)
+        good = isfinite(past->ring[(past->first + i) % PIECES].begin);
+    return good;
+}
 
 static struct piece *piece(struct memory *past, int i) { return &past->ring[(past->first + i) % PIECES]; }
 

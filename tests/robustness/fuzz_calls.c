@@ -175,6 +175,16 @@ static fmi2Status call_rare(Fuzz *in, Instance *c)
     }
 }
 
+/* What can be written can be read. */
+static void fuzz_written_state(Instance *c, fmi2FMUstate state)
+{
+    static Saved bytes;
+    fmi2FMUstate read = NULL;
+    HOLDS(fmi2SerializeFMUstate(c, state, (fmi2Byte *)&bytes, sizeof bytes) == fmi2OK, "a state cannot be written");
+    HOLDS(fmi2DeSerializeFMUstate(c, (fmi2Byte *)&bytes, sizeof bytes, &read) == fmi2OK, "a state of a run is refused");
+    fmi2FreeFMUstate(c, &read);
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
 {
     static Model before;
@@ -203,7 +213,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
         case 8: status = call_slopes(&in, c); break;
         case 9: status = call_rates(&in, c); break;
         case 10: status = call_along(&in, c); break;
-        case 11: status = fmi2GetFMUstate(c, &state); break;
+        case 11:
+            status = fmi2GetFMUstate(c, &state);
+            fuzz_written_state(c, state);
+            break;
         case 12: status = state ? fmi2SetFMUstate(c, state) : call_status_of(&in, c); break;
         case 13: status = call_rare(&in, c); break;
         default: status = call_step(&in, c); stepped = true;
