@@ -77,6 +77,7 @@
 
 #define MEMORY   struct fault
 #define KEEPS_BY keep_fault
+#define VALID_BY is_fault
 #define STEPS_BY step
 
 #include <stdint.h>
@@ -95,10 +96,24 @@ struct fault {
 #include "block.h"
 #include "random.h"
 
-static void keep_fault(Memory *kept, const Model *m, bool follows)
+static void keep_fault(Memory *to, const Memory *from, const Model *m, bool follows)
 {
     (void)follows;
-    memcpy(kept, &m->memory, offsetof(struct fault, y) + 2 * (size_t)m->N * sizeof(double));
+    memcpy(to, from, offsetof(struct fault, y) + 2 * (size_t)m->N * sizeof(double));
+}
+
+static bool is_fault(const Model *m)
+{
+    const struct fault *const f = &m->memory;
+    const int n = (int)m->N;
+    int moving = 0;
+    bool good = is_flag(&f->ready) && isfinite(f->time) && isfinite(f->before) && isfinite(f->moment) &&
+                f->avalanches >= 0 && all_finite(f->y, 2 * (size_t)n);
+    for (int j = 0; good && j < n; j++) {
+        good = is_flag(&f->slips[j]);
+        moving += good && f->slips[j];
+    }
+    return good && f->moving == moving;
 }
 
 #define SAME 1e-13 /* forces and velocities that are equal but for rounding */
@@ -256,7 +271,7 @@ static void switch_blocks(struct fault *f, const Train *t)
     }
     if (f->moving == 0) {
         f->moment = n * (mean(f->y, n) - f->before);
-        f->avalanches++;
+        f->avalanches += f->avalanches < INT32_MAX;
     }
 }
 

@@ -73,6 +73,7 @@
 
 #define STEPS_BY step
 #define MEMORY   struct slip_memory
+#define VALID_BY is_slip_memory
 
 struct slip_memory {
     double direction; /* of the last motion, 0: none yet      */
@@ -83,6 +84,14 @@ struct slip_memory {
 #include "presliding.h"
 #include "stribeck.h"
 #include "attraction.h"
+
+static bool is_slip_memory(const Model *m)
+{
+    bool good = is_direction(m->memory.direction);
+    for (int i = 0; i < 10; i++)
+        good = good && is_count(m->memory.slips[i], 1.0);
+    return good;
+}
 
 /* Factor that makes shares of alpha. */
 static double share(const Model *m)

@@ -100,6 +100,7 @@ enum { MOST = 1000 };
 
 #define STEPS_BY step
 #define MEMORY   struct population
+#define VALID_BY is_population
 #define KEEPS_BY keep_population
 
 enum { BACK = -1, STUCK = 0, FORWARD = 1, FREE = 2 }; /* of which BACK and FORWARD slip */
@@ -126,10 +127,33 @@ struct population {
 #include "load.h"
 #include "counter_random.h"
 
-static void keep_population(Memory *kept, const Model *m, bool follows)
+static void keep_population(Memory *to, const Memory *from, const Model *m, bool follows)
 {
     (void)follows;
-    memcpy(kept, &m->memory, offsetof(struct population, tip) + (size_t)m->N * sizeof(Tip));
+    memcpy(to, from, offsetof(struct population, tip) + (size_t)m->N * sizeof(Tip));
+}
+
+static bool is_tip(const Tip *tip)
+{
+    return (tip->mode == BACK || tip->mode == STUCK || tip->mode == FORWARD || tip->mode == FREE) && isfinite(tip->p) &&
+           isfinite(tip->d) && isfinite(tip->speed) && tip->clock >= 0.0;
+}
+
+static bool is_population(const Model *m)
+{
+    const struct population *const all = &m->memory;
+    const Sums *const sums = &all->sums;
+    const double N = m->N, in_contact[] = {sums->stuck, sums->slip[0], sums->slip[1]};
+    double members = sums->loose;
+    bool good = is_flag(&all->started) && is_count(sums->loose, N) && isfinite(sums->d) && isfinite(sums->speed) &&
+                isfinite(sums->normal) && isfinite(sums->capacity) && all_finite(sums->moving, 2);
+    for (int i = 0; i < 3; i++) {
+        good = good && is_count(in_contact[i], N);
+        members += in_contact[i];
+    }
+    for (int i = 0; good && i < (int)N; i++)
+        good = is_tip(&all->tip[i]);
+    return good && (!all->started || members == N);
 }
 
 /* Under asperity i; pairs have the same. */

@@ -76,6 +76,7 @@
 /* clang-format on */
 
 #define MEMORY   struct noise
+#define VALID_BY is_noise
 #define STEPS_BY step
 
 #include <stdbool.h>
@@ -93,6 +94,8 @@ struct noise {
 #define PI             3.141592653589793
 #define TIP_TOLERANCE  1e-12
 #define WORK_OF_A_STEP 10 /* of the solver */
+
+static bool is_noise(const Model *model) { return is_flag(&model->memory.drawn) && isfinite(model->memory.number); }
 
 /* The normal number of an interval. */
 static double drawn_for(int seed, int64_t interval)

@@ -70,9 +70,13 @@ struct fixed {
 
 #define STEPS_BY step
 #define MEMORY   struct fixed
+#define VALID_BY is_by_state
 
 #include "block.h"
 #include "load.h"
+
+/* Nothing is fixed between two steps. */
+static bool is_by_state(const Model *model) { return model->memory.phase == BY_STATE && model->memory.s == 0.0; }
 
 static double static_friction(const Model *model) { return load_of(model->Fn, model->Fn0) * model->Fs; }
 

@@ -7,6 +7,14 @@
 
 static struct surroundings around(const Model *m);
 
+static bool is_chain(const Model *m)
+{
+    const struct chain *const c = &m->memory;
+    const size_t n = (size_t)m->N;
+    return is_flag(&c->ready) && isfinite(c->time) && isfinite(c->turns) && all_finite(c->place, n) &&
+           all_finite(c->y, 2 * n);
+}
+
 static void lay(const Model *m, struct chain *c)
 {
     GIVEN(m)

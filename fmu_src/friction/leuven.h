@@ -11,6 +11,13 @@
 
 static const double slides_at = 1.0 - 1e-3;
 
+static bool are_reversals(const Model *m)
+{
+    const struct reversals *const memory = &m->memory;
+    return is_count(memory->depth, DEEPEST) && is_direction(memory->direction) && is_count(memory->overflow, 1.0) &&
+           all_finite(memory->force, (size_t)memory->depth);
+}
+
 /* Where the contact is on its hysteresis curve, along the direction of motion `side`. */
 struct branch {
     double side, base, zeta; /* base = side Fb, zeta = side z */
