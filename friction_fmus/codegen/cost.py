@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.program import program, samples
-from friction_fmus.codegen.sources import Export, header, implementation
+from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.errors import FrictionError
 
 COMPILER = "arm-none-eabi-gcc"

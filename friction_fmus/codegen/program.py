@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from friction_fmus.codegen.sources import INPUTS, Export, number, unit_text
+from friction_fmus.codegen.layout import INPUTS, Export
+from friction_fmus.codegen.sources import number, unit_text
 from friction_fmus.law import BOOLEANS, Variable
 
 _SIZES = {"m": 1e-3, "m/s": 1e-2, "m/s2": 1.0, "rad": 1e-3, "rad/s": 1e-2}

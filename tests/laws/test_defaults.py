@@ -1,4 +1,4 @@
-"""A default of a law stands once: where a second place has one, such as the study or a friction block, it is the same."""
+"""A default of a law stands once: a second place that has one, such as the study or a friction block, has the same."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_a_gain_that_a_study_lets_one_leave_out_is_that_of_the_law(law: str, pla
     try:
         config = parse_config({"data": {"record": "emps"}, "servo": servo})
     except FrictionError as error:
-        assert f"has no {left_out}; add it" in str(error)  # noqa: PT017
+        assert f"has no {left_out}; add it" in str(error)
     else:
         assert config.servo is not None
         assert config.servo.gains[left_out] == start(LAWS[law], left_out)
