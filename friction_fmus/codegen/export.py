@@ -75,7 +75,7 @@ def make_export(
     prefix: str = "law",
 ) -> Export:
     """What is to be written, checked; arguments and errors as `export_law`."""
-    law = _law(model)
+    law = _law(model).with_room(start or {})
     check_identifier("codegen", "prefix", prefix)
     if prefix == "main":
         raise FrictionError("The prefix main is the name of the example; choose another")

@@ -53,7 +53,7 @@ class Export:
             "outputs": (*self.law.select(Kind.OUTPUT), FAULT),
         }
 
-    @property
+    @cached_property
     def kernel(self) -> Kernel:
         """One sample, as statements on the structs."""
         return self.statements(self.law.function, self.law.given, self.results, self._lows)
