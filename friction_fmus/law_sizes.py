@@ -29,7 +29,9 @@ class Size:
     most: int
 
 
-def wanted_sizes(name: str, sizes: Mapping[str, Size], maxima: Mapping[str, float], start: Mapping[str, float]) -> dict[str, int]:
+def wanted_sizes(
+    name: str, sizes: Mapping[str, Size], maxima: Mapping[str, float], start: Mapping[str, float]
+) -> dict[str, int]:
     """The sizes that start values need.
 
     Parameters
@@ -64,7 +66,9 @@ def wanted_sizes(name: str, sizes: Mapping[str, Size], maxima: Mapping[str, floa
     return found
 
 
-def resized(variables: tuple[Variable, ...], sizes: Mapping[str, Size], wanted: Mapping[str, int]) -> tuple[Variable, ...]:
+def resized(
+    variables: tuple[Variable, ...], sizes: Mapping[str, Size], wanted: Mapping[str, int]
+) -> tuple[Variable, ...]:
     """Return the variables with parameters that are fixed to these sizes, and with the vectors that go with them."""
     by_name = {variable.name: variable for variable in variables}
     for parameter, size in wanted.items():
