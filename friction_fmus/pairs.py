@@ -70,7 +70,22 @@ def positions(
             if found.keys() <= wide.keys():
                 break
             wide |= found
-    return wide, {i for i in states if states[i] in wide} | {i for i in outputs if weights[results[i]]}
+    written = {i for i in states if states[i] in wide} | {i for i in outputs if weights[results[i]]}
+    needed = _needed(nodes, weights, {results[i] for i in written})
+    read = {_argument(node) for node, weight in zip(nodes, needed, strict=True) if weight}
+    return {argument: weight for argument, weight in wide.items() if argument in read}, written
+
+
+def _needed(nodes: Sequence[Node], weights: Sequence[Weight | None], written: set[int]) -> list[Weight | None]:
+    """The weights of the nodes whose digits are needed: for a difference of positions, or as a position."""
+    needed = set(written)
+    for number in range(len(nodes) - 1, -1, -1):
+        operation = nodes[number].operation
+        wide = [argument for argument in nodes[number].arguments if weights[argument]]
+        differs = operation == "FLOOR" or (operation in (*SUMS, *COMPARE) and len(wide) == 2)
+        if differs or (weights[number] and number in needed):
+            needed.update(wide)
+    return [weight if number in needed else None for number, weight in enumerate(weights)]
 
 
 def _of_parameter(argument: int) -> Weight:
@@ -178,12 +193,13 @@ def split(
     tuple of list of Node and list of int
         The same for floats; behind the results there are the lower parts of those that are pairs.
     """
-    weights = _weights(nodes, wide)
+    written = list(writes)
+    weights = _needed(nodes, _weights(nodes, wide), {results[i] for i in written})
     writer = _Splitter(nodes, weights, reads)
     for number in range(len(nodes)):
         writer.write(number)
     highs = [writer.pairs[number][0] for number in results]
-    return writer.nodes, highs + [writer.low(results[i]) for i in writes]
+    return writer.nodes, highs + [writer.low(results[i]) for i in written]
 
 
 Pair = tuple[int, int | None]

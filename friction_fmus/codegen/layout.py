@@ -71,9 +71,15 @@ class Export:
         return frozenset([read[i][0].name for i in wide] + [results[i][0].name for i in written])
 
     @property
+    def positions(self) -> tuple[Variable, ...]:
+        """The inputs that are absolute positions."""
+        return tuple(v for v in self.law.select(Kind.INPUT, Kind.OPTIONAL) if _is_length(v))
+
+    @property
     def rounded(self) -> tuple[str, ...]:
         """Functions of the C library that are given an absolute position as one float."""
-        found = rounded(graph(self.law.function)[0], self._positions[0])
+        given = {i: Weight(1.0) for i, (v, _) in enumerate(_scalars(self.law.given)) if v in self.positions}
+        found = rounded(graph(self.law.function)[0], given | dict(self._positions[0]))
         return tuple(sorted(LIBM[operation] + self.real.suffix for operation in found & LIBM.keys()))
 
     @cached_property
@@ -86,7 +92,7 @@ class Export:
         lengths = {i: (v.name, element) for i, (v, element) in enumerate(_scalars(self.law.results)) if _is_length(v)}
         return positions(
             *graph(self.law.function),
-            [i for i, (v, _) in enumerate(read) if v.kind in INPUTS and _is_length(v)],
+            [i for i, (v, _) in enumerate(read) if v in self.positions],
             [i for i, (v, _) in enumerate(read) if v.kind in PARAMETERS and (_is_length(v) or v.unit == NO_UNIT)],
             {i: argument[scalar] for i, scalar in lengths.items() if scalar in argument},
             [i for i, scalar in lengths.items() if scalar not in argument],
@@ -108,6 +114,11 @@ class Export:
         """C expressions of the lower parts of its scalars; none unless it is a pair."""
         places = self.places(variable) if variable.name in self.pairs else []
         return [re.sub(r"\w+(?=\[|$)", r"\g<0>_low", place, count=1) for place in places]
+
+    @property
+    def result_lows(self) -> dict[int, str]:
+        """C expressions of the lower parts of `results`, by place in that list; only those that are pairs."""
+        return dict(self._lows.writes) if self._lows else {}
 
     def statements(
         self, function: Function, given: Sequence[Variable], writes: Sequence[str], lows: Lows | None = None

@@ -84,8 +84,12 @@ def _positions(export: Export) -> str:
     """How positions are given in float, and how accurate the law is far from zero."""
     if not export.real.suffix:
         return ""
+    loss = ""
+    if export.rounded:
+        loss = f" This law rounds an absolute position to one float before it calls {', '.join(export.rounded)}."
     if not export.pairs:
-        return "\nNo input is a position: the accuracy does not depend on where the axis stands.\n"
+        what = "No two positions are subtracted" if export.positions else "No input is a position"
+        return f"\n{_fill(f'{what}: the relative accuracy does not depend on where the axis stands.{loss}')}\n"
     names = {group: [v.name for v in members if v.name in export.pairs] for group, members in export.groups.items()}
     listed = "; ".join(
         f"{group}: {', '.join(f'`{name}`' for name in found)}" for group, found in names.items() if found
@@ -102,8 +106,7 @@ def _positions(export: Export) -> str:
         f"On motions of 25 µm and of 5 mm about {distances} and {TRAVEL[-1]:g} m the outputs of the laws that come "
         f"with friction-fmus differ from those in double by less than {ACCURACY:g} of their rms value."
     )
-    if export.rounded:
-        accuracy += f" This law rounds an absolute position to one float before it calls {', '.join(export.rounded)}."
+    accuracy += loss
     return _PAIRS.format(name=first, positions=_fill(text), accuracy=_fill(accuracy))
 
 
