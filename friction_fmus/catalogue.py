@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.law_block import block_source
@@ -155,6 +157,21 @@ def find(model: str | Path) -> Block:
     if len(laws) != 1:
         raise FrictionError(f"{path} defines {len(laws)} laws; a law file defines exactly one with @law")
     return laws[0]
+
+
+def with_room(block: Block, start: Mapping[str, Any]) -> Block:
+    """The block, if it is a law with the vectors that these start values need.
+
+    Raises
+    ------
+    FrictionError
+        A start value is above the largest size, or not a whole number.
+    """
+    if block.kind != "law" or not start:
+        return block
+    law = next(law for law in discover_laws(block.path) if law.name == block.name)
+    grown = law.with_room(start)
+    return block if grown is law else replace(block, code=block_source(grown))
 
 
 def library_name(block: Block) -> str:

@@ -19,7 +19,7 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import ArrayLike
 
-from friction_fmus.catalogue import Block, find, package_text, source_folder
+from friction_fmus.catalogue import Block, find, package_text, source_folder, with_room
 from friction_fmus.customise import Start, identified, renamed, rotational, with_start_values
 from friction_fmus.describe import FIXED, INPUT, PARAMETER, STATE, Description, describe
 from friction_fmus.documentation import index_page
@@ -84,7 +84,7 @@ def build(
     plain = not (start or name or files or twin) and tuple(platforms) in (("native",), ("all",))
     if plain and (shipped := _shipped(model, block)):
         return _copy(shipped, Path(out_dir) / shipped.name)
-    code = with_start_values(block.code, start or {})
+    code = with_start_values(with_room(block, start or {}).code, start or {})
     code = rotational(code) if twin else code
     identifier = name or block.name + ("Rotational" if twin else "")
     code = renamed(code, identifier) if name else code

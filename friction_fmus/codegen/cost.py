@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.program import program, samples
-from friction_fmus.codegen.sources import Export, header, implementation
+from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.errors import FrictionError
 
 COMPILER = "arm-none-eabi-gcc"
@@ -168,7 +169,10 @@ def run(export: Export, core: Core, given: dict[str, np.ndarray]) -> tuple[np.nd
         lines = _run(folder, EMULATOR, "-cpu", _CPU, "./program").splitlines()
     kind = "<f4" if export.real.suffix else "<f8"
     rows = [[np.frombuffer(bytes.fromhex(word), kind)[0] for word in line.split()] for line in lines[:-1]]
-    return np.array(rows).reshape(-1, len(export.results)), int.from_bytes(bytes.fromhex(lines[-1]), "little")
+    table = np.array(rows, dtype=float).reshape(len(rows), -1)
+    found = table[:, : len(export.results)].copy()
+    found[:, list(export.result_lows)] += table[:, len(export.results) :]
+    return found, int.from_bytes(bytes.fromhex(lines[-1]), "little")
 
 
 def assembly(export: Export, core: Core, *flags: str) -> str:

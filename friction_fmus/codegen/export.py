@@ -9,8 +9,9 @@ from typing import Literal
 
 from friction_fmus.catalogue import find
 from friction_fmus.codegen.cost import COMPILER, CORES, Cost, measure, missing
+from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.readme import readme
-from friction_fmus.codegen.sources import Export, example, header, implementation
+from friction_fmus.codegen.sources import example, header, implementation
 from friction_fmus.emit import DOUBLE, FLOAT
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.law import BOOLEANS, VECTORS, Law
@@ -74,7 +75,7 @@ def make_export(
     prefix: str = "law",
 ) -> Export:
     """What is to be written, checked; arguments and errors as `export_law`."""
-    law = _law(model)
+    law = _law(model).with_room(start or {})
     check_identifier("codegen", "prefix", prefix)
     if prefix == "main":
         raise FrictionError("The prefix main is the name of the example; choose another")

@@ -12,7 +12,10 @@ from typing import Any, Final
 from friction_fmus.errors import FrictionError, nearest
 
 GAINS: Final[Mapping[str, tuple[str, ...]]] = {"CascadePPI": ("kp", "kv", "ki"), "PID": ("Kp", "Kd", "Ki")}
-"""Law of the servo -> names of its gains; the last one may be left out, which is 0."""
+"""Law of the servo -> names of its gains."""
+
+LEFT_OUT: Final[Mapping[str, float]] = {"ki": 0.0}
+"""Gain that may be left out -> its value then, which is the start value of the law."""
 
 RECORDS: Final = ("emps", "tribometer", "demo")
 """Records that come with the package, and names of the studies of them."""
@@ -62,7 +65,7 @@ class Servo:
     @property
     def pid(self) -> tuple[float, float, float]:
         """The same feedback as PID: Kp [N/m], Kd [N.s/m], Ki [N/(m.s)]."""
-        first, second, third = (self.gains.get(name, 0.0) for name in GAINS[self.law])
+        first, second, third = (self.gains[name] for name in GAINS[self.law])
         return (first, second, third) if self.law == "PID" else (second * first + third, second, third * first)
 
 
@@ -177,20 +180,19 @@ def _servo(table: _Table) -> Servo:
     names = GAINS[law]
     other = ("law", "Ts", "force_limit", "window", "quantum", "velocity_feedforward", "mass")
     table.known((*names, *other))
-    gains = {name: table.number(name, low=0.0, above=name != names[-1]) for name in names[:-1]}
-    gains[names[-1]] = table.number(names[-1], 0.0, low=0.0)
+    gains = {name: table.number(name, low=0.0, above=True) for name in names[:-1]}
     window = table.number("window", 2.0, low=1.0)
     if window != int(window):
         raise ConfigError(f"{table.where} has window = {window:g}; give a whole number of samples.")
     return Servo(
         law,
-        gains,
         Ts=table.number("Ts", low=0.0, above=True),
         force_limit=table.number("force_limit", low=0.0, above=True),
         window=int(window),
         quantum=table.number("quantum", 0.0, low=0.0),
         velocity_feedforward=table.flag("velocity_feedforward", False),
         mass=table.number("mass", low=0.0, above=True) if "mass" in table.content else None,
+        gains={**gains, names[-1]: table.number(names[-1], LEFT_OUT.get(names[-1]), low=0.0)},
     )
 
 
