@@ -25,7 +25,7 @@ __all__ = ["RULES", "Finding", "Rule", "check"]
 _MODULES = (definitions, variables, structure)
 """They add the rules of the XML."""
 
-_DANGEROUS = ("zip-", "path-outside", "path-backslash", "path-symlink", "path-duplicate")
+_DANGEROUS = ("zip-", "path-outside", "path-backslash", "path-symlink", "path-duplicate", "path-clash", "path-long")
 
 FMPY = declare("fmpy", "error", "2.2", "The check of fmpy finds what no other rule does.", "description")
 
