@@ -182,7 +182,7 @@ def _long(contents: Contents) -> Iterator[Fault]:
         if is_too_long(member.filename):
             part, whole = LONGEST
             where = f"a path that begins with {member.filename[:60]!r} is too long"
-            yield Fault(f"{where}; keep each name to {part} bytes, the path to {whole}", file=member.filename[:60])
+            yield Fault(f"{where}; keep each name to {part} bytes, the path to {whole}", file=member.filename)
 
 
 # ---- compression

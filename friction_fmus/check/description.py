@@ -21,6 +21,9 @@ _INITIAL: Final = {
 }
 """Default of `initial` by causality; that of outputs and locals depends on the variability (section 2.2.7)."""
 
+SECTIONS: Final = ("Outputs", "Derivatives", "InitialUnknowns")
+"""What ModelStructure lists."""
+
 MALFORMED = declare("xml-malformed", "error", "2.2", "modelDescription.xml cannot be read.", "description")
 ENTITIES = declare(
     "xml-entities", "error", "2.2", "An XML file has a DOCTYPE, by which entities come in.", "description"
@@ -178,17 +181,10 @@ class Model:
         """A capability."""
         return self.simulation is not None and self.simulation.get(name) in ("true", "1")
 
-    def unknowns(self, section: str) -> list[Unknown]:
-        """Entries of Outputs, Derivatives or InitialUnknowns."""
-        return [
-            Unknown(
-                line_of(element),
-                integer(element.get("index")) or 0,
-                _indices(element.get("dependencies")),
-                None if element.get("dependenciesKind") is None else tuple(element.get("dependenciesKind", "").split()),
-            )
-            for element in self.all(f"ModelStructure/{section}/Unknown")
-        ]
+    @cached_property
+    def unknowns(self) -> dict[str, list[Unknown]]:
+        """Entries of ModelStructure by section: Outputs, Derivatives, InitialUnknowns."""
+        return {section: [_unknown(e) for e in self.all(f"ModelStructure/{section}/Unknown")] for section in SECTIONS}
 
     def variable(self, index: int) -> Variable | None:
         """A variable by its index from 1."""
@@ -199,6 +195,16 @@ class Model:
         """Indices of the continuous-time states: what a derivative is the derivative of."""
         derivatives = (variable.get("derivative") for variable in self.variables if variable.type == "Real")
         return {index for index in map(integer, derivatives) if index is not None}
+
+
+def _unknown(element: etree._Element) -> Unknown:
+    kinds = element.get("dependenciesKind")
+    return Unknown(
+        line_of(element),
+        integer(element.get("index")) or 0,
+        _indices(element.get("dependencies")),
+        None if kinds is None else tuple(kinds.split()),
+    )
 
 
 def _indices(text: str | None) -> tuple[int, ...] | None:
