@@ -14,9 +14,18 @@ from fmpy import read_model_description
 from fmpy.model_description import ValidationError
 
 from friction_fmus.check import definitions, structure, variables
-from friction_fmus.check.archive import examine_archive, list_members, read_member
+from friction_fmus.check.archive import Contents, examine_archive, list_members, read_member, truncated_libraries
 from friction_fmus.check.binary import examine_binary
-from friction_fmus.check.description import NO_CO_SIMULATION, SCHEMA, VERSION, Model, line_of, parse, violations
+from friction_fmus.check.description import (
+    NO_CO_SIMULATION,
+    SCHEMA,
+    VERSION,
+    Model,
+    line_of,
+    parse,
+    violations,
+    wrong_encoding,
+)
 from friction_fmus.check.findings import DESCRIPTION, RULES, Finding, Rule, apply, declare
 from friction_fmus.check.side_files import examine_side_files
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
@@ -79,7 +88,9 @@ def _examine(path: Path, static: bool, time_limit: float) -> list[Finding]:
     if DESCRIPTION not in contents.names or any(f.rule == "zip-bomb" for f in apply("archive", contents)):
         return examine_archive(contents)
     data = read_member(path, DESCRIPTION)
-    root = parse(data) if isinstance(data, bytes) else data
+    if isinstance(data, Finding):
+        return _unless_told(examine_archive(contents), data)
+    root = parse(data)
     if isinstance(root, Finding):
         return [*examine_archive(contents), root]
     model = Model(root)
@@ -88,16 +99,27 @@ def _examine(path: Path, static: bool, time_limit: float) -> list[Finding]:
         return refusals
     contents = replace(contents, identifier=model.identifier, source_files=model.source_files)
     findings = examine_archive(contents)
+    findings += wrong_encoding(data, root)
     findings += [SCHEMA.finding(text, DESCRIPTION, line=line) for text, line in violations(root, _XSD)]
     findings += apply("description", model)
-    safe = not any(finding.rule.startswith(_DANGEROUS) for finding in findings)
-    if safe:
+    if not any(finding.rule.startswith(_DANGEROUS) for finding in findings):
         findings += examine_side_files(contents, model)
         if not any(finding.severity == "error" for finding in findings):
             findings += _fmpy(path)
-        if not static and contents.below("binaries"):
-            findings += examine_binary(contents, model, time_limit)
+        findings += _libraries(contents, model, static, time_limit)
     return findings
+
+
+def _unless_told(found: list[Finding], also: Finding) -> list[Finding]:
+    """A finding more, unless there is one of that file."""
+    return found if any(finding.file == also.file for finding in found) else [*found, also]
+
+
+def _libraries(contents: Contents, model: Model, static: bool, time_limit: float) -> list[Finding]:
+    truncated = list(truncated_libraries(contents))
+    if static or truncated or not contents.below("binaries"):
+        return truncated
+    return examine_binary(contents, model, time_limit)
 
 
 _XSD = "fmi2/fmi2ModelDescription.xsd"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import stat
+import tempfile
 import zipfile
 from collections import Counter
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from friction_fmus.check.findings import DESCRIPTION, Fault, Finding, apply, declare, rule
+from harness.shared_library import missing_bytes
 from harness.zip_file import (
     LONGEST,
     ZipError,
@@ -36,6 +38,8 @@ _TOP = ("binaries", "documentation", "extra", "resources", "sources", "terminals
 _HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
 
 NOT_A_ZIP = declare("not-a-zip", "error", "2.3", "The file is no zip archive that can be read.", "archive")
+TRUNCATED = declare("binary-truncated", "error", "2.3", "The file of a library ends too early.", "archive")
+
 _UNREADABLE = ("zip-bomb", "zip-encrypted", "zip-method")
 """Rules after which nothing is unpacked."""
 
@@ -298,6 +302,16 @@ def _licence(contents: Contents) -> Iterator[Fault]:
         licence = path.stem.lower() in ("license", "licence") and path.suffix.lower() in ("", ".txt", ".html", ".md")
         if licence and path.parts[0] in ("documentation", "licenses", name) and "licenses" not in path.parts[1:-1]:
             yield Fault(f"move {name!r} to documentation/licenses/license.txt", file=name)
+
+
+def truncated_libraries(contents: Contents) -> Iterator[Finding]:
+    """The libraries of all platforms in a safe archive that end too early; some loaders crash on them."""
+    libraries = [str(path) for path in contents.below("binaries") if path.suffix in _SUFFIXES.values()]
+    with tempfile.TemporaryDirectory() as folder, open_zip(contents.path) as archive:
+        for name in libraries:
+            missing = missing_bytes(Path(archive.extract(name, folder)))
+            if missing:
+                yield TRUNCATED.finding(f"{name} lacks {missing} bytes at its end; copy or export the FMU again", name)
 
 
 def unpack(contents: Contents, folder: Path) -> None:

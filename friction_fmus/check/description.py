@@ -28,6 +28,7 @@ MALFORMED = declare("xml-malformed", "error", "2.2", "modelDescription.xml canno
 ENTITIES = declare(
     "xml-entities", "error", "2.2", "An XML file has a DOCTYPE, by which entities come in.", "description"
 )
+ENCODING = declare("xml-encoding", "error", "2.2", "An XML file is not encoded as UTF-8.", "description")
 SCHEMA = declare("schema", "error", "2.2", "modelDescription.xml violates the schema of FMI 2.0.", "description")
 VERSION = declare("fmi-version", "error", "2.2.1", "The FMU is not of FMI 2.0.", "description")
 NO_CO_SIMULATION = declare("no-co-simulation", "error", "4.3.1", "The FMU is not for co-simulation.", "description")
@@ -260,6 +261,30 @@ def parse(data: bytes, file: str = DESCRIPTION) -> etree._Element | Finding:
     if root.getroottree().docinfo.internalDTD is not None:
         return ENTITIES.finding(f"{file} has a DOCTYPE, which the standard has no use for; remove it", file, line=1)
     return root
+
+
+def wrong_encoding(data: bytes, root: etree._Element, file: str = DESCRIPTION) -> list[Finding]:
+    """A finding for a file that is not encoded as UTF-8, or says so.
+
+    Parameters
+    ----------
+    data : bytes
+        The file.
+    root : lxml.etree.Element
+        What it was parsed to.
+    file : str
+        Its name.
+    """
+    stated = root.getroottree().docinfo.encoding or "UTF-8"
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError:
+        stated = "another encoding" if stated.upper() == "UTF-8" else stated
+    if stated.upper() == "UTF-8":
+        return []
+    return [
+        ENCODING.finding(f"{file} is in {stated}; write it in UTF-8, many importers read nothing else", file, line=1)
+    ]
 
 
 @cache
