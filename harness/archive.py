@@ -13,7 +13,7 @@ from lxml import etree
 
 from harness.errors import FmuError
 from harness.part import Port, PortType, StartValue
-from harness.units import BaseUnit
+from harness.units import BaseUnit, stated_unit
 from harness.zip_file import NotZipError, ZipError, find_absence, open_zip, read_zip
 
 
@@ -174,4 +174,4 @@ def _port(variable: Any, units: Mapping[str, Any]) -> Port:
 
 def _base_unit(base: Any) -> BaseUnit:
     exponents = tuple(int(getattr(base, name)) for name in ("kg", "m", "s", "A", "K", "mol", "cd", "rad"))
-    return BaseUnit(exponents, float(base.factor), float(base.offset))
+    return stated_unit(exponents, float(base.factor), float(base.offset))
