@@ -165,7 +165,7 @@ def test_the_command_refuses_it(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "friction_fmus", "identify", *options]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run(command, capture_output=True, text=True, timeout=100, env=environment, cwd=tmp_path)
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert "9**9**9**9*N" in done.stdout + done.stderr
     assert "Traceback" not in done.stderr
 
