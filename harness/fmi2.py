@@ -17,6 +17,7 @@ import fmpy.fmi2
 
 from harness.archive import Archive
 from harness.errors import FmuError, PartError
+from harness.zip_file import ZipError, open_zip, unpack_zip
 
 FATAL: Final = 4
 
@@ -63,7 +64,8 @@ class Library:
         with _LOADING:
             here = Path.cwd()
             try:
-                fmpy.extract(archive.path, folder.name)
+                with open_zip(archive.path) as members:
+                    unpack_zip(members, Path(folder.name))
                 self.slave = fmpy.fmi2.FMU2Slave(
                     instanceName=name,
                     guid=archive.description.guid,
@@ -74,6 +76,8 @@ class Library:
                 folder.cleanup()
                 if not isinstance(error, Exception):
                     raise
+                if isinstance(error, ZipError):
+                    raise FmuError(f"cannot unpack {archive.path}: {error}") from error
                 reason = " ".join(str(error).split())
                 raise FmuError(f"cannot load {archive.path}: {reason}; export it again for this platform") from error
             finally:

@@ -169,6 +169,11 @@ def _broken(folder: Path, binary: str, ending: str, current: str) -> Finding:
     """What the last call did to its process."""
     function = (folder / "trace").read_bytes().decode(errors="replace").strip() or "a call"
     hangs = ending == ""
+    if current == "load" and not hangs:
+        message = (
+            f"loading the library ends its process: {ending}; it is damaged, or its initialisers are: build it again"
+        )
+        return RULES["binary-not-loadable"].finding(message, binary)
     special = CRASHES.get(current)
     how = "does not return within the time limit" if hangs else f"ends its process: {ending}"
     rule = RULES[special or ("binary-hangs" if hangs else "binary-crashes")]
