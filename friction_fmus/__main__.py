@@ -76,7 +76,7 @@ def build_blocks(options: argparse.Namespace) -> None:
     with progress_bar() as bar:
         for name in bar.track(names, description="building"):
             path = build(name, options.output, start, options.name, domain=options.domain, platforms=options.platform)
-            bar.console.print(path) if bar.console.is_terminal else print(path)
+            bar.console.print(str(path), soft_wrap=True) if bar.console.is_terminal else print(path)
 
 
 def parser() -> argparse.ArgumentParser:

@@ -61,7 +61,7 @@ def run_system(options: argparse.Namespace) -> None:
     if options.plot:
         options.plot.parent.mkdir(parents=True, exist_ok=True)
         plot(result, options.plot)
-    console.print(f"{options.output}: {_size(result)}", highlight=False, soft_wrap=True)
+    console.print(f"{options.output}: {_size(result)}", soft_wrap=True)
 
 
 def open_system(path: Path) -> System:

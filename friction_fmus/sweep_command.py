@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
 from friction_fmus.errors import FrictionError
 from friction_fmus.run_command import open_system
+from friction_fmus.terminal import console, literal_console
 from harness import Experiment, System, grid, latin_hypercube, read_samples, sobol, sweep
 from harness.sweeps import WithUnits
 
@@ -90,8 +90,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def sweep_system(options: argparse.Namespace) -> int:
     """Many runs of a system, into a folder of Parquet files with a row for each run; status 1 if none succeeds."""
     samples = _samples(options)
-    screen = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
+    screen = literal_console(stderr=True)
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        _Rate(),
+        TimeRemainingColumn(),
+    )
     with ExitStack() as stack:
         executor: Any = stack.enter_context(connect(options.scheduler)) if options.scheduler else options.executor
         system = stack.enter_context(open_system(options.system))
@@ -113,9 +119,7 @@ def sweep_system(options: argparse.Namespace) -> int:
     warned = int(((result["warnings"] != "") & (result["error"] == "")).sum())
     notes = f", {warned} with warnings" * bool(warned)
     notes += f", {len(errors)} failed, the first one because {errors[0]}" if errors else ""
-    Console().print(
-        f"{options.output}: {result.sizes['run']} runs{notes}", highlight=False, markup=False, soft_wrap=True
-    )
+    console.print(f"{options.output}: {result.sizes['run']} runs{notes}", soft_wrap=True)
     return int(len(errors) == result.sizes["run"])
 
 
