@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from collections.abc import Iterator
@@ -28,7 +29,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        If the folder does not exist or cannot be written to.
+        If the folder does not exist or cannot be written to, or the disk is full.
     """
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
@@ -47,5 +48,18 @@ def atomic_path(path: Path) -> Iterator[Path]:
             temporary.replace(path)
         except OSError as error:
             raise OutputError(f"cannot write {path}: {error.strerror}; give the path of a file") from error
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {_reason(error, name)}; {_remedy(error)}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _reason(error: OSError, temporary: str) -> str:
+    """What the system says; libraries put their own text around it. Another file than the temporary one is named."""
+    text = os.strerror(error.errno) if error.errno else str(error)
+    return text if error.filename in (None, temporary) else f"{text}: {error.filename}"
+
+
+def _remedy(error: OSError) -> str:
+    full = error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+    return "make room or give a path on another disk" if full else "give a path in an existing writable folder"

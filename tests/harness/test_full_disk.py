@@ -1,0 +1,49 @@
+"""A disk that is full: one sentence with the name of the file, and nothing half-written."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.results import FORMATS
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="limits the size of files as POSIX does")
+
+ROOT = Path(__file__).parents[2]
+
+# a process of its own: the limit is for good, and netCDF ended with a segmentation fault
+LIMITED = """
+import resource, sys
+from pathlib import Path
+import numpy as np, xarray as xr
+import matplotlib.font_manager
+from harness import OutputError, plot, save_result
+values = np.random.default_rng(0).standard_normal(20000)
+result = xr.Dataset({"a.x": ("time", values)}, coords={"time": np.arange(20000.0)})
+path = Path(sys.argv[1])
+resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+try:
+    plot(result, path) if path.suffix == ".png" else save_result(result, path)
+except OutputError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("suffix", [*FORMATS, ".png"])
+@pytest.mark.parametrize("there", [False, True], ids=["new", "replaced"])
+def test_a_result_that_does_not_fit(suffix: str, there: bool, tmp_path: Path) -> None:
+    path = tmp_path / f"out{suffix}"
+    if there:
+        path.write_text("the last one")
+    run = subprocess.run(
+        [sys.executable, "-c", LIMITED, str(path)], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert (run.returncode, run.stderr) == (0, "")
+    assert run.stdout == f"cannot write {path}: File too large; make room or give a path on another disk\n"
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name] * there
+    assert not there or path.read_text() == "the last one"
+
+
