@@ -7,6 +7,7 @@ from pathlib import Path
 
 from friction_fmus.errors import FrictionError
 from friction_fmus.terminal import console, literal_console, progress_bar
+from harness.atomic import atomic_path
 
 
 def add_check_options(parser: argparse.ArgumentParser) -> None:
@@ -37,12 +38,13 @@ def check_files(options: argparse.Namespace) -> int:
     if options.format == "text" and options.output is None:
         as_text(results, console)
     elif options.format == "text":
-        with options.output.open("w", encoding="utf-8") as file:
+        with atomic_path(options.output) as temporary, temporary.open("w", encoding="utf-8") as file:
             as_text(results, literal_console(file=file, width=120))
     else:
         text = (as_json if options.format == "json" else as_sarif)(results) + "\n"
         if options.output is None:
             console.print(text, soft_wrap=True, end="")
         else:
-            options.output.write_text(text, encoding="utf-8")
+            with atomic_path(options.output) as temporary:
+                temporary.write_text(text, encoding="utf-8")
     return 1 if failed(results) else 0

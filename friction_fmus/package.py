@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import re
-import shutil
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -31,6 +29,7 @@ from friction_fmus.portrait import portray, terminal_icon
 from friction_fmus.terminals import terminals, terminals_and_icons
 from friction_fmus.version import VERSION
 from harness import toolchain
+from harness.atomic import atomic_path
 from harness.platforms import NATIVE, Platform, compiled, native_library, select
 
 SHIPPED = Path(__file__).parent / "fmus"
@@ -288,12 +287,6 @@ def _zip(folder: Path, target: Path) -> None:
 def _copy(source: Path, target: Path) -> Path:
     """Copies so that the target is complete or absent; makes its folder."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    os.close(descriptor)
-    try:
-        shutil.copyfile(source, name)
-        Path(name).chmod(0o644)
-        Path(name).replace(target)
-    finally:
-        Path(name).unlink(missing_ok=True)
+    with atomic_path(target) as temporary:
+        temporary.write_bytes(source.read_bytes())
     return target

@@ -8,6 +8,7 @@ from pathlib import Path
 from friction_fmus.errors import FrictionError
 from friction_fmus.terminal import RunBar, console, parse_assignment, progress_bar
 from harness import HarnessError, Interrupted, Result, System, masters, plot, save_result
+from harness.coupling import inaccurate
 from harness.results import FORMATS
 
 _PICTURES = (".png", ".svg", ".pdf")
@@ -29,10 +30,20 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--checkpoint", type=Path, metavar="FILE", help="write the state at the end")
     parser.add_argument("--pace", type=float, metavar="FACTOR", help="simulated seconds a second, 1 is real time")
     parser.add_argument("--plot", type=Path, metavar="FILE", help=f"also draw the result: {_listed(_PICTURES)}")
+    add_allow_inaccurate(parser)
 
 
-def run_system(options: argparse.Namespace) -> None:
-    """A system file, run to a result file; of a run that fails, what was recorded until then."""
+def add_allow_inaccurate(parser: argparse.ArgumentParser) -> None:
+    """The option of the commands that run a system."""
+    text = "end with status 0 even if a result is reported as wrong, otherwise with 1"
+    parser.add_argument("--allow-inaccurate", action="store_true", help=text)
+
+
+def run_system(options: argparse.Namespace) -> int:
+    """A system file, run to a result file; of a run that fails, what was recorded until then.
+
+    The status is 1 if the result is reported as wrong, unless that is allowed.
+    """
     if options.output.suffix.lower() not in FORMATS:
         raise FrictionError(f"{options.output} has no known format; end the name in {_listed(tuple(FORMATS))}")
     if options.plot and options.plot.suffix not in _PICTURES:
@@ -62,6 +73,7 @@ def run_system(options: argparse.Namespace) -> None:
         options.plot.parent.mkdir(parents=True, exist_ok=True)
         plot(result, options.plot)
     console.print(f"{options.output}: {_size(result)}", soft_wrap=True)
+    return int(inaccurate(result.attrs) and not options.allow_inaccurate)
 
 
 def open_system(path: Path) -> System:

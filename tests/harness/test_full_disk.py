@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -47,3 +48,39 @@ def test_a_result_that_does_not_fit(suffix: str, there: bool, tmp_path: Path) ->
     assert not there or path.read_text() == "the last one"
 
 
+COMMANDS = {
+    "Viscous.fmu": ("build", "Viscous", "-o", "FOLDER"),
+    "README.md": ("codegen", "CoulombFeedforward", "-o", "FOLDER"),
+    "report.txt": ("check", "--static", "Viscous.fmu", "Viscous.fmu", "-o", "FOLDER/report.txt"),
+    "report.json": ("check", "--static", "Viscous.fmu", "--format", "json", "-o", "FOLDER/report.json"),
+}
+FULL = """
+import resource, sys
+from friction_fmus import build
+from friction_fmus.__main__ import main
+build("Viscous", ".")
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
+sys.exit(main(sys.argv[2:]))
+"""
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_a_command_writes_and_does_not_fit(name: str, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    arguments = [argument.replace("FOLDER", str(folder)) for argument in COMMANDS[name]]
+    limit = "16" if name.startswith("report") else "2048"
+    run = subprocess.run(
+        [sys.executable, "-c", FULL, limit, *arguments],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "PATH": ""},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 2
+    assert f"cannot write {folder}/" in run.stderr
+    assert run.stderr.endswith(": File too large; make room or give a path on another disk\n")
+    assert run.stderr.count("\n") == 1
+    assert not (folder / name).exists()
+    assert not list(folder.glob(".*"))
