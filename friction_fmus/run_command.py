@@ -48,6 +48,7 @@ def run_system(options: argparse.Namespace) -> int:
         raise FrictionError(f"{options.output} has no known format; end the name in {_listed(tuple(FORMATS))}")
     if options.plot and options.plot.suffix not in _PICTURES:
         raise FrictionError(f"{options.plot} has no known picture format; end the name in {_listed(_PICTURES)}")
+    output, picture = options.output.absolute(), options.plot and options.plot.absolute()
     with open_system(options.system) as opened, progress_bar() as bar:
         system = opened.with_parameters(options.parameters) if options.parameters else opened
         system = system.with_start(dict(parse_assignment(text) for text in options.set or ()))
@@ -67,11 +68,11 @@ def run_system(options: argparse.Namespace) -> int:
                 raise
             message = str(error) or "interrupted"
             kind = FrictionError if isinstance(error, HarnessError) else Interrupted
-            raise kind(f"{message}; {_keep(error.result, message, options.output)}") from error
-    _save(result, options.output)
-    if options.plot:
-        options.plot.parent.mkdir(parents=True, exist_ok=True)
-        plot(result, options.plot)
+            raise kind(f"{message}; {_keep(error.result, message, output, options.output)}") from error
+    _save(result, output)
+    if picture:
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        plot(result, picture)
     console.print(f"{options.output}: {_size(result)}", soft_wrap=True)
     return int(inaccurate(result.attrs) and not options.allow_inaccurate)
 
@@ -89,13 +90,13 @@ def open_system(path: Path) -> System:
     return System.from_ssp(path) if path.suffix.lower() == ".ssp" else System.from_toml(path, resolve=fmu)
 
 
-def _keep(result: Result, message: str, path: Path) -> str:
-    """Write what a failed run recorded; end of a sentence that says where it is."""
+def _keep(result: Result, message: str, path: Path, shown: Path) -> str:
+    """Write what a failed run recorded; end of a sentence that says where it is, by the path that the user gave."""
     try:
         _save(result.assign_attrs(incomplete=message), path)
     except (HarnessError, OSError) as error:
         return f"what was recorded until then is lost: {error}"
-    return f"what was recorded until then is in {path}, {_size(result)}"
+    return f"what was recorded until then is in {shown}, {_size(result)}"
 
 
 def _save(result: Result, path: Path) -> None:

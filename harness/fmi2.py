@@ -29,7 +29,7 @@ _NATIVE = (
     *("GetFMUstate", "SetFMUstate", "FreeFMUstate", "SetRealInputDerivatives"),
 )
 
-_LOADING = threading.Lock()
+LOADING = threading.Lock()
 """The working folder, which fmpy changes while it loads a library, belongs to all threads."""
 
 _POINTER = ctypes.c_void_p
@@ -60,8 +60,12 @@ class Library:
     def __init__(self, archive: Archive, name: str) -> None:
         """Unpack and load."""
         folder = tempfile.TemporaryDirectory(prefix="harness-", ignore_cleanup_errors=True)
-        with _LOADING:
-            here = Path.cwd()
+        self.folder = Path(folder.name)
+        with LOADING:
+            try:
+                here: Path | None = Path.cwd()
+            except FileNotFoundError:  # it has been removed
+                here = None
             try:
                 fmpy.extract(archive.path, folder.name)
                 self.slave = fmpy.fmi2.FMU2Slave(
@@ -77,7 +81,8 @@ class Library:
                 reason = " ".join(str(error).split())
                 raise FmuError(f"cannot load {archive.path}: {reason}; export it again for this platform") from error
             finally:
-                os.chdir(here)  # fmpy changes to the folder of the library and stays there when loading fails
+                if here is not None:
+                    os.chdir(here)  # fmpy changes to the folder of the library and stays there when loading fails
         self.set_ = {
             kind: _pointer(self.slave.dll, f"fmi2Set{kind}", _EXCHANGE) for kind in ("Real", "Integer", "Boolean")
         }

@@ -229,6 +229,11 @@ class FmuPart(Part):
         make = partial(FmuPart, every=self.every, model=self.model, isolate=self.isolate, timeout=self.timeout)
         return make, (self.name, self.path.absolute())
 
+    @property
+    def folder(self) -> Path | None:
+        """Where it is unpacked to, once it has been run."""
+        return None if self._library is None else self._library.folder
+
     def _started(self) -> Instance:
         if self._instance is None:
             raise HarnessError(f"part '{self.name}' is not running: initialise it first")

@@ -93,7 +93,8 @@ typedef struct {
     const int64_t *lines_from;    /* those of part p are lines_from[p], ..., lines_from[p + 1] - 1 */
     Extrapolation *extrapolation; /* NULL: values are held                                         */
     Newton *newton;               /* an implicit master, else NULL                                 */
-    int64_t failed_part, failed_operation, status, whole_fault; /* of the run that ended */
+    int64_t failed_part, failed_operation, status; /* of the run that ended */
+    int64_t float_change;                          /* bits of floats.h that a part has changed */
     double failed_time;
 } Engine;
 

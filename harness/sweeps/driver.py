@@ -100,7 +100,7 @@ def sweep(
             if keep:
                 raise SweepError("trajectories are to be kept but there is no folder: give an output folder")
             output = stack.enter_context(tempfile.TemporaryDirectory(prefix="harness-sweep-"))
-        folder = Path(output)
+        folder = Path(output).absolute()  # an FMU may change the working directory
         stack.enter_context(sole_writer(folder))
         files = SweepFolder(folder, description(model, job, parameter_sets), types, units)
         pending = [run for run in range(len(parameter_sets)) if run not in files.done]
