@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import re
-import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -31,6 +30,7 @@ from friction_fmus.version import VERSION
 from harness import toolchain
 from harness.atomic import atomic_path
 from harness.platforms import NATIVE, Platform, compiled, native_library, select
+from harness.scratch import ScratchFolder
 
 SHIPPED = Path(__file__).parent / "fmus"
 """FMUs for all platforms in an installed package; a checkout has none."""
@@ -91,7 +91,7 @@ def build(
     sources = identified(_sources(block, files or {}), identifier)
     kept = toolchain.cache_folder() / f"{identifier}-{_key(sources, block, chosen)}.fmu"
     if not kept.is_file():
-        with tempfile.TemporaryDirectory(prefix="friction-fmus-") as folder:
+        with ScratchFolder("friction-fmus-") as folder:
             _make(block, sources, chosen, Path(folder), kept)
     return _copy(kept, Path(out_dir) / f"{identifier}.fmu")
 

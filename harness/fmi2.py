@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import logging
 import os
-import tempfile
 import threading
 import weakref
 from collections.abc import Callable
@@ -17,6 +16,7 @@ import fmpy.fmi2
 
 from harness.archive import Archive
 from harness.errors import FmuError, PartError
+from harness.scratch import ScratchFolder
 
 FATAL: Final = 4
 
@@ -59,7 +59,7 @@ class Library:
 
     def __init__(self, archive: Archive, name: str) -> None:
         """Unpack and load."""
-        folder = tempfile.TemporaryDirectory(prefix="harness-", ignore_cleanup_errors=True)
+        folder = ScratchFolder("harness-")
         self.folder = Path(folder.name)
         with LOADING:
             try:
@@ -104,7 +104,7 @@ def _pointer(library: Any, function: str, prototype: Any) -> Callable[..., int]:
     return call
 
 
-def _unload(handle: int, folder: tempfile.TemporaryDirectory[str]) -> None:
+def _unload(handle: int, folder: ScratchFolder) -> None:
     fmpy.freeLibrary(handle)
     folder.cleanup()
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import shutil
-import tempfile
 import weakref
 import zipfile
 from pathlib import Path, PurePosixPath
@@ -17,6 +15,7 @@ from lxml import etree
 from harness.archive import find_outside
 from harness.atomic import atomic_path
 from harness.errors import OutputError, SystemFileError
+from harness.scratch import ScratchFolder
 
 #: The member that describes the system.
 SSD_NAME: Final = "SystemStructure.ssd"
@@ -141,8 +140,9 @@ class TemporaryFolder:
 
     def __init__(self) -> None:
         """Make the folder."""
-        self.path = Path(tempfile.mkdtemp(prefix="harness-ssp-"))
-        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+        folder = ScratchFolder("harness-ssp-")
+        self.path = Path(folder.name)
+        weakref.finalize(self, folder.cleanup)
 
 
 def member_name(source: str | None, where: str) -> str:

@@ -193,7 +193,8 @@ def test_an_fmu_that_ends_the_program(name: str, probe: Path, tmp_path: Path) ->
     """With status 0, which looked like success; the command ends with 2, and no file is half-written."""
     text, start = "[experiment]\nstop = 1.0\nstep = 0.1\n", "{ u = 1.0, n = 1, b = true, fail_time = 0.5 }"
     for part in ("other", name)["load" in name :]:  # at load, both would do it
-        text += f'[parts.{part}]\nfmu = "{probe}"\nstart = {start if part == "exit_step" else start.replace("0.5", "9.0")}\n'
+        values = start if part == "exit_step" else start.replace("0.5", "9.0")
+        text += f'[parts.{part}]\nfmu = "{probe}"\nstart = {values}\n'
     (tmp_path / "system.toml").write_text(text)
     command = [sys.executable, "-m", "friction_fmus", "run", "system.toml", "-o", "out.csv"]
     run = subprocess.run(command, capture_output=True, text=True, check=False, env=environment(**EXITS[name]))
