@@ -8,8 +8,16 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
 
 from harness.errors import OutputError
+
+FULL: Final = frozenset(
+    getattr(errno, name)
+    for name in ("ENOSPC", "EFBIG", "EDQUOT")
+    if hasattr(errno, name)  # Windows has no quota
+)
+"""Numbers of the errors of a disk that is full."""
 
 
 @contextmanager
@@ -61,5 +69,6 @@ def _reason(error: OSError, temporary: str) -> str:
 
 
 def _remedy(error: OSError) -> str:
-    full = error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
-    return "make room or give a path on another disk" if full else "give a path in an existing writable folder"
+    if error.errno in FULL:
+        return "make room or give a path on another disk"
+    return "give a path in an existing writable folder"

@@ -15,6 +15,7 @@ import fmpy
 import fmpy.fmi2
 
 from harness.archive import Archive
+from harness.atomic import FULL
 from harness.errors import FmuError, PartError
 from harness.scratch import ScratchFolder
 
@@ -78,6 +79,9 @@ class Library:
                 folder.cleanup()
                 if not isinstance(error, Exception):
                     raise
+                if isinstance(error, OSError) and error.errno in FULL:
+                    reason = f"cannot unpack {archive.path} to {folder.name}: {error.strerror}"
+                    raise FmuError(f"{reason}; make room there, or set TMPDIR to another folder") from error
                 reason = " ".join(str(error).split())
                 raise FmuError(f"cannot load {archive.path}: {reason}; export it again for this platform") from error
             finally:

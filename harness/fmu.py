@@ -33,7 +33,7 @@ class FmuPart(Part):
         path.
     isolate : bool
         Whether the FMU runs in a process of its own, so that one that crashes, exits or hangs ends its run with a
-        `PartError` and not the program.
+        `PartError` and not the program. It protects against accidents, not against malice.
     timeout : float
         How long such a process may take for one call [s].
 

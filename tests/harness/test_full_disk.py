@@ -84,3 +84,26 @@ def test_what_a_command_writes_and_does_not_fit(name: str, tmp_path: Path) -> No
     assert run.stderr.count("\n") == 1
     assert not (folder / name).exists()
     assert not list(folder.glob(".*"))
+
+
+@pytest.mark.skipif(os.name != "posix" or os.getuid() != 0, reason="only root may mount a small disk")
+def test_an_fmu_that_does_not_fit_into_the_temporary_folder(probe: Path, tmp_path: Path) -> None:
+    small = tmp_path / "small"
+    small.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=4k", "tmpfs", small], check=False).returncode != 0:
+        pytest.skip("this machine lets nobody mount")
+    code = (
+        "from harness import FmuPart, System\n"
+        f"system = System([FmuPart('p', {str(probe)!r})], start={{'p.u': 1.0, 'p.n': 1, 'p.b': True}})\n"
+        "try:\n    system.run(stop=1.0, step=0.1)\nexcept Exception as error:\n    print(type(error).__name__, error)\n"
+    )
+    try:
+        environment = os.environ | {"TMPDIR": str(small), "PYTHONPATH": str(ROOT)}
+        run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
+        left = list(small.iterdir())
+    finally:
+        subprocess.run(["umount", small], check=True)
+    assert run.stdout.startswith(f"FmuError cannot unpack {probe} to {small}/harness-")
+    assert run.stdout.endswith(": No space left on device; make room there, or set TMPDIR to another folder\n")
+    assert run.stderr == ""
+    assert left == []
