@@ -90,11 +90,10 @@ typedef struct {
     Pair *pairs;
     int64_t pair_count;
     Line *lines;
-    const int64_t *lines_from;                     /* those of part p are lines_from[p], ..., lines_from[p + 1] - 1 */
-    Extrapolation *extrapolation;                  /* NULL: values are held                                         */
-    Newton *newton;                                /* an implicit master, else NULL                                 */
-    int64_t failed_part, failed_operation, status; /* of the run that ended */
-    int64_t float_change;                          /* bits of floats.h that a part has changed */
+    const int64_t *lines_from;    /* those of part p are lines_from[p], ..., lines_from[p + 1] - 1 */
+    Extrapolation *extrapolation; /* NULL: values are held                                         */
+    Newton *newton;               /* an implicit master, else NULL                                 */
+    int64_t failed_part, failed_operation, status, float_change; /* of the run that ended */
     double failed_time;
 } Engine;
 
