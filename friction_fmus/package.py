@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import re
-import shutil
-import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -31,7 +28,9 @@ from friction_fmus.portrait import portray, terminal_icon
 from friction_fmus.terminals import terminals, terminals_and_icons
 from friction_fmus.version import VERSION
 from harness import toolchain
+from harness.atomic import atomic_path
 from harness.platforms import NATIVE, Platform, compiled, native_library, select
+from harness.scratch import ScratchFolder
 
 SHIPPED = Path(__file__).parent / "fmus"
 """FMUs for all platforms in an installed package; a checkout has none."""
@@ -92,7 +91,7 @@ def build(
     sources = identified(_sources(block, files or {}), identifier)
     kept = toolchain.cache_folder() / f"{identifier}-{_key(sources, block, chosen)}.fmu"
     if not kept.is_file():
-        with tempfile.TemporaryDirectory(prefix="friction-fmus-") as folder:
+        with ScratchFolder("friction-fmus-") as folder:
             _make(block, sources, chosen, Path(folder), kept)
     return _copy(kept, Path(out_dir) / f"{identifier}.fmu")
 
@@ -288,12 +287,6 @@ def _zip(folder: Path, target: Path) -> None:
 def _copy(source: Path, target: Path) -> Path:
     """Copies so that the target is complete or absent; makes its folder."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    os.close(descriptor)
-    try:
-        shutil.copyfile(source, name)
-        Path(name).chmod(0o644)
-        Path(name).replace(target)
-    finally:
-        Path(name).unlink(missing_ok=True)
+    with atomic_path(target) as temporary:
+        temporary.write_bytes(source.read_bytes())
     return target

@@ -33,7 +33,7 @@ class FmuPart(Part):
         path.
     isolate : bool
         Whether the FMU runs in a process of its own, so that one that crashes, exits or hangs ends its run with a
-        `PartError` and not the program.
+        `PartError` and not the program. It protects against accidents, not against malice.
     timeout : float
         How long such a process may take for one call [s].
 
@@ -232,6 +232,11 @@ class FmuPart(Part):
         """A part in another process is made anew from the same file."""
         make = partial(FmuPart, every=self.every, model=self.model, isolate=self.isolate, timeout=self.timeout)
         return make, (self.name, self.path.absolute())
+
+    @property
+    def folder(self) -> Path | None:
+        """Where it is unpacked to, once it has been run."""
+        return None if self._library is None else self._library.folder
 
     def _started(self) -> Instance:
         if self._instance is None:

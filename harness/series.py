@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from harness.errors import PartError, SeriesError
 from harness.part import Calls, Part, Port, StartValue, Values
-from harness.result import split_heading
+from harness.result import split_heading, unquoted
 
 
 class SeriesPart(Part):
@@ -197,7 +197,7 @@ def _read_csv(path: Path) -> tuple[list[float], dict[str, list[float]], dict[str
         )
     names, units = [], {}
     for heading in lines[0]:
-        name, unit = split_heading(heading)
+        name, unit = split_heading(unquoted(heading))
         names.append(name)
         if unit:
             units[name] = unit

@@ -19,6 +19,8 @@ from harness.errors import (
     nearest,
 )
 from harness.experiment import Experiment
+from harness.fmu import FmuPart
+from harness.guard import Guard
 from harness.manipulator import Manipulator
 from harness.part import Part, Port, StartValue
 from harness.result import Result
@@ -275,8 +277,11 @@ class System:
 
     def close(self) -> None:
         """Unload all parts and remove their temporary files."""
-        for part in self.parts.values():
-            part.close()
+        guard = Guard([part for part in self.parts.values() if isinstance(part, FmuPart) and part.folder])
+        with guard.running():
+            for part in self.parts.values():
+                with guard.watching(part.name):
+                    part.close()
 
     def __reduce__(self) -> tuple[object, ...]:
         """A copy has parts of its own, so that it can run at the same time in another thread or process."""

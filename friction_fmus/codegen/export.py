@@ -17,6 +17,7 @@ from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.law import BOOLEANS, VECTORS, Law
 from friction_fmus.law_files import discover_laws
 from friction_fmus.law_variables import check_identifier
+from harness.atomic import atomic_path
 
 
 def export_law(
@@ -63,7 +64,8 @@ def export_law(
     folder = Path(out_dir)
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+        with atomic_path(folder / name) as temporary:
+            temporary.write_text(text, encoding="utf-8", newline="\n")
     return tuple(folder / name for name in texts)
 
 

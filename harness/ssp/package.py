@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import shutil
-import tempfile
 import weakref
 import zipfile
 from pathlib import Path, PurePosixPath
@@ -16,6 +14,7 @@ from lxml import etree
 
 from harness.atomic import atomic_path
 from harness.errors import OutputError, SystemFileError
+from harness.scratch import ScratchFolder
 from harness.zip_file import (
     NotZipError,
     ZipError,
@@ -163,8 +162,9 @@ class TemporaryFolder:
 
     def __init__(self) -> None:
         """Make the folder."""
-        self.path = Path(tempfile.mkdtemp(prefix="harness-ssp-"))
-        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+        folder = ScratchFolder("harness-ssp-")
+        self.path = Path(folder.name)
+        weakref.finalize(self, folder.cleanup)
 
 
 def member_name(source: str | None, where: str) -> str:
