@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import os
+import io
 import re
-import shutil
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -31,6 +30,8 @@ from friction_fmus.portrait import portray, terminal_icon
 from friction_fmus.terminals import terminals, terminals_and_icons
 from friction_fmus.version import VERSION
 from harness import toolchain
+from harness.atomic import atomic_path
+from harness.cache import cached
 from harness.platforms import NATIVE, Platform, compiled, native_library, select
 
 SHIPPED = Path(__file__).parent / "fmus"
@@ -83,18 +84,16 @@ def build(
     twin = domain == "rotational"
     plain = not (start or name or files or twin) and tuple(platforms) in (("native",), ("all",))
     if plain and (shipped := _shipped(model, block)):
-        return _copy(shipped, Path(out_dir) / shipped.name)
+        return _write(shipped.read_bytes(), Path(out_dir) / shipped.name)
     code = with_start_values(block.code, start or {})
     code = rotational(code) if twin else code
     identifier = name or block.name + ("Rotational" if twin else "")
     code = renamed(code, identifier) if name else code
     block = replace(block, name=identifier, code=code)
     sources = identified(_sources(block, files or {}), identifier)
-    kept = toolchain.cache_folder() / f"{identifier}-{_key(sources, block, chosen)}.fmu"
-    if not kept.is_file():
-        with tempfile.TemporaryDirectory(prefix="friction-fmus-") as folder:
-            _make(block, sources, chosen, Path(folder), kept)
-    return _copy(kept, Path(out_dir) / f"{identifier}.fmu")
+    path = toolchain.cache_folder() / f"{identifier}-{_key(sources, block, chosen)}.fmu"
+    content = cached(path, lambda: _make(block, sources, chosen))
+    return _write(content, Path(out_dir) / f"{identifier}.fmu")
 
 
 def _shipped(model: str | Path, block: Block) -> Path | None:
@@ -228,8 +227,15 @@ def _package() -> tuple[str, ...]:
     return tuple(path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.rglob("*.py")))
 
 
-def _make(block: Block, sources: Mapping[str, str], platforms: Sequence[Platform], folder: Path, target: Path) -> None:
-    """Stages the unzipped FMU in `folder` and zips it to `target`."""
+def _make(block: Block, sources: Mapping[str, str], platforms: Sequence[Platform]) -> bytes:
+    """The FMU as bytes."""
+    with tempfile.TemporaryDirectory(prefix="friction-fmus-") as folder:
+        _stage(block, sources, platforms, Path(folder))
+        return _zipped(Path(folder) / "fmu")
+
+
+def _stage(block: Block, sources: Mapping[str, str], platforms: Sequence[Platform], folder: Path) -> None:
+    """Makes the unzipped FMU in the folder ``fmu`` of a temporary one."""
     staged = folder / "fmu"
     (staged / "sources").mkdir(parents=True)
     for name, text in sources.items():
@@ -258,9 +264,6 @@ def _make(block: Block, sources: Mapping[str, str], platforms: Sequence[Platform
         (pages / f"figure{number}.svg").write_bytes(figure.svg)
     page = index_page(block, description, portrait.figures, connected)
     (pages / "index.html").write_text(page, encoding="utf-8")
-    archive = folder / "archive.fmu"
-    _zip(staged, archive)
-    _copy(archive, target)
 
 
 def _check_start_values(block: Block, description: Description) -> None:
@@ -272,28 +275,24 @@ def _check_start_values(block: Block, description: Description) -> None:
             )
 
 
-def _zip(folder: Path, target: Path) -> None:
+def _zipped(folder: Path) -> bytes:
     """Sorted entries with one time and mode, so that equal contents are equal bytes."""
     stamp = build_time()
     moment = tuple(int(part) for part in re.findall(r"\d+", stamp))
-    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(path for path in folder.rglob("*") if path.is_file()):
             entry = zipfile.ZipInfo(path.relative_to(folder).as_posix(), moment[:6])  # type: ignore[arg-type]
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.create_system = 3
             entry.external_attr = (0o755 if "binaries" in path.parts else 0o644) << 16
             archive.writestr(entry, path.read_bytes())
+    return content.getvalue()
 
 
-def _copy(source: Path, target: Path) -> Path:
-    """Copies so that the target is complete or absent; makes its folder."""
+def _write(content: bytes, target: Path) -> Path:
+    """Writes a file that is complete or absent; makes its folder."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    os.close(descriptor)
-    try:
-        shutil.copyfile(source, name)
-        Path(name).chmod(0o644)
-        Path(name).replace(target)
-    finally:
-        Path(name).unlink(missing_ok=True)
+    with atomic_path(target) as temporary:
+        temporary.write_bytes(content)
     return target

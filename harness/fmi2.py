@@ -17,6 +17,7 @@ import fmpy.fmi2
 
 from harness.archive import Archive
 from harness.errors import FmuError, PartError
+from harness.shared_library import missing_bytes
 
 FATAL: Final = 4
 
@@ -64,6 +65,7 @@ class Library:
             here = Path.cwd()
             try:
                 fmpy.extract(archive.path, folder.name)
+                _refuse_truncated(Path(folder.name) / "binaries" / fmpy.platform)
                 self.slave = fmpy.fmi2.FMU2Slave(
                     instanceName=name,
                     guid=archive.description.guid,
@@ -87,6 +89,14 @@ class Library:
         self.do_step = _pointer(self.slave.dll, "fmi2DoStep", _DO_STEP)
         self.addresses = {name: _address(self.slave.dll, f"fmi2{name}") for name in _NATIVE}
         self.close = weakref.finalize(self, _unload, self.slave.dll._handle, folder)
+
+
+def _refuse_truncated(folder: Path) -> None:
+    """Raise ValueError for a library that ends too early: to load it, or one that needs it, would end the process."""
+    for path in sorted(path for path in folder.iterdir() if path.is_file()):
+        missing = missing_bytes(path)
+        if missing:
+            raise ValueError(f"its library {path.name} is truncated, {missing} bytes are missing at the end")
 
 
 def _address(library: Any, function: str) -> int:
