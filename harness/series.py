@@ -147,7 +147,13 @@ class SeriesPart(Part):
 
     def deserialise(self, data: bytes) -> None:
         """Go to a time that `serialise` gave."""
-        (self._now,) = struct.unpack("<d", data)
+        try:
+            (now,) = struct.unpack("<d", data)
+        except struct.error as error:
+            raise PartError(self.name, "deserialise", f"the state has {len(data)} bytes, another part's") from error
+        if not math.isfinite(now):
+            raise PartError(self.name, "deserialise", f"the state has the time {now}, another part's")
+        self._now = now
 
     def terminate(self) -> None:
         """Nothing to do."""
