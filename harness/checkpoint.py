@@ -20,7 +20,7 @@ from harness.files import require_regular
 from harness.fmu import FmuPart
 from harness.part import Part
 from harness.plan import Plan
-from harness.toml_file import shown
+from harness.values import shown
 
 _FORMAT: Final = 2
 _HEADER: Final = "checkpoint.json"

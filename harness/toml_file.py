@@ -1,33 +1,24 @@
-"""TOML files from anywhere: bounded in size, depth and length, so that whatever reads the values can trust their form.
-
-The values themselves are checked where they are used, with the functions `number`, `whole`, `text` and `texts`, which
-return None for a value of another kind.
-"""
+"""TOML files from anywhere: bounded in size, depth and length, so that what reads their values can trust the form."""
 
 from __future__ import annotations
 
-import math
 import re
-import reprlib
 import tomllib
 from pathlib import Path
 from typing import Any, Final
 
 from harness.files import read_regular
+from harness.values import shown
 
 DEEPEST: Final = 20
 """Tables and lists inside each other."""
 
-LONGEST: Final = 10_000
-"""Characters of a text."""
+LONGEST: Final = 4096
+"""Characters of a text; no path is longer on Linux."""
 
 _PART = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
 # tomllib needs time and memory that grow with the square of the number of parts of a key
 _LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{DEEPEST}}}")
-
-_SHORT = reprlib.Repr()
-_SHORT.maxstring = _SHORT.maxother = 80
-_SHORT.maxlevel = 3
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -64,33 +55,6 @@ def read_toml(path: Path) -> dict[str, Any]:
     return document
 
 
-def shown(value: object) -> str:
-    """Return a value as it is shown in a message: on one line, and cut where it is long."""
-    return _SHORT.repr(value)
-
-
-def number(value: object) -> float | None:
-    """Return a number as a float, also one that is not finite; None for another kind of value."""
-    return float(value) if type(value) in (int, float) else None  # type: ignore[arg-type]
-
-
-def whole(value: object, least: int, most: int) -> int | None:
-    """Return a whole number between two limits; None for another kind of value."""
-    return value if type(value) is int and least <= value <= most else None
-
-
-def text(value: object) -> str | None:
-    """Return a text that fits on one line, such as a name or a path; None for another kind of value."""
-    return value if isinstance(value, str) and value.isprintable() else None
-
-
-def texts(value: object) -> tuple[str, ...] | None:
-    """Return a list of such texts; None for another kind of value."""
-    if not isinstance(value, list) or any(text(item) is None for item in value):
-        return None
-    return tuple(value)
-
-
 def _check(document: dict[str, Any]) -> None:
     """Raise ValueError for what breaks a limit; not recursive, as the document may be deep."""
     pending: list[tuple[str, Any, int]] = [("", document, 0)]
@@ -117,9 +81,3 @@ def _check_text(place: str, value: str) -> None:
         raise ValueError(f"{place[:200]} has {len(value)} characters, and at most {LONGEST} are read")
     if "\0" in value:
         raise ValueError(f"{place[:200]} has a NUL character")
-
-
-def finite(value: object) -> float | None:
-    """Return a finite number as a float; None for another kind of value."""
-    found = number(value)
-    return found if found is not None and math.isfinite(found) else None
