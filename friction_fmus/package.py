@@ -32,6 +32,7 @@ from friction_fmus.version import VERSION
 from harness import toolchain
 from harness.atomic import atomic_path
 from harness.cache import cached
+from harness.files import read_source, reason
 from harness.platforms import NATIVE, Platform, compiled, native_library, select
 
 SHIPPED = Path(__file__).parent / "fmus"
@@ -194,12 +195,20 @@ def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:
         for header in re.findall(r'^#include\s+"([^"]+)"', text, re.M):
             if header in sources:
                 continue
-            found = next((place / header for place in places if (place / header).is_file()), None)
-            if header not in files and found is None:
+            given = header in files
+            found = None if given else next((p / header for p in places if (p / header).is_file()), None)
+            if found is None and not given:
                 raise BuildError(f"{includer} includes {header!r}, which is neither beside it nor in fmu_src")
-            sources[header] = files[header] if header in files else Path(str(found)).read_text(encoding="utf-8")
+            sources[header] = files[header] if found is None else _header(found)
             pending.append((Path(header), sources[header]))
     return sources
+
+
+def _header(path: Path) -> str:
+    try:
+        return read_source(path)
+    except (OSError, ValueError) as error:
+        raise BuildError(f"{path} cannot be read as C ({reason(error)}); give a text in UTF-8") from error
 
 
 def _key(sources: Mapping[str, str], block: Block, platforms: Sequence[Platform]) -> str:

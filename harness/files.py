@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import errno
+import io
 import stat
 from pathlib import Path
 from typing import Final
@@ -49,3 +51,39 @@ def read_regular(path: Path, largest: int = LARGEST_TEXT) -> bytes:
     if len(content) > largest:  # it has grown, or is one whose size the system does not tell
         raise OSError(errno.EFBIG, f"it has more than {largest} bytes")
     return content
+
+
+def read_source(path: Path) -> str:
+    """Return the text of a file in UTF-8, with the ends of lines as in C.
+
+    Raises
+    ------
+    OSError
+        As of `read_regular`.
+    ValueError
+        If it is no such text.
+    """
+    return read_regular(path).decode("utf-8").replace("\r\n", "\n")
+
+
+def read_csv(path: Path) -> list[list[str]]:
+    """Return the rows of a CSV file in UTF-8 that have cells.
+
+    Raises
+    ------
+    OSError
+        As of `read_regular`.
+    ValueError
+        If it is no text, or no CSV.
+    """
+    text = read_regular(path, LARGEST_DATA).decode("utf-8-sig")
+    try:
+        return [line for line in csv.reader(io.StringIO(text, newline="")) if line]
+    except csv.Error as error:
+        raise ValueError(str(error)) from error
+
+
+def reason(error: Exception) -> str:
+    """Return what an exception says, on one line and without the path that an OSError repeats."""
+    said = error.strerror if isinstance(error, OSError) else None
+    return " ".join((said or str(error)).split()) or type(error).__name__

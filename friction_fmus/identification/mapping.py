@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from harness.files import reason
+from harness.toml_file import read_toml
 
 from .errors import RecordError
 from .quantities import QUANTITY, fits, parse_quantity, times, unit_of
@@ -72,11 +74,11 @@ def load_mapping(path: Path) -> DataMapping:
         The file is missing, is no TOML, or does not say what a mapping says.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = read_toml(path)
     except FileNotFoundError as error:
         raise RecordError(f"There is no file {path}; give the path of a data file or of its mapping.") from error
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise RecordError(f"{path} cannot be read as TOML ({error}); repair it.") from error
+    except (OSError, ValueError) as error:
+        raise RecordError(f"{path} cannot be read as TOML ({reason(error)}); repair it.") from error
     return read_mapping(table, path.parent, str(path))
 
 

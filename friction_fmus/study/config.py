@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 from friction_fmus.errors import FrictionError, nearest
+from harness.files import reason
+from harness.toml_file import read_toml
 
 GAINS: Final[Mapping[str, tuple[str, ...]]] = {"CascadePPI": ("kp", "kv", "ki"), "PID": ("Kp", "Kd", "Ki")}
 """Law of the servo -> names of its gains; the last one may be left out, which is 0."""
@@ -142,9 +143,9 @@ def load_config(what: str | Path) -> StudyConfig:
         choice = ", ".join(RECORDS)
         raise ConfigError(f"There is no file {what}{hint}; give the path of a configuration or one of {choice}.")
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"{path} cannot be read as TOML ({error}); repair it.") from error
+        table = read_toml(path)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path} cannot be read as TOML ({reason(error)}); repair it.") from error
     return parse_config(table, path.parent, str(what))
 
 

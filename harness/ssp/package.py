@@ -17,6 +17,7 @@ from lxml import etree
 from harness.archive import find_outside
 from harness.atomic import atomic_path
 from harness.errors import OutputError, SystemFileError
+from harness.files import require_regular
 
 #: The member that describes the system.
 SSD_NAME: Final = "SystemStructure.ssd"
@@ -41,6 +42,7 @@ class Package:
         """Open and check."""
         self.path = path
         try:
+            require_regular(path)
             self._archive = zipfile.ZipFile(path)
         except OSError as error:
             raise SystemFileError(f"cannot open {path}: {error.strerror}; give the path of an .ssp file") from error

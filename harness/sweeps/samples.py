@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -14,9 +13,11 @@ from numpy.typing import ArrayLike
 
 from harness.archive import parse_value
 from harness.errors import SweepError
+from harness.files import read_csv, reason
 from harness.part import PortType, StartValue
 from harness.ssp import Parameter, ParameterSet, read_ssv
 from harness.system import System
+from harness.values import is_count
 
 Sample: TypeAlias = Mapping[str, StartValue]
 WithUnits: TypeAlias = Mapping[str, StartValue | Parameter]
@@ -121,10 +122,9 @@ def read_csv_samples(path: Path) -> list[dict[str, StartValue]]:
         If the file cannot be read as such a table.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = [line for line in csv.reader(file) if line]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise SweepError(f"cannot read the parameter sets {path}: {error}; give a CSV file") from error
+        lines = read_csv(path)
+    except (OSError, ValueError) as error:
+        raise SweepError(f"cannot read the parameter sets {path}: {reason(error)}; give a CSV file") from error
     if len(lines) < 2:
         raise SweepError(f"{path} holds no parameter sets: give a heading with names and a row for each run")
     names = [name.strip() for name in lines[0]]
@@ -229,9 +229,11 @@ def _parsed(cell: str) -> StartValue:
         return parse_value("Boolean", cell.lower())
     for kind in ("Integer", "Real"):
         try:
-            return parse_value(kind, cell)
+            value = parse_value(kind, cell)
         except ValueError:
             continue
+        if kind == "Real" or is_count(value, -(1 << 63), (1 << 63) - 1):
+            return value
     return cell
 
 
