@@ -17,6 +17,7 @@ from friction_fmus.errors import FrictionError
 from friction_fmus.run_command import open_system
 from harness import Experiment, System, grid, latin_hypercube, read_samples, sobol, sweep
 from harness.sweeps import WithUnits
+from harness.sweeps.samples import check_runs
 
 PATIENCE = 10.0
 """Seconds in which a scheduler must answer."""
@@ -146,6 +147,7 @@ def _samples(options: argparse.Namespace) -> list[WithUnits]:
             continue
         first, last, count, log = _range(text, values)
         if count is not None:
+            check_runs(count)
             listed[name] = (np.geomspace if log else np.linspace)(first, last, count).tolist()
             continue
         ranges[name] = (first, last)
@@ -161,7 +163,9 @@ def _samples(options: argparse.Namespace) -> list[WithUnits]:
         points = read_samples(options.samples)
     elif not listed:
         raise FrictionError(f"nothing is varied: use --vary ({_FORMS}) or --samples FILE")
-    return [{**others, **point} for others in grid(listed) for point in points]
+    rows = grid(listed)
+    check_runs(len(rows) * len(points))
+    return [{**others, **point} for others in rows for point in points]
 
 
 def _assignment(text: str) -> tuple[str, str]:

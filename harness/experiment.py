@@ -75,8 +75,8 @@ class Experiment:
         ratio = (self.stop - self.start) / self.step
         if ratio > MOST_TICKS:
             raise ExperimentError(
-                f"a step of {self.step:.12g} s from {self.start:.12g} to {self.stop:.12g} s makes more than 2^62 steps: "
-                "use a longer step or stop earlier"
+                f"a step of {self.step:.12g} s from {self.start:.12g} to {self.stop:.12g} s makes more than 2^62 "
+                "steps: use a longer step or stop earlier"
             )
         if abs(ratio - round(ratio)) > 1e-6:
             fitting = (self.stop - self.start) / max(1, round(ratio))

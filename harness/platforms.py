@@ -98,9 +98,7 @@ def native_library(sources: Mapping[str, str], name: str, *, headers: bool = Tru
     return _kept(None, NATIVE.suffix, sources, name, headers)[0]
 
 
-def _kept(
-    target: str | None, suffix: str, sources: Mapping[str, str], name: str, headers: bool
-) -> tuple[Path, bytes]:
+def _kept(target: str | None, suffix: str, sources: Mapping[str, str], name: str, headers: bool) -> tuple[Path, bytes]:
     """A library of one architecture in the cache and its content, compiled if it is not there yet or damaged."""
     digest = hashlib.sha256()
     for text in (toolchain.identity(target), name, *(part for item in sorted(sources.items()) for part in item)):

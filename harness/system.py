@@ -25,7 +25,7 @@ from harness.run import Options, run
 from harness.ssp import Parameter, ParameterSet, read_ssp, read_ssv, write_ssp
 from harness.system_file import SystemDescription, read_system, write_system
 from harness.tap import Progress, Tap
-from harness.values import is_count, shown
+from harness.values import is_count, is_line, shown
 from harness.wire import Wire, check_wires, find_part, parse_wire, split_name
 
 
@@ -73,7 +73,7 @@ class System:
         self.name = name
         self.parts: dict[str, Part] = {}
         for part in parts:
-            if not part.name or "." in part.name or part.name != part.name.strip() or not part.name.isprintable():
+            if not part.name or "." in part.name or part.name != part.name.strip() or not is_line(part.name):
                 raise HarnessError(
                     f"{shown(part.name)} cannot be the name of a part: use letters, digits and _, no dot"
                 )

@@ -207,8 +207,7 @@ def _start_values(part: str, entry: Mapping[str, Any], path: Path) -> dict[str, 
     for key, value in table.items():
         if not isinstance(value, (bool, int, float, str)):
             raise SystemFileError(
-                f"start value {key} of part '{part}' in {path} is {shown(value)}: "
-                "give a number, a text, true or false"
+                f"start value {key} of part '{part}' in {path} is {shown(value)}: give a number, a text, true or false"
             )
     return {f"{part}.{key}": value for key, value in table.items()}
 

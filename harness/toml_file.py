@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from harness.files import read_regular
-from harness.values import shown
+from harness.values import is_line, shown
 
 DEEPEST: Final = 20
 """Tables and lists inside each other."""
@@ -32,7 +32,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        Its tables. Whole numbers have 64 bit, keys are printable, no text is longer than `LONGEST` or has a NUL, and
+        Its tables. Whole numbers have 64 bit, keys have no control characters, no text is longer than `LONGEST` or has a NUL, and
         nothing is nested deeper than `DEEPEST`.
 
     Raises
@@ -65,7 +65,7 @@ def _check(document: dict[str, Any]) -> None:
         if isinstance(value, dict):
             for key in value:
                 _check_text(f"a key in {place or 'it'}", key)
-                if not key.isprintable():
+                if not is_line(key):
                     raise ValueError(f"the key {shown(key)} has control characters")
             pending += [(f"{place}.{key}".lstrip("."), item, depth + 1) for key, item in value.items()]
         elif isinstance(value, list):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import reprlib
 from numbers import Integral, Real
 from typing import Any, Final
 
 MOST_TICKS: Final = 1 << 62
 """Ticks of a run: with room for sums in the 64 bit of the engine."""
+
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 80
@@ -36,7 +39,7 @@ def flag(value: object) -> bool | None:
 
 def text(value: object) -> str | None:
     """Return a text that fits on one line, such as a name or a path; None for another kind of value."""
-    return value if isinstance(value, str) and value.isprintable() else None
+    return value if isinstance(value, str) and is_line(value) else None
 
 
 def texts(value: object) -> tuple[str, ...] | None:
@@ -48,6 +51,11 @@ def texts(value: object) -> tuple[str, ...] | None:
 def tables(value: object) -> list[dict[str, Any]] | None:
     """Return a list of tables; None for another kind of value."""
     return value if isinstance(value, list) and all(isinstance(item, dict) for item in value) else None
+
+
+def is_line(value: str) -> bool:
+    """Whether a text has no control characters and stands on one line."""
+    return _CONTROL.search(value) is None
 
 
 def is_number(value: object) -> bool:

@@ -196,3 +196,117 @@ def test_other_commands_with_system_files(tmp_path: Path, command: str) -> None:
     rest = {"doctor": [], "sweep": ["--vary", "mass.m=1,2", "--executor", "serial", "-o", "sweep"]}[command]
     cases = [(label, "odd.toml", text, [command, "odd.toml", *rest]) for label, text in list(systems())[::9]]
     assert run_cases(tmp_path, cases)["sentences"] > 100
+
+
+STUDY = """
+[data]
+{data}
+
+[columns]
+time = {time}
+position = {position}
+force = {force}
+{role}
+
+[windows]
+train = {train}
+validation = {validation}
+
+[servo]
+{servo}
+
+[identify]
+models = {models}
+
+[compensation]
+{compensation}
+{tail}
+"""
+STUDY_GOOD = {
+    "data": 'file = "log.csv"',
+    "time": '{ column = "t", unit = "s" }',
+    "position": '{ column = "x", unit = "mm" }',
+    "force": '{ column = "u", unit = "V", gain = "35.15 N/V", sign = -1 }',
+    "role": "",
+    "train": "[0.0, 1.0]",
+    "validation": "[1.0, 2.0]",
+    "servo": 'law = "PID"\nKp = 1e4\nKd = 100.0\nTs = 1e-3\nforce_limit = 50.0',
+    "models": '["LuGre"]',
+    "compensation": "",
+    "tail": "",
+}
+SERVO = {"law": '"PID"', "Kp": "1e4", "Kd": "100.0", "Ts": "1e-3", "force_limit": "50.0"}
+
+
+def studies() -> Iterator[tuple[str, str]]:
+    """Label and text of each configuration of a study."""
+    for odd, value in ODD.items():
+        for key in ("time", "position", "force", "train", "validation", "models"):
+            yield f"{key} = {odd}", STUDY.format(**STUDY_GOOD | {key: value})
+        for key in ("column", "unit", "gain", "sign", "period"):
+            entry = {"column": '"u"', "unit": '"V"'} | {key: value}
+            text = "{ " + ", ".join(f"{name} = {item}" for name, item in entry.items()) + " }"
+            yield f"force.{key} = {odd}", STUDY.format(**STUDY_GOOD | {"force": text})
+            yield f"time.{key} = {odd}", STUDY.format(**STUDY_GOOD | {"time": text.replace('"V"', '"s"')})
+        for key in ("law", "Kp", "Kd", "Ki", "Ts", "force_limit", "window", "quantum", "velocity_feedforward", "mass"):
+            text = "\n".join(f"{name} = {item}" for name, item in (SERVO | {key: value}).items())
+            yield f"servo.{key} = {odd}", STUDY.format(**STUDY_GOOD | {"servo": text})
+        for key in ("compensators", "gains", "mismatch", "motion_feedforward", "duration", "unknown"):
+            yield f"compensation.{key} = {odd}", STUDY.format(**STUDY_GOOD | {"compensation": f"{key} = {value}"})
+        for key in ("file", "name", "citation", "record"):
+            text = f"{key} = {value}" + ("" if key in ("file", "record") else '\nfile = "log.csv"')
+            yield f"data.{key} = {odd}", STUDY.format(**STUDY_GOOD | {"data": text})
+        for key in ("data", "columns", "windows", "servo", "identify", "unknown"):
+            yield f"{key} itself = {odd}", f'{key} = {value}\n[compensation]\n[data2]\nfile = "log.csv"\n'
+            yield f"{key} alone = {odd}", f'{key} = {value}\n[data]\nfile = "log.csv"\n' * (key != "data")
+        yield f"window of = {odd}", STUDY.format(**STUDY_GOOD | {"train": f"[0.0, {value}]"})
+        yield f"role = {odd}", STUDY.format(**STUDY_GOOD | {"role": f"reference = {value}"})
+    yield "a header with many parts", "[" + "a." * 100_000 + "a]\n"
+
+
+def test_studies_and_mappings(tmp_path: Path) -> None:
+    """The record is too short for a study, so that each ends with a sentence."""
+    (tmp_path / "log.csv").write_text("t,x,u\n0,1,2\n")
+    cases = [(label, "odd.toml", text, ["study", "odd.toml", "-o", "out"]) for label, text in list(studies())[::2]]
+    mapped = [(label, text) for label, text in studies() if not label.startswith(("servo", "compensation"))]
+    for label, text in mapped[1::4]:
+        text = text.replace("[compensation]", "").partition("[servo]")[0]
+        cases.append((f"identify, {label}", "odd.toml", text, ["identify", "odd.toml", "--model", "LuGre", "-o", "fit"]))
+    counts = run_cases(tmp_path, cases)
+    assert counts["runs"] == 0 and counts["sentences"] > 1000
+
+
+CELLS = (
+    *("1", "-1", "0", "1e300", "-1e999", "nan", "inf", "", " ", "true", "x", "'", '""', "1_000", "0x10", "1e-320"),
+    *(str(2**31), str(2**53 + 1), str(2**63 - 1), str(2**63), "9" * 400, "9" * 5000, "x" * 200_000, "[/b]", "\0", "\x1b[1m"),
+    *("=1+1", "@a", "1;2", '"a', "a\rb", "\ud800".encode("utf-8", "surrogatepass").decode("latin-1"), "٣", "1.0,2.0"),
+)
+NAMES = ("mass.m", "friction.sigma0", "step", "stop", "master", "mass.none", "none.m", "x", "", ".", "mass.", "time", "start")
+
+
+def test_parameter_sets_of_sweeps(tmp_path: Path) -> None:
+    build("LuGre", tmp_path)
+    (tmp_path / "record.csv").write_text("time [s],F [N]\n0,1\n2,1\n")
+    (tmp_path / "system.toml").write_text(SYSTEM.format(**GOOD))
+    own = ["--executor", "serial", "-o"]
+    cases = []
+    for number, (name, cell) in enumerate((name, cell) for name in NAMES for cell in CELLS):
+        table = ["sweep", "system.toml", "--samples", "odd.csv", *own, f"table{number}"]
+        cases.append((f"{name} = {cell[:50]!r} in a table", "odd.csv", f"{name}\n{cell}\n", table))
+        if number % 3 == 0:
+            varied = ["sweep", "system.toml", f"--vary={name}={cell[:5000]}", *own, f"option{number}"]
+            cases.append((f"--vary {name}={cell[:50]!r}", "unused", "", varied))
+    for number, cell in enumerate(CELLS):
+        for form in (f"mass.m=1:2:{cell}", f"mass.m=1:{cell}:3", f"mass.m={cell}:2:3:log", f"mass.m={cell}:3"):
+            rest = ["--sobol", "4"] if form.count(":") == 1 else []
+            ranged = ["sweep", "system.toml", f"--vary={form}", *rest, *own, f"range{number}-{form.find(cell)}"]
+            cases.append((f"--vary {form[:50]}", "unused", "", ranged))
+        for option in ("--latin-hypercube", "--sobol", "--seed"):
+            points = [] if option != "--seed" else ["--sobol=2"]
+            given = ["sweep", "system.toml", "--vary=mass.m=1:2", *points, f"{option}={cell[:5000]}", "-o", "o"]
+            if cell.lstrip("-").isdecimal() and len(cell) < 400:  # others are refused by argparse
+                cases.append((f"{option} {cell[:50]}", "unused", "", [*given, "--executor=serial", "--stop=-1"]))
+    for text in ("", "mass.m\n", "\n\n", "mass.m,mass.m\n1,2\n", "mass.m,mass.k\n1\n", "\0", "mass.m\n" + "1\n" * 3 + "true\n"):
+        table = ["sweep", "system.toml", "--samples", "odd.csv", *own, f"whole{len(cases)}"]
+        cases.append((f"the table {text[:30]!r}", "odd.csv", text, table))
+    assert run_cases(tmp_path, cases)["sentences"] > 200
