@@ -32,7 +32,8 @@ def read_toml(path: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        Its tables. Whole numbers have 64 bit, keys have no control characters, no text is longer than `LONGEST` or has a NUL, and
+        Its tables. Whole numbers have 64 bit, keys have no control characters, no text is longer than `LONGEST` or
+        has a NUL, and
         nothing is nested deeper than `DEEPEST`.
 
     Raises

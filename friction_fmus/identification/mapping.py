@@ -180,9 +180,7 @@ def _column(role: str, value: Any, origin: str) -> Column:
         raise RecordError(f"{where} has sign = {shown(sign)}; give 1 or -1.")
     if not isinstance(gain := value.get("gain", ""), str) and number(gain) is None:
         raise RecordError(f"{where} has gain = {shown(gain)}; give a number with its unit, such as '35.15 N/V'.")
-    found = Column(
-        value.get("column", ""), value.get("unit", ""), str(gain), int(sign), value.get("period", "")
-    )
+    found = Column(value.get("column", ""), value.get("unit", ""), str(gain), int(sign), value.get("period", ""))
     _check_units(role, found, where)
     return found
 

@@ -40,7 +40,9 @@ def check_runs(count: int) -> None:
         If there are more than `MOST_RUNS`.
     """
     if count > MOST_RUNS:
-        raise SweepError(f"the sweep would have {count} runs, and {MOST_RUNS} are the most: vary less, or more coarsely")
+        raise SweepError(
+            f"the sweep would have {count} runs, and {MOST_RUNS} are the most: vary less, or more coarsely"
+        )
 
 
 def grid(values: Mapping[str, ArrayLike]) -> list[dict[str, StartValue]]:

@@ -116,9 +116,7 @@ def test_states_of_another_size(good: Path) -> None:
             assert "\n" not in str(caught.value)
 
 
-def test_memory_of_another_type_changes_no_part(
-    good: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_memory_of_another_type_changes_no_part(good: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def change(members: dict[str, bytes]) -> None:
         header = json.loads(members["checkpoint.json"])
         name = next(iter(header["memory"]))

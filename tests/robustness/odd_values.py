@@ -60,9 +60,7 @@ def main_of(folder: Path) -> None:
             (folder / name).write_text(content, encoding="utf-8", errors="surrogateescape")
             (folder / "current").write_text(label)
             status, said = outcome(arguments)
-            sentence = (
-                status == 2 and said.startswith("friction-fmus: ") and said.count("\n") == 1 and len(said) < 9999
-            )
+            sentence = status == 2 and said.startswith("friction-fmus: ") and said.count("\n") == 1 and len(said) < 9999
             counts["runs" if status in (0, 1) else "sentences" if sentence else "bad"] += 1
             if status not in (0, 1) and not sentence:
                 bad.write(json.dumps([label, status, said[-1500:]]) + "\n")

@@ -271,29 +271,60 @@ def test_studies_and_mappings(tmp_path: Path) -> None:
     mapped = [(label, text) for label, text in studies() if not label.startswith(("servo", "compensation"))]
     for label, text in mapped[1::4]:
         text = text.replace("[compensation]", "").partition("[servo]")[0]
-        cases.append((f"identify, {label}", "odd.toml", text, ["identify", "odd.toml", "--model", "LuGre", "-o", "fit"]))
+        cases.append(
+            (f"identify, {label}", "odd.toml", text, ["identify", "odd.toml", "--model", "LuGre", "-o", "fit"])
+        )
     counts = run_cases(tmp_path, cases)
     assert counts["runs"] == 0 and counts["sentences"] > 1000
 
 
+ALONE = """
+wires = []
+experiment = { stop = 0.002, step = 1e-3 }
+parts.mass = { model = "Mass", start = { F_drive = 1.0, F_friction = 0.0 } }
+"""
 CELLS = (
     *("1", "-1", "0", "1e300", "-1e999", "nan", "inf", "", " ", "true", "x", "'", '""', "1_000", "0x10", "1e-320"),
-    *(str(2**31), str(2**53 + 1), str(2**63 - 1), str(2**63), "9" * 400, "9" * 5000, "x" * 200_000, "[/b]", "\0", "\x1b[1m"),
+    *(
+        str(2**31),
+        str(2**53 + 1),
+        str(2**63 - 1),
+        str(2**63),
+        "9" * 400,
+        "9" * 5000,
+        "x" * 200_000,
+        "[/b]",
+        "\0",
+        "\x1b[1m",
+    ),
     *("=1+1", "@a", "1;2", '"a', "a\rb", "\ud800".encode("utf-8", "surrogatepass").decode("latin-1"), "٣", "1.0,2.0"),
 )
-NAMES = ("mass.m", "friction.sigma0", "step", "stop", "master", "mass.none", "none.m", "x", "", ".", "mass.", "time", "start")
+NAMES = (
+    "mass.m",
+    "mass.F_drive",
+    "step",
+    "stop",
+    "master",
+    "mass.none",
+    "none.m",
+    "x",
+    "",
+    ".",
+    "mass.",
+    "time",
+    "start",
+)
 
 
 def test_parameter_sets_of_sweeps(tmp_path: Path) -> None:
-    build("LuGre", tmp_path)
-    (tmp_path / "record.csv").write_text("time [s],F [N]\n0,1\n2,1\n")
-    (tmp_path / "system.toml").write_text(SYSTEM.format(**GOOD))
+    (tmp_path / "system.toml").write_text(ALONE)
     own = ["--executor", "serial", "-o"]
     cases = []
     for number, (name, cell) in enumerate((name, cell) for name in NAMES for cell in CELLS):
-        table = ["sweep", "system.toml", "--samples", "odd.csv", *own, f"table{number}"]
-        cases.append((f"{name} = {cell[:50]!r} in a table", "odd.csv", f"{name}\n{cell}\n", table))
-        if number % 3 == 0:
+        if number % 2 == 0:
+            table = ["sweep", "system.toml", "--samples", "odd.csv", *own, f"table{number}"]
+            cases.append((f"{name} = {cell[:50]!r} in a table", "odd.csv", f"{name}\n{cell}\n", table))
+        if number % 5 == 0:
             varied = ["sweep", "system.toml", f"--vary={name}={cell[:5000]}", *own, f"option{number}"]
             cases.append((f"--vary {name}={cell[:50]!r}", "unused", "", varied))
     for number, cell in enumerate(CELLS):
@@ -306,7 +337,15 @@ def test_parameter_sets_of_sweeps(tmp_path: Path) -> None:
             given = ["sweep", "system.toml", "--vary=mass.m=1:2", *points, f"{option}={cell[:5000]}", "-o", "o"]
             if cell.lstrip("-").isdecimal() and len(cell) < 400:  # others are refused by argparse
                 cases.append((f"{option} {cell[:50]}", "unused", "", [*given, "--executor=serial", "--stop=-1"]))
-    for text in ("", "mass.m\n", "\n\n", "mass.m,mass.m\n1,2\n", "mass.m,mass.k\n1\n", "\0", "mass.m\n" + "1\n" * 3 + "true\n"):
+    for text in (
+        "",
+        "mass.m\n",
+        "\n\n",
+        "mass.m,mass.m\n1,2\n",
+        "mass.m,mass.k\n1\n",
+        "\0",
+        "mass.m\n" + "1\n" * 3 + "true\n",
+    ):
         table = ["sweep", "system.toml", "--samples", "odd.csv", *own, f"whole{len(cases)}"]
         cases.append((f"the table {text[:30]!r}", "odd.csv", text, table))
-    assert run_cases(tmp_path, cases)["sentences"] > 200
+    assert run_cases(tmp_path, cases)["sentences"] > 100
