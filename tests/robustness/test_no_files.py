@@ -10,6 +10,9 @@ import pytest
 from test_odd_values import ROOT, run_cases
 
 from friction_fmus import BuildError, build
+from friction_fmus.identification import text_table
+from friction_fmus.identification.errors import RecordError
+from friction_fmus.identification.tables import read_table
 
 FILES: dict[str, list[str]] = {
     "run {}.toml -o out.csv": ["toml"],
@@ -55,10 +58,7 @@ def test_devices_pipes_and_folders(folder: Path) -> None:
 
 
 def test_large_files_and_texts_that_are_none(folder: Path) -> None:
-    with gzip.open(folder / "large.txt.gz", "wb", 1) as file:
-        for _ in range(1025):
-            file.write(bytes(1 << 20))
-    commands = ["identify large.txt.gz --model LuGre -o out"]
+    commands = []
     for name in ("large.toml", "large.c", "large.py"):
         with (folder / name).open("wb") as file:
             file.truncate(1 << 23)
@@ -70,6 +70,14 @@ def test_large_files_and_texts_that_are_none(folder: Path) -> None:
     commands += ["show large.c", "show large.py"]
     counts = run_cases(folder, [(command, "unused", "", command.split()) for command in commands])
     assert counts == {"runs": 0, "sentences": len(commands), "bad": 0}
+
+
+def test_a_text_that_unpacks_to_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(text_table, "LARGEST_DATA", 1 << 20)
+    with gzip.open(tmp_path / "large.txt.gz", "wb") as file:
+        file.write(bytes((1 << 20) + 1))
+    with pytest.raises(RecordError, match=r"large\.txt\.gz holds more than 1048576 bytes of text"):
+        read_table(tmp_path / "large.txt.gz")
 
 
 def test_a_header_that_is_no_text(tmp_path: Path) -> None:

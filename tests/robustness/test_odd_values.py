@@ -327,7 +327,7 @@ def test_parameter_sets_of_sweeps(tmp_path: Path) -> None:
         if number % 5 == 0:
             varied = ["sweep", "system.toml", f"--vary={name}={cell[:5000]}", *own, f"option{number}"]
             cases.append((f"--vary {name}={cell[:50]!r}", "unused", "", varied))
-    for number, cell in enumerate(CELLS):
+    for number, cell in enumerate(cell for cell in CELLS if len(cell) <= 5000 and cell != "1_000"):
         for form in (f"mass.m=1:2:{cell}", f"mass.m=1:{cell}:3", f"mass.m={cell}:2:3:log", f"mass.m={cell}:3"):
             rest = ["--sobol", "4"] if form.count(":") == 1 else []
             ranged = ["sweep", "system.toml", f"--vary={form}", *rest, *own, f"range{number}-{form.find(cell)}"]
