@@ -12,6 +12,7 @@ from typing import Any
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.law_block import block_source
 from friction_fmus.law_files import discover_laws
+from harness.files import read_source, reason
 
 KINDS = {"friction": "friction", "plants": "plant", "controllers": "controller", "signals": "signal"}
 """Folder of ``fmu_src`` -> kind of block; laws come from ``friction_fmus/laws``."""
@@ -92,7 +93,10 @@ def read_c_block(path: Path, kind: str) -> Block:
     FrictionError
         If the file lacks ``MODEL`` or ``VARIABLES`` and so is not a block.
     """
-    code = path.read_text(encoding="utf-8")
+    try:
+        code = read_source(path)
+    except (OSError, ValueError) as error:
+        raise FrictionError(f"{path} cannot be read as C ({reason(error)}); give a text in UTF-8") from error
     name = re.search(r"^#define\s+MODEL\s+(\w+)\s*$", code, re.M)
     if not name or not re.search(r"^#define\s+VARIABLES\b", code, re.M):
         raise FrictionError(f"{path} is not a block: it needs `#define MODEL name` and `#define VARIABLES`")

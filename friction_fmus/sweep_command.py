@@ -18,6 +18,7 @@ from friction_fmus.terminal import console, literal_console
 from harness import Experiment, System, grid, latin_hypercube, read_samples, sobol, sweep
 from harness.coupling import WRONG
 from harness.sweeps import WithUnits
+from harness.sweeps.samples import check_runs
 
 PATIENCE = 10.0
 """Seconds in which a scheduler must answer."""
@@ -157,6 +158,7 @@ def _samples(options: argparse.Namespace) -> list[WithUnits]:
             continue
         first, last, count, log = _range(text, values)
         if count is not None:
+            check_runs(count)
             listed[name] = (np.geomspace if log else np.linspace)(first, last, count).tolist()
             continue
         ranges[name] = (first, last)
@@ -172,7 +174,9 @@ def _samples(options: argparse.Namespace) -> list[WithUnits]:
         points = read_samples(options.samples)
     elif not listed:
         raise FrictionError(f"nothing is varied: use --vary ({_FORMS}) or --samples FILE")
-    return [{**others, **point} for others in grid(listed) for point in points]
+    rows = grid(listed)
+    check_runs(len(rows) * len(points))
+    return [{**others, **point} for others in rows for point in points]
 
 
 def _assignment(text: str) -> tuple[str, str]:

@@ -143,9 +143,10 @@ class Coupling:
         return dict(worst)
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
-        """What has been measured, for a checkpoint: views of the data, all but the places of the inputs."""
+        """What has been measured, for a checkpoint: views of the data, all but the places in other tables."""
         defects = bytes_of(self._defects).reshape(-1, ctypes.sizeof(Defect))
-        return {"defects": defects[:, 8:], "pairs": bytes_of(self._pair_data)}
+        pairs = bytes_of(self._pair_data).reshape(-1, ctypes.sizeof(Pair))
+        return {"defects": defects[:, 8:], "pairs": pairs[:, Pair.made.offset :]}
 
     def _shown(self, wire: MovingWire) -> str:
         return f"{self.names[wire.output]} -> {self.names[wire.input]}"

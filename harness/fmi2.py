@@ -18,6 +18,7 @@ from harness.archive import Archive
 from harness.atomic import FULL
 from harness.errors import FmuError, PartError
 from harness.scratch import ScratchFolder
+from harness.shared_library import missing_bytes
 from harness.zip_file import ZipError, open_zip, unpack_zip
 
 FATAL: Final = 4
@@ -71,6 +72,7 @@ class Library:
             try:
                 with open_zip(archive.path) as members:
                     unpack_zip(members, Path(folder.name))
+                _refuse_truncated(Path(folder.name) / "binaries" / fmpy.platform)
                 self.slave = fmpy.fmi2.FMU2Slave(
                     instanceName=name,
                     guid=archive.description.guid,
@@ -100,6 +102,14 @@ class Library:
         self.do_step = _pointer(self.slave.dll, "fmi2DoStep", _DO_STEP)
         self.addresses = {name: _address(self.slave.dll, f"fmi2{name}") for name in _NATIVE}
         self.close = weakref.finalize(self, _unload, self.slave.dll._handle, folder)
+
+
+def _refuse_truncated(folder: Path) -> None:
+    """Raise ValueError for a library that ends too early: to load it, or one that needs it, would end the process."""
+    for path in sorted(path for path in folder.iterdir() if path.is_file()):
+        missing = missing_bytes(path)
+        if missing:
+            raise ValueError(f"its library {path.name} is truncated, {missing} bytes are missing at the end")
 
 
 def _address(library: Any, function: str) -> int:

@@ -19,6 +19,7 @@ from harness.errors import HarnessError, PartError, not_whole
 from harness.part import TYPE_ORDER, Native, Values
 from harness.plan import GET, SET, STEP, Plan
 from harness.platforms import NATIVE, native_library
+from harness.shared_library import missing_bytes
 from harness.wire import split_name
 
 SAVE: Final = 3
@@ -76,7 +77,8 @@ def library() -> ctypes.CDLL:
     """The compiled engine: the one of the wheel, or one built from the sources and kept in the cache."""
     folder = Path(__file__).parent / "engine"
     shipped = folder / "binaries" / NATIVE.folder / f"engine{NATIVE.suffix}"
-    engine = ctypes.CDLL(str(shipped if shipped.is_file() else native_library(sources(), "engine", headers=False)))
+    whole = shipped.is_file() and missing_bytes(shipped) == 0
+    engine = ctypes.CDLL(str(shipped if whole else native_library(sources(), "engine", headers=False)))
     engine.engine_run.restype = _INT
     engine.engine_run.argtypes = (_POINTER, _INT, _INT)
     engine.engine_drive.restype = _INT
