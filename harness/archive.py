@@ -196,6 +196,7 @@ def _port(variable: Any, units: Mapping[str, Any]) -> Port:
         description=variable.description or "",
         base=None if base is None else _base_unit(base),
         items=tuple((item.name, int(item.value)) for item in (declared.items if declared is not None else ())),
+        held=variable.variability == "discrete",
     )
 
 

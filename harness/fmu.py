@@ -103,7 +103,7 @@ class FmuPart(Part):
         )
         self.dependencies = _dependencies(self._archive)
         self.identity = str(self._archive.description.guid)
-        self.sampled = bool(self.outputs) and all(variables[p.name].variability == "discrete" for p in self.outputs)
+        self.sampled = bool(self.outputs) and all(port.held for port in self.outputs)
 
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]

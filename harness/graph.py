@@ -99,19 +99,15 @@ def check_loops(parts: Mapping[str, Part], wires: Sequence[Wire], *, implicit: b
     """
     closing = instantaneous(parts, wires)
     if implicit:
-        closing = [wire for wire in closing if not all(_moves(parts[part]) for part, _ in wire.ends)]
+        closing = [wire for wire in closing if not all(parts[part].moves for part, _ in wire.ends)]
     loop = find_loop(direct_edges(parts, closing))
     if loop:
         flow = [name for wire in loop for name in (wire.source, wire.target)] + [loop[0].source]
-        remedy = "" if implicit or not all(_moves(parts[wire.ends[0][0]]) for wire in loop) else ", or use newton"
+        remedy = "" if implicit or not all(parts[wire.ends[0][0]].moves for wire in loop) else ", or use newton"
         raise AlgebraicLoopError(
             f"algebraic loop: {' -> '.join(flow)}: put a part with a state, a sampled part or a wire with a delay "
             f"into it{remedy}"
         )
-
-
-def _moves(part: Part) -> bool:
-    return not part.sampled and part.every == 1
 
 
 def stepping_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[str]:

@@ -24,7 +24,7 @@ class Moving(ctypes.Structure):
 
     _fields_ = (
         *((name, _INT) for name in ("inner", "unknown")),
-        *((name, _REAL) for name in ("u0", "q0", "u1", "q1", "scale", "gain", "offset")),
+        *((name, _REAL) for name in ("u0", "q0", "u1", "q1", "scale", "debt", "gain", "offset")),
     )
 
 
@@ -34,6 +34,16 @@ class Group(ctypes.Structure):
     _fields_ = tuple((name, _INT) for name in ("first", "count", "is_loop", "unknown", "unknowns"))
 
 
+class Guard(ctypes.Structure):
+    """``Guard`` of newton.h."""
+
+    _fields_ = (
+        *((name, _INT) for name in ("alarm", "patience", "next", "last", "recurrences", "calm")),
+        *((name, _INT) for name in ("checks", "unresolved", "missed", "line", "hopeless")),
+        *((name, _REAL) for name in ("apart", "limit", "time")),
+    )
+
+
 class NewtonData(ctypes.Structure):
     """``Newton`` of newton.h."""
 
@@ -41,10 +51,10 @@ class NewtonData(ctypes.Structure):
         ("groups", _POINTER),
         ("group_count", _INT),
         *((name, _POINTER) for name in ("order", "continuous", "moving", "unknowns")),
-        *((name, _POINTER) for name in ("w", "w_last", "trend", "scale", "r", "work", "inverse")),
+        *((name, _POINTER) for name in ("w", "w_last", "trend", "scale", "surprise", "growth", "r", "work", "inverse")),
         ("most_unknowns", _INT),
         *((name, _REAL) for name in ("tolerance", "error")),
-        *((name, _POINTER) for name in ("proposed", "before")),
+        *((name, _POINTER) for name in ("proposed", "before", "guards", "kept_lines", "kept")),
         ("worst_residual", _REAL),
         *((name, _INT) for name in ("jumped", "evaluations", "substeps", "rejected")),
     )
@@ -117,19 +127,21 @@ class Loops:
             gain, offset = float(plan.gains[wire.input]), float(plan.offsets[wire.input])
             value = map_of(gain, offset, float(plan.signals[wire.output]))
             unknown = numbers[wire.output] if back else -1
-            moving.append(Moving(wire in inner, unknown, value, value, value, value, abs(value), gain, offset))
+            moving.append(Moving(wire in inner, unknown, value, value, value, value, abs(value), 0.0, gain, offset))
         attach_lines(engine, wires)
         most = max([int(row.unknowns) for row in rows], default=0)
         n = len(unknowns)
-        self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale")}
+        self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale", "surprise", "growth")}
         self._memory["w"][:] = self._memory["w_last"][:] = plan.signals[unknowns]
         self._memory["scale"][:] = np.abs(plan.signals[unknowns])
         self._memory["inverse"] = np.tile(-np.eye(most), (len(rows), 1))
         self._memory["proposed"], self._memory["before"] = np.zeros(len(rows)), np.zeros(len(rows))
         data = self.data = NewtonData()
         keep = engine.keep
-        self._arrays = ((Group * len(rows))(*rows), (Moving * max(1, len(moving)))(*moving))
-        data.groups, data.moving = (ctypes.addressof(array) for array in self._arrays)
+        places = Moving * max(1, len(moving))
+        self._arrays = ((Group * len(rows))(*rows), places(*moving), (Guard * len(rows))(), places())
+        data.groups, data.moving, data.guards, data.kept_lines = (ctypes.addressof(array) for array in self._arrays)
+        data.kept = keep(np.zeros(6 * most + most * most + 2 * len(moving)))
         data.group_count = len(rows)
         data.order = keep(np.array(order, dtype=np.int64))
         data.continuous = keep(np.array([moves(plan, part) for part in range(len(plan.parts))], dtype=np.int64))
@@ -143,12 +155,14 @@ class Loops:
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
         """What the loops remember from step to step, for a checkpoint: views of the data."""
-        return {**self._memory, "moving": bytes_of(self._arrays[1])}
+        return {**self._memory, "moving": bytes_of(self._arrays[1]), "guards": bytes_of(self._arrays[2])}
 
     def attributes(self) -> dict[str, str | float]:
         """Evaluations and inner steps of all loops, and how often a step was taken back."""
         data = self.data
-        return {"evaluations": data.evaluations, "substeps": data.substeps, "rejected": data.rejected}
+        totals = {name: sum(getattr(g, name) for g in self._arrays[2]) for name in ("checks", "unresolved", "missed")}
+        totals["debt"] = max([m.debt / m.scale for m in self._arrays[1] if m.scale > 0.0], default=0.0)
+        return {"evaluations": data.evaluations, "substeps": data.substeps, "rejected": data.rejected, **totals}
 
     def failure(self, number: int, time: float) -> ExperimentError:
         """The error of a loop that does not converge."""

@@ -22,6 +22,7 @@ from harness.wire import split_name
 
 SAVE: Final = 3
 RESTORE: Final = 4
+SWAP: Final = 6
 NOT_WHOLE: Final = 100
 NOT_CONVERGED: Final = 101
 _TYPES = TYPE_ORDER[:3]
@@ -37,7 +38,7 @@ class EnginePart(ctypes.Structure):
         ("call", _POINTER),
         ("component", _POINTER),
         *((name, _POINTER * 3) for name in ("set", "get")),
-        *((name, _POINTER) for name in ("do_step", "get_state", "set_state", "set_slopes", "state")),
+        *((name, _POINTER) for name in ("do_step", "get_state", "set_state", "set_slopes", "state", "other_state")),
         *((name, _POINTER) for name in ("input_references", "output_references")),
         *((name, _INT * 4) for name in ("inputs", "outputs")),
         *((name, _POINTER) for name in ("whole", "orders", "slopes")),
@@ -234,7 +235,7 @@ class Engine:
     def _callback(self, index: int) -> int:
         """The operations of a part in Python as one C function; its exception is kept and raised after the run."""
         calls, part = self.plan.calls[index], self.plan.parts[index]
-        state: list[object] = [None]
+        state: list[object] = [None, None]
 
         def save(_t: float, _h: float) -> None:
             state[0] = part.save(state[0])
@@ -245,6 +246,7 @@ class Engine:
             GET: lambda t, h: calls.get(),
             SAVE: save,
             RESTORE: lambda t, h: part.restore(state[0]),
+            SWAP: lambda t, h: state.reverse(),
         }
 
         def call(operation: int, t: float, h: float) -> int:

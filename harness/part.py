@@ -40,6 +40,8 @@ class Port:
         The unit in base units; None means that it follows from the unit's name.
     items : tuple of (str, int)
         Names and values of an enumeration, which is an Integer here.
+    held : bool
+        Whether an output is constant between instants at which it jumps (FMI: discrete variability).
     """
 
     name: str
@@ -49,6 +51,7 @@ class Port:
     description: str = ""
     base: BaseUnit | None = None
     items: tuple[tuple[str, int], ...] = ()
+    held: bool = False
 
     @property
     def optional(self) -> bool:
@@ -143,6 +146,11 @@ class Part(ABC):
     dependencies: Mapping[str, frozenset[str]]
     sampled: bool = False
     every: int = 1
+
+    @property
+    def moves(self) -> bool:
+        """Whether outputs may change continuously from tick to tick."""
+        return not self.sampled and self.every == 1 and not (self.outputs and all(port.held for port in self.outputs))
 
     @abstractmethod
     def enter_initialisation(
