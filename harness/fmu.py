@@ -7,12 +7,16 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from harness.archive import Archive, open_archive
 from harness.errors import HarnessError, PartError, StartValueError, not_whole
 from harness.fmi2 import Instance, Library
 from harness.part import Calls, Native, Part, Port, StartValue, Values
+from harness.values import is_number, shown
+
+LONGEST_TIMEOUT: Final = 1e6
+"""Seconds; more does not fit into the clocks of all systems."""
 
 
 class FmuPart(Part):
@@ -33,7 +37,7 @@ class FmuPart(Part):
         path.
     isolate : bool
         Whether the FMU runs in a process of its own, so that one that crashes, exits or hangs ends its run with a
-        `PartError` and not the program.
+        `PartError` and not the program. It protects against accidents, not against malice.
     timeout : float
         How long such a process may take for one call [s].
 
@@ -78,8 +82,11 @@ class FmuPart(Part):
         timeout: float = 10.0,
     ) -> None:
         """Check the file and read its description."""
-        if not (timeout > 0.0 and math.isfinite(timeout)):
-            raise HarnessError(f"the timeout of '{name}' is {timeout}: give a positive number of seconds")
+        if not (is_number(timeout) and 0.0 < timeout <= LONGEST_TIMEOUT):
+            raise HarnessError(
+                f"the timeout of '{name}' is {shown(timeout)}: "
+                f"give a positive number of seconds, up to {LONGEST_TIMEOUT:.0f}"
+            )
         self.name = name
         self.keep: object = None
         self.isolate = isolate
@@ -97,11 +104,15 @@ class FmuPart(Part):
         numeric = [name for name in ports if ports[name].type != "String"]
         self.inputs = tuple(ports[name] for name in numeric if variables[name].causality == "input")
         self.outputs = tuple(ports[name] for name in numeric if variables[name].causality == "output")
-        self.parameters = tuple(ports[name] for name in ports if _is_parameter(variables[name]))
+        self.parameters = tuple(
+            port for name, port in ports.items() if _is_parameter(variables[name]) or _is_text_input(variables[name])
+        )
         self.observables = tuple(
             ports[name] for name in numeric if variables[name].causality not in {"input", "output"}
         )
-        self.dependencies = _dependencies(self._archive)
+        self.dependencies, self.undeclared = _dependencies(self._archive)
+        self.strict = str(self._archive.description.generationTool or "").startswith("friction-fmus")
+        self.saves = bool(self._archive.description.coSimulation.canGetAndSetFMUstate)
         self.identity = str(self._archive.description.guid)
         self.sampled = bool(self.outputs) and all(port.held for port in self.outputs)
 
@@ -149,7 +160,7 @@ class FmuPart(Part):
             [ports[name].type for name in inputs],
             [ports[name].type for name in outputs],
             bool(flags.canInterpolateInputs),
-            bool(flags.canGetAndSetFMUstate),
+            self.saves,
             instance.failure,
         )
 
@@ -160,7 +171,7 @@ class FmuPart(Part):
 
     def save(self, state: object | None = None) -> object:
         """Copy the state of the FMU with fmi2GetFMUstate."""
-        if not self._archive.description.coSimulation.canGetAndSetFMUstate:
+        if not self.saves:
             raise PartError(self.name, "fmi2GetFMUstate", "this FMU declares that it cannot save its state")
         if not isinstance(state, _State):
             state = _State()
@@ -229,6 +240,11 @@ class FmuPart(Part):
         make = partial(FmuPart, every=self.every, model=self.model, isolate=self.isolate, timeout=self.timeout)
         return make, (self.name, self.path.absolute())
 
+    @property
+    def folder(self) -> Path | None:
+        """Where it is unpacked to, once it has been run."""
+        return None if self._library is None else self._library.folder
+
     def _started(self) -> Instance:
         if self._instance is None:
             raise HarnessError(f"part '{self.name}' is not running: initialise it first")
@@ -240,21 +256,21 @@ class FmuPart(Part):
         try:
             buffer: Any
             if port.type == "String":
-                buffer = (ctypes.c_char_p * 1)(str(value).encode())
+                buffer = (ctypes.c_char_p * 1)(_text(value))
             elif port.type == "Real":
                 buffer = (ctypes.c_double * 1)(float(value))
             else:
                 buffer = (ctypes.c_int * 1)(_whole(value))
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise StartValueError(
-                f"start value {value!r} of {self.name}.{port.name} is no {port.type}: give a {port.type}"
+                f"start value {shown(value)} of {self.name}.{port.name} is no {port.type}: give a {port.type}"
             ) from error
         try:
             instance.last_message = ""
             instance.call(f"Set{port.type}", reference, 1, buffer)
         except PartError as error:
             raise StartValueError(
-                f"{self.name} refused the start value {value!r} of {port.name}: {error.reason}; "
+                f"{self.name} refused the start value {shown(value)} of {port.name}: {error.reason}; "
                 "give a value in the range that its description states"
             ) from error
 
@@ -320,10 +336,17 @@ class _State:
 
 
 def _whole(value: StartValue) -> int:
-    """An Integer or Boolean value as an int, refused if it is something else."""
-    if isinstance(value, str) or value != int(value):
+    """An Integer or Boolean value as an int, refused if it is something else or has more than 32 bit."""
+    if isinstance(value, str) or value != int(value) or not -(1 << 31) <= value < 1 << 31:
         raise ValueError(value)
     return int(value)
+
+
+def _text(value: StartValue) -> bytes:
+    """A text as C takes it, refused if it is something else."""
+    if not isinstance(value, str) or "\0" in value:
+        raise ValueError(value)
+    return value.encode()
 
 
 def _sequence(calls: list[Callable[[], None]]) -> Callable[[], None]:
@@ -345,14 +368,18 @@ def _is_parameter(variable: Any) -> bool:
     )
 
 
-def _dependencies(archive: Archive) -> dict[str, frozenset[str]]:
-    """Direct feed-through from ModelStructure/Outputs; where that says nothing, from every input."""
+def _is_text_input(variable: Any) -> bool:
+    """Whether this is an input that no wire can carry: it is set once, as a parameter is."""
+    return bool(variable.causality == "input" and variable.type == "String")
+
+
+def _dependencies(archive: Archive) -> tuple[dict[str, frozenset[str]], frozenset[str]]:
+    """Direct feed-through from ModelStructure/Outputs, and the outputs of which that says nothing: of every input."""
     inputs = frozenset(name for name, variable in archive.variables.items() if variable.causality == "input")
     stated = {
-        unknown.variable.name: inputs
-        if unknown.dependencies is None
-        else inputs & {variable.name for variable in unknown.dependencies}
+        unknown.variable.name: inputs & {variable.name for variable in unknown.dependencies}
         for unknown in archive.description.outputs
+        if unknown.dependencies is not None
     }
-    outputs = (name for name, variable in archive.variables.items() if variable.causality == "output")
-    return {name: stated.get(name, inputs) for name in outputs}
+    outputs = [name for name, variable in archive.variables.items() if variable.causality == "output"]
+    return {name: stated.get(name, inputs) for name in outputs}, frozenset(outputs) - stated.keys()

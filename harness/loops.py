@@ -38,8 +38,8 @@ class Guard(ctypes.Structure):
     """``Guard`` of newton.h."""
 
     _fields_ = (
-        *((name, _INT) for name in ("alarm", "patience", "next", "last", "recurrences", "calm")),
-        *((name, _INT) for name in ("checks", "unresolved", "missed", "line", "hopeless")),
+        *((name, _INT) for name in ("line", "alarm", "patience", "next", "last", "recurrences", "calm")),
+        *((name, _INT) for name in ("checks", "unresolved", "missed", "hopeless")),
         *((name, _REAL) for name in ("apart", "limit", "time")),
     )
 
@@ -155,7 +155,10 @@ class Loops:
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
         """What the loops remember from step to step, for a checkpoint: views of the data."""
-        return {**self._memory, "moving": bytes_of(self._arrays[1]), "guards": bytes_of(self._arrays[2])}
+        values = bytes_of(self._arrays[1]).reshape(-1, ctypes.sizeof(Moving))
+        guards = bytes_of(self._arrays[2]).reshape(-1, ctypes.sizeof(Guard))
+        places = {"moving": values[:, Moving.u0.offset :], "guards": guards[:, Guard.alarm.offset :]}
+        return {**self._memory, **places}  # without the places of unknowns and lines
 
     def attributes(self) -> dict[str, str | float]:
         """Evaluations and inner steps of all loops, and how often a step was taken back."""
@@ -177,8 +180,7 @@ class Loops:
 
     def _check(self, engine: Engine, group: Sequence[int]) -> None:
         for part in group:
-            native = engine.natives[part]
-            if native is not None and not native.saves:
+            if not engine.plan.parts[part].saves:
                 raise ExperimentError(
                     f"'{engine.plan.parts[part].name}' stands in a loop and cannot save its state: "
                     "use the master gauss-seidel or jacobi"

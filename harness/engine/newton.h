@@ -41,6 +41,7 @@ typedef struct {
 
 /* What the guard of a loop knows, see guard.h. */
 typedef struct {
+    int64_t line;        /* that was off most in the last finding                                      */
     int64_t alarm;       /* whole steps that are still to be checked                                   */
     int64_t patience;    /* ticks to the next suspicion that counts, after a check without a finding   */
     int64_t next;        /* the tick from which on it counts                                           */
@@ -50,7 +51,6 @@ typedef struct {
     int64_t checks;      /* steps that were checked                                                    */
     int64_t unresolved;  /* inner steps of the smallest size that were still off                       */
     int64_t missed;      /* steps that were off behind others that nobody had checked                  */
-    int64_t line;        /* that was off most in the last finding                                      */
     int64_t hopeless;    /* no step is small enough: nothing is checked any more */
     double apart;        /* by how much that line was off */
     double limit;        /* [s] longest inner step where findings recur                                */

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, wait
 from contextlib import ExitStack
@@ -19,6 +18,7 @@ from harness.errors import SweepError, nearest
 from harness.experiment import Experiment
 from harness.graph import stepping_order
 from harness.layout import recorded_names
+from harness.scratch import ScratchFolder
 from harness.sweeps.folder import SweepFolder, read_sweep, sole_writer
 from harness.sweeps.identity import description
 from harness.sweeps.measures import Builtin, Measure, find_measures, label
@@ -99,8 +99,8 @@ def sweep(
         if output is None:
             if keep:
                 raise SweepError("trajectories are to be kept but there is no folder: give an output folder")
-            output = stack.enter_context(tempfile.TemporaryDirectory(prefix="harness-sweep-"))
-        folder = Path(output)
+            output = stack.enter_context(ScratchFolder("harness-sweep-"))
+        folder = Path(output).absolute()  # an FMU may change the working directory
         stack.enter_context(sole_writer(folder))
         files = SweepFolder(folder, description(model, job, parameter_sets), types, units)
         pending = [run for run in range(len(parameter_sets)) if run not in files.done]
@@ -182,8 +182,9 @@ def _make_job(
     if len(names) < len(measures):
         names += recorded_names(model.parts, base.record)
     record = tuple(dict.fromkeys((*names, *kept)))
-    # found once, not once in every run
-    order = base.order or tuple(stepping_order(model.parts, model.wires))
+    # found once, not once in every run, unless the start values of a run decide
+    declared = not any(part.undeclared for part in model.parts.values())
+    order = base.order or (tuple(stepping_order(model.parts, model.wires)) if declared else ())
     return Job(uuid4().hex, _opener(system), replace(base, record=record, order=order), measures, tuple(kept))
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import fmpy
 import pytest
+from foreign_fmus import in_c, in_python
 
 SOURCES = Path(__file__).parent / "probe"
 BINARY = f"binaries/{fmpy.platform}/probe{fmpy.sharedLibraryExtension}"
@@ -31,8 +32,8 @@ def compiler() -> list[str]:
 def probe_library(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     library = tmp_path_factory.mktemp("probe") / Path(BINARY).name
     headers = Path(fmpy.__file__).parent / "c-code"
-    flags = ["-std=gnu99", "-O1", "-shared", "-fPIC", f"-I{headers}", "-o", str(library)]
-    subprocess.run([*compiler(), *flags, str(SOURCES / "probe.c")], check=True, timeout=300)
+    flags = ["-std=gnu99", "-O1", "-ffp-contract=off", "-shared", "-fPIC", f"-I{headers}", "-o", str(library)]
+    subprocess.run([*compiler(), *flags, str(SOURCES / "probe.c"), "-lm"], check=True, timeout=300)
     return library.read_bytes()
 
 
@@ -62,3 +63,15 @@ def make_fmu(tmp_path: Path, probe_library: bytes) -> Callable[..., Path]:
 @pytest.fixture
 def probe(make_fmu: Callable[..., Path]) -> Path:
     return make_fmu()
+
+
+@pytest.fixture(scope="session")
+def foreign(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """FMUs as other tools export them, see `in_c`."""
+    return in_c(tmp_path_factory.mktemp("foreign"), compiler())
+
+
+@pytest.fixture(scope="session")
+def pythonfmu(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """FMUs that pythonfmu exports, see `in_python`."""
+    return in_python(tmp_path_factory.mktemp("pythonfmu"))
