@@ -32,6 +32,7 @@ _TYPES = TYPE_ORDER[:3]
 _CALL = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, ctypes.c_double, ctypes.c_double)
 
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+_FREE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _POINTER)
 
 
 class EnginePart(ctypes.Structure):
@@ -174,6 +175,15 @@ class Engine:
         done = self._run(ctypes.addressof(self.data), first, last)
         if done < last:
             raise self.failure()
+
+    def free_states(self) -> None:
+        """Free the states of FMUs that the loop has saved; the FMUs must still be there."""
+        for part, native in zip(self.parts, self.natives, strict=True):
+            for place in ("state", "other_state"):
+                state = _POINTER(getattr(part, place))
+                if native is not None and state:
+                    _FREE(native.functions["FreeFMUstate"])(native.component, ctypes.byref(state))
+                setattr(part, place, None)
 
     @contextmanager
     def interruptible(self) -> Iterator[None]:

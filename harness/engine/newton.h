@@ -26,6 +26,7 @@
 typedef struct {
     int64_t inner;       /* source and target are in one loop */
     int64_t unknown;     /* number of the unknown that it reads, -1: its source has been stepped before */
+    int64_t from_rest;   /* the run begins with 0 here */
     double u0, q0;       /* at the start */
     double u1, q1;       /* at the end, on trial */
     double scale;        /* largest size so far */
@@ -39,7 +40,7 @@ typedef struct {
     int64_t unknown, unknowns; /* the first of its unknowns and their number */
 } Group;
 
-/* What the guard of a loop knows, see guard.h. */
+/* What the guard of a loop knows, see step_check.h. */
 typedef struct {
     int64_t line;        /* that was off most in the last finding                                      */
     int64_t alarm;       /* whole steps that are still to be checked                                   */
@@ -55,7 +56,7 @@ typedef struct {
     double apart;        /* by how much that line was off */
     double limit;        /* [s] longest inner step where findings recur                                */
     double time;         /* [s] of the first that is unresolved or missed                              */
-} Guard;
+} StepCheck;
 
 struct newton {
     Group *groups;
@@ -72,8 +73,9 @@ struct newton {
     int64_t most_unknowns;      /* of any group */
     double tolerance;           /* of r over scale */
     double error;               /* tolerated error of a step over scale, 0: fixed steps */
+    double finest;              /* number of inner steps that a step is divided into at most, but for convergence */
     double *proposed, *before;  /* [s] next inner step of each group, and its last one or 0 */
-    Guard *guards;              /* of each group */
+    StepCheck *guards;          /* of each group */
     Moving *kept_lines;         /* a check keeps the lines here, */
     double *kept;               /* and w, w_last, trend, scale, the inverse Jacobian and the means of the lines */
     double worst_residual;
@@ -81,15 +83,7 @@ struct newton {
     int64_t evaluations, substeps, rejected;
 };
 
-enum {
-    SOLVED = 0,
-    NOT_CONVERGED = 101,
-    MOST_EVALUATIONS = 60,
-    MOST_BISECTIONS = 250,
-    MOST_HALVINGS = 20,
-    MOST_REFINEMENTS = 10,
-    MOST_GUARDED = 7
-};
+enum { SOLVED = 0, NOT_CONVERGED = 101, MOST_EVALUATIONS = 60, MOST_BISECTIONS = 250, MOST_HALVINGS = 20 };
 
 /* A piece of a step: from t over h, the part [from, to] of the whole. */
 typedef struct {
@@ -220,7 +214,7 @@ static int save_loop(Engine *e, const Newton *newton, const Group *g, double t)
     return SOLVED;
 }
 
-#include "guard.h"
+#include "step_check.h"
 
 /* Progress of a loop within a step. */
 typedef struct {
@@ -239,7 +233,8 @@ static Span next_span(const Newton *newton, int64_t number, const Progress *p, d
 
 /* How far a piece that has been solved is off, over what is tolerated: by the estimate of the adaptive master and, if
    the guard looks at it, by two halves. */
-static int judge(Engine *e, Newton *newton, int64_t number, const Progress *p, const Span *s, double *off, bool *checked)
+static int judge(Engine *e, Newton *newton, int64_t number, const Progress *p, const Span *s, double *off,
+                 bool *checked)
 {
     const Group *const g = &newton->groups[number];
     /* on a jump the parts hold each other: v = 0 but for the tolerance, and the estimate says nothing */
@@ -247,15 +242,15 @@ static int judge(Engine *e, Newton *newton, int64_t number, const Progress *p, c
     if (!newton->guards[number].hopeless && amplifies(newton, g, s))
         *off = fmax(*off, AMPLIFIED);
     *checked = *off <= 1.0 && wants_check(newton, number, p->tick, s);
-    return *checked ? check(e, newton, number, s, p->tick < EARLY ? AT_START : DOUBT, off) : SOLVED;
+    return *checked ? check(e, newton, number, s, p->tick < EARLY, off) : SOLVED;
 }
 
 /* A loop over one step, in as many pieces as it takes. */
 static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, double h)
 {
     const Group *const g = &newton->groups[number];
-    Guard *const guard = &newton->guards[number];
-    const double smallest = ldexp(h, -MOST_HALVINGS), accurate = ldexp(h, newton->error > 0.0 ? -MOST_REFINEMENTS : -MOST_GUARDED);
+    StepCheck *const guard = &newton->guards[number];
+    const double smallest = ldexp(h, -MOST_HALVINGS), accurate = h / newton->finest;
     double *const proposed = &newton->proposed[number];
     Progress p = {time_of(e, tick), h, 0.0, tick};
     while (p.done < h) {

@@ -4,22 +4,33 @@
    its size, the step is refined, and those after it are checked until whole steps agree again. A step without a finding
    is left as it was, to the last bit. */
 
-#ifndef GUARD_H
-#define GUARD_H
+#ifndef STEP_CHECK_H
+#define STEP_CHECK_H
 
 #include "quasi_newton.h"
 
-#define DOUBT    0.02 /* of the largest size so far, between a step and its halves */
-#define AT_START 0.5  /* the same in the first EARLY ticks, where the size so far says little */
-#define SURPRISE 0.05 /* of a value that was foreseen on a straight line */
+#define DOUBT     0.02 /* of the largest size so far, between a step and its halves */
+#define AT_START  0.5  /* the same in the first EARLY ticks of what begins at rest: its size so far says little */
+#define SURPRISE  0.05 /* of a value that was foreseen on a straight line */
 #define HOPELESS  30.0 /* unresolved errors, summed up, over the size */
-#define AMPLIFIED 4.0 /* counts as so much over what is tolerated */
-enum { CHECK_EVERY = 256, ALARM = 4, MOST_PATIENCE = 64, SOON = 16, MOST_RECURRENCES = 8, MOST_UNRESOLVED = 5000, EARLY = 8 };
+#define AMPLIFIED 4.0  /* counts as so much over what is tolerated */
+enum {
+    CHECK_EVERY = 256,
+    ALARM = 4,
+    MOST_PATIENCE = 64,
+    SOON = 16,
+    MOST_RECURRENCES = 8,
+    MOST_UNRESOLVED = 5000,
+    EARLY = 8
+};
 #define GROWTHS 3.0
 
 /* Ticks 0, 1, 2, 4, 8, ..., 256, 512, 768, ... */
 
-static bool is_scheduled(int64_t tick) { return tick < CHECK_EVERY ? (tick & (tick - 1)) == 0 : tick % CHECK_EVERY == 0; }
+static bool is_scheduled(int64_t tick)
+{
+    return tick < CHECK_EVERY ? (tick & (tick - 1)) == 0 : tick % CHECK_EVERY == 0;
+}
 
 static bool surprises(const Newton *newton, const Group *g, const Span *s)
 {
@@ -43,7 +54,7 @@ static bool amplifies(const Newton *newton, const Group *g, const Span *s)
 /* Whether the piece that has just been solved is to be checked. */
 static bool wants_check(const Newton *newton, int64_t number, int64_t tick, const Span *s)
 {
-    const Guard *const guard = &newton->guards[number];
+    const StepCheck *const guard = &newton->guards[number];
     if (guard->hopeless)
         return false;
     return guard->alarm > 0 || (s->from == 0.0 && is_scheduled(tick)) ||
@@ -100,7 +111,7 @@ static int solve_halves(Engine *e, Newton *newton, int64_t number, const Span *s
 /* The largest difference between a piece and its halves over DOUBT. Where the solution lies on a jump, the unknown is
    what holds, only its mean counts, and the values behind the jump are rounding. */
 static double difference(const Engine *e, Newton *newton, int64_t number, const double *whole, const double *halves,
-                         bool jumped, double tolerated)
+                         bool jumped, bool early)
 {
     const Group *const g = &newton->groups[number];
     double worst = 0.0;
@@ -109,8 +120,10 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
             const Moving *const a = &newton->kept_lines[k], *const b = &newton->moving[k];
             if (!a->inner || (jumped && a->unknown < 0))
                 continue;
+            const double tolerated = early && a->from_rest ? AT_START : DOUBT;
             const double apart = fmax(fabs(whole[k] - halves[k]), jumped ? 0.0 : fabs(a->u1 - b->u1));
-            const double off = apart == 0.0 ? 0.0 : apart / (tolerated * fmax(a->scale, fmax(fabs(a->u1), fabs(b->u1))));
+            const double off =
+                apart == 0.0 ? 0.0 : apart / (tolerated * fmax(a->scale, fmax(fabs(a->u1), fabs(b->u1))));
             if (!(off <= worst)) {
                 worst = isnan(off) ? INFINITY : off;
                 newton->guards[number].line = k;
@@ -121,7 +134,7 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
 }
 
 /* Compares a solved piece with its halves; *off is raised to the difference. The piece stays solved. */
-static int check(Engine *e, Newton *newton, int64_t number, const Span *s, double tolerated, double *off)
+static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool early, double *off)
 {
     const Group *const g = &newton->groups[number];
     const int64_t lines = e->lines_from[e->part_count], most = newton->most_unknowns;
@@ -138,7 +151,7 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, doubl
     if (status != SOLVED && !failed_halves)
         return status;
     const double apart =
-        failed_halves ? INFINITY : difference(e, newton, number, whole, halves, jumped || halves_jumped, tolerated);
+        failed_halves ? INFINITY : difference(e, newton, number, whole, halves, jumped || halves_jumped, early);
     *off = fmax(*off, apart);
     keep(e, newton, g, number, true);
     newton->before[number] = before;
@@ -151,7 +164,7 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, doubl
 }
 
 /* Notes an error that stays in the result. */
-static void owe(Newton *newton, Guard *guard, double t)
+static void owe(Newton *newton, StepCheck *guard, double t)
 {
     Moving *const m = &newton->moving[guard->line];
     if (guard->unresolved++ == 0)
@@ -163,20 +176,24 @@ static void owe(Newton *newton, Guard *guard, double t)
 /* What follows from a check: a finding raises the alarm, whole steps that agree end it. */
 static void conclude(Newton *newton, int64_t number, int64_t tick, const Span *s, double off, bool smallest)
 {
-    Guard *const guard = &newton->guards[number];
+    StepCheck *const guard = &newton->guards[number];
     if (off > 1.0) {
-        const bool missed = guard->alarm == 0 && tick > 2 && off != AMPLIFIED && !surprises(newton, &newton->groups[number], s);
+        const bool missed =
+            guard->alarm == 0 && tick > 2 && off != AMPLIFIED && !surprises(newton, &newton->groups[number], s);
         guard->missed += missed;
         if (smallest || missed)
             owe(newton, guard, s->t);
         if (tick > guard->last)
-            guard->recurrences = tick > guard->last + SOON + guard->calm ? 0 : guard->recurrences < MOST_RECURRENCES ? guard->recurrences + 1 : MOST_RECURRENCES;
+            guard->recurrences = tick > guard->last + SOON + guard->calm ? 0
+                                 : guard->recurrences < MOST_RECURRENCES ? guard->recurrences + 1
+                                                                         : MOST_RECURRENCES;
         if (off == AMPLIFIED && guard->recurrences < 2)
             guard->recurrences = 2;
         guard->last = tick;
         guard->alarm = !guard->hopeless ? ALARM : 0;
         guard->patience = 0;
-    } else if (newton->error > 0.0 || (s->from == 0.0 && s->to == 1.0) || (guard->calm > 0 && s->h > 0.99 * guard->limit)) {
+    } else if (newton->error > 0.0 || (s->from == 0.0 && s->to == 1.0) ||
+               (guard->calm > 0 && s->h > 0.99 * guard->limit)) {
         if (guard->alarm > 0)
             guard->alarm--;
         else
@@ -186,7 +203,7 @@ static void conclude(Newton *newton, int64_t number, int64_t tick, const Span *s
 }
 
 /* Where findings recur, steps of the length that was right are kept for a while. */
-static void confine(Guard *guard, double length)
+static void confine(StepCheck *guard, double length)
 {
     if (guard->recurrences < 2 || guard->hopeless)
         return;
@@ -195,7 +212,7 @@ static void confine(Guard *guard, double length)
 }
 
 /* At the end of a step of length h: a limit that has held for long enough is doubled. */
-static void relax(Guard *guard, double h)
+static void relax(StepCheck *guard, double h)
 {
     if (guard->hopeless)
         guard->calm = 0;
