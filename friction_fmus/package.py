@@ -80,12 +80,25 @@ def build(
     UnknownNameError, BuildError
         See their messages.
     """
+    file, content = _built(model, start, name, files, domain, platforms)
+    return _write(content, Path(out_dir) / file)
+
+
+def _built(
+    model: str | Path,
+    start: Start | None,
+    name: str | None,
+    files: Mapping[str, str] | None,
+    domain: str,
+    platforms: Sequence[str],
+) -> tuple[str, bytes]:
+    """Return the file name of an FMU and its content, from the cache or built."""
     block = find(model)
     chosen = select(tuple(platforms))
     twin = domain == "rotational"
     plain = not (start or name or files or twin) and tuple(platforms) in (("native",), ("all",))
     if plain and (shipped := _shipped(model, block)):
-        return _write(shipped.read_bytes(), Path(out_dir) / shipped.name)
+        return shipped.name, shipped.read_bytes()
     code = with_start_values(with_room(block, start or {}).code, start or {})
     code = rotational(code) if twin else code
     identifier = name or block.name + ("Rotational" if twin else "")
@@ -93,8 +106,7 @@ def build(
     block = replace(block, name=identifier, code=code)
     sources = identified(_sources(block, files or {}), identifier)
     path = toolchain.cache_folder() / f"{identifier}-{_key(sources, block, chosen)}.fmu"
-    content = cached(path, lambda: _make(block, sources, chosen))
-    return _write(content, Path(out_dir) / f"{identifier}.fmu")
+    return f"{identifier}.fmu", cached(path, lambda: _make(block, sources, chosen))
 
 
 def _shipped(model: str | Path, block: Block) -> Path | None:
@@ -103,13 +115,15 @@ def _shipped(model: str | Path, block: Block) -> Path | None:
     return path if str(model) == block.name and path.is_file() else None
 
 
-def fmu(name: str | Path) -> Path:
-    """The FMU of a block, with its start values: that of the installed package, for all platforms.
+def fmu(name: str | Path, domain: Literal["translational", "rotational"] = "translational") -> Path:
+    """Return the FMU of a block with its own start values: that of the installed package, for all platforms.
 
     Parameters
     ----------
     name : str or Path
-        As of `build`. For a file, or in a checkout, the FMU is built, for this machine, and kept.
+        As of `build`. For a file, or in a checkout, the FMU is built, for this machine, and cached.
+    domain : {"translational", "rotational"}
+        As of `build`.
 
     Returns
     -------
@@ -121,7 +135,11 @@ def fmu(name: str | Path) -> Path:
     UnknownNameError, BuildError
         See their messages.
     """
-    return _shipped(name, find(name)) or build(name, toolchain.cache_folder() / "models")
+    if domain == "translational" and (shipped := _shipped(name, find(name))):
+        return shipped
+    file, content = _built(name, None, None, None, domain, ("native",))
+    # a folder for each content: another version of this package may use the same cache
+    return _write(content, toolchain.cache_folder() / "models" / hashlib.sha256(content).hexdigest()[:16] / file)
 
 
 def describe_block(block: Block) -> Description:

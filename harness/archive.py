@@ -172,6 +172,7 @@ def _port(variable: Any, units: Mapping[str, Any]) -> Port:
         items=tuple((item.name, int(item.value)) for item in (declared.items if declared is not None else ())),
         limits=(_number(_stated(variable, "min"), -math.inf), _number(_stated(variable, "max"), math.inf)),
         nominal=_size(_number(_stated(variable, "nominal"), 1.0)),
+        held=variable.variability == "discrete",
     )
 
 

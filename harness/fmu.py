@@ -114,7 +114,7 @@ class FmuPart(Part):
         self.strict = str(self._archive.description.generationTool or "").startswith("friction-fmus")
         self.saves = bool(self._archive.description.coSimulation.canGetAndSetFMUstate)
         self.identity = str(self._archive.description.guid)
-        self.sampled = bool(self.outputs) and all(variables[p.name].variability == "discrete" for p in self.outputs)
+        self.sampled = bool(self.outputs) and all(port.held for port in self.outputs)
 
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]

@@ -103,7 +103,7 @@ def check_loops(parts: Mapping[str, Part], wires: Sequence[Wire], *, implicit: b
     loop = find_loop(direct_edges(parts, closing))
     if loop:
         flow = [name for wire in loop for name in (wire.source, wire.target)] + [loop[0].source]
-        solvable = all(_moves(parts[wire.ends[0][0]]) for wire in loop) and any(_solved(parts, wire) for wire in loop)
+        solvable = all(parts[wire.ends[0][0]].moves for wire in loop) and any(_solved(parts, wire) for wire in loop)
         remedy = ", or use newton" if solvable and not implicit else ""
         raise AlgebraicLoopError(
             f"algebraic loop: {' -> '.join(flow)}: put a part with a state, a sampled part or a wire with a delay "
@@ -111,15 +111,11 @@ def check_loops(parts: Mapping[str, Part], wires: Sequence[Wire], *, implicit: b
         )
 
 
-def _moves(part: Part) -> bool:
-    return not part.sampled and part.every == 1
-
-
 def _solved(parts: Mapping[str, Part], wire: Wire) -> bool:
     """Whether an implicit master iterates on the value of a wire: a Real one between continuous parts."""
     target, name = wire.ends[1]
     real = any(port.name == name and port.type == "Real" for port in parts[target].inputs)
-    return real and all(_moves(parts[part]) for part, _ in wire.ends)
+    return real and all(parts[part].moves for part, _ in wire.ends)
 
 
 def stepping_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[str]:

@@ -52,11 +52,11 @@ def owners(plan: Plan) -> dict[int, int]:
 
 def moves(plan: Plan, part: int) -> bool:
     """Whether the outputs of a part change continuously from tick to tick."""
-    return not plan.parts[part].sampled and int(plan.every[part]) == 1
+    return plan.parts[part].moves
 
 
 def moving_wires(plan: Plan) -> list[MovingWire]:
-    """The wires of Reals between continuous parts that are stepped at every tick, part by part."""
+    """Return the wires of Reals that are not held, between continuous parts stepped at every tick, part by part."""
     owner = owners(plan)
     names = list(plan.ports)
     wires = []
@@ -64,7 +64,8 @@ def moving_wires(plan: Plan) -> list[MovingWire]:
         for signal in range(*(int(index) for index in plan.inputs[target])):
             output = int(plan.sources[signal])
             source = owner[output]
-            if moves(plan, source) and moves(plan, target) and plan.ports[names[signal]].type == "Real":
+            real = plan.ports[names[signal]].type == "Real" and not plan.ports[names[output]].held
+            if real and moves(plan, source) and moves(plan, target):
                 wires.append(MovingWire(signal, output, source, target))
     return wires
 

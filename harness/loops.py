@@ -3,28 +3,38 @@
 from __future__ import annotations
 
 import ctypes
+import logging
 from collections.abc import Sequence
 from graphlib import TopologicalSorter
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from harness.coupling import UNRESOLVED, WRONG
 from harness.errors import ExperimentError
 from harness.lines import MovingWire, attach_lines, moves, moving_wires
 from harness.native import Engine, bytes_of
 from harness.plan import Plan, Schedule, map_of
 
+_LOG = logging.getLogger("harness")
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+
+
+FINEST: Final = 128.0
+"""Into how many inner steps the master newton divides a step at most, where it is found to be wrong."""
+
+FINEST_ADAPTIVE: Final = 1024.0
+"""The same of the master adaptive."""
 
 
 class Moving(ctypes.Structure):
     """``Moving`` of newton.h."""
 
     _fields_ = (
-        *((name, _INT) for name in ("inner", "unknown")),
-        *((name, _REAL) for name in ("u0", "q0", "u1", "q1", "scale", "gain", "offset")),
+        *((name, _INT) for name in ("inner", "unknown", "from_rest")),
+        *((name, _REAL) for name in ("u0", "q0", "u1", "q1", "scale", "debt", "gain", "offset")),
     )
 
 
@@ -34,6 +44,16 @@ class Group(ctypes.Structure):
     _fields_ = tuple((name, _INT) for name in ("first", "count", "is_loop", "unknown", "unknowns"))
 
 
+class StepCheck(ctypes.Structure):
+    """``StepCheck`` of newton.h."""
+
+    _fields_ = (
+        *((name, _INT) for name in ("line", "alarm", "patience", "next", "last", "recurrences", "calm")),
+        *((name, _INT) for name in ("checks", "unresolved", "missed", "hopeless")),
+        *((name, _REAL) for name in ("apart", "limit", "time")),
+    )
+
+
 class NewtonData(ctypes.Structure):
     """``Newton`` of newton.h."""
 
@@ -41,10 +61,10 @@ class NewtonData(ctypes.Structure):
         ("groups", _POINTER),
         ("group_count", _INT),
         *((name, _POINTER) for name in ("order", "continuous", "moving", "unknowns")),
-        *((name, _POINTER) for name in ("w", "w_last", "trend", "scale", "r", "work", "inverse")),
+        *((name, _POINTER) for name in ("w", "w_last", "trend", "scale", "surprise", "growth", "r", "work", "inverse")),
         ("most_unknowns", _INT),
-        *((name, _REAL) for name in ("tolerance", "error")),
-        *((name, _POINTER) for name in ("proposed", "before")),
+        *((name, _REAL) for name in ("tolerance", "error", "finest")),
+        *((name, _POINTER) for name in ("proposed", "before", "guards", "kept_lines", "kept")),
         ("worst_residual", _REAL),
         *((name, _INT) for name in ("jumped", "evaluations", "substeps", "rejected")),
     )
@@ -110,26 +130,29 @@ class Loops:
             if mine:
                 self._check(engine, group)
         self.groups, self.plan = groups, plan
-        self.unknowns, self.inner = unknowns, inner
+        self.unknowns, self.inner, self.wires = unknowns, inner, wires
         moving = []
         for wire in wires:
             back = wire in inner and place[wire.source] >= place[wire.target]
             gain, offset = float(plan.gains[wire.input]), float(plan.offsets[wire.input])
             value = map_of(gain, offset, float(plan.signals[wire.output]))
             unknown = numbers[wire.output] if back else -1
-            moving.append(Moving(wire in inner, unknown, value, value, value, value, abs(value), gain, offset))
+            sizes = (value, value, value, value, abs(value), 0.0)
+            moving.append(Moving(wire in inner, unknown, value == 0.0, *sizes, gain, offset))
         attach_lines(engine, wires)
         most = max([int(row.unknowns) for row in rows], default=0)
         n = len(unknowns)
-        self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale")}
+        self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale", "surprise", "growth")}
         self._memory["w"][:] = self._memory["w_last"][:] = plan.signals[unknowns]
         self._memory["scale"][:] = np.abs(plan.signals[unknowns])
         self._memory["inverse"] = np.tile(-np.eye(most), (len(rows), 1))
         self._memory["proposed"], self._memory["before"] = np.zeros(len(rows)), np.zeros(len(rows))
         data = self.data = NewtonData()
         keep = engine.keep
-        self._arrays = ((Group * len(rows))(*rows), (Moving * max(1, len(moving)))(*moving))
-        data.groups, data.moving = (ctypes.addressof(array) for array in self._arrays)
+        places = Moving * max(1, len(moving))
+        self._arrays = ((Group * len(rows))(*rows), places(*moving), (StepCheck * len(rows))(), places())
+        data.groups, data.moving, data.guards, data.kept_lines = (ctypes.addressof(array) for array in self._arrays)
+        data.kept = keep(np.zeros(6 * most + most * most + 2 * len(moving)))
         data.group_count = len(rows)
         data.order = keep(np.array(order, dtype=np.int64))
         data.continuous = keep(np.array([moves(plan, part) for part in range(len(plan.parts))], dtype=np.int64))
@@ -139,17 +162,45 @@ class Loops:
         data.r, data.work = keep(np.zeros(n)), keep(np.zeros(6 * most + most * most))
         data.most_unknowns = most
         data.tolerance, data.error = schedule.tolerance, schedule.error
+        data.finest = FINEST_ADAPTIVE if schedule.error > 0.0 else FINEST
         engine.data.newton = ctypes.addressof(data)
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
         """What the loops remember from step to step, for a checkpoint: views of the data."""
         values = bytes_of(self._arrays[1]).reshape(-1, ctypes.sizeof(Moving))
-        return {**self._memory, "moving": values[:, Moving.u0.offset :]}  # without the places of unknowns
+        guards = bytes_of(self._arrays[2]).reshape(-1, ctypes.sizeof(StepCheck))
+        places = {"moving": values[:, Moving.u0.offset :], "guards": guards[:, StepCheck.alarm.offset :]}
+        return {**self._memory, **places}  # without the places of unknowns and lines
 
-    def attributes(self) -> dict[str, str | float]:
-        """Evaluations and inner steps of all loops, and how often a step was taken back."""
-        data = self.data
-        return {"evaluations": data.evaluations, "substeps": data.substeps, "rejected": data.rejected}
+    def report(self) -> dict[str, str | float]:
+        """Warn of the loops that no inner step resolved.
+
+        Returns
+        -------
+        dict
+            Evaluations and inner steps of all loops, how often a step was rolled back and how often one was checked
+            against its halves, and the largest sum of errors that remained, over the size of the value.
+        """
+        data, (_, moving, guards, _) = self.data, self._arrays
+        checks = sum(int(guard.checks) for guard in guards)
+        counts = {"evaluations": data.evaluations, "substeps": data.substeps, "rejected": data.rejected}
+        errors = [line.debt / line.scale if line.debt > 0.0 else 0.0 for line in moving[: len(self.wires)]]
+        worst = max(errors, default=0.0)
+        if worst > UNRESOLVED:
+            wire = self.wires[errors.index(worst)]
+            names = list(self.plan.ports)
+            group = next(number for number, parts in enumerate(self.groups) if wire.target in parts)
+            _LOG.warning(
+                "%s -> %s changes too fast for the step from t = %.6g s on: inner steps of %.2g s left errors of %.2g "
+                "of its size in all: %s; use a shorter step",
+                names[wire.output],
+                names[wire.input],
+                guards[group].time,
+                self.plan.step / data.finest,
+                worst,
+                WRONG,
+            )
+        return {**counts, "checks": checks, "unresolved_error": worst}
 
     def failure(self, number: int, time: float) -> ExperimentError:
         """The error of a loop that does not converge."""

@@ -24,6 +24,7 @@ from harness.wire import split_name
 
 SAVE: Final = 3
 RESTORE: Final = 4
+SWAP: Final = 6
 NOT_WHOLE: Final = 100
 NOT_CONVERGED: Final = 101
 FLOATS_CHANGED: Final = 102
@@ -31,6 +32,7 @@ _TYPES = TYPE_ORDER[:3]
 _CALL = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, ctypes.c_double, ctypes.c_double)
 
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+_FREE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _POINTER)
 
 
 class EnginePart(ctypes.Structure):
@@ -40,7 +42,7 @@ class EnginePart(ctypes.Structure):
         ("call", _POINTER),
         ("component", _POINTER),
         *((name, _POINTER * 3) for name in ("set", "get")),
-        *((name, _POINTER) for name in ("do_step", "get_state", "set_state", "set_slopes", "state")),
+        *((name, _POINTER) for name in ("do_step", "get_state", "set_state", "set_slopes", "state", "other_state")),
         *((name, _POINTER) for name in ("input_references", "output_references")),
         *((name, _INT * 4) for name in ("inputs", "outputs")),
         *((name, _POINTER) for name in ("whole", "orders", "slopes")),
@@ -174,6 +176,15 @@ class Engine:
         if done < last:
             raise self.failure()
 
+    def free_states(self) -> None:
+        """Free the states of FMUs that the loop has saved; the FMUs must still be there."""
+        for part, native in zip(self.parts, self.natives, strict=True):
+            for place in ("state", "other_state"):
+                state = _POINTER(getattr(part, place))
+                if native is not None and state:
+                    _FREE(native.functions["FreeFMUstate"])(native.component, ctypes.byref(state))
+                setattr(part, place, None)
+
     @contextmanager
     def interruptible(self) -> Iterator[None]:
         """Ctrl-C ends the run at the next part in Python, or behind this piece: raised in a callback it would be lost.
@@ -273,7 +284,7 @@ class Engine:
     def _callback(self, index: int) -> int:
         """The operations of a part in Python as one C function; its exception is kept and raised after the run."""
         calls, part = self.plan.calls[index], self.plan.parts[index]
-        state: list[object] = [None]
+        state: list[object] = [None, None]
 
         def save(_t: float, _h: float) -> None:
             state[0] = part.save(state[0])
@@ -284,6 +295,7 @@ class Engine:
             GET: lambda t, h: calls.get(),
             SAVE: save,
             RESTORE: lambda t, h: part.restore(state[0]),
+            SWAP: lambda t, h: state.reverse(),
         }
 
         def call(operation: int, t: float, h: float) -> int:

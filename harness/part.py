@@ -45,6 +45,8 @@ class Port:
         Smallest and largest value.
     nominal : float
         Size that values usually have.
+    held : bool
+        Whether an output is constant between instants at which it jumps (FMI: discrete variability).
     """
 
     name: str
@@ -56,6 +58,7 @@ class Port:
     items: tuple[tuple[str, int], ...] = ()
     limits: tuple[float, float] = (-math.inf, math.inf)
     nominal: float = 1.0
+    held: bool = False
 
     @property
     def optional(self) -> bool:
@@ -159,6 +162,11 @@ class Part(ABC):
     dependencies: Mapping[str, frozenset[str]]
     sampled: bool = False
     every: int = 1
+
+    @property
+    def moves(self) -> bool:
+        """Whether outputs may change continuously from tick to tick."""
+        return not self.sampled and self.every == 1 and not (self.outputs and all(port.held for port in self.outputs))
 
     @abstractmethod
     def enter_initialisation(

@@ -123,10 +123,10 @@ def _run(system: Assembly, experiment: Experiment, options: Options, guard: Guar
         "stop": experiment.stop,
         "step": experiment.step,
     }
+    ticks: _Native | _Python | None = None
     try:
         plan = start_parts(plan, system, experiment, guard, open_end=bool(options.resume or options.checkpoint))
         manipulate = Manipulations(plan, schedule, experiment.manipulators)
-        ticks: _Native | _Python
         ticks = _Native(plan, schedule, recorder, manipulate) if options.native else _Python(plan, schedule, manipulate)
         if saved:
             saved.restore(plan, ticks.memory)
@@ -153,6 +153,8 @@ def _run(system: Assembly, experiment: Experiment, options: Options, guard: Guar
         interrupted.result = recorder.result(attributes) if recorder.filled else None
         raise interrupted from signal
     finally:
+        if ticks is not None:
+            ticks.close()
         for part in plan.parts:
             with guard.watching(part.name):
                 part.terminate()
@@ -219,7 +221,12 @@ class _Native:
 
     def attributes(self) -> dict[str, str | float]:
         """What is to be known of the run, for the attributes of the result."""
-        return self._implicit.attributes() if self._implicit else self._coupling.report() if self._coupling else {}
+        measured = self._implicit or self._coupling
+        return measured.report() if measured else {}
+
+    def close(self) -> None:
+        """Free the states that were saved within steps."""
+        self._engine.free_states()
 
 
 class _Python:
@@ -239,6 +246,9 @@ class _Python:
     def attributes(self) -> dict[str, str | float]:
         """Nothing is measured."""
         return {}
+
+    def close(self) -> None:
+        """No state was saved."""
 
 
 def _progress_reader(progress: Progress, ticks: int) -> tuple[int, Reader]:

@@ -60,7 +60,8 @@ class SeriesPart(Part):
         self.path = path
         self.interpolation = interpolation
         self.beyond = beyond
-        self.outputs = tuple(Port(column, (units or {}).get(column)) for column in columns)
+        held = interpolation == "previous"
+        self.outputs = tuple(Port(column, (units or {}).get(column), held=held) for column in columns)
         self.inputs = ()
         self.dependencies = {column: frozenset() for column in columns}
         self._times = np.array(times, dtype=np.float64).reshape(-1)

@@ -225,6 +225,7 @@ class System:
         tolerance: float | None = None,
         order: Sequence[str] | None = None,
         extrapolation: int | None = None,
+        loop_tolerance: float | None = None,
         manipulators: Sequence[Manipulator] | None = None,
         taps: Sequence[Tap] = (),
         progress: Progress | None = None,
@@ -236,7 +237,7 @@ class System:
 
         Parameters
         ----------
-        start, stop, step, master, record, decimate, tolerance, order, extrapolation, manipulators
+        start, stop, step, master, record, decimate, tolerance, order, extrapolation, loop_tolerance, manipulators
             See `Experiment`.
         taps : sequence of Tap
             Functions that are shown values during the run.
@@ -268,6 +269,7 @@ class System:
             "decimate": decimate,
             "tolerance": tolerance,
             "extrapolation": extrapolation,
+            "loop_tolerance": loop_tolerance,
         }
         lists = {"record": record, "order": order, "manipulators": manipulators}
         changes: dict[str, Any] = {key: value for key, value in given.items() if value is not None}

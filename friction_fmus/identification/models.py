@@ -14,9 +14,8 @@ from functools import cache
 from pathlib import Path
 
 from friction_fmus.catalogue import catalogue, find
-from friction_fmus.package import build, fmu
+from friction_fmus.package import fmu
 from harness import FmuPart, open_archive
-from harness.toolchain import cache_folder
 
 from .errors import IdentificationError
 from .record import ROTARY, AxisUnits
@@ -274,7 +273,7 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
             f"{block.name} cannot be identified from a record of motion and force; choose one of "
             f"{', '.join(identifiable())}."
         )
-    path = build(model, cache_folder() / "models", domain="rotational") if units == ROTARY else fmu(model)
+    path = fmu(model, "rotational" if units == ROTARY else "translational")
     part = FmuPart(block.name, path)
     names = {port.name for port in part.inputs}
     if "v" not in names or "F" not in {port.name for port in part.outputs}:

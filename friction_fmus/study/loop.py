@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from friction_fmus.identification import Array
-from friction_fmus.package import build, fmu
-from harness import Experiment, FmuPart, Part, System, Wire, toolchain
+from friction_fmus.package import fmu
+from harness import Experiment, FmuPart, Part, System, Wire
 
 from .config import Servo
 
@@ -101,9 +101,7 @@ class Trace:
 
 def block(name: str, rotary: bool = False) -> Path:
     """FMU of a block with its own start values."""
-    if not rotary:
-        return fmu(name)
-    return build(name, toolchain.cache_folder() / "models", domain="rotational")
+    return fmu(name, "rotational" if rotary else "translational")
 
 
 def typed(part: Part, values: Mapping[str, float]) -> dict[str, float | int | bool]:

@@ -19,7 +19,7 @@
 #endif
 
 enum type { REAL, INTEGER, BOOLEAN, TYPES };
-enum operation { SET, STEP, GET, SAVE, RESTORE, SLOPES };
+enum operation { SET, STEP, GET, SAVE, RESTORE, SLOPES, SWAP };
 
 typedef int Exchange(void *component, const uint32_t *references, size_t n, void *values);
 typedef int DoStep(void *component, double t, double h, int keeps_no_state);
@@ -36,7 +36,7 @@ typedef struct {
     GetState *get_state;
     SetState *set_state;
     SetSlopes *set_slopes;
-    void *state; /* saved at the start of a step                                  */
+    void *state, *other_state; /* saved at the start of a step, and of its second half */
     const uint32_t *input_references, *output_references;
     int64_t inputs[TYPES + 1];  /* signals that are its inputs, type by type: first, ..., one past the last */
     int64_t outputs[TYPES + 1]; /* likewise                                                                 */

@@ -26,9 +26,11 @@
 typedef struct {
     int64_t inner;       /* source and target are in one loop */
     int64_t unknown;     /* number of the unknown that it reads, -1: its source has been stepped before */
+    int64_t from_rest;   /* the run begins with 0 here */
     double u0, q0;       /* at the start */
     double u1, q1;       /* at the end, on trial */
     double scale;        /* largest size so far */
+    double debt;         /* sum of the errors that the guard saw and could not remove */
     double gain, offset; /* of the wire in this step, when there are manipulators */
 } Moving;
 
@@ -37,6 +39,24 @@ typedef struct {
     int64_t is_loop;
     int64_t unknown, unknowns; /* the first of its unknowns and their number */
 } Group;
+
+/* What the guard of a loop knows, see step_check.h. */
+typedef struct {
+    int64_t line;        /* that was off most in the last finding                                      */
+    int64_t alarm;       /* whole steps that are still to be checked                                   */
+    int64_t patience;    /* ticks to the next suspicion that counts, after a check without a finding   */
+    int64_t next;        /* the tick from which on it counts                                           */
+    int64_t last;        /* tick of the last finding                                                   */
+    int64_t recurrences; /* findings that came soon after the one before                               */
+    int64_t calm;        /* ticks for which `limit` holds                                              */
+    int64_t checks;      /* steps that were checked                                                    */
+    int64_t unresolved;  /* inner steps of the smallest size that were still off                       */
+    int64_t missed;      /* steps that were off behind others that nobody had checked                  */
+    int64_t hopeless;    /* no step is small enough: nothing is checked any more */
+    double apart;        /* by how much that line was off */
+    double limit;        /* [s] longest inner step where findings recur                                */
+    double time;         /* [s] of the first that is unresolved or missed                              */
+} StepCheck;
 
 struct newton {
     Group *groups;
@@ -47,25 +67,23 @@ struct newton {
     const int64_t *unknowns;    /* the output behind each unknown */
     double *w, *w_last, *trend; /* value, that of the last step, slope over the last step */
     double *scale;              /* largest size so far */
+    double *surprise, *growth;  /* by which it missed the last prediction; how often this turned its sign and grew */
     double *r, *work;           /* residuals; 6 n + n^2 places for n = most_unknowns */
     double *inverse;            /* of dr/dw, n by n, at n^2 times the number of the group */
     int64_t most_unknowns;      /* of any group */
     double tolerance;           /* of r over scale */
     double error;               /* tolerated error of a step over scale, 0: fixed steps */
+    double finest;              /* number of inner steps that a step is divided into at most, but for convergence */
     double *proposed, *before;  /* [s] next inner step of each group, and its last one or 0 */
+    StepCheck *guards;          /* of each group */
+    Moving *kept_lines;         /* a check keeps the lines here, */
+    double *kept;               /* and w, w_last, trend, scale, the inverse Jacobian and the means of the lines */
     double worst_residual;
     int64_t jumped; /* the last solution lies where r jumps */
     int64_t evaluations, substeps, rejected;
 };
 
-enum {
-    SOLVED = 0,
-    NOT_CONVERGED = 101,
-    MOST_EVALUATIONS = 60,
-    MOST_BISECTIONS = 250,
-    MOST_HALVINGS = 20,
-    MOST_REFINEMENTS = 10
-};
+enum { SOLVED = 0, NOT_CONVERGED = 101, MOST_EVALUATIONS = 60, MOST_BISECTIONS = 250, MOST_HALVINGS = 20 };
 
 /* A piece of a step: from t over h, the part [from, to] of the whole. */
 typedef struct {
@@ -134,9 +152,19 @@ static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bo
     return SOLVED;
 }
 
-#include "quasi_newton.h"
+/* By how much an unknown differs from what the last step foresaw. */
+static double surprise_of(const Newton *newton, int64_t j, const Span *s)
+{
+    return newton->w[j] - newton->w_last[j] - newton->trend[j] * s->h;
+}
 
-static void accept(const Engine *e, Newton *newton, const Group *g, const Span *s)
+/* Whether it does so with the other sign than in the last step, of the same length, and by more. */
+static bool turns_and_grows(const Newton *newton, int64_t j, const Span *s, double miss)
+{
+    return miss * newton->surprise[j] < 0.0 && fabs(miss) > fabs(newton->surprise[j]) && fabs(s->ratio - 1.0) < 1e-6;
+}
+
+static void accept(const Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s)
 {
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
@@ -144,70 +172,120 @@ static void accept(const Engine *e, Newton *newton, const Group *g, const Span *
             if (m->inner) {
                 m->u0 = m->u1;
                 m->q0 = m->q1;
+                m->scale = fmax(m->scale, fabs(m->u1));
             }
         }
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
+        const double miss = surprise_of(newton, j, s);
+        newton->growth[j] = turns_and_grows(newton, j, s, miss) ? newton->growth[j] + 1.0 : 0.0;
+        newton->surprise[j] = miss;
         newton->trend[j] = (newton->w[j] - newton->w_last[j]) / s->h;
         newton->w_last[j] = newton->w[j];
         newton->scale[j] = fmax(newton->scale[j], fabs(newton->w[j]));
     }
+    newton->before[number] = s->h;
 }
 
 /* Error of the means over the sizes of the values: against the trapezoidal rule, which is of the same order. */
-static double error_of(const Engine *e, Newton *newton, const Group *g, const Span *s)
+static double error_of(const Engine *e, const Newton *newton, const Group *g, const Span *s)
 {
     double worst = 0.0;
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            Moving *const m = &newton->moving[k];
+            const Moving *const m = &newton->moving[k];
             if (m->inner) {
                 const double mean = (1.0 - GA_RATE) * earlier(m, s) + GA_RATE * m->q1;
                 const double error = mean - 0.5 * (m->u0 + m->u1);
-                m->scale = fmax(m->scale, fmax(fabs(m->u0), fabs(m->u1)));
-                worst = fmax(worst, error != 0.0 ? fabs(error) / m->scale : 0.0);
+                worst = fmax(worst, error != 0.0 ? fabs(error) / fmax(m->scale, fabs(m->u1)) : 0.0);
             }
         }
     return worst;
 }
 
-/* A loop over one step, in as many pieces as it takes. */
-static int step_loop(Engine *e, Newton *newton, int64_t number, double t, double h)
+static int save_loop(Engine *e, const Newton *newton, const Group *g, double t)
+{
+    for (int64_t i = g->first; i < g->first + g->count; i++) {
+        const int status = save_part(&e->parts[newton->order[i]]);
+        if (status > 1) {
+            failed(e, newton->order[i], SAVE, status, t);
+            return status;
+        }
+    }
+    return SOLVED;
+}
+
+#include "step_check.h"
+
+/* Progress of a loop within a step. */
+typedef struct {
+    double t, h, done; /* the step, and how much of it is over */
+    int64_t tick;
+} Progress;
+
+/* The next piece of a step, of at most this length. */
+static Span next_span(const Newton *newton, int64_t number, const Progress *p, double piece)
+{
+    const bool last = piece >= (p->h - p->done) * (1.0 - 1e-9);
+    const double length = last ? p->h - p->done : piece, before = newton->before[number];
+    return (Span){p->t + p->done, length, p->done / p->h, last ? 1.0 : (p->done + piece) / p->h,
+                  before > 0.0 ? length / before : 1.0};
+}
+
+/* How far a piece that has been solved is off, over what is tolerated: by the estimate of the adaptive master and, if
+   the guard looks at it, by two halves. */
+static int judge(Engine *e, Newton *newton, int64_t number, const Progress *p, const Span *s, double *off,
+                 bool *checked)
 {
     const Group *const g = &newton->groups[number];
-    const double smallest = ldexp(h, -MOST_HALVINGS), accurate = ldexp(h, -MOST_REFINEMENTS);
-    double done = 0.0, *const proposed = &newton->proposed[number], *const before = &newton->before[number];
-    while (done < h) {
-        double piece = newton->error > 0.0 && *proposed > 0.0 ? fmin(*proposed, h - done) : h - done;
-        for (int64_t i = g->first; i < g->first + g->count; i++) {
-            const int status = save_part(&e->parts[newton->order[i]]);
-            if (status > 1) {
-                failed(e, newton->order[i], SAVE, status, t);
-                return status;
-            }
-        }
-        for (bool again = false;; again = true) {
-            const bool last = piece >= (h - done) * (1.0 - 1e-9);
-            const double length = last ? h - done : piece, ratio = *before > 0.0 ? length / *before : 1.0;
-            const Span s = {t + done, length, done / h, last ? 1.0 : (done + piece) / h, ratio};
-            const int status = solve(e, newton, g, number, &s, again);
-            /* on a jump the parts hold each other: v = 0 but for the tolerance, and nothing is left to refine */
-            const bool measures = status == SOLVED && newton->error > 0.0 && !newton->jumped;
-            const double error = measures ? error_of(e, newton, g, &s) / newton->error : 0.0;
-            if (status == SOLVED && (error <= 1.0 || piece <= accurate)) {
-                accept(e, newton, g, &s);
-                *before = s.h;
+    /* on a jump the parts hold each other: v = 0 but for the tolerance, and the estimate says nothing */
+    *off = newton->error > 0.0 && !newton->jumped ? error_of(e, newton, g, s) / newton->error : 0.0;
+    if (!newton->guards[number].hopeless && amplifies(newton, g, s))
+        *off = fmax(*off, AMPLIFIED);
+    *checked = *off <= 1.0 && wants_check(newton, number, p->tick, s);
+    return *checked ? check(e, newton, number, s, p->tick < EARLY, off) : SOLVED;
+}
+
+/* A loop over one step, in as many pieces as it takes. */
+static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, double h)
+{
+    const Group *const g = &newton->groups[number];
+    StepCheck *const guard = &newton->guards[number];
+    const double smallest = ldexp(h, -MOST_HALVINGS), accurate = h / newton->finest;
+    double *const proposed = &newton->proposed[number];
+    Progress p = {time_of(e, tick), h, 0.0, tick};
+    while (p.done < h) {
+        const bool varies = (newton->error > 0.0 || guard->alarm > 0) && *proposed > 0.0;
+        double piece = fmin(varies ? *proposed : h, h - p.done);
+        piece = guard->calm > 0 ? fmin(piece, guard->limit) : piece;
+        int status = save_loop(e, newton, g, p.t);
+        for (bool again = false; status == SOLVED; again = true) {
+            const Span s = next_span(newton, number, &p, piece);
+            double off = 0.0;
+            bool checked = false;
+            status = solve(e, newton, g, number, &s, again);
+            if (status == SOLVED)
+                status = judge(e, newton, number, &p, &s, &off, &checked);
+            if (status == SOLVED && (checked || off == AMPLIFIED))
+                conclude(newton, number, tick, &s, off, piece <= accurate);
+            if (status == SOLVED && (off <= 1.0 || piece <= accurate)) {
+                accept(e, newton, g, number, &s);
                 newton->substeps++;
-                done = last ? h : done + piece;
-                if (newton->error > 0.0)
-                    *proposed = fmax(accurate, piece * (again ? 1.0 : fmin(4.0, 0.8 / sqrt(error + 1e-9))));
+                if (again)
+                    confine(guard, s.h);
+                p.done = s.to >= 1.0 ? h : p.done + piece;
+                *proposed = fmax(accurate, piece * (again ? 1.0 : fmin(4.0, 0.8 / sqrt(off + 1e-9))));
                 break;
             }
             newton->rejected++;
             if ((status != SOLVED && status != NOT_CONVERGED && status != 2) || piece <= smallest)
                 return status;
-            piece = status == SOLVED ? fmax(accurate, piece * fmax(0.2, 0.8 / sqrt(error))) : 0.5 * piece;
+            piece = status == SOLVED ? fmax(accurate, piece * fmax(0.2, 0.8 / sqrt(off))) : 0.5 * piece;
+            status = SOLVED;
         }
+        if (status != SOLVED)
+            return status;
     }
+    relax(guard, h);
     return SOLVED;
 }
 
@@ -236,7 +314,7 @@ static bool newton_tick(Engine *e, Newton *newton, int64_t tick)
         const int64_t index = newton->order[g->first];
         EnginePart *const p = &e->parts[index];
         if (g->is_loop) {
-            const int status = step_loop(e, newton, number, t, e->step);
+            const int status = step_loop(e, newton, number, tick, e->step);
             if (status == NOT_CONVERGED)
                 return failed(e, number, NOT_CONVERGED, status, t);
             if (status != SOLVED)

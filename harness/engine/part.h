@@ -79,6 +79,18 @@ static int restore_part(EnginePart *p)
     return p->call ? p->call(RESTORE, 0.0, 0.0) : p->set_state(p->component, p->state);
 }
 
+/* Exchanges the saved state for the other one that the part has a place for. */
+static void swap_part(EnginePart *p)
+{
+    if (p->call) {
+        p->call(SWAP, 0.0, 0.0);
+        return;
+    }
+    void *const state = p->state;
+    p->state = p->other_state;
+    p->other_state = state;
+}
+
 /* A plain wire keeps the sign of zero, and gain 0 stands for a value that does not come from the output. */
 static inline double map_of(double gain, double offset, double output)
 {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from harness.experiment import Experiment
+from harness.experiment import LOOP_TOLERANCE, Experiment
 from harness.plan import Plan, Schedule
 
 
@@ -12,4 +12,4 @@ def master(plan: Plan, experiment: Experiment) -> Schedule:
     The energy that a step makes between a force and a velocity, the error of each times the mean of the other, is then
     below 2e-5 of the product of their sizes and of the step.
     """
-    return Schedule((), tolerance=1e-7, error=1e-5)
+    return Schedule((), tolerance=experiment.loop_tolerance or LOOP_TOLERANCE, error=1e-5)

@@ -54,8 +54,8 @@ def sweep(
         The system, its TOML file or SSP archive, or a function at module level that makes it.
     samples : iterable of mapping of str to value, or of ParameterSet
         A parameter set for each run: start values "part.port", and settings of the experiment (``start``, ``stop``,
-        ``step``, ``master``, ``decimate``, ``tolerance``, ``extrapolation``).
-        See `grid`, `latin_hypercube`, `sobol`, `read_samples`.
+        ``step``, ``master``, ``decimate``, ``tolerance``, ``extrapolation``,
+        ``loop_tolerance``). See `grid`, `latin_hypercube`, `sobol`, `read_samples`.
     measure : str, callable, or several of them
         What is kept of each run: ``final``, ``min``, ``max``, ``max_abs``, ``mean`` or ``rms`` of the recorded rows
         of a variable, ``rms(part.port)`` with ``*`` and ``?`` for any outputs, or functions at module level of the

@@ -20,7 +20,7 @@ from harness.sweeps.measures import Measure, label
 from harness.sweeps.samples import Sample
 from harness.system import System
 
-SETTINGS: Final = ("start", "stop", "step", "master", "decimate", "tolerance", "extrapolation")
+SETTINGS: Final = ("start", "stop", "step", "master", "decimate", "tolerance", "extrapolation", "loop_tolerance")
 """Settings of the experiment that can be swept; a start value has a dot in its name."""
 
 _PROBED: Final = 1000

@@ -14,7 +14,7 @@ import fmpy
 import lief
 import pytest
 
-from friction_fmus import build
+from friction_fmus import build, fmu
 from friction_fmus.study.jobs import KEPT, Store
 from harness import FmuError, FmuPart, System, native
 from harness.platforms import PLATFORMS, compiled
@@ -212,3 +212,17 @@ def test_the_end_of_a_library_is_where_lief_sees_it(tmp_path: Path, platform: st
     for length in range(0, 600, 7):
         path.write_bytes(content[:length])
         assert missing_bytes(path) != 0
+
+
+def test_versions_that_share_a_cache_keep_their_fmus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The path that an earlier version was given still holds what that version built."""
+    monkeypatch.setenv("FRICTION_FMUS_CACHE", str(tmp_path / "cache"))
+    source = tmp_path / "Coulomb.c"
+    code = (ROOT / "fmu_src" / "friction" / "Coulomb.c").read_text(encoding="utf-8")
+    source.write_text(code, encoding="utf-8")
+    before = fmu(source)
+    content = before.read_bytes()
+    source.write_text(code.replace("friction force, opposes v", "force of friction, opposes v"), encoding="utf-8")
+    after = fmu(source)
+    assert after.read_bytes() != content
+    assert before.read_bytes() == content

@@ -1,0 +1,227 @@
+/* The guard of the implicit master. A loop that is solved may still be wrong: a mass on a spring that swings many times
+   in a step amplifies what it is given, and each step converges. So now and then, and whenever a value comes unlike it
+   was foreseen, a step is also taken in two halves. If the mean or the end of a line then differs by more than DOUBT of
+   its size, the step is refined, and those after it are checked until whole steps agree again. A step without a finding
+   is left as it was, to the last bit. */
+
+#ifndef STEP_CHECK_H
+#define STEP_CHECK_H
+
+#include "quasi_newton.h"
+
+#define DOUBT     0.02 /* of the largest size so far, between a step and its halves */
+#define AT_START  0.5  /* the same in the first EARLY ticks of what begins at rest: its size so far says little */
+#define SURPRISE  0.05 /* of a value that was foreseen on a straight line */
+#define HOPELESS  30.0 /* unresolved errors, summed up, over the size */
+#define AMPLIFIED 4.0  /* counts as so much over what is tolerated */
+enum {
+    CHECK_EVERY = 256,
+    ALARM = 4,
+    MOST_PATIENCE = 64,
+    SOON = 16,
+    MOST_RECURRENCES = 8,
+    MOST_UNRESOLVED = 5000,
+    EARLY = 8
+};
+#define GROWTHS 3.0
+
+/* Ticks 0, 1, 2, 4, 8, ..., 256, 512, 768, ... */
+
+static bool is_scheduled(int64_t tick)
+{
+    return tick < CHECK_EVERY ? (tick & (tick - 1)) == 0 : tick % CHECK_EVERY == 0;
+}
+
+static bool surprises(const Newton *newton, const Group *g, const Span *s)
+{
+    for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
+        if (fabs(surprise_of(newton, j, s)) > SURPRISE * newton->scale[j])
+            return true;
+    return false;
+}
+
+/* Whether a value alternates from step to step and grows. */
+static bool amplifies(const Newton *newton, const Group *g, const Span *s)
+{
+    for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
+        const double miss = surprise_of(newton, j, s);
+        if (newton->growth[j] >= GROWTHS && turns_and_grows(newton, j, s, miss) && fabs(miss) > 1e-4 * newton->scale[j])
+            return true;
+    }
+    return false;
+}
+
+/* Whether the piece that has just been solved is to be checked. */
+static bool wants_check(const Newton *newton, int64_t number, int64_t tick, const Span *s)
+{
+    const StepCheck *const guard = &newton->guards[number];
+    if (guard->hopeless)
+        return false;
+    return guard->alarm > 0 || (s->from == 0.0 && is_scheduled(tick)) ||
+           (tick >= guard->next && surprises(newton, &newton->groups[number], s));
+}
+
+/* What a check must not change: copied to the place that is kept for it (or back). */
+static void keep(const Engine *e, Newton *newton, const Group *g, int64_t number, bool back)
+{
+    const size_t n = (size_t)g->unknowns, square = (size_t)(newton->most_unknowns * newton->most_unknowns);
+    const size_t lines = (size_t)e->lines_from[e->part_count];
+    double *const parts[] = {newton->w + g->unknown,     newton->w_last + g->unknown,   newton->trend + g->unknown,
+                             newton->scale + g->unknown, newton->surprise + g->unknown, newton->growth + g->unknown};
+    double *to = newton->kept;
+    for (size_t i = 0; i < 6; i++, to += n)
+        memcpy(back ? parts[i] : to, back ? to : parts[i], n * sizeof(double));
+    double *const inverse = newton->inverse + (size_t)number * square;
+    memcpy(back ? inverse : to, back ? to : inverse, square * sizeof(double));
+    Moving *const moving = newton->moving, *const kept = newton->kept_lines;
+    memcpy(back ? moving : kept, back ? kept : moving, lines * sizeof(Moving));
+}
+
+static void swap_loop(Engine *e, const Newton *newton, const Group *g)
+{
+    for (int64_t i = g->first; i < g->first + g->count; i++)
+        swap_part(&e->parts[newton->order[i]]);
+}
+
+/* Takes the piece once more, in two halves; means[k] becomes the mean of line k over both. */
+static int solve_halves(Engine *e, Newton *newton, int64_t number, const Span *s, double *means, bool *jumped)
+{
+    const Group *const g = &newton->groups[number];
+    const int64_t lines = e->lines_from[e->part_count];
+    const double half = 0.5 * s->h, middle = 0.5 * (s->from + s->to);
+    const Span first = {s->t, half, s->from, middle, 0.5 * s->ratio}, second = {s->t + half, half, middle, s->to, 1.0};
+    int status = solve(e, newton, g, number, &first, true);
+    if (status != SOLVED)
+        return status;
+    for (int64_t k = 0; k < lines; k++)
+        means[k] = 0.5 * e->lines[k].mean;
+    *jumped = newton->jumped;
+    accept(e, newton, g, number, &first);
+    swap_loop(e, newton, g); /* the state at the start of the piece is still needed */
+    status = save_loop(e, newton, g, second.t);
+    if (status == SOLVED)
+        status = solve(e, newton, g, number, &second, false);
+    swap_loop(e, newton, g);
+    for (int64_t k = 0; k < lines; k++)
+        means[k] += 0.5 * e->lines[k].mean;
+    *jumped = *jumped || newton->jumped;
+    return status;
+}
+
+/* The largest difference between a piece and its halves over DOUBT. Where the solution lies on a jump, the unknown is
+   what holds, only its mean counts, and the values behind the jump are rounding. */
+static double difference(const Engine *e, Newton *newton, int64_t number, const double *whole, const double *halves,
+                         bool jumped, bool early)
+{
+    const Group *const g = &newton->groups[number];
+    double worst = 0.0;
+    for (int64_t i = g->first; i < g->first + g->count; i++)
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
+            const Moving *const a = &newton->kept_lines[k], *const b = &newton->moving[k];
+            if (!a->inner || (jumped && a->unknown < 0))
+                continue;
+            const double tolerated = early && a->from_rest ? AT_START : DOUBT;
+            const double apart = fmax(fabs(whole[k] - halves[k]), jumped ? 0.0 : fabs(a->u1 - b->u1));
+            const double off =
+                apart == 0.0 ? 0.0 : apart / (tolerated * fmax(a->scale, fmax(fabs(a->u1), fabs(b->u1))));
+            if (!(off <= worst)) {
+                worst = isnan(off) ? INFINITY : off;
+                newton->guards[number].line = k;
+                newton->guards[number].apart = apart;
+            }
+        }
+    return worst;
+}
+
+/* Compares a solved piece with its halves; *off is raised to the difference. The piece stays solved. */
+static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool early, double *off)
+{
+    const Group *const g = &newton->groups[number];
+    const int64_t lines = e->lines_from[e->part_count], most = newton->most_unknowns;
+    double *const whole = newton->kept + 6 * most + most * most, *const halves = whole + lines, norm = 0.0;
+    const double before = newton->before[number];
+    const bool jumped = newton->jumped;
+    bool halves_jumped = false;
+
+    for (int64_t k = 0; k < lines; k++)
+        whole[k] = e->lines[k].mean;
+    keep(e, newton, g, number, false);
+    int status = solve_halves(e, newton, number, s, halves, &halves_jumped);
+    const bool failed_halves = status == NOT_CONVERGED || status == 2;
+    if (status != SOLVED && !failed_halves)
+        return status;
+    const double apart =
+        failed_halves ? INFINITY : difference(e, newton, number, whole, halves, jumped || halves_jumped, early);
+    *off = fmax(*off, apart);
+    keep(e, newton, g, number, true);
+    newton->before[number] = before;
+    newton->guards[number].checks++;
+    status = evaluate(e, newton, g, s, true, &norm);
+    newton->jumped = jumped;
+    for (int64_t j = g->unknown; jumped && j < g->unknown + g->unknowns; j++)
+        e->signals[newton->unknowns[j]] = newton->w[j];
+    return status;
+}
+
+/* Notes an error that stays in the result. */
+static void owe(Newton *newton, StepCheck *guard, double t)
+{
+    Moving *const m = &newton->moving[guard->line];
+    if (guard->unresolved++ == 0)
+        guard->time = t;
+    m->debt += guard->apart;
+    guard->hopeless = m->debt > HOPELESS * fmax(m->scale, fabs(m->u1)) || guard->unresolved > MOST_UNRESOLVED;
+}
+
+/* What follows from a check: a finding raises the alarm, whole steps that agree end it. */
+static void conclude(Newton *newton, int64_t number, int64_t tick, const Span *s, double off, bool smallest)
+{
+    StepCheck *const guard = &newton->guards[number];
+    if (off > 1.0) {
+        const bool missed =
+            guard->alarm == 0 && tick > 2 && off != AMPLIFIED && !surprises(newton, &newton->groups[number], s);
+        guard->missed += missed;
+        if (smallest || missed)
+            owe(newton, guard, s->t);
+        if (tick > guard->last)
+            guard->recurrences = tick > guard->last + SOON + guard->calm ? 0
+                                 : guard->recurrences < MOST_RECURRENCES ? guard->recurrences + 1
+                                                                         : MOST_RECURRENCES;
+        if (off == AMPLIFIED && guard->recurrences < 2)
+            guard->recurrences = 2;
+        guard->last = tick;
+        guard->alarm = !guard->hopeless ? ALARM : 0;
+        guard->patience = 0;
+    } else if (newton->error > 0.0 || (s->from == 0.0 && s->to == 1.0) ||
+               (guard->calm > 0 && s->h > 0.99 * guard->limit)) {
+        if (guard->alarm > 0)
+            guard->alarm--;
+        else
+            guard->patience = guard->patience < MOST_PATIENCE ? 2 * guard->patience + 1 : MOST_PATIENCE;
+        guard->next = tick + 1 + guard->patience;
+    }
+}
+
+/* Where findings recur, steps of the length that was right are kept for a while. */
+static void confine(StepCheck *guard, double length)
+{
+    if (guard->recurrences < 2 || guard->hopeless)
+        return;
+    guard->limit = guard->calm > 0 ? fmin(guard->limit, length) : length;
+    guard->calm = (int64_t)ALARM << guard->recurrences;
+}
+
+/* At the end of a step of length h: a limit that has held for long enough is doubled. */
+static void relax(StepCheck *guard, double h)
+{
+    if (guard->hopeless)
+        guard->calm = 0;
+    if (guard->calm == 0 || --guard->calm > 0)
+        return;
+    guard->limit *= 2.0;
+    guard->alarm = ALARM;
+    if (guard->limit < h)
+        guard->calm = (int64_t)ALARM << guard->recurrences;
+}
+
+#endif
