@@ -49,7 +49,7 @@ class StepCheck(ctypes.Structure):
 
     _fields_ = (
         *((name, _INT) for name in ("line", "alarm", "patience", "next", "last", "recurrences", "calm")),
-        *((name, _INT) for name in ("checks", "unresolved", "missed", "hopeless")),
+        *((name, _INT) for name in ("checks", "unresolved", "hopeless")),
         *((name, _REAL) for name in ("apart", "limit", "time")),
     )
 

@@ -7,8 +7,8 @@
        S(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta)
        stick: dFi/dt = ki v                       until  sgn(v) Fi >= alpha_i S(v)
               dzi/dt = v
-       slip:  dFi/dt = sgn(v) Ci (alpha_i - sgn(v) Fi / S(v))  until v passes zero; Ci = C unless given
-              dzi/dt = (dFi/dt) / ki
+       slip:  dFi/dt = sgn(v) Ci (alpha_i - sgn(v) Fi / S(v))     until  v = 0
+              dzi/dt = (dFi/dt) / ki,   Ci = C unless it is given
        F = (sum Fi + sigma dzi/dt) max(Fn, 0) / Fn0 + sigma2 v
 
    Fi is the force at the normal force Fn0. The sign in the test and in the attraction matters: written with |Fi| or

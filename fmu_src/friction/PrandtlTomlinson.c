@@ -17,8 +17,9 @@
    simulation, by the exact solution of w' = -damping w + R/m over dt; between these instants the tip moves without
    both, at the pace b. Sivak, Chodera, Crooks: Journal of Physical Chemistry B 118, 2014:
 
-       w <- exp(-y) w + sqrt((1 - exp(-2 y)) kT / m) n,   y = damping dt,   n: standard normal
-       x' = b w,   m w' = b (k (X - x) - (pi E0 / a) sin(2 pi x / a)),   b^2 = tanh(y/2) / (y/2)
+       w <- exp(-y) w + sqrt((1 - exp(-2 y)) kT / m) n,   y = damping dt
+       x' = b w,   m w' = b (k (X - x) - (pi E0 / a) sin(2 pi x / a))
+       b^2 = tanh(y/2) / (y/2),   n: standard normal
 
    Both parts keep Boltzmann's distribution, so with the driver at rest x and w have the exact temperature at every
    time, for every y and every potential; b makes the drag m damping v and the diffusion kT / (m damping) of a tip on

@@ -51,11 +51,10 @@ typedef struct {
     int64_t calm;        /* ticks for which `limit` holds                                              */
     int64_t checks;      /* steps that were checked                                                    */
     int64_t unresolved;  /* inner steps of the smallest size that were still off                       */
-    int64_t missed;      /* steps that were off behind others that nobody had checked                  */
     int64_t hopeless;    /* no step is small enough: nothing is checked any more */
     double apart;        /* by how much that line was off */
     double limit;        /* [s] longest inner step where findings recur                                */
-    double time;         /* [s] of the first that is unresolved or missed                              */
+    double time;         /* [s] of the first of these                              */
 } StepCheck;
 
 struct newton {

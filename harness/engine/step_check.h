@@ -57,7 +57,7 @@ static bool wants_check(const Newton *newton, int64_t number, int64_t tick, cons
     const StepCheck *const guard = &newton->guards[number];
     if (guard->hopeless)
         return false;
-    return guard->alarm > 0 || (s->from == 0.0 && is_scheduled(tick)) ||
+    return guard->alarm > 0 || guard->calm > 0 || (s->from == 0.0 && is_scheduled(tick)) ||
            (tick >= guard->next && surprises(newton, &newton->groups[number], s));
 }
 
@@ -178,10 +178,7 @@ static void conclude(Newton *newton, int64_t number, int64_t tick, const Span *s
 {
     StepCheck *const guard = &newton->guards[number];
     if (off > 1.0) {
-        const bool missed =
-            guard->alarm == 0 && tick > 2 && off != AMPLIFIED && !surprises(newton, &newton->groups[number], s);
-        guard->missed += missed;
-        if (smallest || missed)
+        if (smallest)
             owe(newton, guard, s->t);
         if (tick > guard->last)
             guard->recurrences = tick > guard->last + SOON + guard->calm ? 0
