@@ -316,15 +316,16 @@ def ranked(models: Sequence[Found]) -> list[Found]:
     ordered: list[Found] = []
     while left:
         alike = [found for found in left if _error(found) <= (1.0 + ALIKE) * _error(left[0])]
-        first = min(alike, key=lambda found: np.inf if found.row.bic is None else found.row.bic)
+        first = min(alike, key=lambda found: np.inf if found.row.bic is None else round(found.row.bic, 3))
         ordered.append(replace(first, row=replace(first.row, rank=len(ordered) + 1)))
         left.remove(first)
     return ordered + [found for found in models if found.error is None]
 
 
 def _error(found: Found) -> float:
+    """To six digits: models that do the same differ in the last bits, and these are not to order them."""
     assert found.error is not None
-    return found.error
+    return float(f"{found.error:.6g}")
 
 
 def _rms(values: Array) -> float:
