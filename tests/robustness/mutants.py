@@ -25,8 +25,9 @@ import tempfile
 import time
 import traceback
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -152,15 +153,15 @@ class Campaign:
         Kind, number, outcome and last words.
     """
 
-    def __init__(self, place: Path, workers: int) -> None:
-        self.place, self.workers = place, workers
+    def __init__(self, place: Path, keep: Path, workers: int, tell: Callable[[str], None] = lambda _: None) -> None:
+        self.place, self.keep, self.workers, self.tell, self.total = place, keep, workers, tell, 0
         self.counts: dict[str, Counter[str]] = {}
         self.failures: list[tuple[str, int, str, str]] = []
         self._running: list[Worker] = []
 
     def run(self, kinds: Sequence[str], numbers: Sequence[int]) -> None:
         """Try all of them."""
-        self.counts = {kind: Counter() for kind in kinds}
+        self.counts, self.total = {kind: Counter() for kind in kinds}, len(numbers)
         batches = [(kind, numbers[i : i + BATCH]) for kind in kinds for i in range(0, len(numbers), BATCH)]
         while batches or self._running:
             while batches and len(self._running) < self.workers:
@@ -203,23 +204,22 @@ class Campaign:
         self.counts[kind][outcome] += 1
         if outcome not in ("ok", "sentence"):
             self.failures.append((kind, number, outcome, text))
-
-    def table(self) -> str:
-        """Kind and counts, as a table of Markdown."""
-        lines = [f"| kind | mutants | {' | '.join(OUTCOMES)} |", f"|---|{'---|' * (1 + len(OUTCOMES))}"]
-        for kind, counts in self.counts.items():
-            cells = " | ".join(str(counts[outcome]) for outcome in OUTCOMES)
-            lines.append(f"| {kind} | {counts.total()} | {cells} |")
-        return "\n".join(lines)
+            store(kind, number, f"{outcome}\n{text}\n", self.keep)
+        if self.counts[kind].total() == self.total:
+            self.tell(row(kind, self.counts[kind]))
 
 
-def store(failures: Sequence[tuple[str, int, str, str]], folder: Path) -> None:
-    """The files of failing mutants, and what they ended with."""
-    for kind, number, outcome, text in failures:
-        own = folder / f"{kind}-{number}"
-        shutil.rmtree(own, ignore_errors=True)
-        write(KINDS[kind], number, own)
-        (own / "why.txt").write_text(f"{outcome}\n{text}\n", encoding="utf-8")
+def row(kind: str, counts: Counter[str]) -> str:
+    """A row of the table, in Markdown."""
+    return f"| {kind} | {counts.total()} | {' | '.join(str(counts[outcome]) for outcome in OUTCOMES)} |"
+
+
+def store(kind: str, number: int, why: str, folder: Path) -> None:
+    """The files of a failing mutant, and what it ended with."""
+    own = folder / f"{kind}-{number}"
+    shutil.rmtree(own, ignore_errors=True)
+    write(KINDS[kind], number, own)
+    (own / "why.txt").write_text(why, encoding="utf-8")
 
 
 def main() -> int:
@@ -242,15 +242,14 @@ def main() -> int:
             print(folder, kind.action(folder))
             return 0
         kinds = options.kinds or list(KINDS)
-        valid = Campaign(place, options.workers)
+        valid = Campaign(place, options.keep.resolve(), options.workers)
         valid.run(kinds, [-1])
         if refused := [kind for kind, counts in valid.counts.items() if not counts["ok"] and "doctor" not in kind]:
             print(f"the valid files are refused: {', '.join(refused)}\n{valid.failures}")
             return 2
-        campaign = Campaign(place, options.workers)
+        print(f"| kind | mutants | {' | '.join(OUTCOMES)} |\n|---|{'---|' * (1 + len(OUTCOMES))}", flush=True)
+        campaign = Campaign(place, options.keep.resolve(), options.workers, partial(print, flush=True))
         campaign.run(kinds, range(options.first, options.first + options.count))
-        store(campaign.failures, options.keep)
-    print(campaign.table())
     for kind, number, outcome, text in campaign.failures:
         print(f"{kind} {number}: {outcome}: {(text.strip().splitlines() or [''])[-1][:200]}")
     return int(bool(campaign.failures))
