@@ -68,7 +68,7 @@ def sample_step(Ts: float, step: float) -> Condition:
     step : float
         Time between two communications of that part [s].
     """
-    ratio = Ts / step
+    ratio = min(Ts / step, 1e15)  # beyond that doubles know no fractions
     whole = max(round(ratio), 1)
     if ratio < 1.0 - 1e-9:
         why = "several samples fall into one step and all read the inputs of its beginning"
