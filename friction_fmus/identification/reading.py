@@ -218,8 +218,8 @@ def _complete(
         largest = float(np.max(np.abs(values), initial=0.0))
         if largest > LARGEST or 0.0 < largest < 1.0 / LARGEST:
             raise RecordError(
-                f"{path} has values up to {largest:.3g} in SI units for {name!r}, which no machine has; correct the unit "
-                "or the file."
+                f"{path} has values up to {largest:.3g} in SI units for {name!r}, which no machine has; "
+                "correct the unit or the file."
             )
     kept["row"] = np.flatnonzero(good).astype(np.float64)
     return kept.pop("t"), kept

@@ -229,7 +229,7 @@ def odd_table(random: Random, columns: Mapping[str, np.ndarray], suffix: str) ->
         table = _odd(random, random.choice(list(table)), table) if table else table
     whole = io.BytesIO()
     if suffix == ".mat":
-        savemat(whole, {name.lstrip("_") or "x": values for name, values in table.items()})
+        savemat(whole, {name or "x": _cells(np.asarray(values)) for name, values in table.items()})
         return whole.getvalue()
     rows = max((len(values) for values in table.values() if hasattr(values, "__len__")), default=0)
     flat = {name: list(np.ravel(np.asarray(values, dtype=object)))[:rows] for name, values in table.items()}
@@ -245,6 +245,13 @@ def odd_table(random: Random, columns: Mapping[str, np.ndarray], suffix: str) ->
     except Exception:  # a column of which there is no Parquet file: as text
         pd.DataFrame({name: list(map(str, values[:length])) for name, values in flat.items()}).to_parquet(whole)
     return whole.getvalue()
+
+
+def _cells(values: np.ndarray) -> np.ndarray:
+    """Values as MATLAB can have them: nothing is an empty matrix."""
+    if values.dtype != object:
+        return values
+    return np.array([np.zeros((0, 0)) if value is None else value for value in values] + [None], dtype=object)[:-1]
 
 
 def _odd(random: Random, name: str, table: dict[str, object]) -> dict[str, object]:
