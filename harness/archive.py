@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import stat
 import zipfile
 from collections.abc import Iterable, Mapping
@@ -196,7 +197,28 @@ def _port(variable: Any, units: Mapping[str, Any]) -> Port:
         description=variable.description or "",
         base=None if base is None else _base_unit(base),
         items=tuple((item.name, int(item.value)) for item in (declared.items if declared is not None else ())),
+        limits=(_number(_stated(variable, "min"), -math.inf), _number(_stated(variable, "max"), math.inf)),
+        nominal=_size(_number(_stated(variable, "nominal"), 1.0)),
     )
+
+
+def _stated(variable: Any, attribute: str) -> str | None:
+    """An attribute of a variable, or else of its type."""
+    text: str | None = getattr(variable, attribute) or getattr(variable.declaredType, attribute, None)
+    return text
+
+
+def _number(text: str | None, otherwise: float) -> float:
+    """A limit or a size; one that is no number does not keep an FMU from being used."""
+    try:
+        number = float(text or otherwise)
+    except ValueError:
+        return otherwise
+    return otherwise if math.isnan(number) else number
+
+
+def _size(nominal: float) -> float:
+    return abs(nominal) if nominal and math.isfinite(nominal) else 1.0
 
 
 def _base_unit(base: Any) -> BaseUnit:

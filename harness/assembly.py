@@ -7,7 +7,7 @@ from typing import Protocol
 
 from harness.experiment import Experiment
 from harness.part import Part, StartValue
-from harness.wire import Wire
+from harness.wire import Wire, split_name
 
 
 class Assembly(Protocol):
@@ -30,5 +30,15 @@ class Assembly(Protocol):
         """Start values by "part.variable"."""
 
     @property
+    def strict(self) -> bool:
+        """Whether every input needs a wire or a value."""
+
+    @property
     def experiment(self) -> Experiment | None:
         """How it is run when nothing else is said."""
+
+
+def start_values(system: Assembly, part: str) -> dict[str, StartValue]:
+    """The start values of one part, by variable."""
+    ends = ((split_name(name), value) for name, value in system.start.items())
+    return {port: value for (owner, port), value in ends if owner == part}

@@ -97,11 +97,15 @@ class FmuPart(Part):
         numeric = [name for name in ports if ports[name].type != "String"]
         self.inputs = tuple(ports[name] for name in numeric if variables[name].causality == "input")
         self.outputs = tuple(ports[name] for name in numeric if variables[name].causality == "output")
-        self.parameters = tuple(ports[name] for name in ports if _is_parameter(variables[name]))
+        self.parameters = tuple(
+            port for name, port in ports.items() if _is_parameter(variables[name]) or _is_text_input(variables[name])
+        )
         self.observables = tuple(
             ports[name] for name in numeric if variables[name].causality not in {"input", "output"}
         )
-        self.dependencies = _dependencies(self._archive)
+        self.dependencies, self.undeclared = _dependencies(self._archive)
+        self.strict = str(self._archive.description.generationTool or "").startswith("friction-fmus")
+        self.saves = bool(self._archive.description.coSimulation.canGetAndSetFMUstate)
         self.identity = str(self._archive.description.guid)
         self.sampled = bool(self.outputs) and all(variables[p.name].variability == "discrete" for p in self.outputs)
 
@@ -149,7 +153,7 @@ class FmuPart(Part):
             [ports[name].type for name in inputs],
             [ports[name].type for name in outputs],
             bool(flags.canInterpolateInputs),
-            bool(flags.canGetAndSetFMUstate),
+            self.saves,
             instance.failure,
         )
 
@@ -160,7 +164,7 @@ class FmuPart(Part):
 
     def save(self, state: object | None = None) -> object:
         """Copy the state of the FMU with fmi2GetFMUstate."""
-        if not self._archive.description.coSimulation.canGetAndSetFMUstate:
+        if not self.saves:
             raise PartError(self.name, "fmi2GetFMUstate", "this FMU declares that it cannot save its state")
         if not isinstance(state, _State):
             state = _State()
@@ -240,7 +244,7 @@ class FmuPart(Part):
         try:
             buffer: Any
             if port.type == "String":
-                buffer = (ctypes.c_char_p * 1)(str(value).encode())
+                buffer = (ctypes.c_char_p * 1)(_text(value))
             elif port.type == "Real":
                 buffer = (ctypes.c_double * 1)(float(value))
             else:
@@ -326,6 +330,13 @@ def _whole(value: StartValue) -> int:
     return int(value)
 
 
+def _text(value: StartValue) -> bytes:
+    """A text as C takes it, refused if it is something else."""
+    if not isinstance(value, str) or "\0" in value:
+        raise ValueError(value)
+    return value.encode()
+
+
 def _sequence(calls: list[Callable[[], None]]) -> Callable[[], None]:
     """Several calls as one."""
     if len(calls) == 1:
@@ -345,14 +356,18 @@ def _is_parameter(variable: Any) -> bool:
     )
 
 
-def _dependencies(archive: Archive) -> dict[str, frozenset[str]]:
-    """Direct feed-through from ModelStructure/Outputs; where that says nothing, from every input."""
+def _is_text_input(variable: Any) -> bool:
+    """Whether this is an input that no wire can carry: it is set once, as a parameter is."""
+    return bool(variable.causality == "input" and variable.type == "String")
+
+
+def _dependencies(archive: Archive) -> tuple[dict[str, frozenset[str]], frozenset[str]]:
+    """Direct feed-through from ModelStructure/Outputs, and the outputs of which that says nothing: of every input."""
     inputs = frozenset(name for name, variable in archive.variables.items() if variable.causality == "input")
     stated = {
-        unknown.variable.name: inputs
-        if unknown.dependencies is None
-        else inputs & {variable.name for variable in unknown.dependencies}
+        unknown.variable.name: inputs & {variable.name for variable in unknown.dependencies}
         for unknown in archive.description.outputs
+        if unknown.dependencies is not None
     }
-    outputs = (name for name, variable in archive.variables.items() if variable.causality == "output")
-    return {name: stated.get(name, inputs) for name in outputs}
+    outputs = [name for name, variable in archive.variables.items() if variable.causality == "output"]
+    return {name: stated.get(name, inputs) for name in outputs}, frozenset(outputs) - stated.keys()

@@ -90,7 +90,7 @@ def check_loops(parts: Mapping[str, Part], wires: Sequence[Wire], *, implicit: b
     wires : sequence of Wire
         All wires.
     implicit : bool
-        The master solves loops of continuous parts that are stepped at every tick.
+        The master solves loops through Real wires between continuous parts that are stepped at every tick.
 
     Raises
     ------
@@ -99,11 +99,12 @@ def check_loops(parts: Mapping[str, Part], wires: Sequence[Wire], *, implicit: b
     """
     closing = instantaneous(parts, wires)
     if implicit:
-        closing = [wire for wire in closing if not all(_moves(parts[part]) for part, _ in wire.ends)]
+        closing = [wire for wire in closing if not _solved(parts, wire)]
     loop = find_loop(direct_edges(parts, closing))
     if loop:
         flow = [name for wire in loop for name in (wire.source, wire.target)] + [loop[0].source]
-        remedy = "" if implicit or not all(_moves(parts[wire.ends[0][0]]) for wire in loop) else ", or use newton"
+        solvable = all(_moves(parts[wire.ends[0][0]]) for wire in loop) and any(_solved(parts, wire) for wire in loop)
+        remedy = ", or use newton" if solvable and not implicit else ""
         raise AlgebraicLoopError(
             f"algebraic loop: {' -> '.join(flow)}: put a part with a state, a sampled part or a wire with a delay "
             f"into it{remedy}"
@@ -112,6 +113,13 @@ def check_loops(parts: Mapping[str, Part], wires: Sequence[Wire], *, implicit: b
 
 def _moves(part: Part) -> bool:
     return not part.sampled and part.every == 1
+
+
+def _solved(parts: Mapping[str, Part], wire: Wire) -> bool:
+    """Whether an implicit master iterates on the value of a wire: a Real one between continuous parts."""
+    target, name = wire.ends[1]
+    real = any(port.name == name and port.type == "Real" for port in parts[target].inputs)
+    return real and all(_moves(parts[part]) for part, _ in wire.ends)
 
 
 def stepping_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[str]:

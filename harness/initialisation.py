@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import root
 
-from harness.assembly import Assembly
+from harness.assembly import Assembly, start_values
 from harness.errors import AlgebraicLoopError, PartError
 from harness.experiment import Experiment
 from harness.graph import direct_edges, find_loop, instantaneous, propagation_order
@@ -52,7 +52,7 @@ def start_parts(plan: Plan, system: Assembly, experiment: Experiment, *, open_en
             # A part that is stepped over several ticks may end its last step after the end of the run.
             intervals = -(-plan.ticks // part.every)
             stop = np.inf if open_end else max(experiment.stop, plan.time(intervals * part.every))
-            part.enter_initialisation(experiment.start, stop, experiment.tolerance, _start_values(system, part.name))
+            part.enter_initialisation(experiment.start, stop, experiment.tolerance, start_values(system, part.name))
             inputs, outputs = slice(*plan.inputs[index]), slice(*plan.outputs[index])
             calls.append(
                 part.bind(
@@ -73,11 +73,6 @@ def start_parts(plan: Plan, system: Assembly, experiment: Experiment, *, open_en
             error.time = experiment.start
         raise
     return plan
-
-
-def _start_values(system: Assembly, part: str) -> dict[str, float | int | bool | str]:
-    ends = ((split_name(name), value) for name, value in system.start.items())
-    return {port: value for (owner, port), value in ends if owner == part}
 
 
 def _propagate(plan: Plan, system: Assembly) -> None:

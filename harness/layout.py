@@ -103,7 +103,8 @@ def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> 
     signals = np.zeros(len(ports))
     for members in constant:
         for name in members:
-            signals[columns[name]] = float(system.start[name])
+            stated = ports[name].start  # of an optional input that nothing drives
+            signals[columns[name]] = float(system.start.get(name, np.nan if stated is None else stated))
 
     gains, offsets = np.ones(len(ports)), np.zeros(len(ports))
     delays = np.zeros(len(ports), dtype=np.int64)

@@ -163,8 +163,7 @@ class Loops:
 
     def _check(self, engine: Engine, group: Sequence[int]) -> None:
         for part in group:
-            native = engine.natives[part]
-            if native is not None and not native.saves:
+            if not engine.plan.parts[part].saves:
                 raise ExperimentError(
                     f"'{engine.plan.parts[part].name}' stands in a loop and cannot save its state: "
                     "use the master gauss-seidel or jacobi"

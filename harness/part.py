@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,7 +32,7 @@ class Port:
     unit : str or None
         Unit name; None means not stated, and is then not checked on a wire.
     type : {"Real", "Integer", "Boolean", "String"}
-        Values of the first three cross as float64; a String can only be a parameter.
+        Values of the first three cross as float64; a String is set once, before a run.
     start : float, int, bool, str or None
         Start value, where there is one.
     description : str
@@ -40,6 +41,10 @@ class Port:
         The unit in base units; None means that it follows from the unit's name.
     items : tuple of (str, int)
         Names and values of an enumeration, which is an Integer here.
+    limits : (float, float)
+        Smallest and largest value.
+    nominal : float
+        Size that values usually have.
     """
 
     name: str
@@ -49,6 +54,8 @@ class Port:
     description: str = ""
     base: BaseUnit | None = None
     items: tuple[tuple[str, int], ...] = ()
+    limits: tuple[float, float] = (-math.inf, math.inf)
+    nominal: float = 1.0
 
     @property
     def optional(self) -> bool:
@@ -126,6 +133,12 @@ class Part(ABC):
         What else can be recorded.
     dependencies : mapping of str to frozenset of str
         For each output the inputs on which it depends directly (without a state in between).
+    undeclared : frozenset of str
+        The outputs for which nobody has said that. Their dependencies are all inputs, until a run finds them.
+    strict : bool
+        Whether an input without a wire and a value is an error, even if it has a start value.
+    saves : bool
+        Whether the state can be saved and restored.
     sampled : bool
         True if the outputs change only at the beginning of a step (controllers, estimators).
     every : int
@@ -135,6 +148,9 @@ class Part(ABC):
     """
 
     identity: str = ""
+    undeclared: frozenset[str] = frozenset()
+    strict: bool = True
+    saves: bool = True
     name: str
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]

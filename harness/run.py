@@ -15,6 +15,7 @@ from harness.checkpoint import read_checkpoint, write_checkpoint
 from harness.coupling import Coupling
 from harness.errors import ExperimentError, HarnessError, Interrupted
 from harness.experiment import Experiment
+from harness.feedthrough import find_feedthrough
 from harness.graph import check_loops
 from harness.initialisation import start_parts
 from harness.layout import find_port, make_plan, recorded_names
@@ -100,6 +101,7 @@ def run(system: Assembly, experiment: Experiment, options: Options | None = None
     for tap in options.taps:
         for name in tap.names:
             find_port(system.parts, name, "tap")
+    find_feedthrough(system, experiment)
     plan = make_plan(system, experiment, [*names, *(name for tap in options.taps for name in tap.names)])
     schedule = find_master(experiment.master)(plan, experiment)
     check_loops(system.parts, system.wires, implicit=schedule.tolerance > 0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,13 +20,15 @@ from harness.errors import (
 )
 from harness.experiment import Experiment
 from harness.manipulator import Manipulator
-from harness.part import Part, StartValue
+from harness.part import Part, Port, StartValue
 from harness.result import Result
 from harness.run import Options, run
 from harness.ssp import Parameter, ParameterSet, read_ssp, read_ssv, write_ssp
 from harness.system_file import SystemDescription, read_system, write_system
 from harness.tap import Progress, Tap
 from harness.wire import Wire, check_wires, find_part, parse_wire, split_name
+
+_LOG = logging.getLogger("harness")
 
 
 class System:
@@ -43,6 +46,9 @@ class System:
         How the system is run when nothing else is said.
     name : str
         Name of the system.
+    strict : bool
+        Whether every input needs a wire or a value. Otherwise an input of an FMU of another tool that has neither keeps
+        the start value that its FMU states, and a warning lists such inputs.
 
     Attributes
     ----------
@@ -51,7 +57,7 @@ class System:
     wires : tuple of Wire
         The wires.
     start : dict of str to value
-        The start values.
+        The start values, also those that were not given but kept.
 
     Raises
     ------
@@ -67,9 +73,11 @@ class System:
         start: Mapping[str, StartValue] | None = None,
         experiment: Experiment | None = None,
         name: str = "system",
+        strict: bool = False,
     ) -> None:
         """Check everything."""
         self.name = name
+        self.strict = strict
         self.parts: dict[str, Part] = {}
         for part in parts:
             if not part.name or "." in part.name or part.name != part.name.strip():
@@ -84,6 +92,8 @@ class System:
         self.experiment = experiment
         check_wires(self.parts, self.wires)
         self._check_start()
+        if not strict:
+            self._keep_stated()
         self._check_connected()
 
     @classmethod
@@ -193,7 +203,8 @@ class System:
 
     def with_start(self, values: Mapping[str, StartValue]) -> System:
         """A system with some start values changed; the parts are shared, so run one of them at a time."""
-        return System(self.parts.values(), self.wires, {**self.start, **values}, self.experiment, self.name)
+        start = {**self.start, **values}
+        return System(self.parts.values(), self.wires, start, self.experiment, self.name, self.strict)
 
     def run(
         self,
@@ -269,7 +280,7 @@ class System:
 
     def __reduce__(self) -> tuple[object, ...]:
         """A copy has parts of its own, so that it can run at the same time in another thread or process."""
-        return System, (tuple(self.parts.values()), self.wires, self.start, self.experiment, self.name)
+        return System, (tuple(self.parts.values()), self.wires, self.start, self.experiment, self.name, self.strict)
 
     def __enter__(self) -> Self:
         """Return the system; leaving the block closes it."""
@@ -307,13 +318,27 @@ class System:
                 raise StartValueError(f"{dotted} is computed by the part: set a parameter or an input instead")
             raise UnknownNameError(f"'{owner}' has no input or parameter '{name}': {nearest(name, settable)}")
 
+    def _keep_stated(self) -> None:
+        """Give the inputs of foreign FMUs that nothing drives the start values that they state."""
+        kept = {
+            name: port.start
+            for name, port in self._undriven().items()
+            if port.start is not None and not self.parts[split_name(name)[0]].strict
+        }
+        if kept:
+            values = ", ".join(f"{name} = {value}" for name, value in kept.items())
+            _LOG.warning("nothing drives %s: kept at these start values of their FMUs", values)
+            self.start |= kept
+
     def _check_connected(self) -> None:
-        driven = {wire.target for wire in self.wires} | set(self.start)
-        inputs = [
-            f"{name}.{port.name}" for name, part in self.parts.items() for port in part.inputs if not port.optional
-        ]
-        missing = [name for name in inputs if name not in driven]
+        missing = list(self._undriven())
         if missing:
             raise UnconnectedError(
                 f"nothing drives {', '.join(missing)}: wire each one to an output or give it a constant as start value"
             )
+
+    def _undriven(self) -> dict[str, Port]:
+        """The inputs without a wire and a start value that need one."""
+        driven = {wire.target for wire in self.wires} | set(self.start)
+        inputs = {f"{name}.{port.name}": port for name, part in self.parts.items() for port in part.inputs}
+        return {name: port for name, port in inputs.items() if name not in driven and not port.optional}

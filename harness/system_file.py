@@ -22,7 +22,7 @@ from harness.part import Part, StartValue
 from harness.series import SeriesPart
 from harness.wire import Wire, parse_wire, split_name
 
-_TOP_KEYS = ("name", "parts", "wires", "experiment")
+_TOP_KEYS = ("name", "strict", "parts", "wires", "experiment")
 _FMU_KEYS = ("every", "start", "isolate", "timeout")
 _RECORD_KEYS = ("interpolation", "beyond")
 _WIRE_KEYS: dict[str, tuple[type, ...]] = {"gain": (int, float), "offset": (int, float), "delay": (int,)}
@@ -39,6 +39,7 @@ class SystemDescription:
     start: dict[str, StartValue]
     experiment: Experiment | None
     name: str
+    strict: bool = False
 
 
 def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDescription:
@@ -68,6 +69,9 @@ def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDesc
             start.update(
                 {f"{name}.{key}": _start_value(key, v, name, path) for key, v in entry.get("start", {}).items()}
             )
+        strict = document.get("strict", False)
+        if not isinstance(strict, bool):
+            raise SystemFileError(f"strict in {path} is {strict!r}: give true or false")
         wires = document.get("wires", [])
         if not isinstance(wires, list):
             raise SystemFileError(f'wires in {path} is not a list: write wires = ["a.y -> b.u"]')
@@ -79,6 +83,7 @@ def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDesc
             if "experiment" in document
             else None,
             name=str(document.get("name", path.stem)),
+            strict=strict,
         )
     except BaseException:
         for part in parts:
@@ -88,7 +93,7 @@ def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDesc
 
 def write_system(system: Assembly, path: Path) -> None:
     """Write a system file; see `System.to_toml`."""
-    lines = [f"name = {_literal(system.name)}", "wires = ["]
+    lines = [f"name = {_literal(system.name)}", *(["strict = true"] if system.strict else []), "wires = ["]
     lines += [f"    {_wire_literal(wire)}," for wire in system.wires]
     lines += ["]"]
     for name, part in system.parts.items():

@@ -116,6 +116,8 @@ def _end(parts: Mapping[str, Part], wire: Wire, dotted: str, role: str) -> Port:
     ports: dict[str, Port] = {port.name: port for port in getattr(part, role)}
     if port_name in ports:
         return ports[port_name]
+    if any(port.name == port_name and port.type == "String" for port in part.parameters):
+        raise WireError(f"{dotted} is a text (in wire {wire}), which no wire carries: give it a start value instead")
     other = "inputs" if role == "outputs" else "outputs"
     if any(port.name == port_name for port in getattr(part, other)):
         raise WireError(

@@ -147,7 +147,10 @@ def test_tutorial_works_and_prints_what_it_says(name: str, tmp_path: Path, monke
 
 
 def test_steps_for_other_tools_give_the_position_that_is_said() -> None:
-    """All parts at once on held values, as OMSimulator steps them, at the step of the page."""
+    """All parts at once on held values, as libcosim and ecos step them, at the step of the page.
+
+    `tests/interop/test_omsimulator.py` has the scheme of OMSimulator.
+    """
     page = (ROOT / "docs" / "first-fmu.md").read_text(encoding="utf-8")
     (said,) = re.findall(r"After 20 s the mass is at x = ([\d.]+) m", page)
     with System.from_toml(ROOT / "examples" / "stick_slip.toml", resolve=fmu) as system:

@@ -1,6 +1,7 @@
 """What an SSD has no words for: settings of the experiment, slow parts and delays, as annotations of this project.
 
-The communication step is written in the annotation of the Open Simulation Platform, too, where libcosim looks for it.
+The communication step is also written in the annotations of the Open Simulation Platform and of OpenModelica, where
+libcosim and OMSimulator look for it.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from harness.manipulator import manipulator_table, read_manipulator
 from harness.ssp.document import SPACES, sub
 
 #: Types of the annotations, by the prefix of what is in them.
-TYPES: Final = MappingProxyType({"harness": "friction-fmus.harness", "osp": "com.opensimulationplatform"})
+TYPES: Final = MappingProxyType(
+    {"harness": "friction-fmus.harness", "osp": "com.opensimulationplatform", "oms": "org.openmodelica"}
+)
 
 _LOG = logging.getLogger("harness")
 _SCALARS: Final[Mapping[str, Callable[[str], Any]]] = MappingProxyType(
@@ -49,6 +52,20 @@ def write_experiment(root: etree._Element, experiment: Experiment) -> None:
     for manipulator in experiment.manipulators:
         sub(settings, "harness:manipulator", **_texts(manipulator_table(manipulator)))
     sub(annotate(element, "osp:Algorithm"), "osp:FixedStepAlgorithm", baseStepSize=repr(experiment.step))
+
+
+def write_step(system: etree._Element, experiment: Experiment) -> None:
+    """Append the communication step as OMSimulator reads it; its master takes 0 for a tolerance that is left out."""
+    information = sub(annotate(system, "oms:Annotations"), "oms:SimulationInformation")
+    tolerance = repr(1e-4 if experiment.tolerance is None else experiment.tolerance)
+    sub(
+        information,
+        "oms:FixedStepMaster",
+        description="oms-ma",
+        stepSize=repr(experiment.step),
+        absoluteTolerance=tolerance,
+        relativeTolerance=tolerance,
+    )
 
 
 def read_experiment(root: etree._Element, where: str) -> Experiment | None:

@@ -26,6 +26,7 @@ SPACES: Final[Mapping[str, str]] = MappingProxyType(
         "ssv": SSV,
         "ssm": SSM,
         "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
+        "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
         "harness": "urn:friction-fmus:harness",
     }
 )

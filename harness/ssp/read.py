@@ -73,6 +73,14 @@ def _parts(package: Package, structure: Structure, folder: Path | None) -> dict[
 
 
 def _unconnected(parts: Iterable[Part], driven: set[str]) -> dict[str, StartValue]:
-    """The inputs that nothing drives: in SSP they keep the start value that the FMU states."""
-    inputs = ((f"{part.name}.{port.name}", port) for part in parts for port in part.inputs if not port.optional)
+    """The inputs that nothing drives: in SSP they keep the start value that the FMU states.
+
+    Those of foreign FMUs do so in every system, which logs them.
+    """
+    inputs = (
+        (f"{part.name}.{port.name}", port)
+        for part in parts
+        for port in part.inputs
+        if part.strict and not port.optional
+    )
     return {name: port.start for name, port in inputs if name not in driven and port.start is not None}

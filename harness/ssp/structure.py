@@ -17,7 +17,8 @@ from harness.units import BaseUnit
 #: Names from the outermost system to an element; () is the outermost system.
 Path: TypeAlias = tuple[str, ...]
 
-_FMU: Final = "application/x-fmu-sharedlibrary"
+#: Media type of a component that is an FMU.
+FMU_TYPE: Final = "application/x-fmu-sharedlibrary"
 
 
 @dataclass(frozen=True)
@@ -149,8 +150,8 @@ def _walk(path: Path, element: etree._Element) -> Iterator[tuple[Path, etree._El
 
 
 def _check_component(element: etree._Element, where: str) -> None:
-    kind = element.get("type", _FMU)
-    if kind != _FMU:
+    kind = element.get("type", FMU_TYPE)
+    if kind != FMU_TYPE:
         raise SystemFileError(f"{where} is of type {kind}: put its content into the system instead")
     if element.get("implementation") == "ModelExchange":
         raise SystemFileError(f"{where} is for model exchange: export it as FMI 2.0 for co-simulation")

@@ -12,10 +12,11 @@ from harness.assembly import Assembly
 from harness.errors import SystemFileError
 from harness.fmu import FmuPart
 from harness.part import Port, StartValue
-from harness.ssp.annotations import annotate, write_experiment, write_part
+from harness.ssp.annotations import annotate, write_experiment, write_part, write_step
 from harness.ssp.document import SPACES, SSD, TOOL, set_text, sub, to_bytes
 from harness.ssp.package import SSD_NAME, write_package
 from harness.ssp.ssv import Parameter, ParameterSet, ssv_element
+from harness.ssp.structure import FMU_TYPE
 from harness.ssp.units import known_unit, write_units
 from harness.units import BaseUnit, units_agree
 from harness.wire import Wire, split_name, wire_map
@@ -67,12 +68,16 @@ def _document(system: Assembly, fmus: Mapping[str, FmuPart], sources: Mapping[st
         for name, part in fmus.items():
             ends = ((split_name(dotted), value) for dotted, value in system.start.items())
             start = {port: value for (owner, port), value in ends if owner == name}
-            _component(sub(elements, "ssd:Component", name=name, source=sources[name]), part, wired, start, units)
+            # the type is the default of SSP 1.0, but OMSimulator opens no component that leaves it out
+            component = sub(elements, "ssd:Component", name=name, type=FMU_TYPE, source=sources[name])
+            _component(component, part, wired, start, units)
     if system.wires:
         connections = sub(element, "ssd:Connections")
         ports = {f"{name}.{port.name}": port for name, part in fmus.items() for port in (*part.inputs, *part.outputs)}
         for wire in system.wires:
             _connection(connections, wire, ports[wire.source], ports[wire.target])
+    if system.experiment is not None:
+        write_step(element, system.experiment)
     write_units(root, "ssd:Units", units)
     if system.experiment is not None:
         write_experiment(root, system.experiment)

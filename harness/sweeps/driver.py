@@ -182,8 +182,9 @@ def _make_job(
     if len(names) < len(measures):
         names += recorded_names(model.parts, base.record)
     record = tuple(dict.fromkeys((*names, *kept)))
-    # found once, not once in every run
-    order = base.order or tuple(stepping_order(model.parts, model.wires))
+    # found once, not once in every run, unless the start values of a run decide
+    declared = not any(part.undeclared for part in model.parts.values())
+    order = base.order or (tuple(stepping_order(model.parts, model.wires)) if declared else ())
     return Job(uuid4().hex, _opener(system), replace(base, record=record, order=order), measures, tuple(kept))
 
 

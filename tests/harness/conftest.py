@@ -14,6 +14,7 @@ from pathlib import Path
 
 import fmpy
 import pytest
+from foreign_fmus import in_c, in_python
 
 SOURCES = Path(__file__).parent / "probe"
 BINARY = f"binaries/{fmpy.platform}/probe{fmpy.sharedLibraryExtension}"
@@ -62,3 +63,15 @@ def make_fmu(tmp_path: Path, probe_library: bytes) -> Callable[..., Path]:
 @pytest.fixture
 def probe(make_fmu: Callable[..., Path]) -> Path:
     return make_fmu()
+
+
+@pytest.fixture(scope="session")
+def foreign(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """FMUs as other tools export them, see `in_c`."""
+    return in_c(tmp_path_factory.mktemp("foreign"), compiler())
+
+
+@pytest.fixture(scope="session")
+def pythonfmu(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """FMUs that pythonfmu exports, see `in_python`."""
+    return in_python(tmp_path_factory.mktemp("pythonfmu"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import zipfile
 from collections.abc import Callable, Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import fmpy
@@ -32,6 +32,7 @@ SPACES = {
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
     "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
     "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
+    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
 }
 # fail_status becomes an enumeration, the input u is in a unit that only the FMU knows
 CHANGES = (
@@ -152,6 +153,40 @@ def test_files_are_valid(system: System, tmp_path: Path) -> None:
     assert len(sets) == 3
     for found in sets:
         etree.XMLSchema(etree.parse(SCHEMAS / "SystemStructureParameterValues.xsd")).assertValid(found)
+
+
+def written(system: System, path: Path) -> etree._Element:
+    """The description of the system in the archive that is written of it."""
+    system.to_ssp(path)
+    with zipfile.ZipFile(path) as archive:
+        return etree.fromstring(archive.read("SystemStructure.ssd"))
+
+
+def test_components_state_their_type(system: System, tmp_path: Path) -> None:
+    """The Python package of OMSimulator opens no component that leaves it out, though SSP 1.0 lets it."""
+    components = written(system, tmp_path / "a.ssp").findall(".//ssd:Component", SPACES)
+    assert [component.get("type") for component in components] == ["application/x-fmu-sharedlibrary"] * 3
+
+
+@pytest.mark.parametrize(("tolerance", "stated"), [(1e-7, "1e-07"), (None, "0.0001")])
+def test_step_stands_where_omsimulator_looks_for_it(
+    system: System, tmp_path: Path, tolerance: float | None, stated: str
+) -> None:
+    """Its library reads the first annotation of the outermost system, as in the files that it writes itself."""
+    assert system.experiment is not None
+    system.experiment = replace(system.experiment, tolerance=tolerance)
+    annotations = written(system, tmp_path / "a.ssp").find("ssd:System/ssd:Annotations", SPACES)
+    assert annotations is not None
+    annotation = annotations[0]
+    assert annotation.get("type") == "org.openmodelica"
+    master = annotation.find("oms:Annotations/oms:SimulationInformation/oms:FixedStepMaster", SPACES)
+    assert master is not None
+    assert dict(master.attrib) == {
+        "description": "oms-ma",
+        "stepSize": repr(1 / 64),
+        "absoluteTolerance": stated,
+        "relativeTolerance": stated,
+    }
 
 
 def test_units_types_and_items_stand_in_the_file(system: System, tmp_path: Path) -> None:
