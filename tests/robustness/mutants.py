@@ -230,7 +230,7 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, default=Path("mutants"))
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
-    options = parser.parse_args()
+    options = parser.parse_intermixed_args()
     with tempfile.TemporaryDirectory(prefix="mutants-") as name:
         place = Path(name)
         prepare(place)

@@ -49,7 +49,7 @@ ODD = (
 
 def damaged(content: bytes, random: Random, ways: Sequence[Way]) -> bytes:
     """The content, damaged in up to eight places."""
-    for _ in range(random.choice((1, 1, 1, 2, 3, 8))):
+    for _ in range(random.choice((1, 1, 1, 1, 2, 2, 3, 8))):
         content = random.choice(ways)(content, random)
     return content
 
@@ -131,8 +131,8 @@ TEXT: Sequence[Way] = (_flip, _delete, _double, _splice, _lines, _lines, _words,
 def odd_values(content: bytes, random: Random, keys: Sequence[str] = ()) -> bytes:
     """A TOML file with odd values of one to three keys, some of which are new to it."""
     text = content.decode()
-    for _ in range(random.choice((1, 1, 2, 3))):
-        if keys and random.random() < 0.4:
+    for _ in range(random.choice((1, 1, 1, 1, 2, 3))):
+        if keys and random.random() < 0.25:
             heads = [match.end() for match in re.finditer(r"^\[.*\]$", text, re.M)] or [0]
             place = random.choice(heads)
             text = f"{text[:place]}\n{random.choice(keys)} = {random.choice(ODD)}\n{text[place:]}"
