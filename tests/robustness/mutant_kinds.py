@@ -169,6 +169,7 @@ def odd_system(content: bytes, random: Random) -> bytes:
 
 
 RUN = command("run", "s.toml", "-o", "o.csv")
+RUN_TO = command("run", "s.toml", "-o", "o.csv", "--stop", "0.05")
 RUN_SHORT = command("run", "s.toml", "-o", "o.csv", *SHORT)
 RUN_ON = command("run", "s.toml", "-o", "o.csv", "--resume", "state", "--stop", "0.04")
 SWEEP = command("sweep", "s.toml", *seeds.SWEEP, "-o", "out")
@@ -185,7 +186,7 @@ _ALL = (
     Kind("run-toml", "toml", one("s.toml", text), RUN_SHORT),
     Kind("doctor-toml", "toml", one("s.toml", text), command("doctor", "s.toml")),
     Kind("run-series", "toml", one("reference.csv", text), RUN),
-    Kind("odd-run", "toml", one("s.toml", odd_system), RUN),
+    Kind("odd-run", "toml", one("s.toml", odd_system), RUN_TO),
     Kind("odd-doctor", "toml", one("s.toml", odd_system), command("doctor", "s.toml", "--all")),
     Kind("checkpoint", "checkpoint", one("state", state), RUN_ON),
     Kind("sweep-folder", "sweep", sweep_folder, SWEEP),

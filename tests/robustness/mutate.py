@@ -24,12 +24,29 @@ NAMES = (
 
 DEEP = "[" * 2000 + "]" * 2000
 
-ODD = (
-    *("inf", "-inf", "nan", "0", "-1", "1", "0.5", "-0.0", "1e-320", "1e308", "-1e308", "1e-9", "3", "1000001"),
-    *("9223372036854775807", "9223372036854775808", "-9223372036854775809", "4294967296", "10" * 300),
+NUMBERS = (
     *(
-        "true",
-        "false",
+        "inf",
+        "-inf",
+        "nan",
+        "0",
+        "-1",
+        "1",
+        "2",
+        "0.5",
+        "0.01",
+        "-0.0",
+        "1e-320",
+        "1e-12",
+        "1e6",
+        "1e30",
+        "1e308",
+        "-1e308",
+    ),
+    *("9223372036854775807", "9223372036854775808", "-9223372036854775809", "4294967296", "1000001", "10" * 300),
+)
+TEXTS = (
+    *(
         '""',
         '"a"',
         '"mass.v"',
@@ -39,9 +56,36 @@ ODD = (
         '"."',
         '"\\u0000"',
         '"[/b]"',
+        '"\\u2603"',
+        '"1"',
     ),
-    *('"\\u2603"', '"m/s"', '"9**9**9**9*N"', '"((((((N))))))"', '"N" # x', "''", f'"{"x" * 100_000}"'),
-    *("[]", "[1]", '["a"]', '["mass.v", "mass.v"]', "[[1.0, 0.0]]", "[inf, nan]", "{}", "{ a = 1 }", DEEP),
+    *(
+        '"m/s"',
+        '"kN"',
+        '"%"',
+        '"9**9**9**9*N"',
+        '"((((((N))))))"',
+        "''",
+        f'"{"x" * 100_000}"',
+        '"hold"',
+        '"jacobi"',
+        '"LuGre"',
+    ),
+)
+OTHERS = (
+    *(
+        "true",
+        "false",
+        "[]",
+        "[1]",
+        '["a"]',
+        '["mass.v", "mass.v"]',
+        "[[1.0, 0.0]]",
+        "[inf, nan]",
+        "{}",
+        "{ a = 1 }",
+        DEEP,
+    ),
     *(f"[{'1, ' * 5000}]", "{ a = { b = { c = [] } } }", "1979-05-27T07:32:00Z", "07:32:00", "1979-05-27"),
 )
 """Values of TOML that a table of settings may hold by mistake."""
@@ -132,16 +176,19 @@ def odd_values(content: bytes, random: Random, keys: Sequence[str] = ()) -> byte
     """A TOML file with odd values of one to three keys, some of which are new to it."""
     text = content.decode()
     for _ in range(random.choice((1, 1, 1, 1, 2, 3))):
-        if keys and random.random() < 0.25:
+        if keys and random.random() < 0.2:
             heads = [match.end() for match in re.finditer(r"^\[.*\]$", text, re.M)] or [0]
-            place = random.choice(heads)
-            text = f"{text[:place]}\n{random.choice(keys)} = {random.choice(ODD)}\n{text[place:]}"
+            place, key = random.choice(heads), random.choice(keys)
+            if f"\n{key} = " not in text[place:].split("\n[")[0]:
+                text = f"{text[:place]}\n{key} = {random.choice(NUMBERS + TEXTS + OTHERS)}\n{text[place:]}"
             continue
         # a number, a quoted text, a word or a list behind "=" or within a list
         found = list(re.finditer(r'(?<=[=\[,] )("[^"\n]*"|[-+\w.]+|\[[^\]\n]*\])|(?<=\[)"[^"\n]*"', text))
         if found:
             match = random.choice(found)
-            text = text[: match.start()] + random.choice(ODD) + text[match.end() :]
+            alike = TEXTS if match[0].startswith('"') else NUMBERS
+            pool = alike if random.random() < 0.7 else NUMBERS + TEXTS + OTHERS
+            text = text[: match.start()] + random.choice(pool) + text[match.end() :]
     return text.encode()
 
 
