@@ -14,8 +14,9 @@ import fmpy
 import numpy as np
 
 from friction_fmus import build
-from friction_fmus.codegen.sources import INPUTS, STATES, Export, header, implementation
-from friction_fmus.law import BOOLEANS, VECTORS, Kind, Law
+from friction_fmus.codegen.layout import INPUTS, STATES, Export
+from friction_fmus.codegen.sources import header, implementation
+from friction_fmus.law import BOOLEANS, VECTORS, Kind, Law, Variable
 from harness.toolchain import FLAGS, compiler, header_folder
 
 Columns = Mapping[str, np.ndarray]
@@ -105,6 +106,11 @@ class LawFmu:
 Linkage = Literal["pointer", "unity", "separate"]
 
 
+def local(places: Sequence[str]) -> list[str]:
+    """Places behind pointers as places in variables of the same names."""
+    return [place.replace("->", ".") for place in places]
+
+
 def _driver(export: Export, step: str, linkage: Linkage, others: Sequence[Path]) -> str:
     """C that runs rows of all variables, or of the inputs with the states fed back, and one that only takes the time.
 
@@ -113,19 +119,37 @@ def _driver(export: Export, step: str, linkage: Linkage, others: Sequence[Path])
     p, groups = export.prefix, export.groups
     arguments = f"const {p}_parameters *, {p}_states *, const {p}_inputs *, {p}_outputs *"
 
-    def assignments(source: str, *, inputs: bool) -> list[str]:
-        places = [(v, text.replace("->", ".")) for v in export.law.given for text in export.places(v)]
-        chosen = [(i, v, text) for i, (v, text) in enumerate(places) if (v in groups["inputs"]) == inputs]
-        return [
-            f"            {text} = ({'int' if v.kind in BOOLEANS else export.real.name}){source}[{i}];"
-            for i, v, text in chosen
+    def assigned(variable: Variable, places: Sequence[str], source: str, first: int) -> list[str]:
+        kind = "int" if variable.kind in BOOLEANS else export.real.name
+        highs = [f"            {place} = ({kind}){source}[{first + i}];" for i, place in enumerate(places)]
+        return highs + [
+            f"            {low} = (float)({source}[{first + i}] - (double){place});"
+            for i, (place, low) in enumerate(zip(places, local(export.lows(variable)), strict=False))
         ]
+
+    def assignments(source: str, *, inputs: bool) -> list[str]:
+        first, lines = 0, []
+        for variable in export.law.given:
+            places = local(export.places(variable))
+            if (variable in groups["inputs"]) == inputs:
+                lines += assigned(variable, places, source, first)
+            first += len(places)
+        return lines
 
     def compact() -> list[str]:
         return [
-            f"            inputs.{v.name} = ({'int' if v.kind in BOOLEANS else export.real.name})row[{i}];"
-            for i, v in enumerate(groups["inputs"])
+            line
+            for i, variable in enumerate(groups["inputs"])
+            for line in assigned(variable, [f"inputs.{variable.name}"], "row", i)
         ]
+
+    def shown() -> list[str]:
+        """Results, of pairs the sum."""
+        lines = []
+        for variable in export.law.results:
+            places, lows = local(export.places(variable)), local(export.lows(variable))
+            lines += [f"(double){a} + (double){b}" for a, b in zip(places, lows, strict=True)] if lows else places
+        return lines
 
     width, count = sum(len(v.starts) for v in export.law.given), len(export.results)
     variables = [f"    {p}_{group} {group};" for group in groups]
@@ -154,10 +178,7 @@ def _driver(export: Export, step: str, linkage: Linkage, others: Sequence[Path])
             *assignments("given", inputs=False),
             "            }",
             "            step(&parameters, &states, &inputs, &outputs);",
-            *(
-                f"            results[{i}] = (double){text.replace('->', '.')};"
-                for i, text in enumerate(export.results)
-            ),
+            *(f"            results[{i}] = {text};" for i, text in enumerate(shown())),
             "    }",
             "}",
             "double cost(long n, long times, const double *given)",

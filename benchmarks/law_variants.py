@@ -11,7 +11,7 @@ from casadi import MX, exp, expm1, fabs, if_else
 from benchmarks.law_runs import LawC
 from friction_fmus import branches
 from friction_fmus.codegen.export import make_export
-from friction_fmus.codegen.sources import Export
+from friction_fmus.codegen.layout import Export
 from friction_fmus.law import BOOLEANS, Law
 
 CURVE = "stribeck_level({0}, Fc, Fs, vs, delta)"

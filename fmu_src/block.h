@@ -11,9 +11,12 @@
 
    A block may also define
      MEMORY     a struct without pointers, reached as m->memory, part of the FMU state
-     KEEPS_BY   the name of `static void f(Memory *kept, const Model *m, bool follows)`, for a large MEMORY of which
-                little is in use: copies m->memory to `kept`, where a failed step finds it again; if it `follows`,
-                `kept` is the memory of an earlier step of the same run
+     KEEPS_BY   the name of `static void f(Memory *to, const Memory *from, const Model *m, bool follows)`, for a large
+                MEMORY of which little is in use: copies that from one to the other, before a step and, if the step
+                fails, back; if it `follows`, `to` is the memory of an earlier step of the same run
+     VALID_BY   the name of `static bool f(const Model *m)`, which a block with MEMORY must have: whether a run can have
+                left m->memory like this. It looks at all that the block indexes, counts or loops with, as a serialised
+                state may be forged and is refused if this is false; the parameters are within their limits
      STEPS_BY   the name of its own exact step `static bool f(Model *m, double h)` in place of `integrate`; if it
                 has also computed the outputs, at the end of the step, it says so by m->run.outputs_done = true
      WARNING    the text of a warning that is given once, when it sets m->run.warning = true
@@ -102,6 +105,7 @@ typedef struct {
     bool slopes_used;              /* the input slopes belong to the step that is over             */
     bool outputs_done;             /* the step has computed the outputs, too                       */
     bool warning, warned;          /* the block's WARNING is due, has been given                   */
+    bool too_much;                 /* the step that fails would take more work than one may        */
     double start, stop, tolerance; /* [s], [s], relative; stop = INF and tolerance = 0 if not given. No step changes
                                       them, so they stand last                                     */
 } Run;
@@ -281,7 +285,26 @@ static inline double square(double a) { return a * a; }
 static inline double sign(double a) { return (double)((a > 0.0) - (a < 0.0)); }
 static inline double clip(double a, double low, double high) { return a < low ? low : a > high ? high : a; }
 
+/* For VALID_BY. */
+static inline bool is_flag(const bool *flag) { return *(const unsigned char *)flag <= 1; }
+static inline bool is_direction(double a) { return a == -1.0 || a == 0.0 || a == 1.0; }
+static inline bool is_count(double a, double most) { return a >= 0.0 && a <= most && a == floor(a); }
+static inline bool all_finite(const double *values, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if (!isfinite(values[i]))
+            return false;
+    return true;
+}
+
 static inline double *value_of(Model *m, uint32_t index) { return (double *)(void *)m + index; }
+
+/* What an own step returns that would take more work than effort.h allows. */
+static inline bool too_much(Model *m)
+{
+    m->run.too_much = true;
+    return false;
+}
 
 #ifdef SAMPLED
 static void sample(Model *m);
@@ -304,8 +327,14 @@ static bool STEPS_BY(Model *m, double h);
 static const char *REQUIRES(const Model *m);
 #endif
 
+#ifdef VALID_BY
+static bool VALID_BY(const Model *m);
+#elif defined MEMORY
+#error "a block with MEMORY needs VALID_BY: see the beginning of block.h"
+#endif
+
 #ifdef KEEPS_BY
-static void KEEPS_BY(Memory *kept, const Model *m, bool follows);
+static void KEEPS_BY(Memory *to, const Memory *from, const Model *m, bool follows);
 #endif
 
 #include "fmi2.h"

@@ -219,7 +219,7 @@ fmi2Status fmi2SetString(fmi2Component component, const fmi2ValueReference refer
 /* ---- steps -------------------------------------------------------------------------------------------------- */
 
 #ifdef SAMPLED
-#define UNDONE "has more than " QUOTE(MOST_TRIES) " samples"
+#define UNDONE "has more than " QUOTE(MOST_TRIES) " samples, so make shorter steps"
 
 /* A sample at every start + k Ts in [t, t + h). The tolerance keeps a step that is short by rounding from taking
    the next sample or losing its own. */
@@ -307,11 +307,13 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     const bool done = advance(m, t, h);
     m->time = t + h;
     if (!done || !results_finite(m)) {
+        const char *const undone =
+            m->run.too_much ? "takes more work than one communication step may, so make shorter steps" : UNDONE;
         roll_back(c);
         MODE(c) = STEP_FAILED;
         return report(c, fmi2Discard, LOG_DISCARD,
                       "fmi2DoStep: the step from %.17g s over %g s %s; the state is that of its start", t, h,
-                      done ? "gives a value that is not finite" : UNDONE);
+                      done ? "gives a value that is not finite" : undone);
     }
     m->run.stale = false;
     m->run.slopes_used = true;

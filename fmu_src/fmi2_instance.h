@@ -195,7 +195,7 @@ static void keep(Instance *c)
 {
     memcpy((char *)&c->backup + VARYING, (const char *)&c->model + VARYING, VARYING_SIZE);
 #if defined KEEPS_BY
-    KEEPS_BY(&c->backup.memory, &c->model, c->follows);
+    KEEPS_BY(&c->backup.memory, &c->model.memory, &c->model, c->follows);
     c->follows = true;
 #elif defined MEMORY
     c->backup.memory = c->model.memory;
@@ -205,7 +205,11 @@ static void keep(Instance *c)
 static void roll_back(Instance *c)
 {
     memcpy((char *)&c->model + VARYING, (const char *)&c->backup + VARYING, VARYING_SIZE);
+#if defined KEEPS_BY
+    KEEPS_BY(&c->model.memory, &c->backup.memory, &c->model, false); /* the rest of the backup may be older */
+#elif defined MEMORY
     c->model.memory = c->backup.memory;
+#endif
 }
 
 /* A copy of the model to try things on. */

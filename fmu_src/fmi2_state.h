@@ -82,34 +82,56 @@ static const char *fault_of(const Instance *c, const Saved *saved)
     return NULL;
 }
 
-static bool is_flag(const bool *flag) { return *(const unsigned char *)flag <= 1; }
+/* Whether the value may be that of the row. */
+static bool plausible_value(const Row *row, double v)
+{
+    const bool parameter = row->role == ROLE_PARAMETER || row->role == ROLE_FIXED;
+    if (row->type != TYPE_REAL)
+        return v >= row->min && v <= row->max && v == floor(v);
+#ifdef GUARDED
+    if (row->role == ROLE_INPUT)
+        return true;
+#endif
+    return isfinite(v) && (!parameter || (v >= row->min && v <= row->max));
+}
 
-/* Whether a run can have come here, as far as the time, the values and the position in the simulation tell. What a
-   block remembers has the checksum only. */
+/* Whether a run can have left what the block remembers: nothing before the first step. */
+static bool plausible_memory(const Model *m)
+{
+    const char *const byte = (const char *)&m->memory;
+    if (before_stepping(m)) {
+        for (size_t i = 0; i < sizeof m->memory; i++)
+            if (byte[i] != 0)
+                return false;
+        return m->run.tick == 0 && m->run.inner_step == 0.0 && m->run.last_step == 0.0;
+    }
+#ifdef VALID_BY
+    return VALID_BY(m);
+#else
+    return true;
+#endif
+}
+
+/* Whether a run can have come here. */
 static bool plausible(const Model *m)
 {
+    const int64_t most_samples = INT64_C(1) << 53; /* as many as a double counts */
     const Run *const run = &m->run;
     const double *const value = (const double *)(const void *)m;
     const int mode = run->mode;
     bool good = (mode == INSTANTIATED || mode == INITIALIZING || mode == STEP_COMPLETE || mode == STEP_FAILED ||
                  mode == TERMINATED) &&
                 is_flag(&run->stale) && is_flag(&run->slopes_used) && is_flag(&run->outputs_done) &&
-                is_flag(&run->warning) && is_flag(&run->warned) && run->tick >= 0 && run->inner_step >= 0.0 &&
-                run->inner_step < INF && run->last_step >= 0.0 && run->last_step < INF && isfinite(run->start) &&
-                run->stop >= run->start && run->tolerance >= 0.0 && run->tolerance < INF;
+                is_flag(&run->warning) && is_flag(&run->warned) && is_flag(&run->too_much) && run->tick >= 0 &&
+                run->tick <= most_samples && run->inner_step >= 0.0 && run->inner_step < INF && run->last_step >= 0.0 &&
+                run->last_step < INF && isfinite(run->start) && run->stop >= run->start && run->tolerance >= 0.0 &&
+                run->tolerance < INF;
     for (int i = 0; i <= INPUTS; i++)
         good = good && isfinite(m->slope[i]);
     for (size_t i = 0; i < ROWS; i++)
-        for (uint32_t k = 0; k < (rows[i].length ? rows[i].length : 1); k++) {
-            const double v = value[rows[i].index + k];
-            const bool parameter = rows[i].role == ROLE_PARAMETER || rows[i].role == ROLE_FIXED;
-#ifdef GUARDED
-            if (rows[i].role == ROLE_INPUT)
-                continue;
-#endif
-            good = good && isfinite(v) && (!parameter || (v >= rows[i].min && v <= rows[i].max));
-        }
-    return good;
+        for (uint32_t k = 0; k < (rows[i].length ? rows[i].length : 1); k++)
+            good = good && plausible_value(&rows[i], value[rows[i].index + k]);
+    return good && plausible_memory(m);
 }
 
 fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
@@ -259,11 +281,14 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
             const double value = fabs(*value_of(&c->model, i)), nominal = c->row_of[i]->nominal;
             distance = fmin(distance, 0.05 * (value > 1e-5 * nominal ? value : nominal) / fabs(direction[i]));
         }
+    double found[VALUES];
     for (size_t i = 0; i < n_unknowns; i++) {
         const double value = distance < INF ? derivative_along(c, unknowns[i], direction, distance) : 0.0;
         REQUIRE(isfinite(value), "fmi2GetDirectionalDerivative: that of %s is not finite", c->row_of[unknowns[i]]->name)
-        result[i] = value;
+        found[unknowns[i]] = value;
     }
+    for (size_t i = 0; i < n_unknowns; i++)
+        result[i] = found[unknowns[i]];
     return fmi2OK;
 }
 
@@ -318,12 +343,15 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
     for (size_t i = 0; i < n; i++)
         values[i] = 0.0; /* held between samples */
 #else
-    double direction[VALUES] = {0.0};
-    REQUIRE(refresh(c), "fmi2GetRealOutputDerivatives: an output of \"%s\" is not finite", c->name)
+    double direction[VALUES] = {0.0}, found[VALUES];
+    Model *const now = spare(c); /* not refreshed in place, as the call may still be refused */
+    if (now->run.stale)
+        evaluate(now);
+    REQUIRE(results_finite(now), "fmi2GetRealOutputDerivatives: an output of \"%s\" is not finite", c->name)
     direction[AT(time)] = 1.0;
     for (int r = 0; r < STATE_ROWS; r++)
         for (uint32_t k = 0; k < state_rows[r].count; k++)
-            direction[state_rows[r].index + k] = *value_of(&c->model, state_rows[r].derivative + k);
+            direction[state_rows[r].index + k] = *value_of(now, state_rows[r].derivative + k);
     for (int i = 0; i < INPUTS; i++)
         direction[inputs[i]] = c->model.slope[i];
     const double distance = 0.05 * (c->model.run.last_step > 0.0 ? c->model.run.last_step : 1e-3);
@@ -331,8 +359,10 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
         const double value = derivative_along(c, references[i], direction, distance);
         REQUIRE(isfinite(value), "fmi2GetRealOutputDerivatives: that of %s is not finite",
                 c->row_of[references[i]]->name)
-        values[i] = value;
+        found[references[i]] = value;
     }
+    for (size_t i = 0; i < n; i++)
+        values[i] = found[references[i]];
 #endif
     return fmi2OK;
 }

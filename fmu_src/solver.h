@@ -200,7 +200,7 @@ static inline bool integrate(Model *m, double h)
     double s = 0.0, step = m->run.inner_step > 0.0 ? m->run.inner_step : 1e-3 * h;
     for (long tries = 0; s < h; tries++) {
         if (tries > MOST_TRIES)
-            return false;
+            return too_much(m);
         const double wanted = step;
         const bool last = s + 1.01 * step >= h;
         if (last)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import logging
 import sys
@@ -76,7 +77,7 @@ def build_blocks(options: argparse.Namespace) -> None:
     with progress_bar() as bar:
         for name in bar.track(names, description="building"):
             path = build(name, options.output, start, options.name, domain=options.domain, platforms=options.platform)
-            bar.console.print(path) if bar.console.is_terminal else print(path)
+            bar.console.print(str(path), soft_wrap=True) if bar.console.is_terminal else print(path)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -139,9 +140,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, 1 if `check` or `doctor` has findings or all runs of `sweep` fail, 2 if the command could not be done.
+        0, 1 if `check` or `doctor` has findings, all runs of `sweep` fail or a result is reported as wrong, 2 if the
+        command could not be done, 130 if it was interrupted.
     """
     options = parser().parse_args(arguments)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # for names of files that are no UTF-8
     logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
     try:
         return options.action(options) or 0

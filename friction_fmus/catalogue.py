@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.law_block import block_source
 from friction_fmus.law_files import discover_laws
+from harness.files import read_source, reason
 
 KINDS = {"friction": "friction", "plants": "plant", "controllers": "controller", "signals": "signal"}
 """Folder of ``fmu_src`` -> kind of block; laws come from ``friction_fmus/laws``."""
@@ -90,7 +93,10 @@ def read_c_block(path: Path, kind: str) -> Block:
     FrictionError
         If the file lacks ``MODEL`` or ``VARIABLES`` and so is not a block.
     """
-    code = path.read_text(encoding="utf-8")
+    try:
+        code = read_source(path)
+    except (OSError, ValueError) as error:
+        raise FrictionError(f"{path} cannot be read as C ({reason(error)}); give a text in UTF-8") from error
     name = re.search(r"^#define\s+MODEL\s+(\w+)\s*$", code, re.M)
     if not name or not re.search(r"^#define\s+VARIABLES\b", code, re.M):
         raise FrictionError(f"{path} is not a block: it needs `#define MODEL name` and `#define VARIABLES`")
@@ -155,6 +161,21 @@ def find(model: str | Path) -> Block:
     if len(laws) != 1:
         raise FrictionError(f"{path} defines {len(laws)} laws; a law file defines exactly one with @law")
     return laws[0]
+
+
+def with_room(block: Block, start: Mapping[str, Any]) -> Block:
+    """The block, if it is a law with the vectors that these start values need.
+
+    Raises
+    ------
+    FrictionError
+        A start value is above the largest size, or not a whole number.
+    """
+    if block.kind != "law" or not start:
+        return block
+    law = next(law for law in discover_laws(block.path) if law.name == block.name)
+    grown = law.with_room(start)
+    return block if grown is law else replace(block, code=block_source(grown))
 
 
 def library_name(block: Block) -> str:

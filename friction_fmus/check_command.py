@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 
 from friction_fmus.errors import FrictionError
-from friction_fmus.terminal import console, progress_bar
+from friction_fmus.terminal import console, literal_console, progress_bar
+from harness.atomic import atomic_path
 
 
 def add_check_options(parser: argparse.ArgumentParser) -> None:
@@ -37,14 +38,13 @@ def check_files(options: argparse.Namespace) -> int:
     if options.format == "text" and options.output is None:
         as_text(results, console)
     elif options.format == "text":
-        from rich.console import Console
-
-        with options.output.open("w", encoding="utf-8") as file:
-            as_text(results, Console(file=file, width=120))
+        with atomic_path(options.output) as temporary, temporary.open("w", encoding="utf-8") as file:
+            as_text(results, literal_console(file=file, width=120))
     else:
         text = (as_json if options.format == "json" else as_sarif)(results) + "\n"
         if options.output is None:
-            console.print(text, markup=False, highlight=False, soft_wrap=True, end="")
+            console.print(text, soft_wrap=True, end="")
         else:
-            options.output.write_text(text, encoding="utf-8")
+            with atomic_path(options.output) as temporary:
+                temporary.write_text(text, encoding="utf-8")
     return 1 if failed(results) else 0

@@ -193,20 +193,19 @@ class _Probe:
         knowns = [v for v in self._variables if v.role in known_roles]
         found: dict[int, set[int]] = {reference: set() for reference in unknowns}
         for point in range(self.POINTS):
-            values = self._point(plain=point == 0)
-            base = self._run(values, initial)
+            values = (ctypes.c_double * self._size)(*self._point(plain=point == 0))
+            base = self._run(values, initial, unknowns)
             for known in knowns:
                 poisons = [self._moved(known, values[known.reference])]
                 if known.type == REAL:
                     # a limit that is far from being reached is met by one that is beyond everything
                     poisons += [math.nan, *(min(max(far, known.min), known.max) for far in (-self.FAR, self.FAR))]
                 for poison in poisons:
-                    changed = list(values)
-                    changed[known.reference] = poison
-                    after = self._run(changed, initial)
-                    for reference in unknowns:
-                        if not _same(base[reference], after[reference]):
-                            found[reference].add(known.reference)
+                    after = self._run(values, initial, unknowns, (known.reference, poison))
+                    if after != base:
+                        for reference, one, two in zip(unknowns, base, after, strict=True):
+                            if not _same(one, two):
+                                found[reference].add(known.reference)
         states = {v.reference for v in self._variables if v.role == STATE_OUTPUT}
         for reference in states & found.keys() if not initial else ():
             found[reference] = {reference}  # a state is known as itself
@@ -243,10 +242,19 @@ class _Probe:
         moved = value * self._random.uniform(1.1, 3.0) if value else 10.0 ** self._random.uniform(-5.0, 1.0)
         return min(max(moved, v.min), v.max)
 
-    def _run(self, values: list[float], initial: bool) -> list[float]:
-        buffer = (ctypes.c_double * self._size)(*values)
+    def _run(
+        self,
+        values: ctypes.Array[ctypes.c_double],
+        initial: bool,
+        unknowns: list[int],
+        changed: tuple[int, float] | None = None,
+    ) -> list[float]:
+        """The unknowns, with one of the values changed."""
+        buffer = type(values).from_buffer_copy(values)
+        if changed:
+            buffer[changed[0]] = changed[1]
         self._evaluate(buffer, int(initial))
-        return list(buffer)
+        return [buffer[reference] for reference in unknowns]
 
 
 def _same(a: float, b: float) -> bool:

@@ -8,11 +8,9 @@ import math
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from rich.markup import escape
-
 from friction_fmus.doctor import Finding, axes, examine, unknown_parts
 from friction_fmus.run_command import open_system
-from friction_fmus.terminal import console, parse_assignment
+from friction_fmus.terminal import console, parse_assignment, styled
 from harness import ExperimentError, System, masters
 from harness.experiment import Experiment
 
@@ -37,13 +35,13 @@ def examine_system(options: argparse.Namespace) -> int:
     shown = results if options.all else wrong
     if options.json:
         text = json.dumps([_plain(finding) for finding in shown], indent=2)
-        console.print(text, markup=False, highlight=False, soft_wrap=True)
+        console.print(text, soft_wrap=True)
     else:
         for finding in shown:
             _show(finding)
         _say_what_was_left_out(len(masses), unknown)
         summary = f"{_counted(len(results), 'condition')} evaluated, {_counted(len(wrong), 'finding')}"
-        console.print(f"{options.system}: {summary}", highlight=False, soft_wrap=True)
+        console.print(f"{options.system}: {summary}", soft_wrap=True)
     return 1 if wrong else 0
 
 
@@ -70,24 +68,21 @@ def _plain(finding: Finding) -> dict[str, object]:
 def _show(finding: Finding) -> None:
     condition, parts = finding.condition, ", ".join(finding.parts)
     if condition.ok:
-        console.print(
-            f"[green]holds[/] {escape(condition.name)} ({escape(parts)}): {condition.value:.4g} "
-            f"against {condition.bound:.4g}",
-            highlight=False,
-        )
+        numbers = f"{condition.value:.4g} against {condition.bound:.4g}"
+        console.print(styled(("holds", "green"), f" {condition.name} ({parts}): {numbers}"))
         return
-    console.print(f"[bold red]{escape(condition.name)}[/] ({escape(parts)})", highlight=False)
+    console.print(styled((condition.name, "bold red"), f" ({parts})"))
     for title in ("wrong", "why", "change", "source"):
-        console.print(f"  {title:<8}{escape(getattr(condition, title))}", highlight=False, soft_wrap=True)
+        console.print(f"  {title:<8}{getattr(condition, title)}", soft_wrap=True)
 
 
 def _say_what_was_left_out(masses: int, unknown: list[str]) -> None:
     """Without this, a system that the doctor does not understand would look healthy."""
     if unknown:
-        console.print(f"not known, and left out: {escape(', '.join(unknown))}", highlight=False, soft_wrap=True)
+        console.print(f"not known, and left out: {', '.join(unknown)}", soft_wrap=True)
     if not masses:
         text = "there is no mass that the doctor knows: only sample times and the stepping order were looked at"
-        console.print(text, highlight=False, soft_wrap=True)
+        console.print(text, soft_wrap=True)
 
 
 def _counted(number: int, noun: str) -> str:

@@ -23,6 +23,7 @@ from friction_fmus.expression_graph import (
     Node,
     graph,
 )
+from friction_fmus.pairs import Weight, split
 from friction_fmus.zeros import Zeros
 
 
@@ -84,6 +85,23 @@ class Kernel:
     functions: frozenset[str]
 
 
+@dataclass(frozen=True)
+class Lows:
+    """Where the lower parts of pairs are, see `friction_fmus.pairs`.
+
+    Attributes
+    ----------
+    wide : mapping of int to Weight
+        The arguments that are pairs.
+    reads, writes : mapping of int to str
+        Number of an argument, of a result -> C expression of its lower part.
+    """
+
+    wide: Mapping[int, Weight]
+    reads: Mapping[int, str]
+    writes: Mapping[int, str]
+
+
 _IN_A_LINE = 12  # names of variables
 
 
@@ -95,6 +113,7 @@ def kernel(
     real: Real = DOUBLE,
     conditions: Iterable[int] = (),
     taken: Iterable[str] = (),
+    lows: Lows | None = None,
 ) -> Kernel:
     """Translate a casadi function into C statements.
 
@@ -115,6 +134,8 @@ def kernel(
         Numbers of the arguments that are C truth values and not numbers.
     taken : iterable of str
         Identifiers that the constants must not have.
+    lows : Lows, optional
+        Which arguments and results are pairs; none if left out.
 
     Returns
     -------
@@ -128,6 +149,10 @@ def kernel(
         For an operation without a C form, or a function that is not scalar.
     """
     nodes, results = graph(function)
+    if lows:
+        low_of = {number: len(reads) + i for i, number in enumerate(lows.reads)}
+        nodes, results = split(nodes, results, lows.wide, low_of, lows.writes)
+        reads, writes = [*reads, *lows.reads.values()], [*writes, *lows.writes.values()]
     truths = frozenset(conditions)
     writer = _Writer(nodes, reads, real, truths, frozenset(taken), Zeros(nodes, results, truths))
     block = plan(nodes, results)

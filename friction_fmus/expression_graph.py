@@ -19,6 +19,7 @@ LIBM = {
     **{name.upper(): name for name in ("sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "atan2", "log1p", "expm1")},
     **{name.upper(): name for name in ("floor", "ceil", "fmod", "fabs", "copysign", "erf", "hypot", "remainder")},
     "CONSTPOW": "pow",
+    "FMA": "fma",  # of pairs; casadi has none
 }
 # {0}, {1}: arguments
 FORMULA = {

@@ -32,5 +32,5 @@ def stribeck_level(speed: SX, Fc: SX, Fs: SX, vs: SX, delta: SX) -> SX:
     """Stribeck curve g = Fc + (Fs - Fc) exp(-(speed/vs)^delta) of a speed that is not negative."""
     ratio = speed / vs
     power = if_else(delta == 2.0, ratio**2, ratio**delta)
-    # from 708 on exp underflows, which takes it several times as long
-    return Fc + (Fs - Fc) * if_else(power > 708.0, 0.0, exp(-power))
+    # beyond 87 the exponential is below the normal floats: it counts for nothing, and takes several times as long
+    return Fc + (Fs - Fc) * if_else(power > 87.0, 0.0, exp(-power))

@@ -8,11 +8,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.markup import escape
 from rich.table import Table
 
 from friction_fmus.errors import FrictionError
-from friction_fmus.terminal import RunBar, console, parse_assignment, progress_bar
+from friction_fmus.terminal import RunBar, console, parse_assignment, progress_bar, styled
 from harness.processors import available
 
 if TYPE_CHECKING:
@@ -83,10 +82,8 @@ def identify_models(options: argparse.Namespace) -> None:
     if len(found.results) > SHOWN:
         console.print(f"\nThe parameters of the others are in {options.output / 'parameters.toml'}.", soft_wrap=True)
     for name, reason in found.failed.items():
-        console.print(
-            f"[bold red]{escape(name)}[/] was not identified: {escape(reason)}", highlight=False, soft_wrap=True
-        )
-    console.print(f"{options.output}: {_listed(files)}", highlight=False, markup=False, soft_wrap=True)
+        console.print(styled((name, "bold red"), f" was not identified: {reason}"), soft_wrap=True)
+    console.print(f"{options.output}: {_listed(files)}", soft_wrap=True)
 
 
 def parse_fixed(text: str) -> tuple[str, float | bool]:
@@ -138,13 +135,13 @@ def _show_data(
 
     mapping, record = measurement.mapping, train[0]
     columns = ", ".join(f"{role} {c.column or c.period!r}" for role, c in mapping.columns.items())
-    console.print(f"[bold]{escape(mapping.name)}[/]: {escape(columns)}", highlight=False, soft_wrap=True)
+    console.print(styled((mapping.name, "bold"), f": {columns}"), soft_wrap=True)
     text = f"fitted {span(train)} at {1e3 * record.Ts:.4g} ms; "
     text += f"validation {span(validation)}" if validation else "no validation window, so models are ranked by BIC"
-    console.print(text, highlight=False, soft_wrap=True)
+    console.print(text, soft_wrap=True)
     for finding in findings:
-        console.print(f"[yellow]{finding.name}[/] {escape(finding.what)}", highlight=False, soft_wrap=True)
-        console.print(f"  {escape(finding.measure)}", highlight=False, soft_wrap=True)
+        console.print(styled((finding.name, "yellow"), f" {finding.what}"), soft_wrap=True)
+        console.print(f"  {finding.measure}", soft_wrap=True)
 
 
 def _show_ranking(found: Survey) -> None:
@@ -153,13 +150,13 @@ def _show_ranking(found: Survey) -> None:
     best = found.results[0]
     signal = NAMES.get(best.signal, best.signal)
     text = f"\nModels by {found.ranked_by}; errors are rms, in % of the rms of the {signal}"
-    console.print(text, highlight=False, soft_wrap=True)
+    console.print(text, soft_wrap=True)
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("model", no_wrap=True)
     table.add_column("method", no_wrap=True)
     unit = f" [{best.unit}]" if best.unit != "1" else ""
     for heading in (f"error{unit}", "fitted %", "validation %", "BIC", "weak", "time"):
-        table.add_column(escape(heading), justify="right", no_wrap=True)
+        table.add_column(heading, justify="right", no_wrap=True)
     for result in found.results:
         table.add_row(
             result.model,
@@ -175,7 +172,7 @@ def _show_ranking(found: Survey) -> None:
 
 
 def _show_parameters(result: Identification) -> None:
-    console.print(f"\n[bold]{escape(result.model)}[/]", highlight=False)
+    console.print(styled("\n", (result.model, "bold")))
     table = Table(box=None, pad_edge=False)
     for heading, justify in (("parameter", "left"), ("value", "right"), ("standard error", "right"), ("unit", "left")):
         table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
@@ -183,14 +180,13 @@ def _show_parameters(result: Identification) -> None:
     for name, estimate in result.parameters.items():
         error = f"{estimate.standard_error:.2g}" if math.isfinite(estimate.standard_error) else "not known"
         value = _digits(estimate.value, estimate.standard_error)
-        table.add_row(
-            escape(name), value, error, _unit(estimate.unit), "[yellow]weak[/]" if name in result.weak else ""
-        )
+        mark = styled(("weak", "yellow")) if name in result.weak else ""
+        table.add_row(name, value, error, _unit(estimate.unit), mark)
     console.print(table)
     for name, reason in result.weak.items():
-        console.print(f"[yellow]weak[/] {escape(name)}: {escape(reason)}", highlight=False, soft_wrap=True)
+        console.print(styled(("weak", "yellow"), f" {name}: {reason}"), soft_wrap=True)
     for warning in result.warnings:
-        console.print(f"[yellow]warning[/] {escape(warning)}", highlight=False, soft_wrap=True)
+        console.print(styled(("warning", "yellow"), f" {warning}"), soft_wrap=True)
 
 
 def _digits(value: float, error: float) -> str:

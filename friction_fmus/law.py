@@ -26,6 +26,7 @@ from casadi import SX, Function, vertcat
 
 from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.law_conditions import Conditions, Relation, conditions_of
+from friction_fmus.law_sizes import Size, resized, wanted_sizes
 from friction_fmus.law_variables import (
     ACCELERATION,
     ANGLE,
@@ -77,6 +78,7 @@ __all__ = [
     "Output",
     "Parameter",
     "SampleTime",
+    "Size",
     "State",
     "Switch",
     "Unit",
@@ -104,6 +106,10 @@ class Law:
         The file that defines it.
     conditions : Conditions
         What must hold between its parameters.
+    sizes : mapping of str to Size
+        Parameters whose start values decide the length of vectors.
+    remade : callable
+        The law with these parameters fixed to other values.
     """
 
     name: str
@@ -114,6 +120,20 @@ class Law:
     function: Function
     path: Path
     conditions: Conditions
+    sizes: Mapping[str, Size]
+    remade: Callable[[Mapping[str, int]], Law]
+
+    def with_room(self, start: Mapping[str, Any]) -> Law:
+        """The law whose vectors are long enough for these start values; itself, if its own are.
+
+        Raises
+        ------
+        FrictionError
+            A start value is above the largest size, or not a whole number.
+        """
+        maxima = {variable.name: variable.max for variable in self.variables}
+        wanted = wanted_sizes(self.name, self.sizes, maxima, start)
+        return self.remade(wanted) if wanted else self
 
     def select(self, *kinds: Kind) -> tuple[Variable, ...]:
         """The variables of these kinds."""
@@ -208,6 +228,7 @@ def law(
     Ts: float,
     outputs: Mapping[str, Variable],
     conditions: Mapping[str, Relation] | None = None,
+    sizes: Mapping[str, Size] | None = None,
 ) -> Callable[[Equations], Law]:
     """Make a function of casadi expressions a `Law`.
 
@@ -225,6 +246,8 @@ def law(
         Relations without which the law is singular: ``{"w Ts < 2": lambda w, Ts: w * Ts < 2.0}``; the arguments are
         parameters of these names. Values that violate one are refused, and the message has its text. That u_min must
         not exceed u_max need not be said.
+    sizes : mapping of str to Size, optional
+        Parameters whose start values decide, when the FMU is built, how long vectors of states are.
 
     Returns
     -------
@@ -247,22 +270,28 @@ def law(
         check_identifier(where, "name", name)
         if not (math.isfinite(Ts) and Ts > 0.0):
             raise FrictionError(f"{where}: the sample time Ts = {Ts!r} must be positive and finite")
-        documentation = inspect.getdoc(equations)
+        documentation = inspect.getdoc(equations) or ""
         if not documentation:
             raise FrictionError(f"{where} needs a docstring, it becomes the documentation page")
-        declared = _declared(where, equations)
-        variables = _in_table_order(declared, outputs, Ts)
-        _check_variables(where, variables)
-        return Law(
-            name,
-            summary,
-            source,
-            documentation,
-            variables,
-            _function(where, name, equations, declared, variables),
-            path,
-            conditions_of(where, conditions or {}, variables),
-        )
+
+        def made(wanted: Mapping[str, int]) -> Law:
+            declared = resized(_declared(where, equations), sizes or {}, wanted)
+            variables = _in_table_order(declared, outputs, Ts)
+            _check_variables(where, variables)
+            return Law(
+                name,
+                summary,
+                source,
+                documentation,
+                variables,
+                _function(where, name, equations, declared, variables),
+                path,
+                conditions_of(where, conditions or {}, variables),
+                sizes or {},
+                made,
+            )
+
+        return made({})
 
     return decorate
 

@@ -10,6 +10,7 @@ from types import ModuleType
 
 from friction_fmus.errors import FrictionError
 from friction_fmus.law import Law
+from harness.files import LARGEST_TEXT, reason, require_regular
 
 
 def discover_laws(path: Path | str) -> list[Law]:
@@ -49,6 +50,10 @@ def discover_laws(path: Path | str) -> list[Law]:
 
 def _load(file: Path) -> ModuleType:
     file = file.resolve()
+    try:
+        require_regular(file, LARGEST_TEXT)
+    except OSError as error:
+        raise FrictionError(f"{file.name} cannot be loaded: {reason(error)}; give a Python file") from error
     name = f"law_file_{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import os
+import io
 import re
-import shutil
-import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -19,7 +17,7 @@ import matplotlib as mpl
 import numpy as np
 from numpy.typing import ArrayLike
 
-from friction_fmus.catalogue import Block, find, package_text, source_folder
+from friction_fmus.catalogue import Block, find, package_text, source_folder, with_room
 from friction_fmus.customise import Start, identified, renamed, rotational, with_start_values
 from friction_fmus.describe import FIXED, INPUT, PARAMETER, STATE, Description, describe
 from friction_fmus.documentation import index_page
@@ -31,7 +29,11 @@ from friction_fmus.portrait import portray, terminal_icon
 from friction_fmus.terminals import terminals, terminals_and_icons
 from friction_fmus.version import VERSION
 from harness import toolchain
+from harness.atomic import atomic_path
+from harness.cache import cached
+from harness.files import read_source, reason
 from harness.platforms import NATIVE, Platform, compiled, native_library, select
+from harness.scratch import ScratchFolder
 
 SHIPPED = Path(__file__).parent / "fmus"
 """FMUs for all platforms in an installed package; a checkout has none."""
@@ -83,18 +85,16 @@ def build(
     twin = domain == "rotational"
     plain = not (start or name or files or twin) and tuple(platforms) in (("native",), ("all",))
     if plain and (shipped := _shipped(model, block)):
-        return _copy(shipped, Path(out_dir) / shipped.name)
-    code = with_start_values(block.code, start or {})
+        return _write(shipped.read_bytes(), Path(out_dir) / shipped.name)
+    code = with_start_values(with_room(block, start or {}).code, start or {})
     code = rotational(code) if twin else code
     identifier = name or block.name + ("Rotational" if twin else "")
     code = renamed(code, identifier) if name else code
     block = replace(block, name=identifier, code=code)
     sources = identified(_sources(block, files or {}), identifier)
-    kept = toolchain.cache_folder() / f"{identifier}-{_key(sources, block, chosen)}.fmu"
-    if not kept.is_file():
-        with tempfile.TemporaryDirectory(prefix="friction-fmus-") as folder:
-            _make(block, sources, chosen, Path(folder), kept)
-    return _copy(kept, Path(out_dir) / f"{identifier}.fmu")
+    path = toolchain.cache_folder() / f"{identifier}-{_key(sources, block, chosen)}.fmu"
+    content = cached(path, lambda: _make(block, sources, chosen))
+    return _write(content, Path(out_dir) / f"{identifier}.fmu")
 
 
 def _shipped(model: str | Path, block: Block) -> Path | None:
@@ -195,12 +195,20 @@ def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:
         for header in re.findall(r'^#include\s+"([^"]+)"', text, re.M):
             if header in sources:
                 continue
-            found = next((place / header for place in places if (place / header).is_file()), None)
-            if header not in files and found is None:
+            given = header in files
+            found = None if given else next((p / header for p in places if (p / header).is_file()), None)
+            if found is None and not given:
                 raise BuildError(f"{includer} includes {header!r}, which is neither beside it nor in fmu_src")
-            sources[header] = files[header] if header in files else Path(str(found)).read_text(encoding="utf-8")
+            sources[header] = files[header] if found is None else _header(found)
             pending.append((Path(header), sources[header]))
     return sources
+
+
+def _header(path: Path) -> str:
+    try:
+        return read_source(path)
+    except (OSError, ValueError) as error:
+        raise BuildError(f"{path} cannot be read as C ({reason(error)}); give a text in UTF-8") from error
 
 
 def _key(sources: Mapping[str, str], block: Block, platforms: Sequence[Platform]) -> str:
@@ -228,8 +236,15 @@ def _package() -> tuple[str, ...]:
     return tuple(path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.rglob("*.py")))
 
 
-def _make(block: Block, sources: Mapping[str, str], platforms: Sequence[Platform], folder: Path, target: Path) -> None:
-    """Stages the unzipped FMU in `folder` and zips it to `target`."""
+def _make(block: Block, sources: Mapping[str, str], platforms: Sequence[Platform]) -> bytes:
+    """The FMU as bytes."""
+    with ScratchFolder("friction-fmus-") as folder:
+        _stage(block, sources, platforms, Path(folder))
+        return _zipped(Path(folder) / "fmu")
+
+
+def _stage(block: Block, sources: Mapping[str, str], platforms: Sequence[Platform], folder: Path) -> None:
+    """Makes the unzipped FMU in the folder ``fmu`` of a temporary one."""
     staged = folder / "fmu"
     (staged / "sources").mkdir(parents=True)
     for name, text in sources.items():
@@ -258,9 +273,6 @@ def _make(block: Block, sources: Mapping[str, str], platforms: Sequence[Platform
         (pages / f"figure{number}.svg").write_bytes(figure.svg)
     page = index_page(block, description, portrait.figures, connected)
     (pages / "index.html").write_text(page, encoding="utf-8")
-    archive = folder / "archive.fmu"
-    _zip(staged, archive)
-    _copy(archive, target)
 
 
 def _check_start_values(block: Block, description: Description) -> None:
@@ -272,28 +284,24 @@ def _check_start_values(block: Block, description: Description) -> None:
             )
 
 
-def _zip(folder: Path, target: Path) -> None:
+def _zipped(folder: Path) -> bytes:
     """Sorted entries with one time and mode, so that equal contents are equal bytes."""
     stamp = build_time()
     moment = tuple(int(part) for part in re.findall(r"\d+", stamp))
-    with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(path for path in folder.rglob("*") if path.is_file()):
             entry = zipfile.ZipInfo(path.relative_to(folder).as_posix(), moment[:6])  # type: ignore[arg-type]
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.create_system = 3
             entry.external_attr = (0o755 if "binaries" in path.parts else 0o644) << 16
             archive.writestr(entry, path.read_bytes())
+    return content.getvalue()
 
 
-def _copy(source: Path, target: Path) -> Path:
-    """Copies so that the target is complete or absent; makes its folder."""
+def _write(content: bytes, target: Path) -> Path:
+    """Writes a file that is complete or absent; makes its folder."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-    os.close(descriptor)
-    try:
-        shutil.copyfile(source, name)
-        Path(name).chmod(0o644)
-        Path(name).replace(target)
-    finally:
-        Path(name).unlink(missing_ok=True)
+    with atomic_path(target) as temporary:
+        temporary.write_bytes(content)
     return target

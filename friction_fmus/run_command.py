@@ -8,6 +8,7 @@ from pathlib import Path
 from friction_fmus.errors import FrictionError
 from friction_fmus.terminal import RunBar, console, parse_assignment, progress_bar
 from harness import HarnessError, Interrupted, Result, System, masters, plot, save_result
+from harness.coupling import inaccurate
 from harness.results import FORMATS
 
 _PICTURES = (".png", ".svg", ".pdf")
@@ -29,14 +30,25 @@ def add_run_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--checkpoint", type=Path, metavar="FILE", help="write the state at the end")
     parser.add_argument("--pace", type=float, metavar="FACTOR", help="simulated seconds a second, 1 is real time")
     parser.add_argument("--plot", type=Path, metavar="FILE", help=f"also draw the result: {_listed(_PICTURES)}")
+    add_allow_inaccurate(parser)
 
 
-def run_system(options: argparse.Namespace) -> None:
-    """A system file, run to a result file; of a run that fails, what was recorded until then."""
+def add_allow_inaccurate(parser: argparse.ArgumentParser) -> None:
+    """The option of the commands that run a system."""
+    text = "end with status 0 even if a result is reported as wrong, otherwise with 1"
+    parser.add_argument("--allow-inaccurate", action="store_true", help=text)
+
+
+def run_system(options: argparse.Namespace) -> int:
+    """A system file, run to a result file; of a run that fails, what was recorded until then.
+
+    The status is 1 if the result is reported as wrong, unless that is allowed.
+    """
     if options.output.suffix.lower() not in FORMATS:
         raise FrictionError(f"{options.output} has no known format; end the name in {_listed(tuple(FORMATS))}")
     if options.plot and options.plot.suffix not in _PICTURES:
         raise FrictionError(f"{options.plot} has no known picture format; end the name in {_listed(_PICTURES)}")
+    output, picture = options.output.absolute(), options.plot and options.plot.absolute()
     with open_system(options.system) as opened, progress_bar() as bar:
         system = opened.with_parameters(options.parameters) if options.parameters else opened
         system = system.with_start(dict(parse_assignment(text) for text in options.set or ()))
@@ -56,12 +68,13 @@ def run_system(options: argparse.Namespace) -> None:
                 raise
             message = str(error) or "interrupted"
             kind = FrictionError if isinstance(error, HarnessError) else Interrupted
-            raise kind(f"{message}; {_keep(error.result, message, options.output)}") from error
-    _save(result, options.output)
-    if options.plot:
-        options.plot.parent.mkdir(parents=True, exist_ok=True)
-        plot(result, options.plot)
-    console.print(f"{options.output}: {_size(result)}", highlight=False, soft_wrap=True)
+            raise kind(f"{message}; {_keep(error.result, message, output, options.output)}") from error
+    _save(result, output)
+    if picture:
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        plot(result, picture)
+    console.print(f"{options.output}: {_size(result)}", soft_wrap=True)
+    return int(inaccurate(result.attrs) and not options.allow_inaccurate)
 
 
 def open_system(path: Path) -> System:
@@ -77,13 +90,13 @@ def open_system(path: Path) -> System:
     return System.from_ssp(path) if path.suffix.lower() == ".ssp" else System.from_toml(path, resolve=fmu)
 
 
-def _keep(result: Result, message: str, path: Path) -> str:
-    """Write what a failed run recorded; end of a sentence that says where it is."""
+def _keep(result: Result, message: str, path: Path, shown: Path) -> str:
+    """Write what a failed run recorded; end of a sentence that says where it is, by the path that the user gave."""
     try:
         _save(result.assign_attrs(incomplete=message), path)
     except (HarnessError, OSError) as error:
         return f"what was recorded until then is lost: {error}"
-    return f"what was recorded until then is in {path}, {_size(result)}"
+    return f"what was recorded until then is in {shown}, {_size(result)}"
 
 
 def _save(result: Result, path: Path) -> None:

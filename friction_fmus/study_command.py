@@ -7,10 +7,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.markup import escape
 from rich.table import Table
 
-from friction_fmus.terminal import RunBar, console, progress_bar
+from friction_fmus.terminal import RunBar, console, progress_bar, styled
 
 if TYPE_CHECKING:
     from friction_fmus.study.result import StudyResult
@@ -58,7 +57,7 @@ def study(options: argparse.Namespace) -> None:
         path = options.output / name
         if path.exists():
             what = "Report" if name == "report.html" else "Files to use"
-            console.print(f"{what}: {path}", highlight=False, soft_wrap=True)
+            console.print(f"{what}: {path}", soft_wrap=True)
 
 
 def show(result: StudyResult) -> None:
@@ -66,34 +65,31 @@ def show(result: StudyResult) -> None:
     console.print(model_table(result))
     failed = [f"{row.name} ({row.reason})" for row in result.models if row.rank is None]
     if failed:
-        console.print(f"Not identified: {escape('; '.join(failed))}", highlight=False)
+        console.print(f"Not identified: {'; '.join(failed)}")
     for model in result.models:
         known = [f"{p.name} {p.value:.6g} ({p.published:.6g})" for p in model.parameters if p.published is not None]
         if known:
-            console.print(f"{model.name}, and what is known: {', '.join(known)}", highlight=False)
+            console.print(f"{model.name}, and what is known: {', '.join(known)}")
     console.print()
     if result.compensators:
         console.print(compensator_table(result))
         left = sum(not row.applies for row in result.compensators)
         console.print(
             "Errors are root mean squares of reference minus position; the worst corner is that of friction and mass "
-            "off by the mismatch; fast force is what of the drive force lies above the bandwidth of the loop.",
-            highlight=False,
+            "off by the mismatch; fast force is what of the drive force lies above the bandwidth of the loop."
         )
         if left:
-            console.print(f"{left} more do not apply to this axis; the report says why.", highlight=False)
+            console.print(f"{left} more do not apply to this axis; the report says why.")
         console.print()
-    console.print(f"[bold]{escape(_headline(result))}[/bold]", highlight=False)
-    console.print(escape(result.recommendation.reason), highlight=False)
+    console.print(styled((_headline(result), "bold")))
+    console.print(result.recommendation.reason)
     if result.recommendation.runner_up:
-        console.print(f"Runner-up: {escape(result.recommendation.runner_up_reason)}", highlight=False)
+        console.print(f"Runner-up: {result.recommendation.runner_up_reason}")
     wrong = [row for row in result.doctor if not row.ok]
     for row in wrong:
-        console.print(
-            f"Doctor: [bold red]{escape(row.name)}[/], {escape(row.wrong)}; {escape(row.change)}", highlight=False
-        )
+        console.print(styled("Doctor: ", (row.name, "bold red"), f", {row.wrong}; {row.change}"))
     if result.doctor and not wrong:
-        console.print(f"Doctor: all {len(result.doctor)} conditions of this loop hold.", highlight=False)
+        console.print(f"Doctor: all {len(result.doctor)} conditions of this loop hold.")
     console.print()
 
 

@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
 from friction_fmus.errors import FrictionError
-from friction_fmus.run_command import open_system
+from friction_fmus.run_command import add_allow_inaccurate, open_system
+from friction_fmus.terminal import console, literal_console
 from harness import Experiment, System, grid, latin_hypercube, read_samples, sobol, sweep
+from harness.coupling import WRONG
 from harness.sweeps import WithUnits
+from harness.sweeps.samples import check_runs
 
 PATIENCE = 10.0
 """Seconds in which a scheduler must answer."""
@@ -85,13 +87,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--executor", choices=["processes", "threads", "serial"], default="processes")
     where.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="run on this dask cluster")
+    add_allow_inaccurate(parser)
 
 
 def sweep_system(options: argparse.Namespace) -> int:
-    """Many runs of a system, into a folder of Parquet files with a row for each run; status 1 if none succeeds."""
+    """Many runs of a system, into a folder of Parquet files with a row for each run.
+
+    The status is 1 if no run succeeds, or if the result of one is reported as wrong, unless that is allowed.
+    """
     samples = _samples(options)
-    screen = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
+    screen = literal_console(stderr=True)
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        _Rate(),
+        TimeRemainingColumn(),
+    )
     with ExitStack() as stack:
         executor: Any = stack.enter_context(connect(options.scheduler)) if options.scheduler else options.executor
         system = stack.enter_context(open_system(options.system))
@@ -110,13 +122,13 @@ def sweep_system(options: argparse.Namespace) -> int:
             progress=_Bar(bar),
         )
     errors = [str(error) for error in result["error"].to_numpy() if error]
-    warned = int(((result["warnings"] != "") & (result["error"] == "")).sum())
-    notes = f", {warned} with warnings" * bool(warned)
+    warnings = [str(text) for text in result["warnings"].to_numpy()[result["error"].to_numpy() == ""] if text]
+    wrong = sum(WRONG in text for text in warnings)
+    notes = f", {len(warnings)} with warnings" * bool(warnings)
+    notes += f", {wrong} of them reported as wrong" * bool(wrong)
     notes += f", {len(errors)} failed, the first one because {errors[0]}" if errors else ""
-    Console().print(
-        f"{options.output}: {result.sizes['run']} runs{notes}", highlight=False, markup=False, soft_wrap=True
-    )
-    return int(len(errors) == result.sizes["run"])
+    console.print(f"{options.output}: {result.sizes['run']} runs{notes}", soft_wrap=True)
+    return int(len(errors) == result.sizes["run"] or (wrong > 0 and not options.allow_inaccurate))
 
 
 def _experiment(system: System, options: argparse.Namespace) -> Experiment | None:
@@ -146,6 +158,7 @@ def _samples(options: argparse.Namespace) -> list[WithUnits]:
             continue
         first, last, count, log = _range(text, values)
         if count is not None:
+            check_runs(count)
             listed[name] = (np.geomspace if log else np.linspace)(first, last, count).tolist()
             continue
         ranges[name] = (first, last)
@@ -161,7 +174,9 @@ def _samples(options: argparse.Namespace) -> list[WithUnits]:
         points = read_samples(options.samples)
     elif not listed:
         raise FrictionError(f"nothing is varied: use --vary ({_FORMS}) or --samples FILE")
-    return [{**others, **point} for others in grid(listed) for point in points]
+    rows = grid(listed)
+    check_runs(len(rows) * len(points))
+    return [{**others, **point} for others in rows for point in points]
 
 
 def _assignment(text: str) -> tuple[str, str]:

@@ -2,18 +2,40 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.text import Text
 
 from friction_fmus.errors import FrictionError
 
-console = Console()
+
+def literal_console(**options: Any) -> Console:
+    """Return a console that prints text as it is: a path such as ``o[/b].csv`` is no markup, and ``:x:`` no emoji.
+
+    Styled text is made with `styled` or as `rich.text.Text`.
+
+    Parameters
+    ----------
+    **options
+        Of `rich.console.Console`.
+    """
+    return Console(markup=False, emoji=False, highlight=False, **options)
+
+
+def styled(*pieces: str | tuple[str, str]) -> Text:
+    """Return text of which some pieces have a style: ``styled(("weak", "yellow"), " Fs")``."""
+    return Text.assemble(*pieces)
+
+
+console = literal_console()
 
 
 def progress_bar() -> Progress:
     """A bar on stderr that disappears when done; nothing where the output is not a terminal."""
-    screen = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    screen = literal_console(stderr=True)
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     return Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -9,6 +10,7 @@ from functools import cache
 import pint
 
 from friction_fmus.errors import FrictionError
+from harness.units import LONGEST_UNIT, is_unit_text
 
 BASE_UNITS = {
     "kilogram": "kg",
@@ -88,6 +90,30 @@ def _registry() -> pint.UnitRegistry[float]:
 
 
 @cache
+def _everyday_registry() -> pint.UnitRegistry[float]:
+    return pint.UnitRegistry()
+
+
+def _parsed(text: str, registry: pint.UnitRegistry[float]) -> BaseUnit:
+    """A unit in base units. The only place where pint parses a text: it evaluates all that it gets.
+
+    Raises
+    ------
+    Exception
+        Of many kinds: pint's, also for bad syntax and units with an offset; ValueError for what is no unit name.
+    """
+    if not is_unit_text(text):
+        raise ValueError("it is not made of symbols, powers, products and quotients")
+    expression = re.sub(r"([A-Za-z])([-+]?\d+)", r"\1**\2", text.strip().replace(".", "*"))
+    quantity = registry.Quantity(1.0, registry.parse_units(expression)).to_base_units()
+    powers = {BASE_UNITS[name]: float(str(power)) for name, power in quantity.unit_items()}
+    factor = float(quantity.magnitude)
+    if not (all(power.is_integer() for power in powers.values()) and 0.0 < factor < math.inf):
+        raise ValueError("it has a fractional power, or a factor that is no number")
+    return BaseUnit({name: int(powers[name]) for name in BASE_UNITS.values() if name in powers}, factor)
+
+
+@cache
 def base_unit(unit: str) -> BaseUnit:
     """Exponents and factor of a unit such as ``N.s/m`` or ``kg.m2``.
 
@@ -96,10 +122,18 @@ def base_unit(unit: str) -> BaseUnit:
     FrictionError
         If the unit is not made of known units.
     """
-    expression = re.sub(r"([A-Za-z])(-?\d+)", r"\1**\2", unit.replace(".", "*"))
     try:
-        quantity = _registry().Quantity(1.0, _registry().parse_units(expression)).to_base_units()
-    except Exception as error:  # pint raises many kinds, also for bad syntax
-        raise FrictionError(f"The unit {unit!r} is not known; write it from SI units, such as N.s/m") from error
-    exponents = {BASE_UNITS[name]: int(str(power)) for name, power in quantity.unit_items()}
-    return BaseUnit({name: exponents[name] for name in BASE_UNITS.values() if name in exponents}, quantity.magnitude)
+        return _parsed(unit, _registry())
+    except Exception as error:  # see there
+        raise FrictionError(
+            f"The unit {unit[:LONGEST_UNIT]!r} is not known; write it from SI units, such as N.s/m"
+        ) from error
+
+
+@cache
+def everyday_unit(unit: str) -> BaseUnit | None:
+    """Exponents and factor of any unit that pint knows, such as ``rpm``, ``inch``, ``lbf``; None for others."""
+    try:
+        return _parsed(unit, _everyday_registry())
+    except Exception:  # see there
+        return None

@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 import math
-import stat
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Any
 
 import fmpy
 from lxml import etree
 
 from harness.errors import FmuError
 from harness.part import Port, PortType, StartValue
-from harness.units import BaseUnit
-
-LARGEST: Final = 1 << 28
-"""What an archive may unpack to however small it is [bytes] ..."""
-
-RATIO: Final = 200
-"""... and how many times its size beyond that; deflate makes at most 1030 of it, text 20."""
+from harness.units import BaseUnit, stated_unit
+from harness.zip_file import NotZipError, ZipError, find_absence, open_zip, read_zip
 
 
 @dataclass(frozen=True)
@@ -63,26 +57,11 @@ def open_archive(path: Path) -> Archive:
     ------
     FmuError
         If the file is missing, not a zip, not an FMU, not FMI 2.0 co-simulation, has no binary for this
-        platform, or has members that would be written outside of the folder it is unpacked to, are symbolic
-        links, stand twice or unpack to far more than their size; or if its XML has a DOCTYPE.
+        platform, or has members that cannot be unpacked without harm (see `harness.zip_file`); or if its XML has a
+        DOCTYPE.
     """
-    if not path.is_file():
-        found = "it is a folder" if path.is_dir() else "there is no such file"
-        raise FmuError(f"cannot open FMU {path}: {found}; give the path of an .fmu file")
-    if not zipfile.is_zipfile(path):
-        raise FmuError(f"{path} is not an FMU: it is not a zip archive; export it again from the tool that made it")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            entries = archive.infolist()
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
-        raise FmuError(f"cannot open FMU {path}: {error}; copy or export it again") from error
-    members = [entry.filename for entry in entries]
-    danger = _find_danger(entries)
-    if danger is not None:
-        raise FmuError(f"{path} was not unpacked: {danger}; do not use this file")
-    if "modelDescription.xml" not in members:
-        raise FmuError(f"{path} is not an FMU: it has no modelDescription.xml; export it again as FMI 2.0")
-    _refuse_entities(path)
+    members, data = _read_members(path)
+    _refuse_entities(path, data)
     description = _read_description(path)
     _check_binary(path, description.coSimulation.modelIdentifier, members)
     return Archive(
@@ -93,45 +72,39 @@ def open_archive(path: Path) -> Archive:
     )
 
 
-def _find_danger(entries: Iterable[zipfile.ZipInfo]) -> str | None:
-    """Why an archive must not be unpacked, as the middle of a sentence."""
-    seen: set[str] = set()
-    packed = unpacked = 0
-    for entry in entries:
-        if find_outside([entry.orig_filename]) is not None:
-            return f"its member '{entry.orig_filename}' points outside of it"
-        if entry.create_system == 3 and stat.S_ISLNK(entry.external_attr >> 16):
-            return f"its member '{entry.filename}' is a symbolic link"
-        if entry.filename in seen:
-            return f"it has two members '{entry.filename}'"
-        seen.add(entry.filename)
-        packed, unpacked = packed + entry.compress_size, unpacked + entry.file_size
-    if unpacked > LARGEST and unpacked > RATIO * packed:
-        return f"its {packed} bytes unpack to {unpacked}"
-    return None
-
-
-def _refuse_entities(path: Path) -> None:
-    """Entities come in by a DOCTYPE, which no FMU needs; what is not well-formed is for fmpy to say."""
+def _read_members(path: Path) -> tuple[list[str], bytes]:
+    """Names of the members, and modelDescription.xml."""
+    absence = find_absence(path)
+    if absence is not None:
+        raise FmuError(f"cannot open FMU {path}: {absence}; give the path of an .fmu file")
     try:
-        with zipfile.ZipFile(path) as archive:
-            data = archive.read("modelDescription.xml")
-    except Exception as error:  # zipfile and the codecs raise many kinds for broken members
-        raise FmuError(f"cannot read modelDescription.xml of {path}: {error}; copy or export it again") from error
+        with open_zip(path) as archive:
+            if "modelDescription.xml" not in archive.namelist():
+                raise FmuError(f"{path} is not an FMU: it has no modelDescription.xml; export it again as FMI 2.0")
+            return archive.namelist(), _read_xml(archive, path)
+    except NotZipError as fault:
+        raise FmuError(f"{path} is not an FMU: {fault}") from fault
+    except ZipError as fault:
+        raise FmuError(f"cannot open FMU {path}: {fault}") from fault
+    except OSError as error:
+        raise FmuError(f"cannot open FMU {path}: {error.strerror}; give the path of an .fmu file") from error
+
+
+def _read_xml(archive: zipfile.ZipFile, path: Path) -> bytes:
+    try:
+        return read_zip(archive, "modelDescription.xml")
+    except ZipError as error:
+        raise FmuError(f"cannot read modelDescription.xml of {path}: {error}") from error
+
+
+def _refuse_entities(path: Path, data: bytes) -> None:
+    """Entities come in by a DOCTYPE, which no FMU needs; what is not well-formed is for fmpy to say."""
     try:
         root = etree.fromstring(data, etree.XMLParser(resolve_entities=False, no_network=True))
     except (etree.XMLSyntaxError, ValueError):
         return
     if root.getroottree().docinfo.internalDTD is not None:
         raise FmuError(f"modelDescription.xml of {path} has a DOCTYPE, by which entities come in; do not use this file")
-
-
-def find_outside(members: Iterable[str]) -> str | None:
-    """The first member of an archive that would be written outside of the folder it is unpacked to, if any."""
-    for member in members:
-        if "\\" in member or ":" in member or member.startswith("/") or ".." in PurePosixPath(member).parts:
-            return member
-    return None
 
 
 def parse_value(kind: PortType, text: str) -> StartValue:
@@ -179,7 +152,7 @@ def _ports(path: Path, description: Any) -> dict[str, Port]:
     for variable in description.modelVariables:
         try:
             ports[variable.name] = _port(variable, units)
-        except ValueError as error:
+        except (TypeError, ValueError) as error:  # a number that is none, or is missing
             raise FmuError(f"variable '{variable.name}' of {path} is malformed: {error}; export it again") from error
     return ports
 
@@ -223,4 +196,4 @@ def _size(nominal: float) -> float:
 
 def _base_unit(base: Any) -> BaseUnit:
     exponents = tuple(int(getattr(base, name)) for name in ("kg", "m", "s", "A", "K", "mol", "cd", "rad"))
-    return BaseUnit(exponents, float(base.factor), float(base.offset))
+    return stated_unit(exponents, float(base.factor), float(base.offset))

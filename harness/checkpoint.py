@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -15,11 +16,20 @@ from harness.assembly import Assembly
 from harness.atomic import atomic_path
 from harness.errors import ExperimentError
 from harness.experiment import Experiment
+from harness.files import require_regular
 from harness.fmu import FmuPart
 from harness.part import Part
 from harness.plan import Plan
+from harness.values import shown
 
-_FORMAT = 1
+_FORMAT: Final = 2
+_HEADER: Final = "checkpoint.json"
+_HASH: Final = "sha256"
+_LARGEST: Final = 1 << 30
+"""What a checkpoint may unpack to [bytes]."""
+_REMEDY: Final = "give a file that a run has written"
+
+Arrays: TypeAlias = Mapping[str, np.ndarray[Any, Any]]
 
 
 @dataclass(frozen=True)
@@ -32,31 +42,29 @@ class Checkpoint:
         The file.
     tick : int
         Number of steps that are done.
-    system : mapping
-        What it is the state of.
     signals : mapping of str to float
         Values by "part.port".
     states : mapping of str to bytes
         State of each part.
-    memory : mapping of str to uint8 array
-        What the master remembers.
+    memory : mapping of str to (str, tuple of int, bytes)
+        What the master remembers: type, shape and content of each array.
     """
 
     path: Path
     tick: int
-    system: Mapping[str, Any]
     signals: Mapping[str, float]
     states: Mapping[str, bytes]
-    memory: Mapping[str, np.ndarray[Any, Any]]
+    memory: Mapping[str, tuple[str, tuple[int, ...], bytes]]
 
-    def restore(self, plan: Plan, memory: Mapping[str, np.ndarray[Any, Any]]) -> None:
+    def restore(self, plan: Plan, memory: Arrays) -> None:
         """Bring started parts, their values and the memory of the master to this state.
 
         Raises
         ------
         HarnessError
-            If a part refuses its state, or the master remembers other things.
+            If the master remembers other things, before anything is changed, or if a part refuses its state.
         """
+        saved = {name: self._array(name, array) for name, array in memory.items()}
         for part in plan.parts:
             part.deserialise(self.states[part.name])
         for call in plan.calls:
@@ -65,21 +73,19 @@ class Checkpoint:
             if name in plan.columns:
                 plan.signals[plan.columns[name]] = value
         for name, array in memory.items():
-            saved = self.memory.get(name)
-            if saved is None or saved.shape != array.shape:
-                raise ExperimentError(
-                    f"{self.path} has another {name} than this run: continue with the same manipulators and options"
-                )
-            array[...] = saved
+            array[...] = saved[name]
+
+    def _array(self, name: str, like: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        """A saved array, which must be of the type and the shape of the one of this run."""
+        kind, shape, content = self.memory.get(name, ("", (), b""))
+        if (kind, shape, len(content)) != (like.dtype.str, like.shape, like.nbytes):
+            raise ExperimentError(
+                f"{self.path} has another {name} than this run: continue with the same manipulators and options"
+            )
+        return np.frombuffer(content, like.dtype).reshape(like.shape)
 
 
-def write_checkpoint(
-    path: Path,
-    system: Assembly,
-    experiment: Experiment,
-    plan: Plan,
-    memory: Mapping[str, np.ndarray[Any, Any]],
-) -> None:
+def write_checkpoint(path: Path, system: Assembly, experiment: Experiment, plan: Plan, memory: Arrays) -> None:
     """Write the state at the end of a run; the file is replaced only when the new one is complete.
 
     Raises
@@ -94,16 +100,14 @@ def write_checkpoint(
         "tick": plan.ticks,
         "system": identity(system, experiment),
         "signals": {name: float(plan.signals[index]).hex() for name, index in plan.columns.items()},
-        "memory": list(memory),
+        "memory": {name: [array.dtype.str, list(array.shape)] for name, array in memory.items()},
     }
-    states = [(part.name, part.serialise()) for part in plan.parts]
+    members = {_HEADER: json.dumps(header, indent=1).encode()}
+    members |= {f"parts/{part.name}": part.serialise() for part in plan.parts}
+    members |= {f"memory/{name}": array.tobytes() for name, array in memory.items()}
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("checkpoint.json", json.dumps(header, indent=1))
-        for name, state in states:
-            archive.writestr(f"parts/{name}", state)
-        for name, array in memory.items():
-            with archive.open(f"memory/{name}.npy", "w") as file:
-                np.lib.format.write_array(file, array, allow_pickle=False)
+        for name, content in (*members.items(), (_HASH, _hash(members))):
+            archive.writestr(name, content)
 
 
 def read_checkpoint(path: Path, system: Assembly, experiment: Experiment) -> Checkpoint:
@@ -112,33 +116,90 @@ def read_checkpoint(path: Path, system: Assembly, experiment: Experiment) -> Che
     Raises
     ------
     ExperimentError
-        If the file cannot be read, or is not of this system and these steps, or lies behind the end of the run.
+        If the file cannot be read or is damaged, or is not of this system and these steps, or lies behind the end of
+        the run.
     """
     try:
-        with zipfile.ZipFile(path) as archive:
-            header = json.loads(archive.read("checkpoint.json"))
-            states = {name: archive.read(f"parts/{name}") for name in header["system"]["parts"]}
-            memory = {}
-            for name in header["memory"]:
-                with archive.open(f"memory/{name}.npy") as file:
-                    memory[name] = np.lib.format.read_array(file, allow_pickle=False)
-            signals = {name: float.fromhex(text) for name, text in header["signals"].items()}
-            if header["format"] != _FORMAT:
-                raise ValueError(f"it has the format {header['format']}")
-    except (OSError, zipfile.BadZipFile, KeyError, ValueError, TypeError) as error:
-        raise ExperimentError(
-            f"cannot read the checkpoint {path}: {error}; give a file that a run has written"
-        ) from error
-    wanted = identity(system, experiment)
-    for key, value in wanted.items():
-        if header["system"].get(key) != value:
-            raise ExperimentError(
-                f"{path} is the state of a run with other {key}: {header['system'].get(key)} instead of {value}"
-            )
-    if header["tick"] > experiment.ticks:
-        reached = experiment.start + header["tick"] * experiment.step
+        require_regular(path)
+        members = _members(path)
+    except OSError as error:
+        raise ExperimentError(f"cannot read the checkpoint {path}: {error.strerror}; {_REMEDY}") from error
+    except Exception as error:  # zipfile and zlib raise many kinds for a damaged file
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ExperimentError(f"cannot read the checkpoint {path}: {reason}; {_REMEDY}") from error
+    header = _header(path, members)
+    _compare(path, header["system"], identity(system, experiment))
+    tick, signals, memory = header["tick"], header["signals"], header["memory"]
+    if type(tick) is not int or tick < 0:
+        raise _malformed(path, f"the number of steps {shown(tick)}")
+    if tick > experiment.ticks:
+        reached = experiment.start + tick * experiment.step
         raise ExperimentError(f"{path} is the state at {reached:.12g} s: give a later stop than {experiment.stop:.12g}")
-    return Checkpoint(path, int(header["tick"]), header["system"], signals, states, memory)
+    try:
+        return Checkpoint(
+            path,
+            tick,
+            {name: float.fromhex(value) for name, value in signals.items()},
+            {name: members[f"parts/{name}"] for name in system.parts},
+            {name: (kind, tuple(shape), members[f"memory/{name}"]) for name, (kind, shape) in memory.items()},
+        )
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
+        raise _malformed(path, f"a state that is not complete ({error})") from error
+
+
+def _members(path: Path) -> dict[str, bytes]:
+    """The members of the file, if they are what was written.
+
+    Raises
+    ------
+    ValueError
+        If they are too large, or do not match their hash; zipfile raises others.
+    """
+    with zipfile.ZipFile(path) as archive:
+        entries = archive.infolist()
+        if sum(entry.file_size for entry in entries) > _LARGEST:
+            raise ValueError(f"it unpacks to more than {_LARGEST} bytes")
+        if _HEADER not in archive.namelist():
+            raise ValueError(f"it has no {_HEADER}")
+        members = {entry.filename: archive.read(entry) for entry in entries}
+    found = members.pop(_HASH, None)
+    if found != _hash(members):
+        raise ValueError("it is damaged, or of an earlier version" if found is None else "it is damaged")
+    return members
+
+
+def _hash(members: Mapping[str, bytes]) -> bytes:
+    """Hash of names and contents."""
+    digest = hashlib.sha256()
+    for name, content in members.items():
+        digest.update(f"{len(name)} {len(content)} {name}".encode() + content)
+    return digest.hexdigest().encode()
+
+
+def _header(path: Path, members: Mapping[str, bytes]) -> dict[str, Any]:
+    """The header, a table with all its entries."""
+    try:
+        header = json.loads(members[_HEADER])
+    except (ValueError, RecursionError) as error:
+        raise _malformed(path, f"a {_HEADER} that is no JSON") from error
+    if not isinstance(header, dict) or header.get("format") != _FORMAT:
+        raise _malformed(path, f"another format than {_FORMAT}")
+    if "tick" not in header or any(not isinstance(header.get(key), dict) for key in ("system", "signals", "memory")):
+        raise _malformed(path, "an incomplete header")
+    return header
+
+
+def _compare(path: Path, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+    """Raise ExperimentError at the first entry in which two systems differ."""
+    for key, value in wanted.items():
+        if found.get(key) != value:
+            raise ExperimentError(
+                f"{path} is the state of a run with other {key}: {shown(found.get(key))} instead of {shown(value)}"
+            )
+
+
+def _malformed(path: Path, what: str) -> ExperimentError:
+    return ExperimentError(f"cannot read the checkpoint {path}: it has {what}; {_REMEDY}")
 
 
 def identity(system: Assembly, experiment: Experiment) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import logging
 import math
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -31,6 +32,16 @@ more for Jacobi where a mass on a contact without damping (GMS) breaks away too 
 
 MADE: Final = 0.05
 """Energy that the coupling makes over the energy that passes."""
+
+
+WRONG: Final = "the result is wrong"
+"""In every warning of a run that is not to be trusted."""
+
+
+def inaccurate(attributes: Mapping[str, object]) -> bool:
+    """Return whether the attributes of a result are those of a run that was reported as wrong."""
+    limits = {"lasting_defect": LASTING, "alternating_defect": ALTERNATING, "energy_defect": MADE, "feeding": FEEDING}
+    return any(float(str(attributes.get(name, 0.0))) > limit for name, limit in limits.items())
 
 
 class Defect(ctypes.Structure):
@@ -132,9 +143,10 @@ class Coupling:
         return dict(worst)
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
-        """What has been measured, for a checkpoint: views of the data, all but the places of the inputs."""
+        """What has been measured, for a checkpoint: views of the data, all but the places in other tables."""
         defects = bytes_of(self._defects).reshape(-1, ctypes.sizeof(Defect))
-        return {"defects": defects[:, 8:], "pairs": bytes_of(self._pair_data)}
+        pairs = bytes_of(self._pair_data).reshape(-1, ctypes.sizeof(Pair))
+        return {"defects": defects[:, 8:], "pairs": pairs[:, Pair.made.offset :]}
 
     def _shown(self, wire: MovingWire) -> str:
         return f"{self.names[wire.output]} -> {self.names[wire.input]}"

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from harness.errors import ExperimentError, HarnessError, UnknownNameError
 from harness.fmu import FmuPart
+from harness.guard import Guard
 from harness.native import library
 from harness.part import Native, StartValue, Values
 
@@ -52,6 +53,7 @@ class Drive:
         part.reuse = True
         self._kinds = {port.name: port.type for port in (*part.inputs, *part.outputs, *part.observables)}
         self._inputs = {port.name for port in part.inputs}
+        self._guard = Guard([part])
 
     def run(
         self,
@@ -98,9 +100,23 @@ class Drive:
             If the FMU refuses a value, or fails; the error knows the time.
         """
         table = self._table(inputs, step)
-        names, samples = list(inputs), len(table)
+        names = list(inputs)
         self._check_names(names, outputs)
-        self.part.enter_initialisation(0.0, float("inf"), tolerance, start or {})
+        with self._guard.running(look=self.part.folder is None):
+            return self._run(table, names, outputs, step, between, tolerance, start or {})
+
+    def _run(
+        self,
+        table: Values,
+        names: Sequence[str],
+        outputs: Sequence[str],
+        step: float,
+        between: str,
+        tolerance: float | None,
+        start: Mapping[str, StartValue],
+    ) -> Values:
+        samples = len(table)
+        self.part.enter_initialisation(0.0, float("inf"), tolerance, start)
         try:
             native = self.part.native(names, list(outputs))
             assert native is not None  # an FMU in this process has one

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from harness.errors import ExperimentError
 from harness.manipulator import Manipulator
+from harness.values import MOST_TICKS, is_count, is_number, shown
 
 
 @dataclass(frozen=True)
@@ -58,20 +59,25 @@ class Experiment:
     def __post_init__(self) -> None:
         """Check the numbers."""
         for name in ("start", "stop", "step"):
-            object.__setattr__(self, name, float(getattr(self, name)))  # an FMU takes no other kind of number
-            if not math.isfinite(getattr(self, name)):
-                raise ExperimentError(f"{name} is {getattr(self, name)}: give a finite number of seconds")
+            object.__setattr__(self, name, _seconds(name, getattr(self, name)))  # an FMU takes no other kind of number
         if self.step <= 0:
             raise ExperimentError(f"the step is {self.step} s: give a positive number of seconds")
         if self.stop < self.start:
             raise ExperimentError(f"the run stops at {self.stop} s before it starts at {self.start} s: exchange them")
-        if self.decimate < 1:
-            raise ExperimentError(f"decimate is {self.decimate}: give 1 to record every tick, or more")
+        if not is_count(self.decimate):
+            raise ExperimentError(f"decimate is {shown(self.decimate)}: give 1 to record every tick, or more")
+        if self.tolerance is not None and not (is_number(self.tolerance) and 0.0 <= self.tolerance < math.inf):
+            raise ExperimentError(f"the tolerance is {shown(self.tolerance)}: give a positive number, or leave it out")
         if self.extrapolation not in (0, 1, 2):
-            raise ExperimentError(f"the extrapolation is of order {self.extrapolation}: give 0, 1 or 2")
+            raise ExperimentError(f"the extrapolation is of order {shown(self.extrapolation)}: give 0, 1 or 2")
         if self.extrapolation and self.master != "jacobi":
             raise ExperimentError(f"the master {self.master} does not extrapolate: use jacobi or leave it out")
         ratio = (self.stop - self.start) / self.step
+        if ratio > MOST_TICKS:
+            raise ExperimentError(
+                f"a step of {self.step:.12g} s from {self.start:.12g} to {self.stop:.12g} s makes more than 2^62 "
+                "steps: use a longer step or stop earlier"
+            )
         if abs(ratio - round(ratio)) > 1e-6:
             fitting = (self.stop - self.start) / max(1, round(ratio))
             stop = self.start + math.floor(ratio) * self.step
@@ -84,3 +90,13 @@ class Experiment:
     def ticks(self) -> int:
         """Number of steps."""
         return round((self.stop - self.start) / self.step)
+
+
+def _seconds(name: str, value: object) -> float:
+    try:
+        seconds = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        seconds = math.nan
+    if not math.isfinite(seconds):
+        raise ExperimentError(f"{name} is {shown(value)}: give a finite number of seconds")
+    return seconds

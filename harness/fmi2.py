@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import logging
 import os
-import tempfile
 import threading
 import weakref
 from collections.abc import Callable
@@ -16,7 +15,11 @@ import fmpy
 import fmpy.fmi2
 
 from harness.archive import Archive
+from harness.atomic import FULL
 from harness.errors import FmuError, PartError
+from harness.scratch import ScratchFolder
+from harness.shared_library import missing_bytes
+from harness.zip_file import ZipError, open_zip, unpack_zip
 
 FATAL: Final = 4
 
@@ -29,7 +32,7 @@ _NATIVE = (
     *("GetFMUstate", "SetFMUstate", "FreeFMUstate", "SetRealInputDerivatives"),
 )
 
-_LOADING = threading.Lock()
+LOADING = threading.Lock()
 """The working folder, which fmpy changes while it loads a library, belongs to all threads."""
 
 _POINTER = ctypes.c_void_p
@@ -59,11 +62,17 @@ class Library:
 
     def __init__(self, archive: Archive, name: str) -> None:
         """Unpack and load."""
-        folder = tempfile.TemporaryDirectory(prefix="harness-", ignore_cleanup_errors=True)
-        with _LOADING:
-            here = Path.cwd()
+        folder = ScratchFolder("harness-")
+        self.folder = Path(folder.name)
+        with LOADING:
             try:
-                fmpy.extract(archive.path, folder.name)
+                here: Path | None = Path.cwd()
+            except FileNotFoundError:  # it has been removed
+                here = None
+            try:
+                with open_zip(archive.path) as members:
+                    unpack_zip(members, Path(folder.name))
+                _refuse_truncated(Path(folder.name) / "binaries" / fmpy.platform)
                 self.slave = fmpy.fmi2.FMU2Slave(
                     instanceName=name,
                     guid=archive.description.guid,
@@ -74,10 +83,16 @@ class Library:
                 folder.cleanup()
                 if not isinstance(error, Exception):
                     raise
+                if isinstance(error, ZipError):
+                    raise FmuError(f"cannot unpack {archive.path}: {error}") from error
+                if isinstance(error, OSError) and error.errno in FULL:
+                    reason = f"cannot unpack {archive.path} to {folder.name}: {error.strerror}"
+                    raise FmuError(f"{reason}; make room there, or set TMPDIR to another folder") from error
                 reason = " ".join(str(error).split())
                 raise FmuError(f"cannot load {archive.path}: {reason}; export it again for this platform") from error
             finally:
-                os.chdir(here)  # fmpy changes to the folder of the library and stays there when loading fails
+                if here is not None:
+                    os.chdir(here)  # fmpy changes to the folder of the library and stays there when loading fails
         self.set_ = {
             kind: _pointer(self.slave.dll, f"fmi2Set{kind}", _EXCHANGE) for kind in ("Real", "Integer", "Boolean")
         }
@@ -87,6 +102,14 @@ class Library:
         self.do_step = _pointer(self.slave.dll, "fmi2DoStep", _DO_STEP)
         self.addresses = {name: _address(self.slave.dll, f"fmi2{name}") for name in _NATIVE}
         self.close = weakref.finalize(self, _unload, self.slave.dll._handle, folder)
+
+
+def _refuse_truncated(folder: Path) -> None:
+    """Raise ValueError for a library that ends too early: to load it, or one that needs it, would end the process."""
+    for path in sorted(path for path in folder.iterdir() if path.is_file()):
+        missing = missing_bytes(path)
+        if missing:
+            raise ValueError(f"its library {path.name} is truncated, {missing} bytes are missing at the end")
 
 
 def _address(library: Any, function: str) -> int:
@@ -99,7 +122,7 @@ def _pointer(library: Any, function: str, prototype: Any) -> Callable[..., int]:
     return call
 
 
-def _unload(handle: int, folder: tempfile.TemporaryDirectory[str]) -> None:
+def _unload(handle: int, folder: ScratchFolder) -> None:
     fmpy.freeLibrary(handle)
     folder.cleanup()
 

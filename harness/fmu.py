@@ -7,12 +7,16 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from harness.archive import Archive, open_archive
 from harness.errors import HarnessError, PartError, StartValueError, not_whole
 from harness.fmi2 import Instance, Library
 from harness.part import Calls, Native, Part, Port, StartValue, Values
+from harness.values import is_number, shown
+
+LONGEST_TIMEOUT: Final = 1e6
+"""Seconds; more does not fit into the clocks of all systems."""
 
 
 class FmuPart(Part):
@@ -33,7 +37,7 @@ class FmuPart(Part):
         path.
     isolate : bool
         Whether the FMU runs in a process of its own, so that one that crashes, exits or hangs ends its run with a
-        `PartError` and not the program.
+        `PartError` and not the program. It protects against accidents, not against malice.
     timeout : float
         How long such a process may take for one call [s].
 
@@ -78,8 +82,11 @@ class FmuPart(Part):
         timeout: float = 10.0,
     ) -> None:
         """Check the file and read its description."""
-        if not (timeout > 0.0 and math.isfinite(timeout)):
-            raise HarnessError(f"the timeout of '{name}' is {timeout}: give a positive number of seconds")
+        if not (is_number(timeout) and 0.0 < timeout <= LONGEST_TIMEOUT):
+            raise HarnessError(
+                f"the timeout of '{name}' is {shown(timeout)}: "
+                f"give a positive number of seconds, up to {LONGEST_TIMEOUT:.0f}"
+            )
         self.name = name
         self.keep: object = None
         self.isolate = isolate
@@ -233,6 +240,11 @@ class FmuPart(Part):
         make = partial(FmuPart, every=self.every, model=self.model, isolate=self.isolate, timeout=self.timeout)
         return make, (self.name, self.path.absolute())
 
+    @property
+    def folder(self) -> Path | None:
+        """Where it is unpacked to, once it has been run."""
+        return None if self._library is None else self._library.folder
+
     def _started(self) -> Instance:
         if self._instance is None:
             raise HarnessError(f"part '{self.name}' is not running: initialise it first")
@@ -249,16 +261,16 @@ class FmuPart(Part):
                 buffer = (ctypes.c_double * 1)(float(value))
             else:
                 buffer = (ctypes.c_int * 1)(_whole(value))
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise StartValueError(
-                f"start value {value!r} of {self.name}.{port.name} is no {port.type}: give a {port.type}"
+                f"start value {shown(value)} of {self.name}.{port.name} is no {port.type}: give a {port.type}"
             ) from error
         try:
             instance.last_message = ""
             instance.call(f"Set{port.type}", reference, 1, buffer)
         except PartError as error:
             raise StartValueError(
-                f"{self.name} refused the start value {value!r} of {port.name}: {error.reason}; "
+                f"{self.name} refused the start value {shown(value)} of {port.name}: {error.reason}; "
                 "give a value in the range that its description states"
             ) from error
 
@@ -324,8 +336,8 @@ class _State:
 
 
 def _whole(value: StartValue) -> int:
-    """An Integer or Boolean value as an int, refused if it is something else."""
-    if isinstance(value, str) or value != int(value):
+    """An Integer or Boolean value as an int, refused if it is something else or has more than 32 bit."""
+    if isinstance(value, str) or value != int(value) or not -(1 << 31) <= value < 1 << 31:
         raise ValueError(value)
     return int(value)
 

@@ -12,6 +12,7 @@ from harness.assembly import Assembly, start_values
 from harness.errors import AlgebraicLoopError, PartError
 from harness.experiment import Experiment
 from harness.graph import direct_edges, find_loop, instantaneous, propagation_order
+from harness.guard import Guard
 from harness.part import Calls, Values
 from harness.plan import Plan, fetcher
 from harness.wire import split_name
@@ -20,7 +21,7 @@ _LOG = logging.getLogger("harness")
 _TOLERANCE = 1e-10
 
 
-def start_parts(plan: Plan, system: Assembly, experiment: Experiment, *, open_end: bool) -> Plan:
+def start_parts(plan: Plan, system: Assembly, experiment: Experiment, guard: Guard, *, open_end: bool) -> Plan:
     """Initialise all parts at the start time.
 
     Parameters
@@ -31,6 +32,8 @@ def start_parts(plan: Plan, system: Assembly, experiment: Experiment, *, open_en
         What is run.
     experiment : Experiment
         How.
+    guard : Guard
+        Watches them.
     open_end : bool
         The parts are not told when the run ends, because it may be continued.
 
@@ -52,7 +55,9 @@ def start_parts(plan: Plan, system: Assembly, experiment: Experiment, *, open_en
             # A part that is stepped over several ticks may end its last step after the end of the run.
             intervals = -(-plan.ticks // part.every)
             stop = np.inf if open_end else max(experiment.stop, plan.time(intervals * part.every))
-            part.enter_initialisation(experiment.start, stop, experiment.tolerance, start_values(system, part.name))
+            values = start_values(system, part.name)
+            with guard.watching(part.name):
+                part.enter_initialisation(experiment.start, stop, experiment.tolerance, values)
             inputs, outputs = slice(*plan.inputs[index]), slice(*plan.outputs[index])
             calls.append(
                 part.bind(
@@ -64,10 +69,13 @@ def start_parts(plan: Plan, system: Assembly, experiment: Experiment, *, open_en
             )
         plan = replace(plan, calls=tuple(calls))
         _propagate(plan, system)
+        guard.look()
         for part in plan.parts:
-            part.exit_initialisation()
+            with guard.watching(part.name):
+                part.exit_initialisation()
         for call in plan.calls:
             call.get()
+        guard.look()
     except PartError as error:
         if error.time is None:
             error.time = experiment.start

@@ -143,7 +143,8 @@ class Loops:
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
         """What the loops remember from step to step, for a checkpoint: views of the data."""
-        return {**self._memory, "moving": bytes_of(self._arrays[1])}
+        values = bytes_of(self._arrays[1]).reshape(-1, ctypes.sizeof(Moving))
+        return {**self._memory, "moving": values[:, Moving.u0.offset :]}  # without the places of unknowns
 
     def attributes(self) -> dict[str, str | float]:
         """Evaluations and inner steps of all loops, and how often a step was taken back."""

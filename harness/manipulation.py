@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -157,10 +157,10 @@ def _lay_out(plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]) -> Ma
             value = manipulator.value
         case Noise():
             kind, value = _NOISE, manipulator.sigma
-            samples = np.random.default_rng(manipulator.seed).standard_normal(max(ticks, 0))
+            samples = _drawn(manipulator, np.random.default_rng(manipulator.seed).standard_normal, ticks)
         case DropOut():
             kind, value = _LOSS, manipulator.probability
-            samples = np.random.default_rng(manipulator.seed).random(max(ticks, 0))
+            samples = _drawn(manipulator, np.random.default_rng(manipulator.seed).random, ticks)
         case Freeze():
             kind = _LOSS
         case Delay():
@@ -185,8 +185,18 @@ def _lay_out(plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]) -> Ma
     )
 
 
+def _drawn(manipulator: Manipulator, draw: Callable[[int], Values], ticks: int) -> Values:
+    """A random number for each tick at which a manipulator is at work."""
+    try:
+        return draw(max(ticks, 0))
+    except (MemoryError, ValueError) as error:
+        raise ExperimentError(
+            f"the {manipulator} needs {ticks} random numbers, more than fit into the memory: give it a shorter span"
+        ) from error
+
+
 def _tick(plan: Plan, time: float) -> int:
     """The first tick that does not begin before this time, up to a millionth of a tick."""
     if math.isinf(time):
         return _EVER if time > 0 else 0
-    return math.ceil((time - plan.start) / plan.step - 1e-6)
+    return math.ceil(min(max((time - plan.start) / plan.step - 1e-6, 0.0), _EVER))

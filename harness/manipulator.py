@@ -5,9 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 from harness.errors import ExperimentError, nearest
+from harness.values import is_count, is_number, number, shown, text
+
+LONGEST_DELAY: Final = 10_000_000
+"""Ticks of a delay; the values in between are kept."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,11 @@ class Manipulator:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
+        for name in ("value", "sigma", "probability", "start", "stop"):
+            if not is_number(getattr(self, name, 0.0)):
+                raise ExperimentError(
+                    f"{name} of the {self.kind} of {self.input} is {shown(getattr(self, name))}: give a number"
+                )
         if not self.start < self.stop:
             raise ExperimentError(
                 f"the {self.kind} of {self.input} begins at {self.start} s and ends at {self.stop} s: "
@@ -171,16 +180,18 @@ class Delay(Manipulator):
     def __post_init__(self) -> None:
         """Check the number of ticks."""
         super().__post_init__()
-        if isinstance(self.ticks, bool) or self.ticks != int(self.ticks) or self.ticks < 1:
-            raise ExperimentError(f"the {self} is {self.ticks} ticks: give a whole number, 1 or more")
+        if not is_count(self.ticks, 1, LONGEST_DELAY):
+            raise ExperimentError(
+                f"the {self} is {shown(self.ticks)} ticks: give a whole number, 1 or more, up to {LONGEST_DELAY}"
+            )
 
 
 _KINDS: dict[str, type[Manipulator]] = {cls.kind: cls for cls in (Override, Bias, Noise, Freeze, DropOut, Delay)}
 
 
 def _check_seed(manipulator: Manipulator, seed: object) -> None:
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise ExperimentError(f"the seed of the {manipulator} is {seed!r}: give a whole number, 0 or more")
+    if not is_count(seed, 0, 1 << 64):
+        raise ExperimentError(f"the seed of the {manipulator} is {shown(seed)}: give a whole number, 0 or more")
 
 
 def read_manipulator(table: Mapping[str, Any]) -> Manipulator:
@@ -192,17 +203,17 @@ def read_manipulator(table: Mapping[str, Any]) -> Manipulator:
         If a key is missing, unknown or of the wrong type.
     """
     kind = table.get("kind")
-    if kind not in _KINDS:
-        raise ExperimentError(f"{kind!r} is no kind of manipulator: {nearest(str(kind), _KINDS)}")
+    if not isinstance(kind, str) or kind not in _KINDS:
+        remedy = nearest(kind if isinstance(kind, str) else "", _KINDS)
+        raise ExperimentError(f"{shown(kind)} is no kind of manipulator: {remedy}")
     cls = _KINDS[kind]
     settings = {key: value for key, value in table.items() if key != "kind"}
     known = {item.name: item for item in fields(cls)}
     for key, value in settings.items():
         if key not in known:
             raise ExperimentError(f"'{key}' means nothing to a {kind}: {nearest(key, known)}")
-        wanted = str if key == "input" else (int, float)
-        if isinstance(value, bool) or not isinstance(value, wanted):
-            raise ExperimentError(f"{key} of a {kind} is {value!r}: that is not of the right type")
+        if (text(value) if key == "input" else number(value)) is None:
+            raise ExperimentError(f"{key} of a {kind} is {shown(value)}: that is not of the right type")
     for name, item in known.items():
         if name not in settings and item.default is MISSING:
             raise ExperimentError(f"a {kind} has no {name}: add it")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import platform
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -18,12 +19,14 @@ from harness.errors import HarnessError, PartError, not_whole
 from harness.part import TYPE_ORDER, Native, Values
 from harness.plan import GET, SET, STEP, Plan
 from harness.platforms import NATIVE, native_library
+from harness.shared_library import missing_bytes
 from harness.wire import split_name
 
 SAVE: Final = 3
 RESTORE: Final = 4
 NOT_WHOLE: Final = 100
 NOT_CONVERGED: Final = 101
+FLOATS_CHANGED: Final = 102
 _TYPES = TYPE_ORDER[:3]
 _CALL = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, ctypes.c_double, ctypes.c_double)
 
@@ -64,7 +67,7 @@ class EngineData(ctypes.Structure):
         ("pairs", _POINTER),
         ("pair_count", _INT),
         *((name, _POINTER) for name in ("lines", "lines_from", "extrapolation", "newton")),
-        *((name, _INT) for name in ("failed_part", "failed_operation", "status", "whole_fault")),
+        *((name, _INT) for name in ("failed_part", "failed_operation", "status", "float_change")),
         ("failed_time", _REAL),
     )
 
@@ -74,10 +77,13 @@ def library() -> ctypes.CDLL:
     """The compiled engine: the one of the wheel, or one built from the sources and kept in the cache."""
     folder = Path(__file__).parent / "engine"
     shipped = folder / "binaries" / NATIVE.folder / f"engine{NATIVE.suffix}"
-    engine = ctypes.CDLL(str(shipped if shipped.is_file() else native_library(sources(), "engine", headers=False)))
+    whole = shipped.is_file() and missing_bytes(shipped) == 0
+    engine = ctypes.CDLL(str(shipped if whole else native_library(sources(), "engine", headers=False)))
     engine.engine_run.restype = _INT
     engine.engine_run.argtypes = (_POINTER, _INT, _INT)
     engine.engine_drive.restype = _INT
+    engine.engine_float_control.restype = ctypes.c_uint32
+    engine.engine_set_float_control.argtypes = (ctypes.c_uint32,)
     engine.engine_drive.argtypes = (_POINTER, _INT)
     return engine
 
@@ -92,6 +98,24 @@ def bytes_of(struct: ctypes.Array[Any] | ctypes.Structure) -> NDArray[np.uint8]:
     """View of a struct or an array of them."""
     size = ctypes.sizeof(struct)
     return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_buffer(struct)) if size else np.zeros(0, np.uint8)
+
+
+_FLOATS: Final = (
+    {
+        "the rounding mode": 0x0C006000,
+        "the treatment of tiny numbers as zero": 0x8040,
+        "the precision of the x87 unit": 0x03000000,
+        "the trapping of invalid operations": 0x003F1F80,
+    }
+    if platform.machine().lower() in ("x86_64", "amd64", "i686", "x86")
+    else {"the rounding mode": 0x00C00000, "the treatment of tiny numbers as zero": 0x01080003}
+)
+
+
+def described_floats(changed: int) -> str:
+    """Return in words which bits of floats.h have changed."""
+    words = [name for name, bits in _FLOATS.items() if changed & bits]
+    return " and ".join(words) or "the control of floating-point numbers"
 
 
 class Engine:
@@ -191,6 +215,8 @@ class Engine:
         data = self.data
         if data.status == NOT_CONVERGED:
             return HarnessError("a loop does not converge")
+        if data.status == FLOATS_CHANGED:
+            return self._floats_changed()
         name, native = self.plan.parts[data.failed_part].name, self.natives[data.failed_part]
         if data.status == NOT_WHOLE:
             return not_whole(name, data.failed_time)
@@ -200,6 +226,19 @@ class Engine:
         failure = native.failure(label, int(data.status), float(data.failed_time))
         assert isinstance(failure, PartError)
         return failure
+
+    def _floats_changed(self) -> HarnessError:
+        """The error of a part that changes the results of all others."""
+        data = self.data
+        what = f"it changed {described_floats(data.float_change)} of the whole process, and so the results of all parts"
+        remedy = "run it in a process of its own (isolate = true)"
+        time = float(data.failed_time)
+        if data.failed_part >= 0:
+            return PartError(self.plan.parts[data.failed_part].name, "fmi2DoStep", f"{what}: {remedy}", time)
+        names = [
+            f"'{part.name}'" for part, native in zip(self.plan.parts, self.natives, strict=True) if native is not None
+        ]
+        return HarnessError(f"one of the parts {', '.join(names)} failed behind t = {time:.12g} s: {what}: {remedy}")
 
     def _part(self, index: int) -> EnginePart:
         plan, names = self.plan, list(self.plan.ports)

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 import fmpy
 
 from harness import toolchain
+from harness.cache import cached
 from harness.errors import BuildError, nearest
 from harness.universal import universal
 
@@ -88,28 +89,29 @@ def compiled(platform: Platform, sources: Mapping[str, str], name: str, *, heade
     BuildError
         If it does not compile.
     """
-    paths = [_kept(target, platform.suffix, sources, name, headers) for target in platform.targets]
-    slices = [path.read_bytes() for path in paths]
+    slices = [_kept(target, platform.suffix, sources, name, headers)[1] for target in platform.targets]
     return universal(slices) if len(slices) > 1 else slices[0]
 
 
 def native_library(sources: Mapping[str, str], name: str, *, headers: bool = True) -> Path:
     """A library for this machine, in the cache; arguments as of `compiled`."""
-    return _kept(None, NATIVE.suffix, sources, name, headers)
+    return _kept(None, NATIVE.suffix, sources, name, headers)[0]
 
 
-def _kept(target: str | None, suffix: str, sources: Mapping[str, str], name: str, headers: bool) -> Path:
-    """A library of one architecture in the cache, compiled if it is not there yet."""
+def _kept(target: str | None, suffix: str, sources: Mapping[str, str], name: str, headers: bool) -> tuple[Path, bytes]:
+    """A library of one architecture in the cache and its content, compiled if it is not there yet or damaged."""
     digest = hashlib.sha256()
     for text in (toolchain.identity(target), name, *(part for item in sorted(sources.items()) for part in item)):
         digest.update(text.encode() + b"\0")
-    kept = toolchain.cache_folder() / "libraries" / f"{name}-{digest.hexdigest()[:24]}{suffix}"
-    if not kept.is_file():
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix="compile-", dir=kept.parent) as scratch:
+    path = toolchain.cache_folder() / "libraries" / f"{name}-{digest.hexdigest()[:24]}{suffix}"
+
+    def compile_it() -> bytes:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix="compile-", dir=path.parent) as scratch:
             for file, text in sources.items():
                 (Path(scratch) / file).write_text(text, encoding="utf-8", newline="\n")
             library = Path(scratch) / f"{name}{suffix}"
             toolchain.compile_library(Path(scratch), f"{name}.c", library, headers=headers, target=target)
-            library.replace(kept)
-    return kept
+            return library.read_bytes()
+
+    return path, cached(path, compile_it)

@@ -6,5 +6,5 @@ import os
 
 
 def available() -> int:
-    """Return the number of processors this process may use, or those of the machine if the system does not tell."""
+    """Return how many processors this process may use; on a system that does not say, how many the machine has."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

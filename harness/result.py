@@ -17,6 +17,7 @@ Result: TypeAlias = xr.Dataset
 
 # The space before the bracket tells a unit, "x [m]", from an index, "k[1]".
 _HEADING: Final = re.compile(r"\s*(?P<name>.+?)(?:\s+\[(?P<unit>[^\[\]]*)\])?\s*")
+_FORMULA: Final = re.compile(r"'*[=+\-@\t\r]")
 _DTYPES: Final = {"Real": np.float64, "Integer": np.int64, "Boolean": np.bool_}
 
 
@@ -66,6 +67,19 @@ def split_heading(text: str) -> tuple[str, str]:
     """Name and unit of such a heading; the unit is empty where there is none."""
     match = _HEADING.fullmatch(text)
     return (match["name"], match["unit"] or "") if match else (text, "")
+
+
+def quoted(text: str) -> str:
+    """Return a heading that a spreadsheet does not take for a formula: with an apostrophe before =, +, - and @.
+
+    One that begins with apostrophes and such a character gets one more, so that `unquoted` returns every heading.
+    """
+    return f"'{text}" if _FORMULA.match(text) else text
+
+
+def unquoted(text: str) -> str:
+    """Return the heading that `quoted` was given."""
+    return text[1:] if text.startswith("'") and _FORMULA.match(text) else text
 
 
 def select(result: Result, *patterns: str) -> Result:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic, sleep
+from typing import Final
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from harness.errors import ExperimentError, HarnessError, Interrupted
 from harness.experiment import Experiment
 from harness.feedthrough import find_feedthrough
 from harness.graph import check_loops
+from harness.guard import Guard
 from harness.initialisation import start_parts
 from harness.layout import find_port, make_plan, recorded_names
 from harness.lines import Extrapolated
@@ -29,6 +31,9 @@ from harness.result import Result
 from harness.tap import Progress, Reader, Recorder, Tap, tap_reader
 
 _LOG = logging.getLogger("harness")
+
+LOOK: Final = 0.1
+"""Seconds between two looks at what the parts have changed in the process."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +99,12 @@ def run(system: Assembly, experiment: Experiment, options: Options | None = None
         If the run cannot be started or a part fails; what was recorded until then is in the ``result`` of the
         error.
     """
-    options = options or Options()
+    guard = Guard([*system.parts.values()])
+    with guard.running():
+        return _run(system, experiment, options or Options(), guard)
+
+
+def _run(system: Assembly, experiment: Experiment, options: Options, guard: Guard) -> Result:
     saved = read_checkpoint(Path(options.resume), system, experiment) if options.resume else None
     begin = saved.tick if saved else 0
     names = recorded_names(system.parts, experiment.record)
@@ -114,7 +124,7 @@ def run(system: Assembly, experiment: Experiment, options: Options | None = None
         "step": experiment.step,
     }
     try:
-        plan = start_parts(plan, system, experiment, open_end=bool(options.resume or options.checkpoint))
+        plan = start_parts(plan, system, experiment, guard, open_end=bool(options.resume or options.checkpoint))
         manipulate = Manipulations(plan, schedule, experiment.manipulators)
         ticks: _Native | _Python
         ticks = _Native(plan, schedule, recorder, manipulate) if options.native else _Python(plan, schedule, manipulate)
@@ -128,7 +138,8 @@ def run(system: Assembly, experiment: Experiment, options: Options | None = None
                 read(begin)
         if names and not options.native:
             readers.append((experiment.decimate, recorder.read))
-        _loop(ticks, readers, begin, plan, options.pace)
+        _loop(ticks, readers, begin, plan, options.pace, guard)
+        guard.look()  # before a file is written
         if options.checkpoint:
             write_checkpoint(Path(options.checkpoint), system, experiment, plan, ticks.memory)
         attributes |= ticks.attributes()
@@ -143,21 +154,30 @@ def run(system: Assembly, experiment: Experiment, options: Options | None = None
         raise interrupted from signal
     finally:
         for part in plan.parts:
-            part.terminate()
+            with guard.watching(part.name):
+                part.terminate()
     result = recorder.result(attributes)
     _warn_of_nonfinite(result)
     return result
 
 
 def _loop(
-    ticks: _Native | _Python, readers: Sequence[tuple[int, Reader]], begin: int, plan: Plan, pace: float | None
+    ticks: _Native | _Python,
+    readers: Sequence[tuple[int, Reader]],
+    begin: int,
+    plan: Plan,
+    pace: float | None,
+    guard: Guard,
 ) -> None:
     """The ticks, in pieces between those that a reader wants to see, short enough for Ctrl-C and for the pace."""
     tick, longest = begin, 100
-    clock = monotonic()
+    clock = looked = monotonic()
     while tick < plan.ticks:
         end = min(plan.ticks, tick + longest, *(tick + every - tick % every for every, _ in readers))
         before = monotonic()
+        if before - looked > LOOK:
+            guard.look()
+            looked = before
         ticks.run(tick, end)
         tick = end
         for every, read in readers:

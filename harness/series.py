@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import struct
 from bisect import bisect_right
@@ -14,8 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harness.errors import PartError, SeriesError
+from harness.files import read_csv, reason
 from harness.part import Calls, Part, Port, StartValue, Values
-from harness.result import split_heading
+from harness.result import split_heading, unquoted
 
 
 class SeriesPart(Part):
@@ -147,7 +147,13 @@ class SeriesPart(Part):
 
     def deserialise(self, data: bytes) -> None:
         """Go to a time that `serialise` gave."""
-        (self._now,) = struct.unpack("<d", data)
+        try:
+            (now,) = struct.unpack("<d", data)
+        except struct.error as error:
+            raise PartError(self.name, "deserialise", f"the state has {len(data)} bytes, another part's") from error
+        if not math.isfinite(now):
+            raise PartError(self.name, "deserialise", f"the state has the time {now}, another part's")
+        self._now = now
 
     def terminate(self) -> None:
         """Nothing to do."""
@@ -187,17 +193,16 @@ def _nothing() -> None:
 def _read_csv(path: Path) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
     """Times, columns and units of a CSV file."""
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = [line for line in csv.reader(file) if line]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise SeriesError(f"cannot read the record {path}: {error}; give a CSV file") from error
+        lines = read_csv(path)
+    except (OSError, ValueError) as error:
+        raise SeriesError(f"cannot read the record {path}: {reason(error)}; give a CSV file") from error
     if len(lines) < 2 or len(lines[0]) < 2:
         raise SeriesError(
             f"the record {path} is no table: give a heading, a time column and at least one more, with commas"
         )
     names, units = [], {}
     for heading in lines[0]:
-        name, unit = split_heading(heading)
+        name, unit = split_heading(unquoted(heading))
         names.append(name)
         if unit:
             units[name] = unit

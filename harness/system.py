@@ -19,6 +19,8 @@ from harness.errors import (
     nearest,
 )
 from harness.experiment import Experiment
+from harness.fmu import FmuPart
+from harness.guard import Guard
 from harness.manipulator import Manipulator
 from harness.part import Part, Port, StartValue
 from harness.result import Result
@@ -26,6 +28,7 @@ from harness.run import Options, run
 from harness.ssp import Parameter, ParameterSet, read_ssp, read_ssv, write_ssp
 from harness.system_file import SystemDescription, read_system, write_system
 from harness.tap import Progress, Tap
+from harness.values import is_count, is_line, shown
 from harness.wire import Wire, check_wires, find_part, parse_wire, split_name
 
 _LOG = logging.getLogger("harness")
@@ -80,12 +83,16 @@ class System:
         self.strict = strict
         self.parts: dict[str, Part] = {}
         for part in parts:
-            if not part.name or "." in part.name or part.name != part.name.strip():
-                raise HarnessError(f"'{part.name}' cannot be the name of a part: use letters, digits and _, no dot")
+            if not part.name or "." in part.name or part.name != part.name.strip() or not is_line(part.name):
+                raise HarnessError(
+                    f"{shown(part.name)} cannot be the name of a part: use letters, digits and _, no dot"
+                )
             if part.name in self.parts:
                 raise HarnessError(f"two parts are called '{part.name}': rename one")
-            if part.every < 1:
-                raise ExperimentError(f"'{part.name}' is to be stepped every {part.every} ticks: give 1 or more")
+            if not is_count(part.every):
+                raise ExperimentError(
+                    f"'{part.name}' is to be stepped every {shown(part.every)} ticks: give a whole number, 1 or more"
+                )
             self.parts[part.name] = part
         self.wires = tuple(parse_wire(wire) for wire in wires)
         self.start = dict(start or {})
@@ -275,8 +282,11 @@ class System:
 
     def close(self) -> None:
         """Unload all parts and remove their temporary files."""
-        for part in self.parts.values():
-            part.close()
+        guard = Guard([part for part in self.parts.values() if isinstance(part, FmuPart) and part.folder])
+        with guard.running():
+            for part in self.parts.values():
+                with guard.watching(part.name):
+                    part.close()
 
     def __reduce__(self) -> tuple[object, ...]:
         """A copy has parts of its own, so that it can run at the same time in another thread or process."""

@@ -6,28 +6,45 @@ import json
 import math
 import os
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, TypeAlias
 
 from harness.assembly import Assembly
 from harness.atomic import atomic_path
 from harness.errors import ExperimentError, SystemFileError, nearest
 from harness.experiment import Experiment
 from harness.fmu import FmuPart
-from harness.manipulator import Manipulator, manipulator_table, read_manipulator
+from harness.manipulator import manipulator_table, read_manipulator
 from harness.part import Part, StartValue
 from harness.series import SeriesPart
+from harness.toml_file import read_toml
+from harness.values import flag, number, shown, tables, text, texts, whole
 from harness.wire import Wire, parse_wire, split_name
 
 _TOP_KEYS = ("name", "strict", "parts", "wires", "experiment")
 _FMU_KEYS = ("every", "start", "isolate", "timeout")
 _RECORD_KEYS = ("interpolation", "beyond")
-_WIRE_KEYS: dict[str, tuple[type, ...]] = {"gain": (int, float), "offset": (int, float), "delay": (int,)}
-_WHOLE = ("decimate", "extrapolation")
-_EXPERIMENT_KEYS = tuple(field.name for field in fields(Experiment))
+
+# what each key may be: a function that returns None for what it may not, and what to say then; the numbers themselves
+# are checked by what they are given to, also when they come from Python
+_Kinds: TypeAlias = Mapping[str, tuple[Callable[[object], Any], str]]
+_NUMBER, _WHOLE, _TEXT = (number, "a number"), (whole, "a whole number"), (text, "a text on one line")
+_PART_KINDS: Final[_Kinds] = {
+    **dict.fromkeys(("model", "fmu", "record", "interpolation", "beyond"), _TEXT),
+    "every": (whole, "a whole number of ticks"),
+    "isolate": (flag, "true or false"),
+    "timeout": (number, "a number of seconds"),
+}
+_WIRE_KINDS: Final[_Kinds] = {"gain": _NUMBER, "offset": _NUMBER, "delay": _WHOLE}
+_EXPERIMENT_KINDS: Final[_Kinds] = {
+    **dict.fromkeys(("stop", "step", "start", "tolerance"), _NUMBER),
+    **dict.fromkeys(("decimate", "extrapolation"), _WHOLE),
+    **dict.fromkeys(("record", "order"), (texts, "a list of texts")),
+    "master": _TEXT,
+    "manipulators": (tables, "a list of tables"),
+}
 
 
 @dataclass(frozen=True)
@@ -51,11 +68,10 @@ def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDesc
         If the file cannot be read or has keys that are not understood.
     """
     try:
-        with path.open("rb") as file:
-            document = tomllib.load(file)
+        document = read_toml(path)
     except OSError as error:
         raise SystemFileError(f"cannot read the system file {path}: {error.strerror}; give an existing file") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise SystemFileError(f"{path} is not a TOML file: {error}; correct it there") from error
 
     _check_keys(document, _TOP_KEYS, f"{path}")
@@ -65,13 +81,8 @@ def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDesc
         for name, entry in _table(document, "parts", path).items():
             if not isinstance(entry, dict):
                 raise SystemFileError(f"part '{name}' in {path} is not a table: write [parts.{name}]")
+            start |= _start_values(name, entry, path)
             parts.append(_read_part(name, entry, path, resolve))
-            start.update(
-                {f"{name}.{key}": _start_value(key, v, name, path) for key, v in entry.get("start", {}).items()}
-            )
-        strict = document.get("strict", False)
-        if not isinstance(strict, bool):
-            raise SystemFileError(f"strict in {path} is {strict!r}: give true or false")
         wires = document.get("wires", [])
         if not isinstance(wires, list):
             raise SystemFileError(f'wires in {path} is not a list: write wires = ["a.y -> b.u"]')
@@ -82,8 +93,8 @@ def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDesc
             experiment=_read_experiment(_table(document, "experiment", path), path)
             if "experiment" in document
             else None,
-            name=str(document.get("name", path.stem)),
-            strict=strict,
+            name=_take({"name": path.stem, **document}, "name", str(path), text, "a text on one line"),
+            strict=_take({"strict": False, **document}, "strict", str(path), flag, "true or false"),
         )
     except BaseException:
         for part in parts:
@@ -105,7 +116,7 @@ def write_system(system: Assembly, path: Path) -> None:
             lines += [f"{_key(port)} = {_literal(value)}" for port, value in values.items()]
     if system.experiment is not None:
         lines += ["", "[experiment]"]
-        settings = ((key, getattr(system.experiment, key)) for key in _EXPERIMENT_KEYS if key != "manipulators")
+        settings = ((key, getattr(system.experiment, key)) for key in _EXPERIMENT_KINDS if key != "manipulators")
         lines += [f"{key} = {_literal(value)}" for key, value in settings if value not in (None, ())]
         for manipulator in system.experiment.manipulators:
             lines += ["", "[[experiment.manipulators]]"]
@@ -123,92 +134,65 @@ def _read_part(name: str, entry: Mapping[str, Any], path: Path, resolve: Callabl
     kind = kinds[0]
     where = f"part '{name}' in {path}"
     _check_keys(entry, (kind, *(_RECORD_KEYS if kind == "record" else _FMU_KEYS)), where)
-    origin = entry[kind]
-    if not isinstance(origin, str):
-        raise SystemFileError(f"{kind} of {where} is {origin!r}: give a text")
-    if kind == "record":
-        return SeriesPart.from_csv(
-            name,
-            path.parent / origin,
-            interpolation=entry.get("interpolation", "linear"),
-            beyond=entry.get("beyond", "error"),
-        )
-    every = entry.get("every", 1)
-    if not isinstance(every, int) or isinstance(every, bool):
-        raise SystemFileError(f"every of {where} is {every!r}: give a whole number of ticks")
-    if not isinstance(entry.get("start", {}), dict):
-        raise SystemFileError(f"start of {where} is not a table: write [parts.{name}.start]")
-    isolation = _read_isolation(entry, where)
-    if kind == "fmu":
-        return FmuPart(name, path.parent / origin, every=every, **isolation)
-    if resolve is None:
-        raise SystemFileError(
-            f"{where} names the model '{origin}' but nothing here knows models: give fmu = \"path.fmu\""
-        )
-    return FmuPart(name, resolve(origin), every=every, model=origin, **isolation)
-
-
-def _read_isolation(entry: Mapping[str, Any], where: str) -> dict[str, Any]:
-    isolation = {key: entry[key] for key in ("isolate", "timeout") if key in entry}
-    if not isinstance(isolation.get("isolate", False), bool):
-        raise SystemFileError(f"isolate of {where} is {entry['isolate']!r}: give true or false")
-    if type(isolation.get("timeout", 1.0)) not in (int, float):
-        raise SystemFileError(f"timeout of {where} is {entry['timeout']!r}: give a number of seconds")
-    return isolation
+    settings = {key: _take(entry, key, where, *_PART_KINDS[key]) for key in entry if key != "start"}
+    origin = settings.pop(kind)
+    try:
+        if kind == "record":
+            return SeriesPart.from_csv(name, path.parent / origin, **settings)
+        if kind == "fmu":
+            return FmuPart(name, path.parent / origin, **settings)
+        if resolve is None:
+            raise SystemFileError(
+                f"{where} names the model '{origin}' but nothing here knows models: give fmu = \"path.fmu\""
+            )
+        return FmuPart(name, resolve(origin), model=origin, **settings)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise SystemFileError(f"{kind} of {where} cannot be used: {reason}; give another one") from error
 
 
 def _read_wire(entry: object, path: Path) -> Wire:
     """A wire from ``"a.y -> b.u"`` or ``{wire = "a.y -> b.u", gain = 2.0, offset = 1.0, delay = 1}``."""
-    if isinstance(entry, str):
-        return parse_wire(entry)
-    if not isinstance(entry, dict) or not isinstance(entry.get("wire"), str):
+    ends = text(entry.get("wire") if isinstance(entry, dict) else entry)
+    if ends is None:
         raise SystemFileError(
-            f'{entry!r} among the wires in {path} is no wire: write "a.y -> b.u" or {{wire = "a.y -> b.u", gain = 2.0}}'
+            f'{shown(entry)} among the wires in {path} is no wire: write "a.y -> b.u" or '
+            '{wire = "a.y -> b.u", gain = 2.0}'
         )
-    wire = parse_wire(entry["wire"])
+    wire = parse_wire(ends)
+    if not isinstance(entry, dict):
+        return wire
     where = f"the wire {wire} in {path}"
-    _check_keys(entry, ("wire", *_WIRE_KEYS), where)
-    for key, types in _WIRE_KEYS.items():
-        value = entry.get(key, 0)
-        if isinstance(value, bool) or not isinstance(value, types):
-            raise SystemFileError(f"{key} of {where} is {value!r}: that is not of the right type")
-    return replace(wire, **{key: entry[key] for key in _WIRE_KEYS if key in entry})
+    _check_keys(entry, ("wire", *_WIRE_KINDS), where)
+    return replace(wire, **{key: _take(entry, key, where, *_WIRE_KINDS[key]) for key in entry if key != "wire"})
 
 
 def _wire_literal(wire: Wire) -> str:
     plain = Wire(wire.source, wire.target)
-    changed = {key: getattr(wire, key) for key in _WIRE_KEYS if getattr(wire, key) != getattr(plain, key)}
+    changed = {key: getattr(wire, key) for key in _WIRE_KINDS if getattr(wire, key) != getattr(plain, key)}
     return _literal({"wire": str(wire), **changed}) if changed else _literal(str(wire))
 
 
 def _read_experiment(table: Mapping[str, Any], path: Path) -> Experiment:
     where = f"[experiment] in {path}"
-    _check_keys(table, _EXPERIMENT_KEYS, where)
-    settings: dict[str, Any] = {}
-    for key, value in table.items():
-        if key in ("record", "order"):
-            good = isinstance(value, list) and all(isinstance(item, str) for item in value)
-            settings[key] = tuple(value) if good else None
-        elif key == "manipulators":
-            if isinstance(value, list) and all(isinstance(item, dict) for item in value):
-                settings[key] = tuple(_read_manipulator(item, where) for item in value)
-        elif key == "master":
-            settings[key] = value if isinstance(value, str) else None
-        elif isinstance(value, (int, float)) and not isinstance(value, bool):
-            settings[key] = value if key in _WHOLE else float(value)
-        if settings.get(key) is None or (key in _WHOLE and not isinstance(value, int)):
-            raise SystemFileError(f"{key} of {where} is {value!r}: that is not of the right type")
+    _check_keys(table, _EXPERIMENT_KINDS, where)
+    settings = {key: _take(table, key, where, *_EXPERIMENT_KINDS[key]) for key in table}
     for key in ("stop", "step"):
         if key not in settings:
             raise SystemFileError(f"{where} has no {key}: add one, in seconds")
+    try:
+        settings |= {"manipulators": tuple(read_manipulator(item) for item in settings.get("manipulators", ()))}
+    except ExperimentError as error:
+        raise SystemFileError(f"{error} (in {where})") from error
     return Experiment(**settings)
 
 
-def _read_manipulator(table: Mapping[str, Any], where: str) -> Manipulator:
-    try:
-        return read_manipulator(table)
-    except ExperimentError as error:
-        raise SystemFileError(f"{error} (in {where})") from error
+def _take(table: Mapping[str, Any], key: str, where: str, read: Callable[[object], Any], remedy: str) -> Any:
+    """The value of a key, which must be of its kind."""
+    value = read(table[key])
+    if value is None:
+        raise SystemFileError(f"{key} of {where} is {shown(table[key])}: give {remedy}")
+    return value
 
 
 def _table(document: Mapping[str, Any], key: str, path: Path) -> Mapping[str, Any]:
@@ -218,12 +202,16 @@ def _table(document: Mapping[str, Any], key: str, path: Path) -> Mapping[str, An
     return table
 
 
-def _start_value(key: str, value: object, part: str, path: Path) -> StartValue:
-    if isinstance(value, (bool, int, float, str)):
-        return value
-    raise SystemFileError(
-        f"start value {key} of part '{part}' in {path} is {value!r}: give a number, a text, true or false"
-    )
+def _start_values(part: str, entry: Mapping[str, Any], path: Path) -> dict[str, StartValue]:
+    table = entry.get("start", {})
+    if not isinstance(table, dict):
+        raise SystemFileError(f"start of part '{part}' in {path} is {shown(table)}: write [parts.{part}.start]")
+    for key, value in table.items():
+        if not isinstance(value, (bool, int, float, str)):
+            raise SystemFileError(
+                f"start value {key} of part '{part}' in {path} is {shown(value)}: give a number, a text, true or false"
+            )
+    return {f"{part}.{key}": value for key, value in table.items()}
 
 
 def _check_keys(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:

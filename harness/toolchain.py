@@ -7,6 +7,7 @@ import platform
 import shlex
 import subprocess
 import sys
+import tempfile
 from functools import cache
 from pathlib import Path
 
@@ -57,7 +58,10 @@ def compiler(target: str | None = None) -> list[str]:
 @cache
 def _version(command: tuple[str, ...]) -> str:
     try:
-        return subprocess.run([*command, "--version"], capture_output=True, text=True, check=True).stdout
+        # zig leaves an empty a.o where it is asked for its version with -target ...-macos
+        with tempfile.TemporaryDirectory(prefix="friction-fmus-") as scratch:
+            run = subprocess.run([*command, "--version"], cwd=scratch, capture_output=True, text=True, check=True)
+        return run.stdout
     except (OSError, subprocess.CalledProcessError) as error:
         raise BuildError(
             f"The C compiler {shlex.join(command)!r} does not run ({error}); install the package ziglang or set CC"

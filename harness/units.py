@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 BASE_SYMBOLS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+
+
+LARGEST_POWER = 99
+"""Largest exponent of a base unit."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,29 @@ class BaseUnit:
         if not math.isclose(self.factor, 1.0, rel_tol=1e-12):
             text = f"{self.factor:.12g} * {text}"
         return text + (f" + {self.offset:.12g}" if self.offset else "")
+
+
+def stated_unit(exponents: Iterable[int], factor: float, offset: float) -> BaseUnit:
+    """Return the unit that a file states in numbers.
+
+    Parameters
+    ----------
+    exponents : iterable of 8 int
+        Exponents of kg, m, s, A, K, mol, cd, rad.
+    factor, offset : float
+        Conversion to the base unit.
+
+    Raises
+    ------
+    ValueError
+        If the factor is 0 or negative, or a number is not finite or too large.
+    """
+    powers = tuple(exponents)
+    if not (0.0 < factor < math.inf and math.isfinite(offset)):
+        raise ValueError(f"its unit has the factor {factor} and the offset {offset}")
+    if any(abs(power) > LARGEST_POWER for power in powers):
+        raise ValueError(f"its unit has an exponent beyond {LARGEST_POWER}")
+    return BaseUnit(powers, factor, offset)
 
 
 def _unit(text: str, factor: float = 1.0, offset: float = 0.0) -> BaseUnit:
@@ -90,7 +118,80 @@ _PREFIXES = {
     "M": 1e6,
     "G": 1e9,
 }
+LONGEST_UNIT = 100
+"""Characters of a unit name."""
+
+_LETTER = r"[^\W\d_²³¹⁰⁴-⁹]"  # superscripts are no decimal digits in the words of the module re
+_POWER = r"[-+]?[0-9]{1,2}(?![0-9])|⁻?[²³¹⁰⁴-⁹]{1,2}(?![²³¹⁰⁴-⁹])"
+_PIECE = re.compile(
+    rf"(?P<space>\s*)(?:(?P<symbol>(?:{_LETTER}|[°%])(?:{_LETTER}|_)*|1(?![0-9]))(?P<power>(?:\^|\*\*)?(?:{_POWER}))?"
+    rf"|(?P<open>\()|(?P<close>\))(?P<outer>(?:\^|\*\*)(?:{_POWER}))?|(?P<operator>[./*·]))"
+)
+_POWER_WORDS = {"square", "sq", "squared", "cubic", "cubed"}
+"""What pint reads as powers."""
+
 _TOKEN = re.compile(r"\s*(?:([A-Za-zµμ%]+|1)(?:\^|\*\*)?(-?\d+)?|([./*·()]))")
+
+
+def is_unit_text(text: str) -> bool:
+    """Whether a text has the form of a unit name, so that a parser of expressions may see it.
+
+    Such parsers evaluate what they read: ``9**9**9**9*N`` would never end. A unit name is at most `LONGEST_UNIT`
+    characters long and made of symbols, ``.``, ``*``, ``/``, ``·``, spaces and brackets. A symbol or a bracket may
+    have a whole power of at most two digits (``m2``, ``m^2``, ``m**2``, ``m²``), but no power stands inside of
+    another one. The only number is 1.
+
+    Parameters
+    ----------
+    text : str
+        What should be a unit name, such as ``N.m/s``.
+    """
+    text = text.strip()
+    pieces = _pieces(text) if len(text) <= LONGEST_UNIT else None
+    return pieces is not None and _is_product(pieces) and not _has_nested_power(pieces)
+
+
+def _pieces(text: str) -> list[dict[str, str]] | None:
+    """Symbols, brackets and operators in turn, or None where there is something else."""
+    found, position = [], 0
+    while position < len(text):
+        match = _PIECE.match(text, position)
+        if match is None:
+            return None
+        found.append(match.groupdict(default=""))
+        position = match.end()
+    return found
+
+
+def _is_product(pieces: list[dict[str, str]]) -> bool:
+    """Whether factors and operators alternate, where a space counts as an operator, and brackets close."""
+    depth, complete = 0, False
+    for piece in pieces:
+        begins = bool(piece["symbol"] or piece["open"])
+        if begins == complete and not (begins and piece["space"]):
+            return False
+        depth += bool(piece["open"]) - bool(piece["close"])
+        if depth < 0:
+            return False
+        complete = bool(piece["symbol"] or piece["close"])
+    return complete and depth == 0
+
+
+def _has_nested_power(pieces: list[dict[str, str]]) -> bool:
+    """Whether a power stands inside of another one; a power in words goes with no other."""
+    inside = [False]
+    for piece in pieces:
+        if piece["open"]:
+            inside.append(False)
+        elif piece["close"]:
+            within = inside.pop()
+            if within and piece["outer"]:
+                return True
+            inside[-1] |= within or bool(piece["outer"])
+        else:
+            inside[-1] |= bool(piece["power"])
+    words = sum(piece["symbol"] in _POWER_WORDS for piece in pieces)
+    return words > 1 or (words == 1 and inside[0])
 
 
 def _symbol(name: str) -> BaseUnit | None:
@@ -103,10 +204,14 @@ def _symbol(name: str) -> BaseUnit | None:
     return BaseUnit(base.exponents, base.factor * _PREFIXES[name[0]])
 
 
-def _times(a: BaseUnit, b: BaseUnit, power: int) -> BaseUnit:
-    """Product a * b**power; an offset has no meaning inside a product."""
+def _times(a: BaseUnit, b: BaseUnit, power: int) -> BaseUnit | None:
+    """Product a * b**power, None where its factor is no number; an offset has no meaning inside a product."""
     exponents = tuple(i + power * j for i, j in zip(a.exponents, b.exponents, strict=True))
-    return BaseUnit(exponents, a.factor * b.factor**power)
+    try:
+        factor = a.factor * b.factor**power
+    except (OverflowError, ZeroDivisionError):
+        return None
+    return BaseUnit(exponents, factor) if 0.0 < factor < math.inf else None
 
 
 def _tokens(text: str) -> list[tuple[str, str, str]] | None:
@@ -138,7 +243,10 @@ def _product(tokens: list[tuple[str, str, str]], nested: bool) -> BaseUnit | Non
         factor = _product(tokens, nested=True) if operator == "(" else _symbol(symbol)
         if factor is None or not expect_symbol:
             return None
-        total = _times(total, factor, sign * int(exponent or 1))
+        product = _times(total, factor, sign * int(exponent or 1))
+        if product is None:
+            return None
+        total = product
         sign, expect_symbol = 1, False
     return None if nested or expect_symbol else total
 
@@ -149,8 +257,8 @@ def parse_unit(text: str) -> BaseUnit | None:
     Parameters
     ----------
     text : str
-        Unit name: symbols with optional SI prefix and integer exponent, joined by ``.``, ``*`` or ``/``
-        (evaluated from the left), with brackets.
+        Unit name, see `is_unit_text`: symbols with optional SI prefix and integer exponent, joined by ``.``, ``*`` or
+        ``/`` (evaluated from the left), with brackets.
 
     Returns
     -------
@@ -160,7 +268,7 @@ def parse_unit(text: str) -> BaseUnit | None:
     alone = _SYMBOLS.get(text.strip())
     if alone is not None:
         return alone  # keeps the offset of degC
-    tokens = _tokens(text.strip())
+    tokens = _tokens(text.strip()) if is_unit_text(text) else None
     return _product(tokens, nested=False) if tokens else None
 
 

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 from harness.errors import UnitError, UnknownNameError, WireError, nearest
+from harness.manipulator import LONGEST_DELAY
 from harness.part import TYPE_ORDER, Part, Port
 from harness.units import conversion, parse_unit, units_agree
+from harness.values import is_count, shown
 
 
 @dataclass(frozen=True)
@@ -171,5 +173,8 @@ def _check_map(wire: Wire, source: Port, target: Port) -> None:
         raise WireError(f"the wire {wire} has the gain {wire.gain} and the offset {wire.offset}: give finite numbers")
     if (gain, offset) != (1.0, 0.0) and target.type != "Real":
         raise WireError(f"{wire.target} is {target.type}: only a wire to a Real can have a gain or an offset")
-    if isinstance(wire.delay, bool) or wire.delay != int(wire.delay) or wire.delay < 0:
-        raise WireError(f"the delay of the wire {wire} is {wire.delay}: give a whole number of ticks, 0 or more")
+    if not is_count(wire.delay, 0, LONGEST_DELAY):
+        raise WireError(
+            f"the delay of the wire {wire} is {shown(wire.delay)}: "
+            f"give a whole number of ticks, 0 or more, up to {LONGEST_DELAY}"
+        )

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# The long tests: all blocks under every sanitizer, fuzzing for ten minutes each way, the tests with sanitized
-# code, 100 million steps and 100 000 instances on end, mutants of input files, and all tests with three kernels of
-# OpenBLAS (SkylakeX needs a processor with AVX-512).
+# The long tests: all blocks compiled at every level of optimisation, all blocks under every sanitizer, fuzzing for ten
+# minutes each way, the tests with sanitized code, 100 million steps and 100 000 instances on end, mutants of input
+# files, and all tests with three kernels of OpenBLAS (SkylakeX needs a processor with AVX-512).
 #   nightly.sh [SECONDS] [MUTANTS]     seconds for each way of fuzzing, 600 by default, and mutants of each kind of
 #                                      input file, 2000 by default; those that fail are kept in ./mutants
 # What fails is shown; the status is 1 then. Needs what tests/debian-packages.sh installs.
@@ -15,6 +15,7 @@ step() {
     echo "== $*"
     "$@" || failed=1
 }
+step "$python" tests/robustness/native_checks.py warnings
 step "$python" tests/robustness/native_checks.py threads
 step "$python" tests/robustness/native_checks.py fuzz "$((2 * seconds))"
 step "$python" tests/robustness/call_machine.py "$seconds"

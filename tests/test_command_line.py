@@ -270,3 +270,36 @@ def test_help_of_every_command_says_what_it_does() -> None:
     text = parser().format_help()
     for name in ("list", "show", "build", "check", "run", "study"):
         assert f"    {name} " in text
+
+
+def test_a_result_reported_as_wrong_has_the_status_1_unless_that_is_allowed(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Mass on LuGre over the first 10 ms: held values are stable to 3.9 ms, and wrong while it breaks loose."""
+    run = ["run", str(STICK_SLIP), "--stop", "0.01", "-o", str(tmp_path / "out.csv")]
+    assert main(run) == 1
+    assert "the result is wrong" in caplog.text
+    assert load_result(tmp_path / "out.csv").sizes["time"] == 11
+    assert main([*run, "--allow-inaccurate"]) == 0
+    caplog.clear()
+    assert main([*run, "--master", "newton"]) == 0
+    assert caplog.text == ""
+
+
+def test_a_sweep_with_a_result_reported_as_wrong_has_the_status_1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sweep = ["sweep", str(STICK_SLIP), "--stop", "0.01", "--executor", "serial", "--vary", "master=gauss-seidel,newton"]
+    assert main([*sweep, "-o", str(tmp_path / "a")]) == 1
+    assert capsys.readouterr().out == f"{tmp_path / 'a'}: 2 runs, 1 with warnings, 1 of them reported as wrong\n"
+    assert main([*sweep, "-o", str(tmp_path / "b"), "--allow-inaccurate"]) == 0
+    assert main(["sweep", *sweep[1:-1], "master=newton", "-o", str(tmp_path / "c")]) == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="file names are bytes on Linux")
+def test_a_file_name_that_is_no_utf_8(tmp_path: Path) -> None:
+    path = os.fsencode(tmp_path) + b"/o\xff.csv"
+    command = [sys.executable, "-m", "friction_fmus", "run", str(STICK_SLIP), "--stop", "0.1", "-o"]
+    run = subprocess.run([*command, path], cwd=ROOT, capture_output=True, check=False)
+    assert (run.returncode, run.stderr) == (0, b"")
+    assert b"o\\udcff.csv: 101 rows" in run.stdout

@@ -70,9 +70,10 @@
 #define REQUIRES limits_in_order
 #define SKIPS_BY skip
 #define MEMORY   struct train
+#define VALID_BY is_train
 
 struct train {
-    int at_rest;   /* samples in a row                    */
+    int at_rest;   /* samples in a row, up to n_stuck     */
     int left;      /* samples of the pulse that are to go */
     double force;  /* of the pulse, signed                */
     double pulses; /* begun so far                        */
@@ -86,6 +87,13 @@ static double force_for(double distance, double tp, double m, double Fc, double 
 {
     const double force = 0.5 * (Fc + sqrt(Fc * Fc + 8.0 * m * Fc * distance / (tp * tp)));
     return force > Fs ? force : Fs;
+}
+
+static bool is_train(const Model *model)
+{
+    const struct train *const train = &model->memory;
+    return is_count(train->at_rest, model->n_stuck) && is_count(train->left, model->n_pulse) &&
+           isfinite(train->force) && is_count(train->pulses, DBL_MAX);
 }
 
 static void skip(Model *model)
@@ -104,7 +112,8 @@ static void sample(Model *model)
 
     if (reset || !enable)
         *train = (struct train){.pulses = train->pulses};
-    train->at_rest = enable && fabs(v) < v_stuck && train->left == 0 ? train->at_rest + 1 : 0;
+    const bool rests = enable && fabs(v) < v_stuck && train->left == 0;
+    train->at_rest = rests ? train->at_rest + (train->at_rest < n_stuck) : 0;
 
     if (enable && !reset && train->at_rest >= n_stuck && fabs(e) > tol) {
         train->left = n_pulse;
@@ -120,5 +129,5 @@ static void sample(Model *model)
     model->u = enable ? clip(wanted, u_min, u_max) : 0.0;
     model->u_sat = sign(wanted - model->u);
     model->pulse = active ? train->force : 0.0;
-    model->pulses = train->pulses;
+    model->pulses = fmin(train->pulses, COUNTS);
 }

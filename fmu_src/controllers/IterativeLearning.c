@@ -79,6 +79,7 @@ enum { LONGEST = 4096 }; /* samples of a trial */
 #define REQUIRES limits_in_order
 #define SKIPS_BY skip
 #define MEMORY   struct trials
+#define VALID_BY are_trials
 
 struct trials {
     double w[LONGEST]; /* learned force                         */
@@ -92,6 +93,13 @@ struct trials {
 #include "block.h"
 #include "limits.h"
 #include "compensation.h"
+
+static bool are_trials(const Model *model)
+{
+    const struct trials *const past = &model->memory;
+    return is_count(past->k, model->N) && is_flag(&past->spoilt) && is_flag(&past->ended) && past->rms >= 0.0 &&
+           is_count(past->trial, DBL_MAX);
+}
 
 /* The learning step between two trials. */
 static void learn_from(Model *model)
@@ -162,5 +170,5 @@ static void sample(Model *model)
     }
     compensate(model, force);
     model->rms = past->rms;
-    model->trial = past->trial;
+    model->trial = fmin(past->trial, COUNTS);
 }

@@ -91,6 +91,7 @@
 #define REQUIRES relations
 #define WARNING  "more reversal points than the stacks hold; inner loops are forgotten"
 #define MEMORY   struct reversals
+#define VALID_BY are_reversals
 
 #include "block.h"
 #include "limits.h"

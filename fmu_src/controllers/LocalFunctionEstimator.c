@@ -65,6 +65,7 @@ enum { LONGEST = 64 };
 #define REQUIRES limits_in_order
 #define SKIPS_BY skip
 #define MEMORY   struct past
+#define VALID_BY is_past
 
 struct past {
     double force[LONGEST]; /* mean forces, in a ring of n           */
@@ -88,6 +89,12 @@ static double weight(double n, double j, int degree)
     if (degree >= 2 && n >= 3.0)
         w += 30.0 * n * (t * t - (n2 - 1.0) / 12.0) / ((n2 - 1.0) * (n2 - 4.0));
     return w;
+}
+
+static bool is_past(const Model *model)
+{
+    const struct past *const past = &model->memory;
+    return past->latest < (size_t)model->window && isfinite(past->v) && is_flag(&past->unknown);
 }
 
 static void skip(Model *model) { model->memory.unknown = true; }

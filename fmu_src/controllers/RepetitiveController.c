@@ -72,6 +72,7 @@ enum { LONGEST = 4096, TAPS = 64, RING = LONGEST + TAPS + 1 };
 #define REQUIRES limits_in_order
 #define SKIPS_BY skip
 #define MEMORY   struct period
+#define VALID_BY is_period
 
 struct period {
     double y[RING];     /* of the last N + M samples, sample k at k modulo N + M + 1 */
@@ -86,6 +87,12 @@ struct period {
 #include "block.h"
 #include "limits.h"
 #include "compensation.h"
+
+static bool is_period(const Model *model)
+{
+    const struct period *const past = &model->memory;
+    return is_flag(&past->known) && is_count(past->missing, 2.0) && is_direction(past->limited);
+}
 
 /* Q's values for i = 0 ... M. */
 static void design(double *q, int M, double corner)

@@ -23,7 +23,7 @@
    are usual. It needs no F_ext for the force at rest: the bristles are springs.
 
    Limits: no damping, so a mass on it rings; no effect of speed on the mean force; the cost grows with N and with the
-   re-bonds in a step (a step with more than some 1e9 of them is refused). */
+   re-bonds in a step (a step with more than some 1e8 of them is discarded). */
 
 /* @article{Haessig1991,
      author  = {Haessig, D. A. and Friedland, B.},
@@ -62,6 +62,7 @@ enum { MOST = 1000 };
 #define STEPS_BY step
 #define MEMORY   struct bristles
 #define KEEPS_BY keep_bristles
+#define VALID_BY are_bristles
 
 struct bristle {
     double d;         /* deflection                           */
@@ -78,10 +79,19 @@ struct bristles {
 #include "load.h"
 #include "counter_random.h"
 
-static void keep_bristles(Memory *kept, const Model *m, bool follows)
+static void keep_bristles(Memory *to, const Memory *from, const Model *m, bool follows)
 {
     (void)follows;
-    memcpy(kept, &m->memory, offsetof(struct bristles, one) + (size_t)m->N * sizeof(struct bristle));
+    memcpy(to, from, offsetof(struct bristles, one) + (size_t)m->N * sizeof(struct bristle));
+}
+
+static bool are_bristles(const Model *m)
+{
+    const struct bristles *const all = &m->memory;
+    bool good = is_flag(&all->moved) && isfinite(all->squares) && is_count(all->total, DBL_MAX);
+    for (int i = 0; good && i < (int)m->N; i++)
+        good = isfinite(all->one[i].d);
+    return good;
 }
 
 /* Deflection of bristle i at the start: its number 0, with the sign of its place in the pair. */
@@ -115,11 +125,13 @@ static void equations(Model *m)
 static bool step(Model *m, double h)
 {
     GIVEN(m)
-    const double most = 1000.0 * MOST_TRIES; /* re-bonds */
+    const double most = 3.0 * MOST_WORK; /* re-bonds, 8 ns each */
     struct bristles *const all = &m->memory;
-    const double path = (v + 0.5 * SLOPE(v) * h) * h, D = fmin(Delta, 2.0 * delta_s);
-    if (!(N * fabs(path) <= 0.5 * D * most) && D > 0.0)
-        return false;
+    const double path = (v + 0.5 * SLOPE(v) * h) * h, width = fmin(Delta, 2.0 * delta_s);
+    const double D = width > 4.0 * DBL_EPSILON * delta_s ? width : 0.0; /* no re-bond that rounding hides */
+    const double farthest = 0.5 * D * most;                             /* by which all bristles may re-bond */
+    if (!(N * fabs(path) <= farthest) && D > 0.0)
+        return too_much(m);
 
     double sum = 0.0, squares = 0.0;
     for (int i = 0; i < N; i++) {
@@ -127,6 +139,8 @@ static bool step(Model *m, double h)
         double d = (all->moved ? bristle->d : start_of(m, i)) + path;
         if (D == 0.0)
             d = clip(d, -delta_s, delta_s);
+        if (fabs(d) > delta_s && !(N * (fabs(d) - delta_s) <= farthest)) /* z or delta_s was set so */
+            return too_much(m);
         while (fabs(d) > delta_s) {
             d -= sign(d) * D * uniform_at(seed, i, ++bristle->rebonds);
             all->total += 1.0;

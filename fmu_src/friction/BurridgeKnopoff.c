@@ -77,6 +77,7 @@
 
 #define MEMORY   struct fault
 #define KEEPS_BY keep_fault
+#define VALID_BY is_fault
 #define STEPS_BY step
 
 #include <stdint.h>
@@ -95,10 +96,24 @@ struct fault {
 #include "block.h"
 #include "random.h"
 
-static void keep_fault(Memory *kept, const Model *m, bool follows)
+static void keep_fault(Memory *to, const Memory *from, const Model *m, bool follows)
 {
     (void)follows;
-    memcpy(kept, &m->memory, offsetof(struct fault, y) + 2 * (size_t)m->N * sizeof(double));
+    memcpy(to, from, offsetof(struct fault, y) + 2 * (size_t)m->N * sizeof(double));
+}
+
+static bool is_fault(const Model *m)
+{
+    const struct fault *const f = &m->memory;
+    const int n = (int)m->N;
+    int moving = 0;
+    bool good = is_flag(&f->ready) && isfinite(f->time) && isfinite(f->before) && isfinite(f->moment) &&
+                f->avalanches >= 0 && all_finite(f->y, 2 * (size_t)n);
+    for (int j = 0; good && j < n; j++) {
+        good = is_flag(&f->slips[j]);
+        moving += good && f->slips[j];
+    }
+    return good && f->moving == moving;
 }
 
 #define SAME 1e-13 /* forces and velocities that are equal but for rounding */
@@ -256,7 +271,7 @@ static void switch_blocks(struct fault *f, const Train *t)
     }
     if (f->moving == 0) {
         f->moment = n * (mean(f->y, n) - f->before);
-        f->avalanches++;
+        f->avalanches += f->avalanches < INT32_MAX;
     }
 }
 
@@ -305,20 +320,22 @@ static bool step(Model *m, double h)
     f->ready = true;
     Train t = train_of(m);
     const double rate = 1.0 + sqrt(1.0 + 4.0 * t.coupling) + 2.0 * t.alpha;
-    const Dynamics d = {accelerations, &t, t.n, rate, m->run.tolerance > 0.0 ? m->run.tolerance : CHAIN_TOLERANCE};
-    double y[2 * MASSES], H = m->run.inner_step > 0.0 ? m->run.inner_step : 0.1 / rate;
+    const double tolerance = m->run.tolerance > 0.0 ? m->run.tolerance : CHAIN_TOLERANCE;
+    double y[2 * MASSES], H = m->run.inner_step > 0.0 ? m->run.inner_step : 0.1 / rate, left = 10.0 * MOST_WORK;
+    const Dynamics d = {accelerations, &t, t.n, rate, tolerance, &left};
 
     double s = 0.0;
-    for (long tries = 0; s < h; tries++) {
+    while (s < h) {
+        left -= t.n; /* forces between the steps; one on a block takes 4 ns */
         if (f->moving == 0) {
             const double largest = largest_force(&t, t.X, f->y),
-                         left = time_at_rest(1.0 - largest, t.X_rate, t.X_curvature);
-            if (!(left < h - s)) {
+                         rest = time_at_rest(1.0 - largest, t.X_rate, t.X_curvature);
+            if (!(rest < h - s)) {
                 pass(&t, h - s);
                 break;
             }
-            pass(&t, left);
-            s += left;
+            pass(&t, rest);
+            s += rest;
             t.X += fmax(1.0 - largest_force(&t, t.X, f->y), 0.0); /* rounding */
             switch_blocks(f, &t);
             H = fmin(H, 0.1 / rate);
@@ -341,8 +358,8 @@ static bool step(Model *m, double h)
             const double next = next_step(taken, columns);
             H = taken < H && columns > 0 ? fmax(H, next) : next;
         }
-        if (tries > MOST_TRIES || !(H > 1e-9 * h))
-            return false;
+        if (!goes_on(&d, H))
+            return left < 0.0 ? too_much(m) : false;
     }
     m->run.inner_step = H;
     m->X = t.X;

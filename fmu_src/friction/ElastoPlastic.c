@@ -319,7 +319,7 @@ static bool ramp(Model *m, double h)
         double end = r.t + stribeck_piece(speed_at(&r, r.t), growth, Fc, Fs, vs, delta);
         end = end < h && end > r.t ? end : h;
         if (!piece_of(&r, passes > r.t && passes < end ? passes : end))
-            return false;
+            return failed(m, r.budget);
     }
     m->z = direction * r.deflection;
     return true;

@@ -65,6 +65,7 @@
 #include "chain.h"
 
 #define MEMORY   struct chain
+#define VALID_BY is_chain
 #define STEPS_BY move
 
 #include "block.h"

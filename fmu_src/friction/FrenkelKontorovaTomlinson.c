@@ -63,6 +63,7 @@
 #include "chain.h"
 
 #define MEMORY   struct chain
+#define VALID_BY is_chain
 #define STEPS_BY step
 
 #include "block.h"

@@ -7,7 +7,7 @@
        S(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta)
        stick: dFi/dt = ki v                       until  sgn(v) Fi >= alpha_i S(v)
               dzi/dt = v
-       slip:  dFi/dt = sgn(v) C (alpha_i - sgn(v) Fi / S(v))   until v passes zero
+       slip:  dFi/dt = sgn(v) Ci (alpha_i - sgn(v) Fi / S(v))  until v passes zero; Ci = C unless given
               dzi/dt = (dFi/dt) / ki
        F = (sum Fi + sigma dzi/dt) max(Fn, 0) / Fn0 + sigma2 v
 
@@ -18,9 +18,13 @@
 
    alpha_i are shares, used as alpha_i / (alpha_1 + ... + alpha_N), so that steady sliding is S(v) whatever their sum.
    C, in N/s, is the rate of approach: the lag has the time constant S/C. The form with deflections zi = Fi / ki has
-   dzi/dt = Ci (sgn v - zi/|si|) with ki si = alpha_i S and Ci = C alpha_i / ki in m/s: for one element with
-   k = 1e5 N/m, Ci = 1e-3 m/s is C = 100 N/s. The optional damping sigma makes F jump by sigma |v| where an element
+   dzi/dt = ci (sgn v - zi/|si|) with ki si = alpha_i S and ci = C alpha_i / ki in m/s: for one element with
+   k = 1e5 N/m, ci = 1e-3 m/s is C = 100 N/s. The optional damping sigma makes F jump by sigma |v| where an element
    starts to slip.
+
+   Ci, if not negative, is the attraction of element i in place of C. A paper that gives ci in m/s, as above, means
+   Ci = ci ki / alpha_i; one that writes dFi/dt = sgn(v) bi (1 - Fi/si) means Ci = bi / alpha_i; with alpha_i that sum
+   to 1. Each element then has a lag of its own, S/Ci.
 
    Start values: the levels of Table I of the LuGre paper, with elements that come near to its stiffness (ours).
 
@@ -30,7 +34,7 @@
    Use it where presliding and slow sliding both matter, as in precise positioning with reversals: simulation of an axis
    and compensation. It needs the Stribeck curve from steady velocities, and the elements from a presliding loop.
 
-   Limits: F has kinks; the lag is one time constant, whatever the direction of the change of speed. */
+   Limits: F has kinks; the lag of an element is one time constant, whatever the direction of the change of speed. */
 
 /* @article{AlBender2005,
      author  = {Al-Bender, F. and Lampaert, V. and Swevers, J.},
@@ -56,6 +60,8 @@
     PARAMETERS(alpha,    10, NO_UNIT, (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1),                   \
                                    0.0, INF,         "share of the element in the Stribeck level")          \
     PARAMETER (C,        FORCE "/s", 100.0, 0.0, INF, "attraction to the Stribeck level")                   \
+    PARAMETERS(Ci,       10, FORCE "/s", (-1, -1, -1, -1, -1, -1, -1, -1, -1, -1),                          \
+                                   -1.0, INF,        "attraction of the element, negative: C")              \
     PARAMETER (sigma,    DAMPING,  0.0,   0.0,   INF, "damping of each element")                            \
     PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                                \
     PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                   \
@@ -67,6 +73,7 @@
 
 #define STEPS_BY step
 #define MEMORY   struct slip_memory
+#define VALID_BY is_slip_memory
 
 struct slip_memory {
     double direction; /* of the last motion, 0: none yet      */
@@ -78,6 +85,14 @@ struct slip_memory {
 #include "stribeck.h"
 #include "attraction.h"
 
+static bool is_slip_memory(const Model *m)
+{
+    bool good = is_direction(m->memory.direction);
+    for (int i = 0; i < 10; i++)
+        good = good && is_count(m->memory.slips[i], 1.0);
+    return good;
+}
+
 /* Factor that makes shares of alpha. */
 static double share(const Model *m)
 {
@@ -87,6 +102,8 @@ static double share(const Model *m)
         sum += alpha[i];
     return sum > 0.0 ? 1.0 / sum : 0.0;
 }
+
+static inline double attraction_of(const Model *m, int i) { return m->Ci[i] < 0.0 ? m->C : m->Ci[i]; }
 
 /* Outputs and rates at the Stribeck level S. */
 static void contact(Model *m, double S, double unit)
@@ -99,7 +116,7 @@ static void contact(Model *m, double S, double unit)
         const double level = alpha[i] * unit, force = direction * Fi[i];
         const bool slips = direction != 0.0 && ((same && m->memory.slips[i] != 0.0) || !(force < level * S));
         m->slipping[i] = slips ? 1.0 : 0.0;
-        m->der_Fi[i] = slips ? direction * C * (level - force / S) : k[i] * v;
+        m->der_Fi[i] = slips ? direction * attraction_of(m, i) * (level - force / S) : k[i] * v;
         rate += !slips ? v : k[i] > 0.0 ? m->der_Fi[i] / k[i] : 0.0;
         sum += Fi[i];
     }
@@ -119,13 +136,15 @@ static void held_step(Model *m, double h, double S, double unit)
 {
     GIVEN(m)
     const double direction = sign(v), x = fabs(v) * h;
-    double decay = NAN; /* of the distance to the level, the same for all that slip from the start */
+    double decay = NAN, strength = NAN; /* of the distance to the level over the step, at that attraction */
     for (int i = 0; i < N; i++) {
         const double level = alpha[i] * unit * S, force = direction * Fi[i];
         if (m->memory.slips[i] != 0.0 || force >= level) {
             m->memory.slips[i] = 1.0;
-            if (isnan(decay))
-                decay = exp(-C * h / S);
+            if (attraction_of(m, i) != strength) { /* the same for all elements, as a rule */
+                strength = attraction_of(m, i);
+                decay = exp(-strength * h / S);
+            }
             m->Fi[i] = direction * (level + (force - level) * decay);
         } else if (force + k[i] * x < level) {
             m->Fi[i] = Fi[i] + k[i] * v * h;
@@ -166,28 +185,29 @@ static double arrival(const Model *m, double force, double stiffness, double lev
 }
 
 /* Slip from time s to h is linear in the force: afterwards it is E force + P level. */
-static bool slip(const Model *m, double s, double h, double *E, double *P)
+static bool slip(const Model *m, double s, double h, double strength, double *E, double *P)
 {
     GIVEN(m)
-    const Attraction slips = {C, false, Fc, Fs, vs, delta, quadrature_tolerance(m)};
+    const Attraction slips = {strength, false, Fc, Fs, vs, delta, quadrature_tolerance(m)};
     const double growth = sign(slide(m, h)) * SLOPE(v);
     double softest = INF; /* sigma times the speed of the elements counts in F, too */
     for (int i = 0; i < N; i++)
         softest = k[i] > 0.0 ? fmin(softest, k[i]) : softest;
-    const double sensitivity = 1.0 + sigma * C / (softest * level_at(m, h));
+    const double sensitivity = 1.0 + sigma * strength / (softest * level_at(m, h));
     return attract(&slips, fabs(v + SLOPE(v) * s), growth, h - s, fmax(Fc, Fs), sensitivity, E, P);
 }
 
 static bool ramp_step(Model *m, double h, double direction, double unit)
 {
     GIVEN(m)
-    double E = NAN, P = NAN;
+    double E = NAN, P = NAN, known = NAN; /* for a slip over the whole step, at the attraction that is known */
     for (int i = 0; i < N; i++) {
-        const double level = alpha[i] * unit, force = direction * Fi[i];
+        const double level = alpha[i] * unit, force = direction * Fi[i], strength = attraction_of(m, i);
         if (m->memory.slips[i] != 0.0 || force >= level * level_at(m, 0.0)) {
             m->memory.slips[i] = 1.0;
-            if (isnan(E) && !slip(m, 0.0, h, &E, &P))
+            if (strength != known && !slip(m, 0.0, h, strength, &E, &P))
                 return false;
+            known = strength;
             m->Fi[i] = direction * (E * force + P * level);
             continue;
         }
@@ -195,7 +215,7 @@ static bool ramp_step(Model *m, double h, double direction, double unit)
         const double start = arrival(m, force, k[i], level, h, &reached);
         if (start < h) {
             m->memory.slips[i] = 1.0;
-            if (!slip(m, start, h, &E_rest, &P_rest))
+            if (!slip(m, start, h, strength, &E_rest, &P_rest))
                 return false;
             m->Fi[i] = direction * (E_rest * reached + P_rest * level);
         } else {

@@ -49,7 +49,7 @@
 
    Limits: dissipative only if the profile is nowhere steeper than mu0; N times and more as slow as a simple law; a
    slipping bond does not age, so on flat ground speed matters at break-away only; no normal motion of slider and tip;
-   single tips may be chaotic if height < A; at most 1e7/N wavelengths a step. */
+   single tips may be chaotic if height < A; at most 2e6/N wavelengths a step. */
 
 /* @article{AlBender2004,
      author  = {Al-Bender, F. and Lampaert, V. and Swevers, J.},
@@ -100,6 +100,7 @@ enum { MOST = 1000 };
 
 #define STEPS_BY step
 #define MEMORY   struct population
+#define VALID_BY is_population
 #define KEEPS_BY keep_population
 
 enum { BACK = -1, STUCK = 0, FORWARD = 1, FREE = 2 }; /* of which BACK and FORWARD slip */
@@ -126,10 +127,33 @@ struct population {
 #include "load.h"
 #include "counter_random.h"
 
-static void keep_population(Memory *kept, const Model *m, bool follows)
+static void keep_population(Memory *to, const Memory *from, const Model *m, bool follows)
 {
     (void)follows;
-    memcpy(kept, &m->memory, offsetof(struct population, tip) + (size_t)m->N * sizeof(Tip));
+    memcpy(to, from, offsetof(struct population, tip) + (size_t)m->N * sizeof(Tip));
+}
+
+static bool is_tip(const Tip *tip)
+{
+    return (tip->mode == BACK || tip->mode == STUCK || tip->mode == FORWARD || tip->mode == FREE) && isfinite(tip->p) &&
+           isfinite(tip->d) && isfinite(tip->speed) && tip->clock >= 0.0;
+}
+
+static bool is_population(const Model *m)
+{
+    const struct population *const all = &m->memory;
+    const Sums *const sums = &all->sums;
+    const double N = m->N, in_contact[] = {sums->stuck, sums->slip[0], sums->slip[1]};
+    double members = sums->loose;
+    bool good = is_flag(&all->started) && is_count(sums->loose, N) && isfinite(sums->d) && isfinite(sums->speed) &&
+                isfinite(sums->normal) && isfinite(sums->capacity) && all_finite(sums->moving, 2);
+    for (int i = 0; i < 3; i++) {
+        good = good && is_count(in_contact[i], N);
+        members += in_contact[i];
+    }
+    for (int i = 0; good && i < (int)N; i++)
+        good = is_tip(&all->tip[i]);
+    return good && (!all->started || members == N);
 }
 
 /* Under asperity i; pairs have the same. */
@@ -237,7 +261,7 @@ static void let_go(const Model *model, Tip *tip)
 }
 
 /* Stuck until the cone is left, at once or under way. */
-static void stick(const Model *model, const Surface *surface, Tip *tip, Course *c)
+static void stick(const Model *model, const Surface *surface, Tip *tip, Course *c, double *left)
 {
     const double normal = surface->k_n * fmax(reach(surface, tip->p), 0.0);
     /* the rounding of a force that is just at the limit is no reason to slip */
@@ -250,7 +274,7 @@ static void stick(const Model *model, const Surface *surface, Tip *tip, Course *
         hold.s = force > 0.0 ? FORWARD : BACK;
         t = 0.0;
     } else if (c->side * then > limit) /* bonds only grow stronger, so else it holds */
-        t = first_zero(overload, &hold, c->rest);
+        t = first_zero(overload, &hold, c->rest, left);
 
     const bool breaks = t < c->rest;
     t = fmin(t, c->rest);
@@ -261,7 +285,7 @@ static void stick(const Model *model, const Surface *surface, Tip *tip, Course *
         return;
     /* the tip snaps forward into balance */
     const double base = tip->p + tip->d;
-    const SlipEnd reached = slip_to(surface, hold.s, tip->p, base, false);
+    const SlipEnd reached = slip_to(surface, hold.s, tip->p, base, false, left);
     const double d = reached.lost ? base - reached.p : balanced(surface, hold.s, reached.p);
     *tip = (Tip){.p = reached.p, .d = d, .mode = hold.s};
     if (reached.lost)
@@ -269,7 +293,7 @@ static void stick(const Model *model, const Surface *surface, Tip *tip, Course *
 }
 
 /* The quasi-static slip to the side s, as far as the slider takes the tip or contact is lost. */
-static void slip(const Model *model, const Surface *surface, Tip *tip, Course *c)
+static void slip(const Model *model, const Surface *surface, Tip *tip, Course *c, double *left)
 {
     GIVEN(model)
     const int s = tip->mode;
@@ -279,7 +303,7 @@ static void slip(const Model *model, const Surface *surface, Tip *tip, Course *c
         return;
     }
     const double base = tip->p + tip->d;
-    const SlipEnd reached = slip_to(surface, s, tip->p, base + way_in(c, c->rest), true);
+    const SlipEnd reached = slip_to(surface, s, tip->p, base + way_in(c, c->rest), true, left);
     const double t = reached.lost ? fmin(time_for(c, reached.base - base), c->rest) : c->rest;
     tip->p = reached.p;
     tip->d = reached.lost ? base + way_in(c, t) - reached.p : balanced(surface, s, reached.p);
@@ -320,27 +344,27 @@ static bool step(Model *model, double h)
 {
     GIVEN(model)
     const double slope = model->slope[INPUT_v], mean = v + 0.5 * slope * h;
-    if (A > 0.0 && !(N * fabs(mean) * h <= 10.0 * MOST_TRIES * wavelength))
-        return false;
+    if (A > 0.0 && !(N * fabs(mean) * h <= 2.0 * MOST_TRIES * wavelength))
+        return too_much(model);
 
     struct population *const all = &model->memory;
     Sums sums = {0};
-    double d = 0.0, speed = 0.0;
+    double d = 0.0, speed = 0.0, left = MOST_WORK;
     for (int i = 0; i < N; i++) {
         const Surface surface = surface_of(model, i);
         Tip tip = all->started ? all->tip[i] : start_of(model, i);
         Course c = {v, slope, h, (mean > 0.0) - (mean < 0.0)};
         if (v == 0.0 && (tip.mode == FORWARD || tip.mode == BACK))
             tip.mode = STUCK; /* the slider has stopped, if only for an instant */
-        for (int events = 0; c.rest > 0.0; events++) {
-            if (events > MOST_TRIES)
-                return false;
+        while (c.rest > 0.0) {
+            if ((left -= 2.0) < 0.0)
+                return too_much(model);
             if (tip.mode == STUCK)
-                stick(model, &surface, &tip, &c);
+                stick(model, &surface, &tip, &c, &left);
             else if (tip.mode == FREE)
                 swing_free(model, &surface, &tip, &c);
             else
-                slip(model, &surface, &tip, &c);
+                slip(model, &surface, &tip, &c, &left);
         }
         if (fabs(surface.k * tip.p) > 7.0) /* only the phase matters */
             tip.p -= 6.283185307179586 / surface.k * round(surface.k * tip.p / 6.283185307179586);

@@ -229,5 +229,5 @@ static bool step(Model *model, double h)
             spent[s > 0.0] = true;
     }
     model->w = at;
-    return rest <= 0.0;
+    return rest <= 0.0 ? true : too_much(model);
 }

@@ -75,6 +75,7 @@
 #define STEPS_BY step
 #define WARNING  "more reversal points than the stacks hold; inner loops are forgotten"
 #define MEMORY   struct reversals
+#define VALID_BY are_reversals
 
 #include "block.h"
 #include "leuven.h"

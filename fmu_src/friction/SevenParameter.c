@@ -77,13 +77,14 @@ struct memory {
     double slip, Fs_last; /* direction of slip, 0: stuck */
     int slid;             /* a sliding has ended */
     int forgot;           /* pieces have been forgotten */
-    int thinned;          /* how often pieces have been joined */
+    unsigned thinned;     /* how often pieces have been joined */
     int first, count;     /* of the pieces, a ring */
     struct piece ring[PIECES];
 };
 
 #define STEPS_BY step
 #define MEMORY   struct memory
+#define VALID_BY is_history
 #define KEEPS_BY keep_history
 
 #include "block.h"
@@ -91,22 +92,33 @@ struct memory {
 
 /* ---- the history of v --------------------------------------------------------------------------------------- */
 
+static bool is_history(const Model *m)
+{
+    const struct memory *const past = &m->memory;
+    bool good = is_direction(past->slip) && isfinite(past->Fs_last) && is_count(past->slid, 1.0) &&
+                is_count(past->forgot, 1.0) && past->first < PIECES && is_count(past->first, PIECES) &&
+                is_count(past->count, PIECES);
+    for (int i = 0; good && i < past->count; i++)
+        good = isfinite(past->ring[(past->first + i) % PIECES].begin);
+    return good;
+}
+
 static struct piece *piece(struct memory *past, int i) { return &past->ring[(past->first + i) % PIECES]; }
 
 /* A step adds a few pieces at the end, of which the first may take the place of the last one; unless it thins out. */
-static void keep_history(Memory *kept, const Model *m, bool follows)
+static void keep_history(Memory *to, const Memory *from, const Model *m, bool follows)
 {
-    const struct memory *const now = &m->memory;
-    if (follows && kept->thinned == now->thinned && kept->count > 0) {
-        const int end = (now->first + now->count) % PIECES;
-        int i = (kept->first + kept->count - 1) % PIECES;
-        memcpy(kept, now, offsetof(struct memory, ring));
+    (void)m;
+    if (follows && to->thinned == from->thinned && to->count > 0) {
+        const int end = (from->first + from->count) % PIECES;
+        int i = (to->first + to->count - 1) % PIECES;
+        memcpy(to, from, offsetof(struct memory, ring));
         do {
-            kept->ring[i] = now->ring[i];
+            to->ring[i] = from->ring[i];
             i = (i + 1) % PIECES;
         } while (i != end);
     } else
-        *kept = *now;
+        *to = *from;
 }
 
 static double along(const struct piece *p, double t) { return p->v + p->rate * (t - p->begin); }

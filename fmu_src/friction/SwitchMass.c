@@ -70,9 +70,13 @@ struct fixed {
 
 #define STEPS_BY step
 #define MEMORY   struct fixed
+#define VALID_BY is_by_state
 
 #include "block.h"
 #include "load.h"
+
+/* Nothing is fixed between two steps. */
+static bool is_by_state(const Model *model) { return model->memory.phase == BY_STATE && model->memory.s == 0.0; }
 
 static double static_friction(const Model *model) { return load_of(model->Fn, model->Fn0) * model->Fs; }
 
@@ -290,7 +294,7 @@ static bool step(Model *model, double h)
         const double t =
             now->phase == STICK ? stick(model, rest, &s) : slide(model, rest, &inner_steps, &ended, &inside);
         if (!(t >= 0.0))
-            return false;
+            return inner_steps < 0 ? too_much(model) : false;
         move_inputs(model, t);
         rest -= t;
 
@@ -309,5 +313,5 @@ static bool step(Model *model, double h)
     for (int i = 0; i < INPUTS; i++) /* which the caller moves */
         *value_of(model, inputs[i]) = ((const double *)(const void *)&begin)[inputs[i]];
     model->memory = begin.memory;
-    return rest <= 0.0;
+    return rest <= 0.0 ? true : too_much(model);
 }

@@ -13,12 +13,14 @@ typedef struct {
 } Taylor;
 
 /* The first x in [0, end) with f(x) >= 0, INFINITY if there is none. Each step goes to where the parabola
-   f + f' s + bend s^2/2, which lies above f, reaches zero: it never passes a zero, and converges quadratically. */
-static inline double first_zero(Taylor (*f)(const void *data, double x), const void *data, double end)
+   f + f' s + bend s^2/2, which lies above f, reaches zero: it never passes a zero, and converges quadratically. Each
+   step takes one off `left`. */
+static inline double first_zero(Taylor (*f)(const void *data, double x), const void *data, double end, double *left)
 {
     double x = 0.0;
     for (int i = 0; i < 1000; i++) {
         const Taylor at = f(data, x);
+        *left -= 1.0;
         if (at.value >= 0.0)
             return x;
         const double root = sqrt(at.slope * at.slope - 2.0 * at.bend * at.value);
@@ -136,7 +138,7 @@ typedef struct {
 
 /* Slip to the side s: on to the first place of balance with a base at `base`, or until contact is lost. A tip that
    the slider drives loses it where slip becomes unstable, too; one that snaps forward runs on to the next balance. */
-static inline SlipEnd slip_to(const Surface *f, int s, double p, double base, bool driven)
+static inline SlipEnd slip_to(const Surface *f, int s, double p, double base, bool driven, double *left)
 {
     if (f->A == 0.0)
         return (SlipEnd){base - balanced(f, s, 0.0), base, false};
@@ -145,8 +147,8 @@ static inline SlipEnd slip_to(const Surface *f, int s, double p, double base, bo
     driven = driven && ratio * f->A * f->k * (f->A * f->k + f->mu0 + (f->h + f->A) * f->k) >= 1.0;
     Slip slip = {f, p, base, s};
     for (;;) {
-        const double there = first_zero(ahead, &slip, far), within = fmin(there, far);
-        const double unstable = driven ? first_zero(instability, &slip, within) : INFINITY;
+        const double there = first_zero(ahead, &slip, far, left), within = fmin(there, far);
+        const double unstable = driven ? first_zero(instability, &slip, within, left) : INFINITY;
         if (unstable < within) {
             p = slip.from + s * unstable;
             return (SlipEnd){p, balance(f, s, p).value, true};

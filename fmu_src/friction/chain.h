@@ -68,9 +68,9 @@ static inline void pull(const void *system, double s, const double *y, double *a
     }
 }
 
-/* Moves the chain over h from `time`; takes whole periods out of the displacements first. */
+/* Moves the chain over h from `time`; takes whole periods out of the displacements first. False as move_masses. */
 static inline bool move_chain(struct chain *c, struct surroundings *at, double time, double h, double tolerance,
-                              double *inner)
+                              double *inner, double *left)
 {
     double mean = 0.0;
     for (int j = 0; j < at->n; j++)
@@ -80,8 +80,12 @@ static inline bool move_chain(struct chain *c, struct surroundings *at, double t
         c->y[j] -= turns;
     c->turns += turns;
     at->X -= c->turns;
-    const Dynamics d = {pull, at, at->n, 1.0 + sqrt(4.0 * at->k + at->K + at->kappa) + at->damping,
-                        tolerance > 0.0 ? tolerance : CHAIN_TOLERANCE};
+    const Dynamics d = {pull,
+                        at,
+                        at->n,
+                        1.0 + sqrt(4.0 * at->k + at->K + at->kappa) + at->damping,
+                        tolerance > 0.0 ? tolerance : CHAIN_TOLERANCE,
+                        left};
     c->ready = true;
     c->time = time + h;
     return move_masses(&d, c->y, h, inner);

@@ -7,6 +7,14 @@
 
 static struct surroundings around(const Model *m);
 
+static bool is_chain(const Model *m)
+{
+    const struct chain *const c = &m->memory;
+    const size_t n = (size_t)m->N;
+    return is_flag(&c->ready) && isfinite(c->time) && isfinite(c->turns) && all_finite(c->place, n) &&
+           all_finite(c->y, 2 * n);
+}
+
 static void lay(const Model *m, struct chain *c)
 {
     GIVEN(m)
@@ -38,7 +46,10 @@ static bool move(Model *m, double h)
     if (!m->memory.ready)
         lay(m, &m->memory);
     struct surroundings at = around(m);
-    return move_chain(&m->memory, &at, m->time, h, m->run.tolerance, &m->run.inner_step);
+    double left = 2.5 * MOST_WORK; /* forces on an atom, 13 ns each */
+    if (move_chain(&m->memory, &at, m->time, h, m->run.tolerance, &m->run.inner_step, &left))
+        return true;
+    return left < 0.0 ? too_much(m) : false;
 }
 
 #endif

@@ -11,6 +11,13 @@
 
 static const double slides_at = 1.0 - 1e-3;
 
+static bool are_reversals(const Model *m)
+{
+    const struct reversals *const memory = &m->memory;
+    return is_count(memory->depth, DEEPEST) && is_direction(memory->direction) && is_count(memory->overflow, 1.0) &&
+           all_finite(memory->force, (size_t)memory->depth);
+}
+
 /* Where the contact is on its hysteresis curve, along the direction of motion `side`. */
 struct branch {
     double side, base, zeta; /* base = side Fb, zeta = side z */
@@ -204,7 +211,7 @@ static bool follow_motion(Model *m, Motion motion)
         const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p, slope == 0.0, &budget};
         const int how = follow(m, &law, &s, &b.zeta, end, size, size * (p.flat ? 1.0 : sharpness(n)));
         if (how == FAILED)
-            return false;
+            return failed(m, budget);
         if (how == REACHED && b.zeta >= p.closing)
             continue_on(m, &b, b.depth - 2);
     }

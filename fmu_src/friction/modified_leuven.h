@@ -223,7 +223,7 @@ static bool follow_motion(Model *m, Motion motion)
             const Law law = {piece_rate, piece_goal, place, &p, slope == 0.0, &budget};
             const int how = follow(m, &law, &s, &zeta, end, fine, p.size * (p.flat ? 1.0 : sharpness(n)));
             if (how == FAILED)
-                return false;
+                return failed(m, budget);
             if (how == REACHED && zeta >= p.reach - 1e-14 * p.size)
                 zeta = p.reach;
         }

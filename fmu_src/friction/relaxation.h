@@ -95,6 +95,9 @@ static bool extrapolated_step(const Law *law, double *s, double *y, double *step
 
 enum { FAILED = -1, ENDED, REACHED };
 
+/* What a step returns whose relaxation has FAILED. */
+static inline bool failed(Model *m, int budget) { return budget <= 0 ? too_much(m) : false; }
+
 /* From (s, y) to `end`, or to the first point where the goal is no longer negative (NULL: there is no goal). `size` is
    that of y, to which the tolerance is relative; in the first step y changes by no more than `detail`, so that the
    error estimate sees all of f. */

@@ -44,6 +44,7 @@
 #define STEPS_BY step
 #define WARNING  "more than 1024 changes of u are on their way, so that the delay is shorter than asked for"
 #define MEMORY   struct history
+#define VALID_BY is_history
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -63,6 +64,19 @@ struct history {
 };
 
 #include "block.h"
+
+static bool is_history(const Model *m)
+{
+    const struct history *const past = &m->memory;
+    const int64_t kept = past->end - past->oldest, most = INT64_C(1) << 53;
+    if (past->oldest < 0 || past->oldest > most || past->end < 0 || past->end > most || kept > LONGEST ||
+        kept < (past->end > 0) || !isfinite(past->before))
+        return false;
+    for (int64_t i = past->oldest; i < past->end; i++)
+        if (!all_finite(&past->pieces[i % LONGEST].begin, 1))
+            return false;
+    return true;
+}
 
 /* w from now on, for `length` at most. */
 typedef struct {

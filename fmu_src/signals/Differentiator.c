@@ -33,7 +33,8 @@
 enum { LONGEST = 64 };
 
 #define SAMPLED
-#define MEMORY struct estimator
+#define MEMORY   struct estimator
+#define VALID_BY is_estimator
 
 struct estimator {
     double x[LONGEST]; /* the last n samples, sample k at k modulo n */
@@ -41,6 +42,8 @@ struct estimator {
 };
 
 #include "block.h"
+
+static bool is_estimator(const Model *m) { return isfinite(m->memory.v) && all_finite(m->memory.x, LONGEST); }
 
 static void sample(Model *m)
 {

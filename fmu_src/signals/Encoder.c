@@ -37,7 +37,8 @@
 /* clang-format on */
 
 #define SAMPLED
-#define MEMORY struct encoder
+#define MEMORY   struct encoder
+#define VALID_BY is_encoder
 
 struct encoder {
     double x; /* last measured position */
@@ -45,6 +46,8 @@ struct encoder {
 
 #include "block.h"
 #include "random.h"
+
+static bool is_encoder(const Model *m) { return isfinite(m->memory.x); }
 
 static void sample(Model *m)
 {

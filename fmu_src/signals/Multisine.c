@@ -48,6 +48,7 @@ enum { LONGEST = 256, HIGHEST = 100 };
 /* What the fixed parameters say, worked out once. */
 #define MEMORY   struct plan
 #define STEPS_BY keep_plan
+#define VALID_BY is_plan
 
 struct plan {
     double lines, first, spacing, tilt, seed; /* that it is for; lines = 0: for none */
@@ -142,13 +143,26 @@ static void make_plan(struct plan *by, int lines)
     by->crest = P / sqrt(0.5 * power);
 }
 
+/* Whether the plan is the one that the parameters ask for. */
+static bool is_asked_for(const Model *m, const struct plan *by)
+{
+    GIVEN(m)
+    return by->lines == lines && by->first == first && by->spacing == spacing && by->tilt == tilt && by->seed == seed;
+}
+
+static bool is_plan(const Model *m)
+{
+    const struct plan *const kept = &m->memory;
+    return kept->lines == 0.0 || (is_asked_for(m, kept) && isfinite(kept->crest) &&
+                                  all_finite(kept->A, (size_t)m->lines) && all_finite(kept->phi, (size_t)m->lines));
+}
+
 /* The plan that the parameters ask for: the one that is kept, or made in `own`. */
 static const struct plan *plan_of(const Model *m, struct plan *own)
 {
     GIVEN(m)
     const struct plan *const kept = &m->memory;
-    if (kept->lines == lines && kept->first == first && kept->spacing == spacing && kept->tilt == tilt &&
-        kept->seed == seed)
+    if (is_asked_for(m, kept))
         return kept;
     *own = (struct plan){.first = first, .spacing = spacing, .tilt = tilt, .seed = seed};
     make_plan(own, lines);

@@ -10,12 +10,22 @@ from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from fmpy.validation import validate_fmu
+from fmpy import read_model_description
+from fmpy.model_description import ValidationError
 
 from friction_fmus.check import definitions, structure, variables
-from friction_fmus.check.archive import examine_archive, list_members, read_member
+from friction_fmus.check.archive import Contents, examine_archive, list_members, read_member, truncated_libraries
 from friction_fmus.check.binary import examine_binary
-from friction_fmus.check.description import NO_CO_SIMULATION, SCHEMA, VERSION, Model, line_of, parse, violations
+from friction_fmus.check.description import (
+    NO_CO_SIMULATION,
+    SCHEMA,
+    VERSION,
+    Model,
+    line_of,
+    parse,
+    violations,
+    wrong_encoding,
+)
 from friction_fmus.check.findings import DESCRIPTION, RULES, Finding, Rule, apply, declare
 from friction_fmus.check.side_files import examine_side_files
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
@@ -25,7 +35,7 @@ __all__ = ["RULES", "Finding", "Rule", "check"]
 _MODULES = (definitions, variables, structure)
 """They add the rules of the XML."""
 
-_DANGEROUS = ("zip-", "path-outside", "path-backslash", "path-symlink", "path-duplicate")
+_DANGEROUS = ("zip-", "path-outside", "path-backslash", "path-symlink", "path-duplicate", "path-clash", "path-long")
 
 FMPY = declare("fmpy", "error", "2.2", "The check of fmpy finds what no other rule does.", "description")
 
@@ -78,7 +88,9 @@ def _examine(path: Path, static: bool, time_limit: float) -> list[Finding]:
     if DESCRIPTION not in contents.names or any(f.rule == "zip-bomb" for f in apply("archive", contents)):
         return examine_archive(contents)
     data = read_member(path, DESCRIPTION)
-    root = parse(data) if isinstance(data, bytes) else data
+    if isinstance(data, Finding):
+        return _unless_told(examine_archive(contents), data)
+    root = parse(data)
     if isinstance(root, Finding):
         return [*examine_archive(contents), root]
     model = Model(root)
@@ -87,16 +99,27 @@ def _examine(path: Path, static: bool, time_limit: float) -> list[Finding]:
         return refusals
     contents = replace(contents, identifier=model.identifier, source_files=model.source_files)
     findings = examine_archive(contents)
+    findings += wrong_encoding(data, root)
     findings += [SCHEMA.finding(text, DESCRIPTION, line=line) for text, line in violations(root, _XSD)]
     findings += apply("description", model)
-    safe = not any(finding.rule.startswith(_DANGEROUS) for finding in findings)
-    if safe:
+    if not any(finding.rule.startswith(_DANGEROUS) for finding in findings):
         findings += examine_side_files(contents, model)
         if not any(finding.severity == "error" for finding in findings):
             findings += _fmpy(path)
-        if not static and contents.below("binaries"):
-            findings += examine_binary(contents, model, time_limit)
+        findings += _libraries(contents, model, static, time_limit)
     return findings
+
+
+def _unless_told(found: list[Finding], also: Finding) -> list[Finding]:
+    """A finding more, unless there is one of that file."""
+    return found if any(finding.file == also.file for finding in found) else [*found, also]
+
+
+def _libraries(contents: Contents, model: Model, static: bool, time_limit: float) -> list[Finding]:
+    truncated = list(truncated_libraries(contents))
+    if static or truncated or not contents.below("binaries"):
+        return truncated
+    return examine_binary(contents, model, time_limit)
 
 
 _XSD = "fmi2/fmi2ModelDescription.xsd"
@@ -118,6 +141,17 @@ def _refusals(model: Model) -> Iterator[Finding]:
 
 
 def _fmpy(path: Path) -> list[Finding]:
-    """What fmpy finds; only asked where nothing else is wrong, so that no fault is told twice."""
-    with path.open("rb") as file:  # not the path: fmpy leaves the file open when it fails
-        return [FMPY.finding(f"fmpy says: {' '.join(text.split())}", DESCRIPTION) for text in validate_fmu(file)]
+    """What fmpy finds; only asked where nothing else is wrong, so that no fault is told twice.
+
+    It is not asked for the names of variables, on which its parser takes milliseconds each; `variables` has that rule.
+    """
+    try:
+        with path.open("rb") as file:  # not the path: fmpy leaves the file open when it fails
+            read_model_description(file, validate=True, validate_model_structure=True)
+    except ValidationError as error:
+        problems = [str(text) for text in error.problems]
+    except Exception as error:  # what it cannot read fails in many ways
+        problems = [str(error)]
+    else:
+        problems = []
+    return [FMPY.finding(f"fmpy says: {' '.join(text.split())}", DESCRIPTION) for text in problems]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import stat
+import tempfile
 import zipfile
 from collections import Counter
 from collections.abc import Iterator
@@ -10,10 +11,25 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from friction_fmus.check.findings import DESCRIPTION, Fault, Finding, apply, declare, rule
-from harness.archive import LARGEST, RATIO, find_outside
+from harness.shared_library import missing_bytes
+from harness.zip_file import (
+    LONGEST,
+    ZipError,
+    find_clashes,
+    find_outside,
+    is_bomb,
+    is_special,
+    is_too_long,
+    list_zip,
+    method,
+    normal_name,
+    open_zip,
+    read_zip,
+    unpack_zip,
+    unpacked_size,
+)
 
 _DEFLATE = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-_METHODS = {9: "deflate64", 12: "bzip2", 14: "LZMA", 93: "Zstandard", 95: "XZ", 98: "PPMd"}
 _SUFFIXES = {"win": ".dll", "linux": ".so", "darwin": ".dylib", "windows": ".dll"}
 _PLATFORMS = ("win32", "win64", "linux32", "linux64", "darwin32", "darwin64")
 _ARCHITECTURES = ("aarch32", "aarch64", "riscv32", "riscv64", "x86", "x86_64", "ppc32", "ppc64")
@@ -21,7 +37,12 @@ _SYSTEMS = ("darwin", "linux", "windows")
 _TOP = ("binaries", "documentation", "extra", "resources", "sources", "terminalsAndIcons")
 _HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
 
-NOT_A_ZIP = declare("not-a-zip", "error", "2.3", "The file is no zip archive.", "archive")
+NOT_A_ZIP = declare("not-a-zip", "error", "2.3", "The file is no zip archive that can be read.", "archive")
+TRUNCATED = declare("binary-truncated", "error", "2.3", "The file of a library ends too early.", "archive")
+
+_UNREADABLE = ("zip-bomb", "zip-encrypted", "zip-method")
+"""Rules after which nothing is unpacked."""
+
 DAMAGED = declare("zip-damaged", "error", "2.3", "A member of the archive cannot be read.", "archive")
 
 
@@ -35,6 +56,8 @@ class Contents:
         The FMU.
     members : tuple of ZipInfo
         As they stand in the archive.
+    size : int
+        Of the file [bytes].
     identifier : str
         Model identifier for co-simulation; empty if it is not known.
     source_files : tuple of str or None
@@ -43,6 +66,7 @@ class Contents:
 
     path: Path
     members: tuple[zipfile.ZipInfo, ...]
+    size: int
     identifier: str = ""
     source_files: tuple[str, ...] | None = None
     names: frozenset[str] = field(init=False)
@@ -64,42 +88,43 @@ def list_members(path: Path) -> Contents | Finding:
     OSError
         If there is no such file or it may not be read.
     """
-    with path.open("rb") as file:
-        file.read(1)
+    if path.exists() and not path.is_dir() and not path.is_file():
+        raise OSError("it is not an ordinary file")  # a device or a pipe may be without an end
     try:
-        with zipfile.ZipFile(path) as archive:
-            return Contents(path, tuple(archive.infolist()))
-    except (zipfile.BadZipFile, NotImplementedError, ValueError, EOFError) as error:
-        return NOT_A_ZIP.finding(f"{path.name} is not a zip archive ({error}); export it again")
+        entries, size = list_zip(path)
+    except ZipError as error:
+        return NOT_A_ZIP.finding(f"{path.name} cannot be read as an archive: {error}")
+    return Contents(path, tuple(entries), size)
 
 
 def read_member(path: Path, name: str) -> bytes | Finding:
-    """The content of a member, or why it cannot be read."""
+    """The content of a member of an archive that is no bomb, or why it cannot be read."""
     try:
         with zipfile.ZipFile(path) as archive:
-            return archive.read(name)
-    except Exception as error:  # zipfile and the codecs raise many kinds for broken members
-        reason = " ".join(str(error).split()) or type(error).__name__
-        return DAMAGED.finding(f"{name} cannot be unpacked ({reason}); export the FMU again", name)
+            return read_zip(archive, name)
+    except ZipError as error:
+        return DAMAGED.finding(f"{name} cannot be unpacked: {error}", name)
 
 
 def examine_archive(contents: Contents) -> list[Finding]:
     """What the rules of the archive find."""
     findings = list(apply("archive", contents))
-    if not any(finding.rule in ("zip-bomb", "zip-encrypted", "zip-method") for finding in findings):
+    if not any(finding.rule in _UNREADABLE for finding in findings):
         findings += _damaged(contents)
     return findings
 
 
 def _damaged(contents: Contents) -> Iterator[Finding]:
-    try:
-        with zipfile.ZipFile(contents.path) as archive:
-            broken = archive.testzip()
-    except Exception as error:  # as above
-        broken = None
-        yield DAMAGED.finding(f"the archive cannot be unpacked ({' '.join(str(error).split())}); export it again")
-    if broken:
-        yield DAMAGED.finding(f"the checksum of {broken} is wrong; copy or export the FMU again", broken)
+    with zipfile.ZipFile(contents.path) as archive:
+        for member in contents.members:
+            try:
+                with archive.open(member) as file:
+                    while file.read(1 << 20):
+                        pass
+            except Exception as error:  # zipfile and the codecs raise many kinds for broken members
+                reason = " ".join(str(error).split()) or type(error).__name__
+                message = f"{member.filename} cannot be unpacked ({reason}); copy or export the FMU again"
+                yield DAMAGED.finding(message, member.filename)
 
 
 # ---- paths
@@ -141,12 +166,27 @@ def _duplicate(contents: Contents) -> Iterator[Fault]:
 @rule("path-symlink", "error", "2.3", "A member is a symbolic link or another special file.", "archive")
 def _symlink(contents: Contents) -> Iterator[Fault]:
     for member in contents.members:
-        mode = member.external_attr >> 16
-        if member.create_system == 3 and stat.S_IFMT(mode) not in (0, stat.S_IFREG, stat.S_IFDIR):
+        if is_special(member):
+            kind = stat.filemode(member.external_attr >> 16)[0]
             yield Fault(
-                f"{member.filename!r} is no ordinary file but a {stat.filemode(mode)[0]!r}; put the file itself there",
+                f"{member.filename!r} is no ordinary file but a {kind!r}; put the file itself there",
                 file=member.filename,
             )
+
+
+@rule("path-clash", "error", "2.3", "A path is a file and a folder at once, case apart.", "archive")
+def _clash(contents: Contents) -> Iterator[Fault]:
+    for name in find_clashes((normal_name(member).lower(), member.is_dir()) for member in contents.members):
+        yield Fault(f"{name!r} is a file and a folder (case apart); rename one", file=name)
+
+
+@rule("path-long", "error", "2.3", "A path is longer than file systems allow.", "archive")
+def _long(contents: Contents) -> Iterator[Fault]:
+    for member in contents.members:
+        if is_too_long(member.filename):
+            part, whole = LONGEST
+            where = f"a path that begins with {member.filename[:60]!r} is too long"
+            yield Fault(f"{where}; keep each name to {part} bytes, the path to {whole}", file=member.filename)
 
 
 # ---- compression
@@ -163,8 +203,9 @@ def _encrypted(contents: Contents) -> Iterator[Fault]:
 def _method(contents: Contents) -> Iterator[Fault]:
     for member in contents.members:
         if member.compress_type not in _DEFLATE:
-            name = _METHODS.get(member.compress_type, f"method {member.compress_type}")
-            yield Fault(f"{member.filename!r} is compressed by {name}; use deflate or store", file=member.filename)
+            yield Fault(
+                f"{member.filename!r} is compressed by {method(member)}; use deflate or store", file=member.filename
+            )
 
 
 @rule("zip-version", "warning", "2.3", "Unpacking a member needs more than version 2.0 of the zip format.", "archive")
@@ -177,10 +218,9 @@ def _version(contents: Contents) -> Iterator[Fault]:
 
 @rule("zip-bomb", "error", "2.3", "The archive unpacks to much more than its size lets expect.", "archive")
 def _bomb(contents: Contents) -> Iterator[Fault]:
-    unpacked = sum(member.file_size for member in contents.members)
-    packed = sum(member.compress_size for member in contents.members)
-    if unpacked > LARGEST and unpacked > RATIO * max(packed, 1):
-        yield Fault(f"{packed} bytes unpack to {unpacked}; do not use this file", file="")
+    unpacked = unpacked_size(contents.members)
+    if is_bomb(unpacked, contents.size):
+        yield Fault(f"{contents.size} bytes unpack to {unpacked}; do not use this file", file="")
 
 
 # ---- what there must be, and where
@@ -264,13 +304,25 @@ def _licence(contents: Contents) -> Iterator[Fault]:
             yield Fault(f"move {name!r} to documentation/licenses/license.txt", file=name)
 
 
+def truncated_libraries(contents: Contents) -> Iterator[Finding]:
+    """The libraries of all platforms in a safe archive that end too early; some loaders crash on them."""
+    libraries = [str(path) for path in contents.below("binaries") if path.suffix in _SUFFIXES.values()]
+    with tempfile.TemporaryDirectory() as folder, open_zip(contents.path) as archive:
+        for name in libraries:
+            missing = missing_bytes(Path(archive.extract(name, folder)))
+            if missing:
+                yield TRUNCATED.finding(f"{name} lacks {missing} bytes at its end; copy or export the FMU again", name)
+
+
 def unpack(contents: Contents, folder: Path) -> None:
     """Unpack an archive in which no rule found a dangerous member.
 
     Raises
     ------
+    ZipError
+        If the archive has been replaced by another one in the meantime.
     OSError
         If the disk does not take it.
     """
-    with zipfile.ZipFile(contents.path) as archive:
-        archive.extractall(folder)
+    with open_zip(contents.path) as archive:
+        unpack_zip(archive, folder)

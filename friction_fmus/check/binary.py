@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from time import monotonic
@@ -23,6 +22,7 @@ from friction_fmus.check.probes.library import TRACE_SIZE
 from friction_fmus.check.probes.rules import RULES as BINARY_RULES
 from friction_fmus.errors import FrictionError
 from harness.platforms import NATIVE
+from harness.scratch import ScratchFolder
 
 _MODULES: Final = (lifecycle, stepping, surroundings)
 """They add the probes, in this order."""
@@ -77,7 +77,7 @@ def examine_binary(contents: Contents, model: Model, time_limit: float) -> list[
         found = sorted({path.parts[1] for path in contents.below("binaries") if len(path.parts) > 2})
         there = ", ".join(found) or "none"
         return [NO_BINARY.finding(f"there is no {binary} (binaries for: {there}); check it on such a machine")]
-    with tempfile.TemporaryDirectory(prefix="friction-fmus-check-", ignore_cleanup_errors=True) as name:
+    with ScratchFolder("friction-fmus-check-") as name:
         folder = Path(name).resolve()
         unpack(contents, folder / "fmu")
         job = _job(model) | {
@@ -169,6 +169,11 @@ def _broken(folder: Path, binary: str, ending: str, current: str) -> Finding:
     """What the last call did to its process."""
     function = (folder / "trace").read_bytes().decode(errors="replace").strip() or "a call"
     hangs = ending == ""
+    if current == "load" and not hangs:
+        message = (
+            f"loading the library ends its process: {ending}; it is damaged, or its initialisers are: build it again"
+        )
+        return RULES["binary-not-loadable"].finding(message, binary)
     special = CRASHES.get(current)
     how = "does not return within the time limit" if hangs else f"ends its process: {ending}"
     rule = RULES[special or ("binary-hangs" if hangs else "binary-crashes")]

@@ -21,10 +21,14 @@ _INITIAL: Final = {
 }
 """Default of `initial` by causality; that of outputs and locals depends on the variability (section 2.2.7)."""
 
+SECTIONS: Final = ("Outputs", "Derivatives", "InitialUnknowns")
+"""What ModelStructure lists."""
+
 MALFORMED = declare("xml-malformed", "error", "2.2", "modelDescription.xml cannot be read.", "description")
 ENTITIES = declare(
     "xml-entities", "error", "2.2", "An XML file has a DOCTYPE, by which entities come in.", "description"
 )
+ENCODING = declare("xml-encoding", "error", "2.2", "An XML file is not encoded as UTF-8.", "description")
 SCHEMA = declare("schema", "error", "2.2", "modelDescription.xml violates the schema of FMI 2.0.", "description")
 VERSION = declare("fmi-version", "error", "2.2.1", "The FMU is not of FMI 2.0.", "description")
 NO_CO_SIMULATION = declare("no-co-simulation", "error", "4.3.1", "The FMU is not for co-simulation.", "description")
@@ -178,17 +182,10 @@ class Model:
         """A capability."""
         return self.simulation is not None and self.simulation.get(name) in ("true", "1")
 
-    def unknowns(self, section: str) -> list[Unknown]:
-        """Entries of Outputs, Derivatives or InitialUnknowns."""
-        return [
-            Unknown(
-                line_of(element),
-                integer(element.get("index")) or 0,
-                _indices(element.get("dependencies")),
-                None if element.get("dependenciesKind") is None else tuple(element.get("dependenciesKind", "").split()),
-            )
-            for element in self.all(f"ModelStructure/{section}/Unknown")
-        ]
+    @cached_property
+    def unknowns(self) -> dict[str, list[Unknown]]:
+        """Entries of ModelStructure by section: Outputs, Derivatives, InitialUnknowns."""
+        return {section: [_unknown(e) for e in self.all(f"ModelStructure/{section}/Unknown")] for section in SECTIONS}
 
     def variable(self, index: int) -> Variable | None:
         """A variable by its index from 1."""
@@ -199,6 +196,16 @@ class Model:
         """Indices of the continuous-time states: what a derivative is the derivative of."""
         derivatives = (variable.get("derivative") for variable in self.variables if variable.type == "Real")
         return {index for index in map(integer, derivatives) if index is not None}
+
+
+def _unknown(element: etree._Element) -> Unknown:
+    kinds = element.get("dependenciesKind")
+    return Unknown(
+        line_of(element),
+        integer(element.get("index")) or 0,
+        _indices(element.get("dependencies")),
+        None if kinds is None else tuple(kinds.split()),
+    )
 
 
 def _indices(text: str | None) -> tuple[int, ...] | None:
@@ -254,6 +261,30 @@ def parse(data: bytes, file: str = DESCRIPTION) -> etree._Element | Finding:
     if root.getroottree().docinfo.internalDTD is not None:
         return ENTITIES.finding(f"{file} has a DOCTYPE, which the standard has no use for; remove it", file, line=1)
     return root
+
+
+def wrong_encoding(data: bytes, root: etree._Element, file: str = DESCRIPTION) -> list[Finding]:
+    """A finding for a file that is not encoded as UTF-8, or says so.
+
+    Parameters
+    ----------
+    data : bytes
+        The file.
+    root : lxml.etree.Element
+        What it was parsed to.
+    file : str
+        Its name.
+    """
+    stated = root.getroottree().docinfo.encoding or "UTF-8"
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError:
+        stated = "another encoding" if stated.upper() == "UTF-8" else stated
+    if stated.upper() == "UTF-8":
+        return []
+    return [
+        ENCODING.finding(f"{file} is in {stated}; write it in UTF-8, many importers read nothing else", file, line=1)
+    ]
 
 
 @cache

@@ -14,6 +14,9 @@ Kind = Literal["archive", "description", "binary"]
 
 DESCRIPTION: Final = "modelDescription.xml"
 
+LONGEST: Final = 2000
+"""Characters of a text in a finding."""
+
 
 @dataclass(frozen=True)
 class Rule:
@@ -40,8 +43,9 @@ class Rule:
     kind: Kind
 
     def finding(self, message: str, file: str = "", *, line: int | None = None, variable: str | None = None) -> Finding:
-        """A finding by this rule."""
-        return Finding(self.id, self.severity, message, file, line, variable)
+        """A finding by this rule, with the middle of long texts left out."""
+        short = None if variable is None else _shortened(variable)
+        return Finding(self.id, self.severity, _shortened(message), _shortened(file), line, short)
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,11 @@ class Fault:
     line: int | None = None
     variable: str | None = None
     file: str = DESCRIPTION
+
+
+def _shortened(text: str) -> str:
+    """Names, paths and values may be of any length; the end of a message says what to do."""
+    return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
 
 
 Function = Callable[[Any], Iterator[Fault]]

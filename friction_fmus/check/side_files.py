@@ -8,7 +8,7 @@ from typing import Final
 from lxml import etree
 
 from friction_fmus.check.archive import Contents, read_member
-from friction_fmus.check.description import Model, line_of, name_of, parse, violations
+from friction_fmus.check.description import Model, line_of, name_of, parse, violations, wrong_encoding
 from friction_fmus.check.findings import Finding, declare
 
 TERMINALS: Final = "terminalsAndIcons/terminalsAndIcons.xml"
@@ -29,10 +29,14 @@ def examine_side_files(contents: Contents, model: Model) -> Iterator[Finding]:
         if file not in contents.names:
             continue
         data = read_member(contents.path, file)
-        root = parse(data, file) if isinstance(data, bytes) else data
+        if isinstance(data, Finding):
+            yield data
+            continue
+        root = parse(data, file)
         if isinstance(root, Finding):
             yield root
             continue
+        yield from wrong_encoding(data, root, file)
         for message, line in violations(root, f"fmi3/{schema}"):
             yield rule.finding(message, file, line=line)
         if root.get("fmiVersion") != "3.0":

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from friction_fmus.check.description import Model, Unknown, Variable, integer, line_of
+from friction_fmus.check.description import SECTIONS, Model, Unknown, Variable, integer, line_of
 from friction_fmus.check.findings import Fault, rule
-
-SECTIONS = ("Outputs", "Derivatives", "InitialUnknowns")
 
 
 def _entries(model: Model) -> Iterator[tuple[str, Unknown]]:
     for section in SECTIONS:
-        for unknown in model.unknowns(section):
+        for unknown in model.unknowns[section]:
             yield section, unknown
 
 
@@ -41,7 +39,7 @@ def _index(model: Model) -> Iterator[Fault]:
 
 @rule("outputs", "error", "2.2.8", "Outputs does not list all outputs, or lists other variables.")
 def _outputs(model: Model) -> Iterator[Fault]:
-    listed = {unknown.index: unknown for unknown in model.unknowns("Outputs")}
+    listed = {unknown.index: unknown for unknown in model.unknowns["Outputs"]}
     missing = [v for v in model.variables if v.causality == "output" and v.index not in listed]
     if missing:
         yield Fault(f"Outputs lacks {_named(missing)}; list every output", _line(model, "Outputs"), missing[0].name)
@@ -53,7 +51,7 @@ def _outputs(model: Model) -> Iterator[Fault]:
 
 @rule("derivatives", "error", "2.2.8", "Derivatives lists a variable that is the derivative of none.")
 def _derivatives(model: Model) -> Iterator[Fault]:
-    for unknown in model.unknowns("Derivatives"):
+    for unknown in model.unknowns["Derivatives"]:
         v = model.variable(unknown.index)
         if v is not None and (v.type != "Real" or integer(v.get("derivative")) is None):
             yield Fault(f"{v.name} in Derivatives has no attribute derivative; add or remove it", unknown.line, v.name)
@@ -62,7 +60,7 @@ def _derivatives(model: Model) -> Iterator[Fault]:
 @rule("derivatives-missing", "warning", "2.2.8", "Derivatives lacks a variable with the attribute derivative.")
 def _derivatives_missing(model: Model) -> Iterator[Fault]:
     needed = model.root.find("ModelExchange") is not None or model.flag("providesDirectionalDerivative")
-    listed = {unknown.index for unknown in model.unknowns("Derivatives")}
+    listed = {unknown.index for unknown in model.unknowns["Derivatives"]}
     missing = [v for v in model.variables if v.type == "Real" and v.get("derivative") and v.index not in listed]
     if needed and missing:
         message = f"Derivatives lacks {_named(missing)}; list the derivatives of all states"
@@ -77,7 +75,7 @@ def _expected(model: Model) -> set[int]:
         for v in model.variables
         if (v.causality == "output" and v.initial in computed) or v.causality == "calculatedParameter"
     }
-    for unknown in model.unknowns("Derivatives"):
+    for unknown in model.unknowns["Derivatives"]:
         derivative = model.variable(unknown.index)
         state = None if derivative is None else model.variable(integer(derivative.get("derivative")) or 0)
         expected |= {v.index for v in (derivative, state) if v is not None and v.initial in computed}
@@ -86,8 +84,9 @@ def _expected(model: Model) -> set[int]:
 
 @rule("initial-unknowns-missing", "error", "2.2.8", "InitialUnknowns lacks a variable.")
 def _initial_missing(model: Model) -> Iterator[Fault]:
-    listed = {unknown.index for unknown in model.unknowns("InitialUnknowns")}
-    missing = [v for v in model.variables if v.index in _expected(model) - listed]
+    listed = {unknown.index for unknown in model.unknowns["InitialUnknowns"]}
+    expected = _expected(model)
+    missing = [v for v in model.variables if v.index in expected and v.index not in listed]
     if missing:
         message = f"InitialUnknowns lacks {_named(missing)}; list outputs, states and derivatives that are calculated"
         yield Fault(message, _line(model, "InitialUnknowns"), missing[0].name)
@@ -96,7 +95,7 @@ def _initial_missing(model: Model) -> Iterator[Fault]:
 @rule("initial-unknowns-extra", "error", "2.2.8", "InitialUnknowns lists a variable that is known or does not count.")
 def _initial_extra(model: Model) -> Iterator[Fault]:
     expected = _expected(model)
-    for unknown in model.unknowns("InitialUnknowns"):
+    for unknown in model.unknowns["InitialUnknowns"]:
         v = model.variable(unknown.index)
         if v is not None and v.index not in expected:
             what = f"{v.causality}, initial {v.initial or 'not given'}"
@@ -105,7 +104,7 @@ def _initial_extra(model: Model) -> Iterator[Fault]:
 
 @rule("initial-unknowns-order", "error", "2.2.8", "InitialUnknowns is not sorted by index.")
 def _initial_order(model: Model) -> Iterator[Fault]:
-    listed = [unknown.index for unknown in model.unknowns("InitialUnknowns")]
+    listed = [unknown.index for unknown in model.unknowns["InitialUnknowns"]]
     if listed != sorted(listed):
         yield Fault("InitialUnknowns is not sorted by index; sort it", _line(model, "InitialUnknowns"))
 

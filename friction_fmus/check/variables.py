@@ -6,6 +6,7 @@ import math
 import re
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import cache
 
 from friction_fmus.check.description import Model, Variable, integer, line_of, real
 from friction_fmus.check.findings import Fault, rule
@@ -96,6 +97,7 @@ def _start_forbidden(model: Model) -> Iterator[Fault]:
 
 @rule("start-outside-limits", "error", "2.2.7", "A start value lies outside of min and max, or is no item.")
 def _start_outside(model: Model) -> Iterator[Fault]:
+    items_of = cache(lambda declared: {integer(item.get("value")) for item in declared.iterfind("Item")})
     for v in model.variables:
         start, low, high = real(v.start), real(v.get("min")), real(v.get("max"))
         if v.type in ("Boolean", "String") or start is None:
@@ -105,7 +107,7 @@ def _start_outside(model: Model) -> Iterator[Fault]:
         if high is not None and start > high:
             yield _at(v, f"{v.name} starts at {v.start}, above its max {v.get('max')}; choose one inside")
         if v.type == "Enumeration" and v.declared is not None:
-            items = {integer(item.get("value")) for item in v.declared.iterfind("Item")}
+            items = items_of(v.declared)
             if items and integer(v.start) not in items:
                 yield _at(v, f"{v.name} starts at {v.start}, which is no item of its type; choose one")
 

@@ -2,6 +2,6 @@
 
 from friction_fmus.codegen.cost import CORES, Core, Cost, measure
 from friction_fmus.codegen.export import export_law
-from friction_fmus.codegen.sources import Export
+from friction_fmus.codegen.layout import Export
 
 __all__ = ["CORES", "Core", "Cost", "Export", "export_law", "measure"]

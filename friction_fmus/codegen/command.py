@@ -24,11 +24,10 @@ def codegen(options: argparse.Namespace) -> None:
 
     start = dict(parse_assignment(text) for text in options.set or ())
     for path in export_law(options.law, options.output, real=options.real, start=start, prefix=options.prefix):
-        console.print(path, highlight=False, soft_wrap=True)
+        console.print(str(path), soft_wrap=True)
     if lacking := missing():
         packages = " ".join(PACKAGES[tool] for tool in lacking)
         console.print(
             f"Not all costs were measured: {' and '.join(lacking)} not found; apt-get install {packages}",
-            highlight=False,
             soft_wrap=True,
         )

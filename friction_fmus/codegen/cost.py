@@ -5,16 +5,17 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.program import program, samples
-from friction_fmus.codegen.sources import Export, header, implementation
+from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.errors import FrictionError
+from harness.scratch import ScratchFolder
 
 COMPILER = "arm-none-eabi-gcc"
 EMULATOR = "qemu-arm"
@@ -101,7 +102,7 @@ def measure(export: Export, core: Core) -> Cost:
     if COMPILER in missing():
         raise FrictionError(f"{COMPILER} is missing; apt-get install {PACKAGES[COMPILER]}")
     p = export.prefix
-    with tempfile.TemporaryDirectory(prefix="friction-fmus-") as scratch:
+    with ScratchFolder("friction-fmus-") as scratch:
         folder = Path(scratch)
         (folder / f"{p}.h").write_text(header(export), encoding="utf-8")
         (folder / f"{p}.c").write_text(implementation(export), encoding="utf-8")
@@ -162,13 +163,16 @@ def run(export: Export, core: Core, given: dict[str, np.ndarray]) -> tuple[np.nd
     FrictionError
         If a tool fails.
     """
-    with tempfile.TemporaryDirectory(prefix="friction-fmus-") as scratch:
+    with ScratchFolder("friction-fmus-") as scratch:
         folder = Path(scratch)
         _build(export, core, folder, given)
         lines = _run(folder, EMULATOR, "-cpu", _CPU, "./program").splitlines()
     kind = "<f4" if export.real.suffix else "<f8"
     rows = [[np.frombuffer(bytes.fromhex(word), kind)[0] for word in line.split()] for line in lines[:-1]]
-    return np.array(rows).reshape(-1, len(export.results)), int.from_bytes(bytes.fromhex(lines[-1]), "little")
+    table = np.array(rows, dtype=float).reshape(len(rows), -1)
+    found = table[:, : len(export.results)].copy()
+    found[:, list(export.result_lows)] += table[:, len(export.results) :]
+    return found, int.from_bytes(bytes.fromhex(lines[-1]), "little")
 
 
 def assembly(export: Export, core: Core, *flags: str) -> str:
@@ -179,7 +183,7 @@ def assembly(export: Export, core: Core, *flags: str) -> str:
     FrictionError
         If the compiler fails.
     """
-    with tempfile.TemporaryDirectory(prefix="friction-fmus-") as scratch:
+    with ScratchFolder("friction-fmus-") as scratch:
         folder = Path(scratch)
         (folder / f"{export.prefix}.h").write_text(header(export), encoding="utf-8")
         (folder / f"{export.prefix}.c").write_text(implementation(export), encoding="utf-8")

@@ -9,13 +9,15 @@ from typing import Literal
 
 from friction_fmus.catalogue import find
 from friction_fmus.codegen.cost import COMPILER, CORES, Cost, measure, missing
+from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.readme import readme
-from friction_fmus.codegen.sources import Export, example, header, implementation
+from friction_fmus.codegen.sources import example, header, implementation
 from friction_fmus.emit import DOUBLE, FLOAT
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.law import BOOLEANS, VECTORS, Law
 from friction_fmus.law_files import discover_laws
 from friction_fmus.law_variables import check_identifier
+from harness.atomic import atomic_path
 
 
 def export_law(
@@ -62,7 +64,8 @@ def export_law(
     folder = Path(out_dir)
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+        with atomic_path(folder / name) as temporary:
+            temporary.write_text(text, encoding="utf-8", newline="\n")
     return tuple(folder / name for name in texts)
 
 
@@ -74,7 +77,7 @@ def make_export(
     prefix: str = "law",
 ) -> Export:
     """What is to be written, checked; arguments and errors as `export_law`."""
-    law = _law(model)
+    law = _law(model).with_room(start or {})
     check_identifier("codegen", "prefix", prefix)
     if prefix == "main":
         raise FrictionError("The prefix main is the name of the example; choose another")

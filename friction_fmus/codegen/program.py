@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from friction_fmus.codegen.sources import INPUTS, Export, number, unit_text
+from friction_fmus.codegen.layout import INPUTS, Export
+from friction_fmus.codegen.sources import number, unit_text
 from friction_fmus.law import BOOLEANS, Variable
 
 _SIZES = {"m": 1e-3, "m/s": 1e-2, "m/s2": 1.0, "rad": 1e-3, "rad/s": 1e-2}
@@ -40,13 +41,14 @@ def samples(export: Export, n: int, seed: int = 1) -> dict[str, np.ndarray]:
 
 
 def program(export: Export, given: dict[str, np.ndarray]) -> str:
-    """The text of the program: for every sample it writes a line with the bytes of the results, at the end the depth of
-    the stack in bytes. With the macro QUIET it runs and writes nothing.
+    """The text of the program: for every sample it writes a line with the bytes of the results and of the lower parts
+    of pairs, at the end the depth of the stack in bytes. With the macro QUIET it runs and writes nothing.
     """
     p, inputs = export.prefix, export.law.select(*INPUTS)
     n = len(next(iter(given.values()))) if given else 1
     rows = ["    {" + ", ".join(number(export, v, float(given[v.name][k])) for v in inputs) + "}," for k in range(n)]
-    write = [f"            hex(&{place.replace('->', '.')}, sizeof({export.real.name}));" for place in export.results]
+    shown = [place.replace("->", ".") for place in (*export.results, *export.result_lows.values())]
+    write = [f"            hex(&{place}, sizeof({export.real.name}));" for place in shown]
     return "\n".join(
         [
             f'#include "{p}.h"',

@@ -6,8 +6,14 @@ import textwrap
 from collections.abc import Callable, Sequence
 
 from friction_fmus.codegen.cost import COMPILER, EMULATOR, FLAGS, PACKAGES, Cost
-from friction_fmus.codegen.sources import Export
+from friction_fmus.codegen.layout import Export
 from friction_fmus.version import VERSION
+
+TRAVEL = (0.0, 0.1, 1.0, 10.0)
+"""Distances from zero [m] at which float is compared with double."""
+
+ACCURACY = 1e-4
+"""Largest difference there of an output, in its rms value."""
 
 
 def readme(export: Export, costs: Sequence[Cost]) -> str:
@@ -44,11 +50,64 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
 * `main.c`: an example, `cc main.c {p}.c -lm`.
 
 {_fill(use)}
-
+{_positions(export)}
 ## Cost
 
 {_table(costs) if costs else _not_measured()}
 """
+
+
+_PAIRS = """
+## Positions
+
+{positions}
+
+```c
+/* from a double, or any type that has the digits */
+inputs.{name} = (float)position;
+inputs.{name}_low = (float)(position - (double)inputs.{name});
+```
+
+```c
+/* from the count n of an encoder of the step q, to 1/2000 of q; n is a long, q a float */
+const float fine = (float)(n % 4096) * q, coarse = (float)(n - n % 4096);
+const float product = coarse * q, rest = fmaf(coarse, q, -product) + fine;
+inputs.{name} = product + rest;
+inputs.{name}_low = rest - (inputs.{name} - product);
+```
+
+{accuracy}
+"""
+
+
+def _positions(export: Export) -> str:
+    """How positions are given in float, and how accurate the law is far from zero."""
+    if not export.real.suffix:
+        return ""
+    loss = ""
+    if export.rounded:
+        loss = f" This law rounds an absolute position to one float before it calls {', '.join(export.rounded)}."
+    if not export.pairs:
+        what = "No two positions are subtracted" if export.positions else "No input is a position"
+        return f"\n{_fill(f'{what}: the relative accuracy does not depend on where the axis stands.{loss}')}\n"
+    names = {group: [v.name for v in members if v.name in export.pairs] for group, members in export.groups.items()}
+    listed = "; ".join(
+        f"{group}: {', '.join(f'`{name}`' for name in found)}" for group, found in names.items() if found
+    )
+    first = names["inputs"][0]
+    text = (
+        "A float resolves 60 nm at 1 m, too little for the difference of two positions. So each absolute position is "
+        f"the sum of two floats: `{first}` is the position rounded to float, `{first}_low` what that leaves. The sum "
+        f"resolves 0.02 pm at 10 m. The variables of this kind are: {listed}. If `{first}_low` stays 0, the position "
+        f"is what `{first}` holds."
+    )
+    distances = ", ".join(f"{distance:g}" for distance in TRAVEL[:-1])
+    accuracy = (
+        f"On motions of 25 µm and of 5 mm about {distances} and {TRAVEL[-1]:g} m the outputs of the laws that come "
+        f"with friction-fmus differ from those in double by less than {ACCURACY:g} of their rms value."
+    )
+    accuracy += loss
+    return _PAIRS.format(name=first, positions=_fill(text), accuracy=_fill(accuracy))
 
 
 def _fill(text: str, indent: str = "") -> str:

@@ -5,92 +5,22 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
-from casadi import Function
+import numpy as np
 
 from friction_fmus.catalogue import source_folder
-from friction_fmus.emit import Kernel, Real, kernel
-from friction_fmus.law import BOOLEANS, VECTORS, Kind, Law, Variable
+from friction_fmus.codegen.layout import Export
+from friction_fmus.emit import Real
+from friction_fmus.law import BOOLEANS, Kind, Variable
 from friction_fmus.law_conditions import PARAMETERS
-from friction_fmus.law_variables import FAULT
 from friction_fmus.version import VERSION
-
-INPUTS = (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND)
-STATES = (Kind.STATE, Kind.STATES)
-
-Values = Mapping[str, tuple[float, ...]]
 
 _C89 = {
     *("acos", "asin", "atan", "atan2", "ceil", "cos", "cosh", "exp", "fabs", "floor", "fmod", "log", "pow", "sin"),
     *("sinh", "sqrt", "tan", "tanh"),
 }
 """Functions that <math.h> has had from the beginning, in double."""
-
-
-@dataclass(frozen=True)
-class Export:
-    """A law, and how it is to be written.
-
-    Attributes
-    ----------
-    law : Law
-        The law.
-    real : Real
-        Type of all numbers.
-    prefix : str
-        Of files, types and functions.
-    start : mapping of str to tuple of float
-        Start values of inputs, states and parameters, by variable.
-    """
-
-    law: Law
-    real: Real
-    prefix: str
-    start: Values
-
-    @property
-    def groups(self) -> dict[str, tuple[Variable, ...]]:
-        """Members of the structs by the struct's name, in the order of the arguments of ``step``."""
-        return {
-            "parameters": self.law.select(*PARAMETERS),
-            "states": self.law.select(*STATES),
-            "inputs": self.law.select(*INPUTS),
-            "outputs": (*self.law.select(Kind.OUTPUT), FAULT),
-        }
-
-    @property
-    def kernel(self) -> Kernel:
-        """One sample, as statements on the structs."""
-        return self.statements(self.law.function, self.law.given, self.results)
-
-    @property
-    def results(self) -> list[str]:
-        """C expressions of the scalars that a sample writes, in the order of the law's function."""
-        return [place for variable in self.law.results for place in self.places(variable)]
-
-    def statements(self, function: Function, given: Sequence[Variable], writes: Sequence[str]) -> Kernel:
-        """A function of variables of the structs, as statements."""
-        scalars = [variable for variable in given for _ in variable.starts]
-        return kernel(
-            function,
-            [place for variable in given for place in self.places(variable)],
-            writes,
-            real=self.real,
-            conditions=[i for i, variable in enumerate(scalars) if variable.kind in BOOLEANS],
-        )
-
-    def places(self, variable: Variable) -> list[str]:
-        """C expressions of its scalars, behind pointers with the names of the structs."""
-        group = next(name for name, members in self.groups.items() if variable in members)
-        name = f"{group}->{variable.name}"
-        return [f"{name}[{i}]" for i in range(len(variable.starts))] if variable.kind in VECTORS else [name]
-
-    def member(self, variable: Variable) -> str:
-        """Declaration of a member."""
-        kind = "int" if variable.kind in (*BOOLEANS, Kind.FLAG) else self.real.name
-        return f"{kind} {variable.name}{f'[{len(variable.starts)}]' if variable.kind in VECTORS else ''}"
 
 
 def si_units() -> dict[str, str]:
@@ -133,6 +63,9 @@ def _struct(export: Export, group: str) -> list[str]:
         given = variable.kind in PARAMETERS and variable.kind not in BOOLEANS
         text = f"{f'[{unit}] ' if unit else ''}{variable.text}{_range(variable) if given else ''}"
         lines.append(f"    {export.member(variable)}; {comment(text)}")
+        if variable.name in export.pairs:
+            low = export.member(replace(variable, name=f"{variable.name}_low"))
+            lines.append(f"    {low}; {comment(f'{variable.name} without what is in {variable.name}')}")
     if not export.groups[group]:
         lines.append("    char none;")
     return [*lines, f"}} {export.prefix}_{group};", ""]
@@ -191,6 +124,7 @@ def _rules(export: Export) -> list[tuple[str, str]]:
         if variable.kind in BOOLEANS:
             continue
         parts = []
+        parts += [f"FINITE({low})" for low in export.lows(variable)]
         for place in export.places(variable):
             parts.append(f"FINITE({place})")
             if math.isfinite(variable.min):
@@ -230,12 +164,17 @@ def _check(export: Export) -> list[str]:
 def _init(export: Export) -> list[str]:
     """The function that sets start values."""
     p = export.prefix
-    lines = [
-        f"    {place} = {number(export, variable, value)};"
-        for variable in export.law.given
-        for place, value in zip(export.places(variable), export.start[variable.name], strict=True)
-    ]
-    lines += [f"    outputs->{v.name} = {export.real.literal(0.0)};" for v in export.law.select(Kind.OUTPUT)]
+    lines = []
+    for variable in export.law.given:
+        values = export.start[variable.name]
+        lows = [value - float(np.float32(value)) for value in values]
+        lines += [
+            f"    {place} = {number(export, variable, value)};"
+            for places, parts in ((export.places(variable), values), (export.lows(variable), lows))
+            for place, value in zip(places, parts, strict=False)
+        ]
+    results = [place for v in export.law.select(Kind.OUTPUT) for place in (*export.places(v), *export.lows(v))]
+    lines += [f"    {place} = {export.real.literal(0.0)};" for place in results]
     return [
         f"void {p}_init({p}_parameters *parameters, {p}_states *states, {p}_inputs *inputs, {p}_outputs *outputs)",
         "{",
@@ -253,7 +192,8 @@ def implementation(export: Export) -> str:
     given = f"const {p}_parameters *parameters, {p}_states *states, const {p}_inputs *inputs, {p}_outputs *outputs"
     text = "\n".join(body.lines)
     unused = [f"    (void){group};" for group in ("parameters", "states") if f"{group}->" not in text]
-    reals = [f"inputs->{v.name}" for v in export.law.select(Kind.INPUT, Kind.OPTIONAL)]
+    moved = export.law.select(Kind.INPUT, Kind.OPTIONAL)
+    reals = [place for v in moved for place in (*export.places(v), *export.lows(v))]
     finite = "\n                       && ".join(f"FINITE({place})" for place in reals) or "1"
     return "\n".join(
         [
@@ -299,7 +239,7 @@ def _prototypes(real: Real, functions: frozenset[str]) -> list[str]:
     return [
         "#if !defined __STDC_VERSION__ || __STDC_VERSION__ < 199901L",
         *(
-            f"{real.name} {name}({', '.join([real.name] * (2 if name.removesuffix(real.suffix) in TWO else 1))});"
+            f"{real.name} {name}({', '.join([real.name] * _ARGUMENTS.get(name.removesuffix(real.suffix), 1))});"
             for name in new
         ),
         "#endif",
@@ -307,8 +247,8 @@ def _prototypes(real: Real, functions: frozenset[str]) -> list[str]:
     ]
 
 
-TWO = ("pow", "atan2", "fmod", "copysign", "hypot", "remainder")
-"""Functions of two numbers."""
+_ARGUMENTS = {**dict.fromkeys(("pow", "atan2", "fmod", "copysign", "hypot", "remainder"), 2), "fma": 3}
+"""Number of arguments of the functions that have more than one."""
 
 
 def example(export: Export) -> str:

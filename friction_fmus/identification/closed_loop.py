@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +15,7 @@ from friction_fmus.package import build_record
 from friction_fmus.study.config import Servo
 from friction_fmus.study.loop import Plant, Task, closed_loop, run_loop, typed
 from harness import System
+from harness.scratch import ScratchFolder
 
 from .errors import FitError
 from .idim import filtered_motion
@@ -172,7 +172,7 @@ def identify_closed_loop(
     if not unknowns:
         raise FitError(f"All parameters of {contact.name} are fixed; leave at least one to be identified.")
     rest = {**opened.fixed, **{name: opened.parameters[name].value for name in (*unseen, *kept)}}
-    with tempfile.TemporaryDirectory(prefix="friction-fmus-axis-") as folder:
+    with ScratchFolder("friction-fmus-axis-") as folder:
         run = replace(write_axis(contact, axis, Path(folder)), fixed=tuple(rest.items()))
         target = Target(axis.record.column("q"), QUANTA * (axis.servo.quantum or 5e-8))
         lag = round(CORRELATED / axis.servo.Ts)
@@ -218,7 +218,7 @@ def axis_response(result: Identification, record: Record, step: float = FIT_STEP
     if result.servo is None:
         raise FitError("This identification was not made in a closed loop; give identify an axis with its servo.")
     contact = contact_model(result.block, record.units)
-    with tempfile.TemporaryDirectory(prefix="friction-fmus-axis-") as folder:
+    with ScratchFolder("friction-fmus-axis-") as folder:
         run = write_axis(contact, MeasuredAxis(record, result.servo), Path(folder), step)
         found = run(result.values())
         _SYSTEMS.clear()

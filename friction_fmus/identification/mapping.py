@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from harness.files import reason
+from harness.toml_file import read_toml
+from harness.values import is_line, number, shown
 
 from .errors import RecordError
 from .quantities import QUANTITY, fits, parse_quantity, times, unit_of
@@ -72,11 +75,11 @@ def load_mapping(path: Path) -> DataMapping:
         The file is missing, is no TOML, or does not say what a mapping says.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = read_toml(path)
     except FileNotFoundError as error:
         raise RecordError(f"There is no file {path}; give the path of a data file or of its mapping.") from error
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise RecordError(f"{path} cannot be read as TOML ({error}); repair it.") from error
+    except (OSError, ValueError) as error:
+        raise RecordError(f"{path} cannot be read as TOML ({reason(error)}); repair it.") from error
     return read_mapping(table, path.parent, str(path))
 
 
@@ -105,8 +108,8 @@ def read_mapping(table: Mapping[str, Any], folder: Path, origin: str = "The mapp
     data = _table(table, "data", origin)
     _known(data, ("file", "name", "citation"), f"{origin}, [data],", "key")
     for key, value in data.items():
-        if not isinstance(value, str):
-            raise RecordError(f"{origin}, [data], has {key} = {value!r}; give a text.")
+        if not isinstance(value, str) or (key == "file" and not is_line(value)):
+            raise RecordError(f"{origin}, [data], has {key} = {shown(value)}; give a text.")
     columns = {role: _column(role, value, origin) for role, value in _table(table, "columns", origin).items()}
     if columns:
         if "time" not in columns:
@@ -131,7 +134,7 @@ def read_windows(table: Mapping[str, Any], where: str) -> dict[str, tuple[float,
     for name, pair in table.items():
         times = [float(t) for t in pair if type(t) in (int, float)] if isinstance(pair, (list, tuple)) else []
         if len(times) != 2 or len(pair) != 2 or not times[0] < times[1]:
-            raise RecordError(f"{where} has {name} = {pair!r}; give begin and end in s, the earlier one first.")
+            raise RecordError(f"{where} has {name} = {shown(pair)}; give begin and end in s, the earlier one first.")
         windows[name] = (times[0], times[1])
     if set(windows) == {"validation"}:
         raise RecordError(f"{where} has a window for validation only; give one for train, too.")
@@ -145,13 +148,13 @@ def read_windows(table: Mapping[str, Any], where: str) -> dict[str, tuple[float,
 def _known(table: Mapping[str, Any], names: tuple[str, ...], origin: str, noun: str) -> None:
     unknown = [name for name in table if name not in names]
     if unknown:
-        raise RecordError(f"{origin} has the unknown {noun} {unknown[0]!r}; known are {', '.join(names)}.")
+        raise RecordError(f"{origin} has the unknown {noun} {shown(unknown[0])}; known are {', '.join(names)}.")
 
 
 def _table(table: Mapping[str, Any], name: str, origin: str) -> Mapping[str, Any]:
     value = table.get(name, {})
     if not isinstance(value, Mapping):
-        raise RecordError(f"{origin} has {name} = {value!r}; make it a table [{name}].")
+        raise RecordError(f"{origin} has {name} = {shown(value)}; make it a table [{name}].")
     return value
 
 
@@ -159,25 +162,25 @@ def _column(role: str, value: Any, origin: str) -> Column:
     """One entry of ``[columns]``: a heading, or a table with column, unit, gain and sign."""
     where = f"{origin}, [columns], {role},"
     if role not in ROLES:
-        raise RecordError(f"{origin} has the unknown role {role!r} in [columns]; known are {', '.join(ROLES)}.")
+        raise RecordError(f"{origin} has the unknown role {shown(role)} in [columns]; known are {', '.join(ROLES)}.")
     if isinstance(value, str):
         return Column(value)
     if not isinstance(value, Mapping):
-        raise RecordError(f'{where} is {value!r}; write {{ column = "heading", unit = "..." }}.')
+        raise RecordError(f'{where} is {shown(value)}; write {{ column = "heading", unit = "..." }}.')
     keys = ("column", "unit", "gain", "sign", *(("period",) if role == "time" else ()))
     _known(value, keys, where, "key")
     if ("column" in value) == ("period" in value):
         choice = "either column or period" if role == "time" else "column"
         raise RecordError(f'{where} needs {choice}; write {{ column = "heading", unit = "..." }}.')
     for key in ("column", "unit", "period"):
-        if key in value and not isinstance(value[key], str):
-            raise RecordError(f"{where} has {key} = {value[key]!r}; give a text.")
+        if key in value and (not isinstance(value[key], str) or (key != "column" and not is_line(value[key]))):
+            raise RecordError(f"{where} has {key} = {shown(value[key])}; give a text.")
     sign = value.get("sign", 1)
     if isinstance(sign, bool) or sign not in (1, -1):
-        raise RecordError(f"{where} has sign = {sign!r}; give 1 or -1.")
-    found = Column(
-        value.get("column", ""), value.get("unit", ""), str(value.get("gain", "")), int(sign), value.get("period", "")
-    )
+        raise RecordError(f"{where} has sign = {shown(sign)}; give 1 or -1.")
+    if not isinstance(gain := value.get("gain", ""), str) and number(gain) is None:
+        raise RecordError(f"{where} has gain = {shown(gain)}; give a number with its unit, such as '35.15 N/V'.")
+    found = Column(value.get("column", ""), value.get("unit", ""), str(gain), int(sign), value.get("period", ""))
     _check_units(role, found, where)
     return found
 

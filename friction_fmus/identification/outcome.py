@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -79,6 +80,9 @@ def write_outcome(
             files = sorted(file.name for file in stage.iterdir())
             for name in files:
                 (stage / name).replace(out / name)
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        raise IdentificationError(f"Cannot write to {out} ({reason}); make room or give another folder.") from error
     finally:
         if new and not any(out.iterdir()):
             out.rmdir()

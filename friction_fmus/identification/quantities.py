@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
-from functools import cache
 
-import pint
-
-from friction_fmus.units import BASE_UNITS
-from harness.units import BASE_SYMBOLS, BaseUnit, parse_unit
+from friction_fmus.units import everyday_unit
+from harness.units import BASE_SYMBOLS, LONGEST_UNIT, BaseUnit, parse_unit
 
 from .errors import RecordError
 from .record import LINEAR, ROTARY, AxisUnits
@@ -24,27 +22,19 @@ QUANTITY = {
 }
 """Role of a column -> physical quantity."""
 
+_LONGEST = 2 * LONGEST_UNIT
+"""Characters of a number with its unit."""
+
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
 
 
-@cache
-def _registry() -> pint.UnitRegistry[float]:
-    return pint.UnitRegistry()
-
-
-@cache
 def unit_of(text: str) -> BaseUnit | None:
     """Base unit of a unit name such as ``mm``, ``N.m``, ``rpm``; None where it is not understood."""
     known = parse_unit(text)
     if known is not None or not text.strip():
         return known
-    try:  # rarer ones, such as rpm, inch, lbf, °
-        expression = re.sub(r"([A-Za-z])(-?\d+)", r"\1**\2", text.strip().replace(".", "*"))
-        quantity = _registry().Quantity(1.0, _registry().parse_units(expression)).to_base_units()
-        powers = {BASE_UNITS[name]: round(float(str(power))) for name, power in quantity.unit_items()}
-    except Exception:  # pint raises many kinds, also for bad syntax and for units with an offset
-        return None
-    return BaseUnit(tuple(powers.get(symbol, 0) for symbol in BASE_SYMBOLS), float(quantity.magnitude))
+    rare = everyday_unit(text)
+    return None if rare is None else BaseUnit(tuple(rare.exponents.get(s, 0) for s in BASE_SYMBOLS), rare.factor)
 
 
 def wanted_unit(role: str, units: AxisUnits) -> str:
@@ -83,10 +73,13 @@ def parse_quantity(text: str | float, where: str) -> tuple[float, BaseUnit]:
     RecordError
         It is no number with a known unit; `where` begins the sentence.
     """
-    match = _NUMBER.fullmatch(str(text)) if not isinstance(text, bool) else None
+    given = str(text)
+    match = _NUMBER.fullmatch(given) if len(given) <= _LONGEST and not isinstance(text, bool) else None
     unit = unit_of(match[2] or "1") if match else None
-    if match is None or unit is None or float(match[1]) == 0.0:
-        raise RecordError(f"{where} is {text!r}, which is no number with a known unit; write it like '35.15 N/V'.")
+    if match is None or unit is None or not 0.0 < abs(float(match[1])) < math.inf:
+        raise RecordError(
+            f"{where} is {given[:_LONGEST]!r}, which is no number with a known unit; write it like '35.15 N/V'."
+        )
     return float(match[1]), unit
 
 

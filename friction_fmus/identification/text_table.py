@@ -14,6 +14,8 @@ from typing import IO
 
 import numpy as np
 
+from harness.files import LARGEST_DATA
+
 from .errors import RecordError
 from .findings import Finding
 from .tables import Table, from_arrow
@@ -77,7 +79,9 @@ def split_unit(heading: str) -> tuple[str, str]:
 def _decoded(path: Path) -> str:
     opener: Callable[..., IO[bytes]] = {".gz": gzip.open, ".xz": lzma.open}.get(path.suffix.lower(), open)  # type: ignore[assignment]
     with opener(path, "rb") as file:
-        content = file.read()
+        content = file.read(LARGEST_DATA + 1)
+    if len(content) > LARGEST_DATA:
+        raise RecordError(f"{path} holds more than {LARGEST_DATA} bytes of text; give a part of it.")
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         return content.decode("utf-16")
     try:

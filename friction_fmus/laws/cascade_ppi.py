@@ -46,7 +46,7 @@ def cascade_ppi(
     integral: SX = State(LENGTH, 0.0, "integral of the velocity error w", nominal=1e-3),
     kp: SX = Parameter("1/s", 30.0, "gain of the position loop", min=0.0),
     kv: SX = Parameter(DAMPING, 190.0, "proportional gain of the velocity loop", min=0.0),
-    ki: SX = Parameter(STIFFNESS, 6e3, "integral gain of the velocity loop", min=0.0),
+    ki: SX = Parameter(STIFFNESS, 0.0, "integral gain of the velocity loop, 0: P", min=0.0),
     m: SX = Parameter(MASS, 0.0, "mass of the inertia feedforward, 0: none", min=0.0),
     u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
     u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),

@@ -13,12 +13,13 @@ from friction_fmus.law import (
     Input,
     Output,
     Parameter,
+    Size,
     State,
     Switch,
     law,
 )
 
-LONGEST = 32  # samples of preview
+LONGEST = 32  # samples of preview, unless more are chosen when the FMU is built
 POLES = 4
 ZEROS = 2
 
@@ -48,6 +49,7 @@ def square(pair: SX) -> SX:
         "zero and pair not 1": lambda zero, pair: logic_and(zero != 1.0, logic_or(pair[0] != 1.0, pair[1] != 0.0)),
         "preview >= 2 with a pair": lambda preview, pair: logic_or(preview >= 2.0, square(pair) == 0.0),
     },
+    sizes={"preview": Size(("line",), most=1024)},
 )
 def discrete_inverse(
     r: SX = Input(LENGTH, 0.0, "reference position, preview + 1 samples early"),
@@ -106,7 +108,8 @@ def discrete_inverse(
 
     Use it for plants with delays of a part of a sample, with more than two poles above the zeros, or with an inverse
     response, where derivatives of the reference are not enough. The other controllers follow r_now, not r. An error of
-    1e-6 needs N = 14 / ln|zero| samples.
+    1e-6 needs N = 14 / ln|zero| samples. For N above 32, up to 1024, give preview that start value
+    when the FMU is built or the C is written: it is fixed then, and a sample takes about N/32 times as long.
 
     In the first sample, and one with reset, the plant is taken to rest at r: u is the force that holds it there. While
     enable is false u, u_sat, r_now and the states are 0. The limits do not act on the states. N is rounded down.
@@ -117,28 +120,26 @@ def discrete_inverse(
     u_min must not exceed u_max.
     """
     N = floor(preview)
+    longest = line.numel() - 1
     fresh = logic_not(logic_and(started, logic_not(reset)))
-    past = [r, *(if_else(fresh, r, line[j]) for j in range(LONGEST + 1))]
+    past = [r, *(if_else(fresh, r, line[j]) for j in range(longest + 1))]
     p, n = 2.0 * pair[0], square(pair)
     paired = n > 0.0
     zero = if_else(paired, 0.0, zero)
     single = zero != 0.0
     over_n, over_zero = 1.0 / if_else(paired, n, 1.0), 1.0 / if_else(single, zero, 1.0)
 
-    def delayed(count: SX) -> SX:
-        chosen = past[0]
-        for j in range(1, LONGEST + 2):
-            chosen = if_else(count == j, past[j], chosen)
-        return chosen
-
     # w[k+N], w[k+N-1], ... w[k] by w[i] - zero w[i-1] = s[i], or w[i] - p w[i-1] + n w[i-2] = s[i], solved for the last
     first, second = if_else(paired, p * over_n, over_zero), if_else(paired, -over_n, 0.0)
     later, series = SX(0.0), SX(0.0)
-    for j in range(LONGEST):
+    after, now, ahead, beyond = past[:1] * 4  # N + 1, N, N - 1 and N - 2 samples late
+    for j in range(longest):
+        within = j < N if longest == LONGEST else SX(1.0)  # else every sample counts
         newer = if_else(paired, over_n * past[j - 1] if j else 0.0, -over_zero * past[j])
         found = first * series + second * later + newer
-        later, series = if_else(j < N, series, later), if_else(j < N, found, series)
-    now, ahead, beyond = delayed(N), delayed(N - 1.0), delayed(N - 2.0)
+        later, series = if_else(within, series, later), if_else(within, found, series)
+        after, now = if_else(within, past[j + 2], after), if_else(within, past[j + 1], now)
+        ahead, beyond = if_else(within, past[j], ahead), if_else(within, past[max(j - 1, 0)], beyond)
     gap = 1.0 - zero - p + n
     even = (now - (zero + p) * ahead + n * beyond) / if_else(gap == 0.0, 1.0, gap) ** 2
     w_now = if_else(zero_phase, even, if_else(logic_or(paired, single), series, now))
@@ -155,8 +156,8 @@ def discrete_inverse(
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
         "u_sat": if_else(enable, limits(wanted, u_min, u_max), 0.0),
-        "r_now": if_else(enable, delayed(N + 1.0), 0.0),
-        "line": kept(past[: LONGEST + 1]),
+        "r_now": if_else(enable, after, 0.0),
+        "line": kept(past[: longest + 1]),
         "w": kept([w_now, *w_past[: POLES - 1]]),
         "force": kept([wanted, *u_past[: ZEROS - 1]]),
         "started": if_else(enable, 1.0, 0.0),

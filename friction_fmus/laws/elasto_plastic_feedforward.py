@@ -40,7 +40,7 @@ def approach(y: SX, k: SX, p: SX) -> SX:
     """
 
     def rate(a: SX) -> SX:
-        grown = expm1(at_most(k * a, 300.0))
+        grown = expm1(at_most(k * a, 80.0))
         c = 0.5 * math.pi / k * grown
         return 1.0 - 2.0 * k / math.pi * (c - c**2 * atan2(1.0, c)) / (1.0 + grown)
 
@@ -53,7 +53,7 @@ def approach(y: SX, k: SX, p: SX) -> SX:
         k4 = rate(a + step * k3)
         a += step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     a += if_else(p > 8.0, p - 8.0, 0.0)
-    return if_else(k * p > 45.0, 0.0, 2.0 / math.pi * atan2(1.0, 0.5 * math.pi / k * expm1(at_most(k * a, 300.0))))
+    return if_else(k * p > 45.0, 0.0, 2.0 / math.pi * atan2(1.0, 0.5 * math.pi / k * expm1(at_most(k * a, 80.0))))
 
 
 def slid(z: SX, u: SX, z_max: SX, z_ba: SX) -> SX:

@@ -96,8 +96,9 @@ def gms_feedforward(
 
     Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (the model); Lampaert, Swevers, Al-Bender, American Control
     Conference, 2004, where it is the best of Dahl, LuGre, Leuven and GMS in feedforward about presliding (from a
-    summary, the papers were not read). Parameters and start values as in the friction block GMS; alpha_i are used as
-    alpha_i / (alpha_1 + ... + alpha_N), a sum that must be above 0. N is rounded up.
+    summary, the papers were not read). Parameters and start values as in the friction block GMS, but with one
+    attraction C for all elements; alpha_i are used as alpha_i / (alpha_1 + ... + alpha_N), a sum that must be above 0.
+    N is rounded up.
 
     F_hat is the force of the block GMS at the end of a step with the velocity w, if rd is w. An element that reaches
     its level within a sample is put there: left to the attraction C alone, as the equations of the model sampled by

@@ -29,13 +29,13 @@ class Loop:
     m : float
         Mass [kg].
     Kp, Kd, Ki : float
-        Gains [N/m], [N.s/m], [N/(m.s)].
+        Gains [N/m], [N.s/m], [N/(m.s)]; Ki = 0 for PD control.
     """
 
     m: float
     Kp: float
     Kd: float
-    Ki: float = 0.0
+    Ki: float
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,9 @@ from .loop import Placed, Plant, block
 
 Values: TypeAlias = Mapping[str, float]
 
+SHARP: Final = 100.0
+"""Sharpness n with which a modified Leuven model slides where all its elements slip, as one of Maxwell slip."""
+
 
 @dataclass(frozen=True)
 class Known:
@@ -140,6 +143,19 @@ def _elastic(known: Known, model: Values) -> Values:
     return {"elastic": min(max(model.get("z_ba", 0.7 * limit) / limit, 0.0), 0.99)}
 
 
+def _elements_of_gms(known: Known, model: Values) -> Values:
+    """The elements of GMS, which slip one after the other: no other rounding of the transition, no bristle damping.
+
+    `identify` does not take ModifiedLeuven: its sharpness n and the elements are correlated in a record.
+    """
+    level = max(model["Fs"], model["Fc"])
+    shares = {name: value for name, value in model.items() if name.startswith("alpha[")}
+    total = sum(shares.values()) or 1.0
+    # together a little more than the level, below which the deflection would grow without bound
+    slip = {name.replace("alpha", "W"): (1.0 + 1e-9) * level * share / total for name, share in shares.items()}
+    return {"mass": 0.0, "n": SHARP, "sigma1": 0.0, **slip}
+
+
 def _predictive(known: Known, model: Values) -> Values:
     share = 1.0 - exp(-2.0 * pi * known.corner * known.Ts)  # of the new sample
     size = max(known.level, 1e-9)
@@ -173,7 +189,7 @@ CANDIDATES: Final[Mapping[str, Candidate]] = {
     "ElastoPlasticFeedforward": Candidate("feedforward", ("ElastoPlastic",), more=_inertia()),
     "GMSFeedforward": Candidate("feedforward", ("GMS",), more=_inertia()),
     "LeuvenFeedforward": Candidate("feedforward", ("Leuven",), more=_inertia("mass")),
-    "ModifiedLeuvenFeedforward": Candidate("feedforward", ("ModifiedLeuven",), more=_inertia("mass")),
+    "ModifiedLeuvenFeedforward": Candidate("feedforward", ("GMS",), more=_elements_of_gms),
     "InverseDynamics": Candidate("feedforward", ("Viscous", "Stribeck"), more=_inertia()),
     "StaticFeedback": Candidate("model feedback", _STRIBECK, more=_static_feedback),
     "TustinFeedback": Candidate(

@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 from friction_fmus.errors import FrictionError, nearest
+from harness.files import reason
+from harness.toml_file import read_toml
+from harness.values import number, shown, texts
 
 GAINS: Final[Mapping[str, tuple[str, ...]]] = {"CascadePPI": ("kp", "kv", "ki"), "PID": ("Kp", "Kd", "Ki")}
-"""Law of the servo -> names of its gains; the last one may be left out, which is 0."""
+"""Law of the servo -> names of its gains."""
+
+LEFT_OUT: Final[Mapping[str, float]] = {"ki": 0.0}
+"""Gain that may be left out -> its value then, which is the start value of the law."""
 
 RECORDS: Final = ("emps", "tribometer", "demo")
 """Records that come with the package, and names of the studies of them."""
 
 ALL: Final = "all"
+
+PERIODS: Final = (1e-6, 0.1)
+"""Shortest and longest sampling period of a servo [s]."""
+
+LONGEST_WINDOW: Final = 64
+"""Samples of the velocity estimate, as of the block Differentiator."""
 
 _TABLES = ("data", "columns", "windows", "servo", "identify", "compensation")
 
@@ -62,7 +73,7 @@ class Servo:
     @property
     def pid(self) -> tuple[float, float, float]:
         """The same feedback as PID: Kp [N/m], Kd [N.s/m], Ki [N/(m.s)]."""
-        first, second, third = (self.gains.get(name, 0.0) for name in GAINS[self.law])
+        first, second, third = (self.gains[name] for name in GAINS[self.law])
         return (first, second, third) if self.law == "PID" else (second * first + third, second, third * first)
 
 
@@ -142,9 +153,9 @@ def load_config(what: str | Path) -> StudyConfig:
         choice = ", ".join(RECORDS)
         raise ConfigError(f"There is no file {what}{hint}; give the path of a configuration or one of {choice}.")
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"{path} cannot be read as TOML ({error}); repair it.") from error
+        table = read_toml(path)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path} cannot be read as TOML ({reason(error)}); repair it.") from error
     return parse_config(table, path.parent, str(what))
 
 
@@ -177,21 +188,29 @@ def _servo(table: _Table) -> Servo:
     names = GAINS[law]
     other = ("law", "Ts", "force_limit", "window", "quantum", "velocity_feedforward", "mass")
     table.known((*names, *other))
-    gains = {name: table.number(name, low=0.0, above=name != names[-1]) for name in names[:-1]}
-    gains[names[-1]] = table.number(names[-1], 0.0, low=0.0)
-    window = table.number("window", 2.0, low=1.0)
+    gains = {name: table.number(name, low=0.0, above=True) for name in names[:-1]}
+    window = table.number("window", 2.0, low=1.0, high=LONGEST_WINDOW)
     if window != int(window):
         raise ConfigError(f"{table.where} has window = {window:g}; give a whole number of samples.")
     return Servo(
         law,
-        gains,
-        Ts=table.number("Ts", low=0.0, above=True),
+        Ts=_period(table),
         force_limit=table.number("force_limit", low=0.0, above=True),
         window=int(window),
         quantum=table.number("quantum", 0.0, low=0.0),
         velocity_feedforward=table.flag("velocity_feedforward", False),
         mass=table.number("mass", low=0.0, above=True) if "mass" in table.content else None,
+        gains={**gains, names[-1]: table.number(names[-1], LEFT_OUT.get(names[-1]), low=0.0)},
     )
+
+
+def _period(table: _Table) -> float:
+    """The sampling period, in a range in which a record can be made and judged."""
+    least, most = PERIODS
+    Ts = table.number("Ts", low=0.0, above=True)
+    if not least <= Ts <= most:
+        raise ConfigError(f"{table.where} has Ts = {Ts:g}; give a sampling period from {least:g} to {most:g} s.")
+    return Ts
 
 
 def _compensation(table: _Table) -> Compensation:
@@ -219,7 +238,7 @@ class _Table:
 
     def __post_init__(self) -> None:
         if not isinstance(self.content, Mapping):
-            raise ConfigError(f"{self.where} is {self.content!r}; make it a table.")
+            raise ConfigError(f"{self.where} is {shown(self.content)}; make it a table.")
 
     def known(self, keys: tuple[str, ...]) -> None:
         _known(self.content, keys, self.where, "key")
@@ -228,39 +247,40 @@ class _Table:
         value = self._value(key)
         if value not in choices:
             hint = nearest(value, choices) if isinstance(value, str) else ""
-            raise ConfigError(f"{self.where} has {key} = {value!r}{hint}; give one of {', '.join(choices)}.")
+            raise ConfigError(f"{self.where} has {key} = {shown(value)}{hint}; give one of {', '.join(choices)}.")
         return str(value)
 
     def flag(self, key: str, default: bool) -> bool:
         value = self.content.get(key, default)
         if not isinstance(value, bool):
-            raise ConfigError(f"{self.where} has {key} = {value!r}; give true or false.")
+            raise ConfigError(f"{self.where} has {key} = {shown(value)}; give true or false.")
         return value
 
     def number(
         self, key: str, default: float | None = None, *, low: float, high: float = math.inf, above: bool = False
     ) -> float:
         value = self._value(key) if default is None else self.content.get(key, default)
-        ok = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-        if not ok or not low <= value <= high or (above and value == low):
+        found = number(value)
+        if found is None or not (low <= found <= high and found < math.inf) or (above and found == low):
             limits = f"above {low:g}" if above else f"from {low:g}" + (f" to {high:g}" if high < math.inf else "")
-            raise ConfigError(f"{self.where} has {key} = {value!r}; give a number {limits}.")
-        return float(value)
+            raise ConfigError(f"{self.where} has {key} = {shown(value)}; give a number {limits}.")
+        return found
 
     def numbers(self, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
         values = self.content.get(key, list(default))
-        right = isinstance(values, list) and values
-        if not right or any(isinstance(v, bool) or not isinstance(v, (int, float)) or not 0 < v <= 2 for v in values):
-            raise ConfigError(f"{self.where} has {key} = {values!r}; give a list of numbers above 0 and up to 2.")
-        return tuple(float(value) for value in values)
+        found = [number(value) for value in values] if isinstance(values, list) else []
+        if not found or any(value is None or not 0 < value <= 2 for value in found):
+            raise ConfigError(f"{self.where} has {key} = {shown(values)}; give a list of numbers above 0 and up to 2.")
+        return tuple(value for value in found if value is not None)
 
     def names(self, key: str) -> tuple[str, ...] | str:
         values = self.content.get(key, ALL)
         if values == ALL:
             return ALL
-        if not (isinstance(values, list) and values and all(isinstance(value, str) for value in values)):
-            raise ConfigError(f'{self.where} has {key} = {values!r}; give "all" or a list of names.')
-        return tuple(dict.fromkeys(values))
+        names = texts(values)
+        if not names:
+            raise ConfigError(f'{self.where} has {key} = {shown(values)}; give "all" or a list of names.')
+        return tuple(dict.fromkeys(names))
 
     def _value(self, key: str) -> Any:
         if key not in self.content:
@@ -272,4 +292,4 @@ def _known(content: Mapping[str, Any], names: tuple[str, ...], where: str, noun:
     for name in content:
         if name not in names:
             hint = nearest(name, names)
-            raise ConfigError(f"{where} has the unknown {noun} {name!r}{hint}; known are {', '.join(names)}.")
+            raise ConfigError(f"{where} has the unknown {noun} {shown(name)}{hint}; known are {', '.join(names)}.")

@@ -24,7 +24,7 @@ import numpy as np
 import harness
 from friction_fmus.catalogue import source_folder
 from friction_fmus.version import VERSION
-from harness.atomic import atomic_path
+from harness.cache import keep, kept
 
 from .result import plain
 
@@ -86,17 +86,15 @@ class Store:
     def get(self, job: Job) -> Any:
         """The result of a job, or None."""
         try:
-            content = json.loads(self._path(job).read_text(encoding="utf-8"))
-            result = rebuild(job.kind, content)
-        except (OSError, ValueError, TypeError, KeyError):
-            return None  # not there, or written by something else: it is done again
+            result = rebuild(job.kind, json.loads(kept(self._path(job)) or b""))
+        except (ValueError, TypeError, KeyError):
+            return None  # not there, damaged, or written by something else: it is done again
         self.reused += 1
         return result
 
     def put(self, job: Job, result: Any) -> None:
         """Keep the result of a job; the file is complete or not there."""
-        with atomic_path(self._path(job)) as temporary:
-            temporary.write_text(json.dumps(plain(asdict(result))), encoding="utf-8")
+        keep(self._path(job), json.dumps(plain(asdict(result))).encode())
 
     def _path(self, job: Job) -> Path:
         return self.folder / f"{job.name}-{job.key}.json"

@@ -3,6 +3,7 @@
 #ifndef DRIVE_H
 #define DRIVE_H
 
+#include "floats.h"
 #include "part.h"
 
 typedef struct {
@@ -29,8 +30,7 @@ static bool stopped(Drive *d, int operation, int status)
     return status > 1;
 }
 
-/* Runs from sample 0 to samples - 1; returns the sample at which it failed, `samples` if at none. */
-EXPORT int64_t engine_drive(Drive *d, int64_t samples)
+static int64_t drive(Drive *d, int64_t samples)
 {
     const size_t n = (size_t)d->input_count, outputs = (size_t)d->output_count;
     for (int64_t k = 0; k < samples; k++) {
@@ -51,6 +51,17 @@ EXPORT int64_t engine_drive(Drive *d, int64_t samples)
             return k;
     }
     return samples;
+}
+
+/* Runs from sample 0 to samples - 1; returns the sample at which it failed, `samples` if at none. What the FMU does to
+   the control of floating-point numbers ends with it. */
+EXPORT int64_t engine_drive(Drive *d, int64_t samples)
+{
+    const uint32_t control = float_control();
+    const int64_t done = drive(d, samples);
+    if (float_control() != control)
+        set_float_control(control);
+    return done;
 }
 
 #endif

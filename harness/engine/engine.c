@@ -5,9 +5,15 @@
 #include "defect.h"
 #include "drive.h"
 #include "extrapolate.h"
+#include "floats.h"
 #include "manipulate.h"
 #include "newton.h"
 #include "part.h"
+
+#include <stdlib.h>
+
+/* A part has changed the control of floating-point numbers. */
+enum { FLOATS_CHANGED = 102 };
 
 /* One operation of an explicit master. */
 static bool operate(Engine *e, int operation, int64_t index, int64_t tick)
@@ -111,13 +117,9 @@ static bool advance(Engine *e, int64_t tick)
     return true;
 }
 
-EXPORT int64_t engine_run(Engine *e, int64_t from, int64_t to);
-
 /* Runs the ticks from, ..., to - 1; returns the first one that was not completed, `to` if all were. */
-EXPORT int64_t engine_run(Engine *e, int64_t from, int64_t to)
+static int64_t run_ticks(Engine *e, const Turn *turns, int64_t turn_count, int64_t from, int64_t to)
 {
-    Turn turns[MOST_TURNS];
-    const int64_t turn_count = turns_of(e, turns);
     for (int64_t tick = from; tick < to; tick++) {
         for (int64_t i = 0; i < turn_count; i++)
             if (!take_turn(e, &turns[i], time_of(e, tick)))
@@ -129,4 +131,79 @@ EXPORT int64_t engine_run(Engine *e, int64_t from, int64_t to)
             record(e);
     }
     return to;
+}
+
+/* The part that changes the control of floating-point numbers when it is stepped once more, -1 if none does. The run is
+   over, so that this changes no result. */
+static int64_t culprit(Engine *e, uint32_t control, double t)
+{
+    for (int64_t i = 0; i < e->part_count; i++) {
+        EnginePart *const p = &e->parts[i];
+        if (p->call)
+            continue;
+        (void)hand_over(p, e->signals);
+        (void)step_part(p, t, (double)p->every * e->step);
+        (void)fetch_outputs(p, e->signals);
+        if (float_control() != control) {
+            set_float_control(control);
+            return i;
+        }
+    }
+    return -1;
+}
+
+EXPORT int64_t engine_run(Engine *e, int64_t from, int64_t to);
+
+/* Runs the ticks from, ..., to - 1; returns the first one that was not completed, `to` if all were. Whether a part has
+   changed the control of floating-point numbers is looked at behind the first tick and then every 64 ticks, which
+   costs nothing that can be measured; what was recorded since the last look is dropped. */
+EXPORT int64_t engine_run(Engine *e, int64_t from, int64_t to)
+{
+    enum { TICKS = 64 };
+    Turn turns[MOST_TURNS];
+    const int64_t turn_count = turns_of(e, turns);
+    const uint32_t control = float_control();
+    for (int64_t tick = from, length = 1; tick < to; length = TICKS) {
+        const int64_t end = to - tick < length ? to : tick + length, filled = e->filled;
+        const int64_t done = run_ticks(e, turns, turn_count, tick, end);
+        const uint32_t changed = float_control() ^ control;
+        if (changed != 0) {
+            set_float_control(control);
+            e->filled = filled;
+            e->float_change = (int64_t)changed;
+            (void)failed(e, culprit(e, control, time_of(e, end)), STEP, FLOATS_CHANGED, time_of(e, tick));
+            return tick;
+        }
+        if (done < end)
+            return done;
+        tick = end;
+    }
+    return to;
+}
+
+EXPORT uint32_t engine_float_control(void);
+
+/* How floating-point numbers are treated in this thread, see floats.h. */
+EXPORT uint32_t engine_float_control(void) { return float_control(); }
+
+EXPORT void engine_set_float_control(uint32_t control);
+
+EXPORT void engine_set_float_control(uint32_t control) { set_float_control(control); }
+
+static void (*last_call)(void);
+
+static void end(void)
+{
+    if (last_call)
+        last_call();
+}
+
+EXPORT int engine_at_exit(void (*call)(void));
+
+/* Has a function called when the program ends by exit(), from wherever that is called; NULL: no more. */
+EXPORT int engine_at_exit(void (*call)(void))
+{
+    const bool first = call != NULL && last_call == NULL;
+    last_call = call;
+    return first ? atexit(end) : 0;
 }

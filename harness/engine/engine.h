@@ -93,7 +93,7 @@ typedef struct {
     const int64_t *lines_from;    /* those of part p are lines_from[p], ..., lines_from[p + 1] - 1 */
     Extrapolation *extrapolation; /* NULL: values are held                                         */
     Newton *newton;               /* an implicit master, else NULL                                 */
-    int64_t failed_part, failed_operation, status, whole_fault; /* of the run that ended */
+    int64_t failed_part, failed_operation, status, float_change; /* of the run that ended */
     double failed_time;
 } Engine;
 

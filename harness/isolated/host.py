@@ -11,7 +11,7 @@ from pathlib import Path
 
 from harness.errors import HarnessError, PartError
 from harness.fmu import FmuPart
-from harness.isolated.line import CALL, DONE, FAILED, GET, LOG, SET, STEP, Line, Shared
+from harness.isolated.line import CALL, DONE, FAILED, GET, LOG, SET, STEP, Line, Shared, as_plain
 from harness.part import Calls
 
 
@@ -34,10 +34,10 @@ def serve(descriptor: int, name: str, path: str) -> None:
     logger.propagate = False
     logger.addHandler(_Forward(line))
     host = _Host(FmuPart(name, path))
-    line.send(DONE)
+    line.answer(DONE)
     while True:
         try:
-            kind, content = line.receive()
+            kind, content = line.asked()
         except (EOFError, ConnectionError):
             break
         try:
@@ -46,12 +46,12 @@ def serve(descriptor: int, name: str, path: str) -> None:
                 result = host.call(*content)
             else:
                 host.exchange(kind)
-            line.send(DONE, result)
+            line.answer(DONE, result)
         except HarnessError as error:
-            line.send(FAILED, error)
+            line.answer(FAILED, as_plain(error))
         except Exception as error:
             function = content[0] if kind == CALL else "exchange"
-            line.send(FAILED, PartError(name, function, f"{type(error).__name__}: {error}"))
+            line.answer(FAILED, as_plain(PartError(name, function, f"{type(error).__name__}: {error}")))
     host.part.close()
 
 
@@ -110,7 +110,7 @@ class _Forward(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Send one."""
-        self._line.send(LOG, (record.name, record.levelno, record.getMessage()))
+        self._line.answer(LOG, (record.name, record.levelno, record.getMessage()))
 
 
 def _end_with_the_harness() -> None:

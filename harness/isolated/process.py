@@ -8,14 +8,14 @@ import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import weakref
 from pathlib import Path
 from time import monotonic
 from typing import Final
 
 from harness.errors import HarnessError
-from harness.isolated.line import FAILED, LOG, Line
+from harness.isolated.line import FAILED, LOG, Line, as_error
+from harness.scratch import ScratchFolder
 
 # A Python that starts on a busy machine takes its time, and the FMU has no part in it.
 _START_TIME: Final = 60.0
@@ -56,7 +56,7 @@ class Process:
         """Start it and wait until it listens."""
         if os.name != "posix":
             raise HarnessError(f"part '{name}' cannot be isolated on {sys.platform}: leave isolate out")
-        folder = tempfile.TemporaryDirectory(prefix="harness-", ignore_cleanup_errors=True)
+        folder = ScratchFolder("harness-")
         self.folder = Path(folder.name)
         ours, theirs = socket.socketpair()
         arguments = (theirs.fileno(), name, str(path.absolute()))
@@ -90,7 +90,7 @@ class Process:
             If it does not answer.
         """
         try:
-            self._line.send(kind, content)
+            self._line.ask(kind, content)
         except OSError:
             raise ProcessError(self._how_it_ended()) from None
         return self._answer(self._timeout)
@@ -98,13 +98,14 @@ class Process:
     def _answer(self, timeout: float) -> object:
         deadline = 0.0
         try:
-            kind, content = self._line.receive()
+            kind, content = self._line.answered()
             while kind == LOG:
-                self._log(*content)
+                self._log(*map(str, content))
                 deadline = deadline or monotonic() + timeout
                 if monotonic() > deadline:
                     raise TimeoutError
-                kind, content = self._line.receive()
+                kind, content = self._line.answered()
+            failure = as_error(content) if kind == FAILED else None
         except TimeoutError:
             self._kill()
             raise ProcessError(
@@ -112,16 +113,19 @@ class Process:
             ) from None
         except (EOFError, OSError):
             raise ProcessError(self._how_it_ended()) from None
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            self._kill()
+            raise ProcessError(f"its process sent what is no answer and was killed{self._said()}") from None
         except BaseException:
             self._kill()  # interrupted in the middle of a message
             raise
-        if kind == FAILED:
-            raise content
+        if failure is not None:
+            raise failure
         return content
 
-    def _log(self, logger: str, level: int, text: str) -> None:
+    def _log(self, logger: str, level: str, text: str) -> None:
         self.last_message = text
-        logging.getLogger(logger).log(level, "%s", text)
+        logging.getLogger(logger).log(int(level), "%s", text)
 
     def _said(self) -> str:
         return f"; it last logged '{self.last_message}'" if self.last_message else ""
@@ -145,9 +149,7 @@ class Process:
         return f"its process died of {text}{self._said()}"
 
 
-def _end(
-    process: subprocess.Popen[bytes], line: socket.socket, folder: tempfile.TemporaryDirectory[str], timeout: float
-) -> None:
+def _end(process: subprocess.Popen[bytes], line: socket.socket, folder: ScratchFolder, timeout: float) -> None:
     """Hang up, give the process time to free the FMU, and remove what is left of it."""
     line.close()
     try:

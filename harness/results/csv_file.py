@@ -6,12 +6,15 @@ import csv
 from pathlib import Path
 
 from harness.atomic import atomic_path
-from harness.result import Result, heading, split_heading
+from harness.result import Result, heading, quoted, split_heading, unquoted
 from harness.results.table import from_columns
 
 
 def to_csv(result: Result, path: str | Path) -> None:
     """Write a result as CSV: ``time [s]`` and one column per variable, numbers with all their digits.
+
+    A heading that begins with =, +, - or @ gets an apostrophe in front, so that a spreadsheet does not take it for a
+    formula; `from_csv` takes it off.
 
     Parameters
     ----------
@@ -29,7 +32,7 @@ def to_csv(result: Result, path: str | Path) -> None:
     columns = [result[name].to_numpy().tolist() for name in names]
     with atomic_path(Path(path)) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(heading(result, str(name)) for name in names)
+        writer.writerow(quoted(heading(result, str(name))) for name in names)
         writer.writerows(
             # true and false would be no numbers to whoever reads the file
             ([int(value) if value is True or value is False else value for value in row])
@@ -44,6 +47,6 @@ def from_csv(path: Path) -> Result:
     # nan is a number here, and only an empty field a gap
     options = table_reader.ConvertOptions(null_values=[""])
     table = table_reader.read_csv(path, convert_options=options)
-    headings = [split_heading(text) for text in table.column_names]
+    headings = [split_heading(unquoted(text)) for text in table.column_names]
     columns = {name: table.column(index).to_numpy() for index, (name, _) in enumerate(headings)}
     return from_columns(columns, {name: {"units": unit} for name, unit in headings}, {})

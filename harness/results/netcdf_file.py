@@ -32,7 +32,8 @@ def to_netcdf(result: Result, path: str | Path) -> None:
             raise OutputError(f"cannot write {path}: netCDF has no names with a slash such as '{name}'; use .parquet")
     plain = {name: {"_FillValue": None} for name in result.variables}  # NaN is a value here, not a gap
     with atomic_path(Path(path)) as temporary:
-        result.to_netcdf(temporary, engine="h5netcdf", encoding=plain)
+        # written in memory: HDF5 crashes at the end of the process when it could not write a file to its end
+        temporary.write_bytes(result.to_netcdf(engine="h5netcdf", encoding=plain))
 
 
 def from_netcdf(path: Path) -> Result:

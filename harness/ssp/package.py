@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import shutil
-import tempfile
 import weakref
 import zipfile
 from pathlib import Path, PurePosixPath
@@ -14,9 +12,21 @@ from urllib.parse import unquote, urlsplit
 
 from lxml import etree
 
-from harness.archive import find_outside
 from harness.atomic import atomic_path
 from harness.errors import OutputError, SystemFileError
+from harness.scratch import ScratchFolder
+from harness.zip_file import (
+    NotZipError,
+    ZipError,
+    find_absence,
+    find_outside,
+    is_bomb,
+    list_zip,
+    open_zip,
+    read_zip,
+    size_of,
+    unpacked_size,
+)
 
 #: The member that describes the system.
 SSD_NAME: Final = "SystemStructure.ssd"
@@ -33,31 +43,29 @@ class Package:
     Raises
     ------
     SystemFileError
-        If the file is missing, is no such archive, or has members that would be written outside of the folder it is
-        unpacked to.
+        If the file is missing, is no such archive, or has members that cannot be unpacked without harm (see
+        `harness.zip_file`).
     """
 
     def __init__(self, path: Path) -> None:
         """Open and check."""
         self.path = path
+        absence = find_absence(path)
+        if absence is not None:
+            raise SystemFileError(f"cannot open {path}: {absence}; give the path of an .ssp file")
         try:
-            self._archive = zipfile.ZipFile(path)
+            self._archive = open_zip(path)
+        except NotZipError as fault:
+            raise SystemFileError(f"{path} is not an SSP: {fault}") from fault
+        except ZipError as fault:
+            raise SystemFileError(f"cannot open {path}: {fault}") from fault
         except OSError as error:
             raise SystemFileError(f"cannot open {path}: {error.strerror}; give the path of an .ssp file") from error
-        except zipfile.BadZipFile as error:
-            raise SystemFileError(f"{path} is not an SSP: it is not a zip archive; export it again") from error
-        members = self._archive.namelist()
-        try:
-            outside = find_outside(members)
-            if outside is not None:
-                raise SystemFileError(
-                    f"{path} was not unpacked: its member '{outside}' points outside of it; do not use this file"
-                )
-            if SSD_NAME not in members:
-                raise SystemFileError(f"{path} is not an SSP: it has no {SSD_NAME}; export it again")
-        except SystemFileError:
+        self._size = size_of(self._archive)
+        self._unpacked: dict[str, int] = {}
+        if SSD_NAME not in self._archive.namelist():
             self._archive.close()
-            raise
+            raise SystemFileError(f"{path} is not an SSP: it has no {SSD_NAME}; export it again")
 
     def __enter__(self) -> Self:
         """Return the package; leaving the block closes it."""
@@ -101,14 +109,27 @@ class Package:
             return self.read(source, where), f"{source} in {self.path}"
         if component is None:
             raise SystemFileError(f"{where} names a file in a component, but belongs to a system: move the file")
-        fmu = self.read(member_name(component.get("source"), where), where)
+        fmu = self._read_fmu(member_name(component.get("source"), where), where)
         try:
-            with zipfile.ZipFile(io.BytesIO(fmu)) as archive:
+            with open_zip(io.BytesIO(fmu), self._size) as archive:
                 return _read(archive, source, where), f"{source} in an FMU of {self.path}"
-        except zipfile.BadZipFile as error:
+        except ZipError as fault:
+            raise SystemFileError(f"{where} names a file in an FMU, but {fault}") from fault
+
+    def _read_fmu(self, member: str, where: str) -> bytes:
+        """The content of an FMU; all FMUs together may unpack to what the SSP itself may."""
+        data = self.read(member, where)
+        try:
+            entries, _ = list_zip(io.BytesIO(data))
+        except ZipError:
+            return data  # whoever opens it says why it cannot be used
+        self._unpacked[member] = unpacked_size(entries)
+        total = sum(self._unpacked.values())
+        if is_bomb(total, self._size):
             raise SystemFileError(
-                f"{where} names a file in an FMU that is not a zip archive: export it again"
-            ) from error
+                f"the FMUs in the {self._size} bytes of {self.path} unpack to {total} or more; do not use this file"
+            )
+        return data
 
     def unpack(self, member: str, folder: Path, where: str) -> Path:
         """Write a member to the same place below a folder and return its path.
@@ -120,7 +141,7 @@ class Package:
         OutputError
             If it cannot be written.
         """
-        data, target = self.read(member, where), folder / member
+        data, target = self._read_fmu(member, where), folder / member
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -141,8 +162,9 @@ class TemporaryFolder:
 
     def __init__(self) -> None:
         """Make the folder."""
-        self.path = Path(tempfile.mkdtemp(prefix="harness-ssp-"))
-        weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+        folder = ScratchFolder("harness-ssp-")
+        self.path = Path(folder.name)
+        weakref.finalize(self, folder.cleanup)
 
 
 def member_name(source: str | None, where: str) -> str:
@@ -180,8 +202,8 @@ def write_package(path: Path, members: dict[str, bytes | Path]) -> None:
 
 def _read(archive: zipfile.ZipFile, member: str, where: str) -> bytes:
     try:
-        return archive.read(member)
+        return read_zip(archive, member)
     except KeyError as error:
         raise SystemFileError(f"{where} names '{member}', which is not in the archive: pack it into it") from error
-    except (zipfile.BadZipFile, RuntimeError, NotImplementedError, OSError) as error:
-        raise SystemFileError(f"{where} names '{member}', which cannot be read ({error}): pack it again") from error
+    except ZipError as fault:
+        raise SystemFileError(f"cannot read what {where} names: {fault}") from fault

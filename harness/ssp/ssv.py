@@ -11,6 +11,7 @@ from lxml import etree
 
 from harness.atomic import atomic_path
 from harness.errors import StartValueError, SystemFileError, UnitError, nearest
+from harness.files import LARGEST_DATA, read_regular
 from harness.part import Port, StartValue
 from harness.ssp.document import SPACES, SSV, TOOL, check_element, parse_document, set_text, sub, to_bytes
 from harness.ssp.transformation import Linear, Transformation
@@ -136,7 +137,7 @@ def read_ssv(path: str | Path) -> ParameterSet:
         If the file cannot be read, is not valid, or has binary values.
     """
     try:
-        data = Path(path).read_bytes()
+        data = read_regular(Path(path), LARGEST_DATA)
     except OSError as error:
         raise SystemFileError(f"cannot read the parameters {path}: {error.strerror}; give an existing file") from error
     return parse_ssv(parse_document(data, SSV, str(path)), str(path))

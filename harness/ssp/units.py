@@ -9,19 +9,28 @@ from lxml import etree
 
 from harness.errors import UnitError
 from harness.ssp.document import SPACES, sub
-from harness.units import BASE_SYMBOLS, BaseUnit, conversion, parse_unit
+from harness.units import BASE_SYMBOLS, LONGEST_UNIT, BaseUnit, conversion, parse_unit, stated_unit
 
 
 def read_units(root: etree._Element, tag: str) -> dict[str, BaseUnit]:
-    """The units that a document defines in its element ``tag`` (``ssd:Units`` or ``ssv:Units``), by name."""
+    """The units that a document defines in its element ``tag`` (``ssd:Units`` or ``ssv:Units``), by name.
+
+    Raises
+    ------
+    UnitError
+        If a unit has numbers that no unit has.
+    """
     units = {}
     for unit in root.iterfind(f"{tag}/ssc:Unit", SPACES):
         base = unit.find("ssc:BaseUnit", SPACES)
         assert base is not None  # the document is valid
-        exponents = tuple(int(base.get(symbol, "0")) for symbol in BASE_SYMBOLS)
-        units[unit.get("name", "")] = BaseUnit(
-            exponents, float(base.get("factor", "1")), float(base.get("offset", "0"))
-        )
+        try:
+            exponents = [int(base.get(symbol, "0")) for symbol in BASE_SYMBOLS]
+            stated = stated_unit(exponents, float(base.get("factor", "1")), float(base.get("offset", "0")))
+        except ValueError as error:
+            name = unit.get("name", "")[:LONGEST_UNIT]
+            raise UnitError(f"the unit '{name}' is malformed ({error}): correct it in {tag}") from error
+        units[unit.get("name", "")] = stated
     return units
 
 

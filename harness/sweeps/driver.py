@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, wait
 from contextlib import ExitStack
@@ -19,6 +18,7 @@ from harness.errors import SweepError, nearest
 from harness.experiment import Experiment
 from harness.graph import stepping_order
 from harness.layout import recorded_names
+from harness.scratch import ScratchFolder
 from harness.sweeps.folder import SweepFolder, read_sweep, sole_writer
 from harness.sweeps.identity import description
 from harness.sweeps.measures import Builtin, Measure, find_measures, label
@@ -99,8 +99,8 @@ def sweep(
         if output is None:
             if keep:
                 raise SweepError("trajectories are to be kept but there is no folder: give an output folder")
-            output = stack.enter_context(tempfile.TemporaryDirectory(prefix="harness-sweep-"))
-        folder = Path(output)
+            output = stack.enter_context(ScratchFolder("harness-sweep-"))
+        folder = Path(output).absolute()  # an FMU may change the working directory
         stack.enter_context(sole_writer(folder))
         files = SweepFolder(folder, description(model, job, parameter_sets), types, units)
         pending = [run for run in range(len(parameter_sets)) if run not in files.done]

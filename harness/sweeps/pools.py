@@ -12,16 +12,22 @@ import threading
 from collections.abc import Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing.context import BaseContext
+from time import sleep
 from types import ModuleType
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Final, Protocol, TypeAlias
 
 from harness.errors import SweepError
 from harness.processors import available
+from harness.scratch import ScratchFolder
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Job, Outcome, close_runners, run_chunk
 
 Chunk: TypeAlias = Sequence[tuple[int, Sample]]
 Outcomes: TypeAlias = "Future[list[Outcome]]"
+
+
+_PAUSES: Final = (0.0, 0.1, 0.3, 1.0, 3.0)
+"""Pauses [s] before each attempt to start a worker process: a fork server that was killed takes its time to end."""
 
 
 class Pool(Protocol):
@@ -109,11 +115,12 @@ class ProcessPool:
         context = multiprocessing.get_context("forkserver" if "forkserver" in able else "spawn")
         if "forkserver" in able:
             context.set_forkserver_preload(["__main__", "harness.sweeps.preload", *_imported_by_main()])
-        self._scratch = tempfile.mkdtemp(prefix="harness-sweep-")
+        self._folder = ScratchFolder("harness-sweep-")
+        self._scratch = self._folder.name
         try:
-            self._slots = [_Slot(context, self._scratch) for _ in range(workers)]
+            self._slots = [_new_slot(context, self._scratch) for _ in range(workers)]
         except BaseException:
-            shutil.rmtree(self._scratch, ignore_errors=True)
+            self._folder.cleanup()
             raise
         self._failed_starts = 0
 
@@ -132,14 +139,14 @@ class ProcessPool:
                     "if __name__ == '__main__', or use the executor 'threads'"
                 )
             slot.end()
-            slot = self._slots[index] = _Slot(slot.context, self._scratch)
+            slot = self._slots[index] = _new_slot(slot.context, self._scratch)
         return slot.submit(job, chunk)
 
     def close(self, job: Job) -> None:
         """End the processes and remove what they unpacked."""
         for slot in self._slots:
             slot.end()
-        shutil.rmtree(self._scratch, ignore_errors=True)
+        self._folder.cleanup()
 
 
 class _Slot:
@@ -180,6 +187,24 @@ class _Slot:
         if not self.free and self._id.exception() is None:
             os.kill(self._id.result(), signal.SIGTERM if sys.platform == "win32" else signal.SIGKILL)
         self._executor.shutdown(cancel_futures=True)
+
+
+def _new_slot(context: BaseContext, scratch: str) -> _Slot:
+    """Start a worker process, with a new fork server where the old one has been killed meanwhile.
+
+    Raises
+    ------
+    SweepError
+        If none starts.
+    """
+    reason = ""
+    for pause in _PAUSES:
+        sleep(pause)
+        try:
+            return _Slot(context, scratch)
+        except (EOFError, OSError) as error:
+            reason = str(error)
+    raise SweepError(f"no worker process of the sweep starts ({reason}): use fewer workers, or the executor 'threads'")
 
 
 class DaskPool:

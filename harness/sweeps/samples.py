@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -14,9 +13,11 @@ from numpy.typing import ArrayLike
 
 from harness.archive import parse_value
 from harness.errors import SweepError
+from harness.files import read_csv, reason
 from harness.part import PortType, StartValue
 from harness.ssp import Parameter, ParameterSet, read_ssv
 from harness.system import System
+from harness.values import is_count, shown
 
 Sample: TypeAlias = Mapping[str, StartValue]
 WithUnits: TypeAlias = Mapping[str, StartValue | Parameter]
@@ -24,6 +25,24 @@ Given: TypeAlias = WithUnits | ParameterSet
 """A parameter set as it may be given: with units, or as it was read from an SSV file."""
 
 Bounds: TypeAlias = Mapping[str, tuple[float, float]]
+
+
+MOST_RUNS: Final = 10_000_000
+"""Runs of a sweep; all their parameters are in the memory."""
+
+
+def check_runs(count: int) -> None:
+    """Refuse more runs than a sweep can have.
+
+    Raises
+    ------
+    SweepError
+        If there are more than `MOST_RUNS`.
+    """
+    if count > MOST_RUNS:
+        raise SweepError(
+            f"the sweep would have {count} runs, and {MOST_RUNS} are the most: vary less, or more coarsely"
+        )
 
 
 def grid(values: Mapping[str, ArrayLike]) -> list[dict[str, StartValue]]:
@@ -40,6 +59,7 @@ def grid(values: Mapping[str, ArrayLike]) -> list[dict[str, StartValue]]:
         The parameter sets.
     """
     columns = [[_plain(value) for value in np.atleast_1d(np.asarray(v, dtype=object))] for v in values.values()]
+    check_runs(math.prod(len(column) for column in columns))
     return [dict(zip(values, point, strict=True)) for point in itertools.product(*columns)]
 
 
@@ -71,6 +91,8 @@ def latin_hypercube(bounds: Bounds, n: int, seed: int, *, log: Collection[str] =
     """
     if n < 1:
         raise SweepError(f"a Latin hypercube of {n} points was asked for: give 1 or more")
+    check_runs(n)
+    _check_seed(seed)
     from scipy.stats import qmc  # takes longer to load than all else here
 
     sampler = qmc.LatinHypercube(_dimensions(bounds, log), seed=seed)
@@ -103,6 +125,8 @@ def sobol(bounds: Bounds, n: int, seed: int, *, log: Collection[str] = ()) -> li
     SweepError
         If bounds or n make no sense.
     """
+    check_runs(n)
+    _check_seed(seed)
     power = max(0, round(math.log2(n))) if n > 0 else 0
     if 2**power != n:
         raise SweepError(f"a Sobol sequence of {n} points is not even: give a power of 2 such as {2**power}")
@@ -121,10 +145,9 @@ def read_csv_samples(path: Path) -> list[dict[str, StartValue]]:
         If the file cannot be read as such a table.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = [line for line in csv.reader(file) if line]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise SweepError(f"cannot read the parameter sets {path}: {error}; give a CSV file") from error
+        lines = read_csv(path)
+    except (OSError, ValueError) as error:
+        raise SweepError(f"cannot read the parameter sets {path}: {reason(error)}; give a CSV file") from error
     if len(lines) < 2:
         raise SweepError(f"{path} holds no parameter sets: give a heading with names and a row for each run")
     names = [name.strip() for name in lines[0]]
@@ -229,10 +252,17 @@ def _parsed(cell: str) -> StartValue:
         return parse_value("Boolean", cell.lower())
     for kind in ("Integer", "Real"):
         try:
-            return parse_value(kind, cell)
+            value = parse_value(kind, cell)
         except ValueError:
             continue
+        if kind == "Real" or is_count(value, -(1 << 63), (1 << 63) - 1):
+            return value
     return cell
+
+
+def _check_seed(seed: int) -> None:
+    if not is_count(seed, 0):
+        raise SweepError(f"the seed is {shown(seed)}: give a whole number, 0 or more")
 
 
 def _dimensions(bounds: Bounds, log: Collection[str]) -> int:

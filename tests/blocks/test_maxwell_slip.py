@@ -23,6 +23,9 @@ held = st.lists(st.tuples(velocity, st.floats(1e-6, 0.02)), min_size=1, max_size
 ramps = st.lists(
     st.tuples(velocity, st.floats(-5.0, 5.0).map(lambda a: round(a, 9)), st.floats(1e-5, 0.02)), min_size=1, max_size=5
 )
+own = st.one_of(
+    st.just({}), st.fixed_dictionaries({"Ci[1]": st.floats(1.0, 1e3), "Ci[3]": st.sampled_from([0.0, 300.0])})
+)
 loads = st.sampled_from([(1.0, 1.0), (3.0, 2.0), (0.25, 1.0), (0.0, 1.0), (-1.0, 1.0)])
 
 B19 = ((5e4, 3e4, 1.5e4, 0.5e4), (0.25, 0.25, 0.3, 0.2))
@@ -254,6 +257,7 @@ class Elements:
     def __init__(self, k: Sequence[float], alpha: Sequence[float], p: dict[str, float]) -> None:
         self.k, self.p = k, p
         self.alpha = [a / sum(alpha) for a in alpha]
+        self.C = [p.get(f"Ci[{i}]", p["C"]) for i in range(1, len(k) + 1)]
         self.F = [0.0] * len(k)
         self.slips = [False] * len(k)
         self.way = 0.0
@@ -271,7 +275,7 @@ class Elements:
 
     def _element(self, i: int, way: float, speed: float, slope: float, h: float) -> None:
         """In the direction of motion, in which the speed is positive."""
-        G, k, a, p = way * self.F[i], self.k[i], self.alpha[i], self.p
+        G, k, a, C, p = way * self.F[i], self.k[i], self.alpha[i], self.C[i], self.p
 
         def S(t: float) -> float:
             return level(speed + slope * t, p)
@@ -292,14 +296,14 @@ class Elements:
             G = a * S(start)
         self.slips[i] = True
         if slope == 0.0:
-            self.F[i] = way * (a * S(0.0) + (G - a * S(0.0)) * math.exp(-p["C"] * (h - start) / S(0.0)))
+            self.F[i] = way * (a * S(0.0) + (G - a * S(0.0)) * math.exp(-C * (h - start) / S(0.0)))
             return
         span = min(h - start, 0.3 * p["vs"] / abs(slope))
         result = solve_ivp(
-            lambda t, y: [p["C"] * (a - y[0] / S(t))],
+            lambda t, y: [C * (a - y[0] / S(t))],
             (start, h),
             [G],
-            method="Radau" if p["C"] * h > 50.0 * p["Fc"] else "DOP853",
+            method="Radau" if C * h > 50.0 * p["Fc"] else "DOP853",
             rtol=1e-10,
             atol=1e-12,
             max_step=max(span, (h - start) / 1000.0),
@@ -324,17 +328,56 @@ def test_b20_frictional_lag_of_one_element(gms: Library) -> None:
             assert run.get1("F") == pytest.approx(fast + (slow - fast) * math.exp(-100.0 * t / fast), rel=1e-12)
 
 
+def test_each_element_has_an_attraction_of_its_own(gms: Library) -> None:
+    """(1.23) of the study, dz/dt = ci (1 - zi/si), after a jump of the velocity: zi relaxes to si at the rate ci/si."""
+    k, alpha = SHARES
+    c = (1e-3, 2e-4, 5e-3)
+    slow, fast = level(5e-4, LEVELS), level(5e-3, LEVELS)
+    given = {f"Ci[{i}]": c_i * k_i / a for i, (c_i, k_i, a) in enumerate(zip(c, k, alpha, strict=True), 1)}
+    for t in (1e-4, 5e-3, 0.02):
+        with Instance(gms) as run:
+            run.initialise(v=5e-4, **vector(k=k, alpha=alpha), **LEVELS, **given)
+            run.step(0.0, 60.0)
+            run.set({"v": 5e-3})
+            run.step(60.0, t)
+            z = [
+                a / k_i * (fast + (slow - fast) * math.exp(-t * c_i / (a * fast / k_i)))
+                for k_i, a, c_i in zip(k, alpha, c, strict=True)
+            ]
+            assert forces(run, 3) == pytest.approx([k_i * z_i for k_i, z_i in zip(k, z, strict=True)], rel=1e-12)
+
+
+def test_an_attraction_that_is_not_given_is_the_common_one(gms: Library) -> None:
+    """Negative: C, to the last bit; 0 is no attraction at all."""
+    for slope in (0.0, 3.0):
+        with Instance(gms) as common, Instance(gms) as named, Instance(gms) as none:
+            common.initialise(C=37.0)
+            named.initialise(C=5.0, **{f"Ci[{i}]": 37.0 for i in range(1, 11)})
+            none.initialise(C=37.0, **{"Ci[2]": 0.0})
+            for j, v in enumerate((5e-4, 5e-3, 5e-3, -1e-3, -8e-3)):
+                for run in (common, named, none):
+                    run.set({"v": v})
+                    assert run.input_derivatives({"v": slope * v}) == OK
+                    run.step(0.1 * j, 0.1)
+                assert forces(named, 10) == forces(common, 10)
+                assert named.get1("F") == common.get1("F")
+                assert [forces(none, 10)[i] for i in (0, 2, 9)] == [forces(common, 10)[i] for i in (0, 2, 9)]
+            assert none.get1("Fi[2]") != common.get1("Fi[2]")
+    assert [gms.start(name) for name in ("C", "Ci[1]", "Ci[10]")] == [100.0, -1.0, -1.0]
+
+
 @reproducibly
 @given(
     steps=held,
     Fs=st.floats(0.5, 3.0),
     C=st.sampled_from([0.0, 1.0, 100.0, 1e4]),
     delta=st.sampled_from([0.5, 1.0, 2.0]),
+    own=own,
 )
 def test_gms_at_held_velocities_is_exact(
-    gms: Library, steps: list[tuple[float, float]], Fs: float, C: float, delta: float
+    gms: Library, steps: list[tuple[float, float]], Fs: float, C: float, delta: float, own: dict[str, float]
 ) -> None:
-    p = LEVELS | {"Fs": Fs, "C": C, "delta": delta}
+    p = LEVELS | {"Fs": Fs, "C": C, "delta": delta} | own
     oracle = Elements(*SHARES, p)
     with Instance(gms) as run:
         run.initialise(**vector(k=SHARES[0], alpha=SHARES[1]), **p)
@@ -349,11 +392,17 @@ def test_gms_at_held_velocities_is_exact(
 
 
 @settings(reproducibly, max_examples=80)
-@given(steps=ramps, Fs=st.floats(0.5, 3.0), C=st.sampled_from([1.0, 100.0, 1e3]), delta=st.sampled_from([1.0, 2.0]))
+@given(
+    steps=ramps,
+    Fs=st.floats(0.5, 3.0),
+    C=st.sampled_from([1.0, 100.0, 1e3]),
+    delta=st.sampled_from([1.0, 2.0]),
+    own=own,
+)
 def test_gms_at_linear_velocities_agrees_with_scipy(
-    gms: Library, steps: list[tuple[float, float, float]], Fs: float, C: float, delta: float
+    gms: Library, steps: list[tuple[float, float, float]], Fs: float, C: float, delta: float, own: dict[str, float]
 ) -> None:
-    p = LEVELS | {"Fs": Fs, "C": C, "delta": delta, "vs": 5e-3}
+    p = LEVELS | {"Fs": Fs, "C": C, "delta": delta, "vs": 5e-3} | own
     oracle = Elements(*SHARES, p)
     with Instance(gms) as run:
         run.initialise(**vector(k=SHARES[0], alpha=SHARES[1]), **p)

@@ -314,7 +314,7 @@ def test_the_thermal_force_is_white_and_has_the_stated_size(tip: Library) -> Non
         for j in range(n):
             run.step(j * dt, dt)
             R[j] = run.get1("R")
-    variance = m * damping**2 * kT / math.tanh(damping * dt / 2.0)
+    variance = m * kT * (1.0 - math.exp(-2.0 * damping * dt)) / dt**2  # of the impulse of the exact solution, over dt
     assert R.var() == pytest.approx(variance, rel=0.05)
     assert abs(R.mean()) < 4.0 * math.sqrt(variance / n)
     assert abs(np.corrcoef(R[1:], R[:-1])[0, 1]) < 4.0 / math.sqrt(n)

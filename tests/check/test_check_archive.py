@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import stat
 import warnings
 import zipfile
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from check.broken import XML, contents, zipped
+from check.hostile_zips import REFUSED, Spoil, packed
 
 from friction_fmus.check import RULES, Finding, check
 from friction_fmus.errors import FrictionError, UnknownNameError
@@ -79,8 +81,8 @@ COMPANIONS = {
     "no-model-description": {"file-unknown"},
     "no-code": {"source-missing"},
 }
-BY_HAND = {"not-a-zip", "zip-damaged", "path-symlink", "zip-encrypted", "zip-method", "zip-version", "zip-bomb"}
-"""Made below."""
+BY_HAND = {"zip-damaged", "binary-truncated", "path-symlink", "zip-version", *(rule for rule, _ in REFUSED.values())}
+"""Made below, and in test_check_damaged.py."""
 
 CASES = [
     pytest.param(rule, change, words, id=f"{rule}-{k}")
@@ -219,6 +221,21 @@ def test_another_method_of_compression(members: dict[str, bytes], tmp_path: Path
     with zipfile.ZipFile(path, "a", zipfile.ZIP_BZIP2) as archive:
         archive.writestr("resources/a", b"a" * 1000)
     assert "bzip2" in one(check(path, static=True), "zip-method").message
+
+
+@pytest.mark.parametrize("spoil", REFUSED, ids=lambda spoil: spoil.__name__)
+def test_what_the_harness_refuses_is_a_finding(members: dict[str, bytes], tmp_path: Path, spoil: Spoil) -> None:
+    path = packed(tmp_path / "a.fmu", members)
+    spoil(path)
+    finding = one(check(path), REFUSED[spoil][0])
+    assert REFUSED[spoil][1] in finding.message
+    assert len(finding.message) < 300
+
+
+def test_what_is_no_file_is_not_read(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.fmu")
+    with pytest.raises(FrictionError, match="not an ordinary file"):
+        check(tmp_path / "a.fmu")
 
 
 def test_a_newer_version_of_the_format(members: dict[str, bytes], tmp_path: Path) -> None:

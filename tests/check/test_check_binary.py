@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import fmpy
 import pytest
 from check.broken import XML, zipped
+from check.libraries import BINARY, HERE, Library
 
 from friction_fmus.check import RULES, check
-from harness import toolchain
-
-HERE = Path(__file__).parent
-BINARY = f"binaries/{fmpy.platform}/faulty{fmpy.sharedLibraryExtension}"
 
 # fault, as in faulty.c -> rule, what its message must name, rules that cannot but speak too
 FAULTS = {
@@ -57,24 +53,6 @@ COMPILED = {
     "ANY_GUID": ("guid-not-checked", "compare it"),
     "FREE_NULL": ("free-null", "fmi2FreeInstance ends its process: SIGSEGV"),
 }
-Library = Callable[..., bytes]
-
-
-@pytest.fixture(scope="session")
-def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
-    """The compiled FMU, with a definition."""
-    made: dict[str, bytes] = {}
-
-    def compile_it(definition: str = "IN_ORDER") -> bytes:
-        if definition not in made:
-            path = tmp_path_factory.mktemp("faulty") / "faulty.so"
-            flags = ["-std=gnu99", "-O1", "-shared", "-fPIC", f"-I{toolchain.header_folder()}", f"-D{definition}"]
-            command = [*toolchain.compiler(), *flags, "-Wl,-z,lazy", str(HERE / "faulty.c"), "-o", str(path), "-lm"]
-            subprocess.run(command, check=True, timeout=300)
-            made[definition] = path.read_bytes()
-        return made[definition]
-
-    return compile_it
 
 
 @pytest.fixture

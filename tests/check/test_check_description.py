@@ -21,6 +21,7 @@ from check.broken import (
     variable,
     zipped,
 )
+from fmpy.model_description import ValidationError
 from lxml import etree
 
 from friction_fmus.check import RULES, check
@@ -301,8 +302,8 @@ COMPANIONS = {
     "variability": {"initial"},
     "derivatives": {"initial-unknowns-missing"},
 }
-OTHERWISE = {"xml-malformed", "xml-entities", "fmpy"}
-"""Tested below."""
+OTHERWISE = {"xml-malformed", "xml-entities", "xml-encoding", "fmpy"}
+"""Tested below, and in test_check_damaged.py."""
 
 CASES = [
     pytest.param(rule, edit, words, id=f"{rule}-{k}")
@@ -373,7 +374,10 @@ def test_entities_are_refused_and_not_read(lugre: Path, tmp_path: Path) -> None:
 def test_fmpy_is_asked_where_nothing_else_is_wrong(
     lugre: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("friction_fmus.check.validate_fmu", lambda _: ["something  new"])
+    def refuse(*_: object, **__: object) -> None:
+        raise ValidationError(["something  new"])
+
+    monkeypatch.setattr("friction_fmus.check.read_model_description", refuse)
     (finding,) = check(lugre, static=True)
     assert (finding.rule, finding.message) == ("fmpy", "fmpy says: something new")
     (other,) = check(edited(lugre, tmp_path / "a.fmu", real("Fc", start="-1")), static=True)

@@ -16,8 +16,8 @@ from benchmarks.law_runs import LawC, LawFmu, casadi_by_rows, rows_of, run_casad
 from friction_fmus.catalogue import laws_folder
 from friction_fmus.codegen.cost import CORES, assembly, missing, run
 from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.layout import STATES
 from friction_fmus.codegen.program import samples
-from friction_fmus.codegen.sources import STATES
 from friction_fmus.law import Kind
 from friction_fmus.law_files import discover_laws
 

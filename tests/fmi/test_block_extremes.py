@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import time
 
 import pytest
-from fmi.instance import DISCARD, OK, WARNING, Instance, Library
+from fmi.instance import DISCARD, OK, WARNING, Instance, Library, signals
 
 
 def outputs(run: Instance) -> list[float]:
@@ -25,6 +26,34 @@ def test_huge_and_tiny_steps_are_answered_or_refused_with_the_reason(library: Li
             run.restore(state)
             run.step(0.0, 1e-3)
         assert all(map(math.isfinite, outputs(run)))
+
+
+def largest_counts(library: Library) -> dict[str, float]:
+    """The parameters that are numbers of something, at their maxima."""
+    counts = (v for v in library.variables.values() if v.causality == "parameter" and v.type == "Integer")
+    return {v.name: float(v.max) for v in counts if v.max is not None and float(v.max) <= 1e6}
+
+
+@pytest.mark.parametrize("h", [1e3, 1e6, 1e300])
+@pytest.mark.parametrize("large", [False, True], ids=["start values", "largest counts"])
+def test_no_step_takes_longer_than_five_seconds(library: Library, h: float, large: bool) -> None:
+    counts = largest_counts(library) if large else {}
+    if large and not counts:
+        return
+    with Instance(library) as run:
+        run.setup()
+        run.must("EnterInitializationMode")
+        run.try_set(counts)
+        if run.call("ExitInitializationMode") != OK:  # counts that do not fit together
+            return
+        run.set(signals(library, 1, 1)[0])
+        before, begin = run.everything(), time.process_time()
+        status = run.call("DoStep", 0.0, h, 1)
+        assert time.process_time() - begin < 5.0
+        assert status in (OK, WARNING, DISCARD)
+        if status == DISCARD:
+            assert b"step" in run.messages[-1][-1]
+            assert run.everything() == before
 
 
 def test_denormal_inputs_are_inputs(library: Library) -> None:

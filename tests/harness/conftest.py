@@ -32,8 +32,8 @@ def compiler() -> list[str]:
 def probe_library(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     library = tmp_path_factory.mktemp("probe") / Path(BINARY).name
     headers = Path(fmpy.__file__).parent / "c-code"
-    flags = ["-std=gnu99", "-O1", "-shared", "-fPIC", f"-I{headers}", "-o", str(library)]
-    subprocess.run([*compiler(), *flags, str(SOURCES / "probe.c")], check=True, timeout=300)
+    flags = ["-std=gnu99", "-O1", "-ffp-contract=off", "-shared", "-fPIC", f"-I{headers}", "-o", str(library)]
+    subprocess.run([*compiler(), *flags, str(SOURCES / "probe.c"), "-lm"], check=True, timeout=300)
     return library.read_bytes()
 
 

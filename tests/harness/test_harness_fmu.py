@@ -239,6 +239,13 @@ def test_member_outside_of_the_archive(make_fmu: Callable[..., Path], tmp_path: 
     assert not list(tmp_path.parent.rglob("evil.txt"))
 
 
+@pytest.mark.parametrize("number", ['factor="0"', 'factor="INF"', 'factor="NaN"', 'offset="-INF"', 'm="1000"'])
+def test_a_unit_that_is_none(make_fmu: Callable[..., Path], number: str) -> None:
+    message = refused(make_fmu(('<BaseUnit m="1" factor="201.168"/>', f"<BaseUnit {number}/>")))
+    assert "is malformed" in message
+    assert "\n" not in message
+
+
 def test_library_that_cannot_be_loaded(make_fmu: Callable[..., Path]) -> None:
     binary = f"binaries/{fmpy.platform}/probe{fmpy.sharedLibraryExtension}"
     here = Path.cwd()

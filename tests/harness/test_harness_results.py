@@ -13,7 +13,17 @@ import scipy.io
 import xarray as xr
 from harness_parts import memoryless, plant
 
-from harness import OutputError, Result, ResultFileError, System, UnknownNameError, load_result, save_result, select
+from harness import (
+    OutputError,
+    Result,
+    ResultFileError,
+    SeriesPart,
+    System,
+    UnknownNameError,
+    load_result,
+    save_result,
+    select,
+)
 from harness.results import FORMATS
 
 NAN_WITH_A_PAYLOAD = np.array([0x7FF8000000000123]).view(np.float64)[0]
@@ -219,3 +229,17 @@ def test_select() -> None:
 def test_select_of_nothing(pattern: str) -> None:
     with pytest.raises(UnknownNameError, match="was not recorded"):
         names(pattern)
+
+
+@pytest.mark.parametrize("name", ["=1+1.x", "+a.x", "-a.x", "@SUM(A1).x", "'=a.x", "''-a.x", "'a.x", "a.=x", "\t=a.x"])
+def test_a_heading_that_a_spreadsheet_takes_for_a_formula(name: str, tmp_path: Path) -> None:
+    """Excel and LibreOffice compute what begins with =, +, - or @, also where a quoted field of CSV begins with it."""
+    result = xr.Dataset({name: ("time", [1.5, 2.5], {"units": "m"})}, coords={"time": [0.0, 1.0]})
+    save_result(result, tmp_path / "out.csv")
+    heading = (tmp_path / "out.csv").read_text().splitlines()[0].partition(",")[2]
+    assert not heading.strip('"').startswith(("=", "+", "-", "@", "\t"))
+    back = load_result(tmp_path / "out.csv")
+    assert list(back.data_vars) == [name.strip()]
+    assert back[name.strip()].attrs == {"units": "m"}
+    part = SeriesPart.from_csv("series", tmp_path / "out.csv")
+    assert [port.name for port in part.outputs] == [name.strip()]

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from time import process_time
 
 import pytest
 
 from harness import BaseUnit, parse_unit
+from harness.units import is_unit_text, stated_unit, units_agree
 
 
 def base(kg: int = 0, m: int = 0, s: int = 0, A: int = 0, K: int = 0, rad: int = 0, factor: float = 1.0) -> BaseUnit:
@@ -59,3 +61,47 @@ def test_text() -> None:
     assert str(parse_unit("kN/mm")) == "1000000 * kg.s-2"
     assert str(parse_unit("1")) == "1"
     assert str(parse_unit("degC")) == "K + 273.15"
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["m" * 100_000, "m." * 50_000 + "m", "(" * 50_000, "m" + "9" * 50_000, "Gm99", "1/Gm99", "nm99.nm99.nm99", "9**9"],
+    ids=lambda name: name[:12],
+)
+def test_a_name_that_is_no_unit_is_answered_at_once(name: str) -> None:
+    start = process_time()
+    assert parse_unit(name) is None
+    assert units_agree(name, None, "m", None) is None
+    assert process_time() - start < 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "answer"),
+    [
+        *(
+            (name, True)
+            for name in ("N.m", "N/(m/s)", "m^-2", "m**2", "m²", "m⁻¹", "N m", "1/s", "(m/s)**2", "°C", "m_e")
+        ),
+        *((name, True) for name in ("square meter", "meter per second", "((m.s)/(kg.m))^2")),
+        *((name, False) for name in ("", "2", "2m", "m2e3", "m**2**2", "(m2)**2", "((m)**2)**2", "m..s", ".m", "m.")),
+        *((name, False) for name in ("m100", "m**(2)", "m**n", "square m2", "square cubic m", "m()", "()", "m)", "(m")),
+        *((name, False) for name in ("m**", "m^^2", "a=b", "m;s", "f(m)", "m" * 101, "m²2", "m²²²")),
+    ],
+)
+def test_the_form_of_a_unit(name: str, answer: bool) -> None:
+    assert is_unit_text(name) is answer
+
+
+@pytest.mark.parametrize(
+    ("exponents", "factor", "offset"),
+    [
+        ((0,) * 8, 0.0, 0.0),
+        ((0,) * 8, math.inf, 0.0),
+        ((0,) * 8, math.nan, 0.0),
+        ((0,) * 8, 1.0, math.nan),
+        ((100, *(0,) * 7), 1.0, 0.0),
+    ],
+)
+def test_numbers_that_no_unit_has(exponents: tuple[int, ...], factor: float, offset: float) -> None:
+    with pytest.raises(ValueError, match="its unit has"):
+        stated_unit(exponents, factor, offset)

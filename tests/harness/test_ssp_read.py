@@ -288,6 +288,14 @@ def test_different_quantities(archive: Callable[..., Path]) -> None:
         System.from_ssp(path)
 
 
+@pytest.mark.parametrize("number", ['factor="0"', 'factor="INF"', 'factor="NaN"', 'offset="-INF"', 'm="100"'])
+def test_a_unit_that_is_none(archive: Callable[..., Path], number: str) -> None:
+    units = f'<ssd:Units><ssc:Unit name="odd"><ssc:BaseUnit {number}/></ssc:Unit></ssd:Units>'
+    with pytest.raises(UnitError, match="the unit 'odd' is malformed") as caught:
+        System.from_ssp(archive(system(component("p")), units))
+    assert "\n" not in str(caught.value)
+
+
 def test_file_and_fmu_disagree(archive: Callable[..., Path]) -> None:
     u = '<ssd:Connector name="u" kind="input"><ssc:Real unit="kN"/></ssd:Connector>'
     with pytest.raises(UnitError, match=r"'p.u' is in \[1000 \* kg.m.s-2\] .* but in \[kg.m.s-2\] in its FMU"):

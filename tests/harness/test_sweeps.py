@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -10,7 +11,9 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
+from multiprocessing import forkserver
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -38,6 +41,7 @@ from harness import (
     sweep,
     write_ssv,
 )
+from harness.sweeps import pools
 
 BuildFmu = Callable[..., Path]
 LOCAL = ["serial", "threads", "processes"]
@@ -494,3 +498,41 @@ def test_dask_cluster_and_a_worker_of_it_that_is_killed(build_fmu: BuildFmu, tmp
         with System([FmuPart("mass", build_fmu("Mass"))], start=start, experiment=ONE_TICK) as system:
             result = sweep(system, grid({"mass.m": [1.0, 2.0, 4.0]}), measure="final(mass.x)", executor=client)
         np.testing.assert_allclose(result["final(mass.x)"], 1.5 / result["mass.m"], rtol=1e-12)
+
+
+@pytest.mark.skipif("forkserver" not in multiprocessing.get_all_start_methods(), reason="needs a fork server")
+@pytest.mark.parametrize("when", ["before", "while the first worker starts"])
+def test_a_fork_server_that_is_killed(when: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The killed one took the sweep along with an EOFError or a ConnectionRefusedError; a new one is started."""
+    server: Any = forkserver
+    server.ensure_running()
+    killed: list[int] = []
+    connect = server.connect_to_new_process
+
+    def kill() -> None:
+        if not killed:
+            killed.append(server._forkserver._forkserver_pid)
+            os.kill(killed[0], signal.SIGKILL)
+
+    def killing(fds: object) -> object:
+        ends = connect(fds)
+        kill()
+        return ends
+
+    if when == "before":
+        kill()
+    monkeypatch.setattr(server, "connect_to_new_process", killing)
+    result = sweep(counted(tmp_path), numbers(2), workers=1)
+    assert killed
+    assert server._forkserver._forkserver_pid != killed[0]
+    assert set(result["error"].to_numpy()) == {""}
+
+
+def test_workers_that_cannot_be_started_are_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise EOFError("unexpected EOF")
+
+    monkeypatch.setattr(pools, "_PAUSES", (0.0, 0.0))
+    monkeypatch.setattr(pools, "_Slot", refuse)
+    with pytest.raises(SweepError, match=r"no worker process .* \(unexpected EOF\): use fewer workers"):
+        sweep(counted(tmp_path), numbers(2), workers=1)

@@ -25,6 +25,7 @@ Ts = 1e-3
 LIMIT = 0.05
 
 START = {
+    "CascadePPI": {"ki": 6e3},
     "LuGreObserver": {"k": 50.0},
     "IterativeLearning": {"N": 20, "fq": 0.0},
     "RepetitiveController": {"N": 20, "M": 2},

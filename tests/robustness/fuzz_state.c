@@ -1,8 +1,8 @@
 /* libFuzzer target: any bytes as a serialised state.
 
    The first byte decides: the bytes as they are, or laid over those of a good state whose header and checksum are
-   made to fit again, so that what lies behind them is reached, but for what the block remembers: that has the checksum
-   only. A state that is taken must then bear any use. */
+   made to fit again, so that what lies behind them is reached: values, position in the simulation, memory. A state
+   that is taken must then bear any use. */
 
 #include "fuzz.h"
 
@@ -28,6 +28,70 @@ static void fuzz_use(Instance *c)
     }
 }
 
+/* A place in the model: anywhere before the memory, anywhere in it, or where its counters stand, at either end. */
+static size_t fuzz_place(Fuzz *in)
+{
+    enum { FUZZ_NEAR = 96 };
+    const size_t memory = offsetof(Model, memory), size = sizeof(Memory), near = size < FUZZ_NEAR ? size : FUZZ_NEAR;
+    const size_t near_end = memory + size - near;
+    const unsigned kind = fuzz_choice(in, 4);
+    size_t place = (size_t)fuzz_choice(in, 256) << 8;
+    place |= fuzz_choice(in, 256);
+    return kind == 0   ? place % memory
+           : kind == 1 ? memory + place % size
+           : kind == 2 ? memory + place % near
+                       : near_end + place % near;
+}
+
+/* Writes a whole number, a flag or a number of any kind, each where one may stand, or plain bytes. */
+static void fuzz_forge(Fuzz *in, Model *model)
+{
+    static const int32_t whole[] = {-1, 0, 1, 2, 64, 65, 1023, 1024, 1025, 4096, 4097, INT32_MAX, INT32_MIN};
+    enum { FUZZ_WHOLE = sizeof whole / sizeof whole[0] };
+    const size_t place = fuzz_place(in);
+    char bytes[16];
+    size_t length = sizeof(double), grain = sizeof(double);
+    const unsigned kind = fuzz_choice(in, 4);
+    if (kind == 0) {
+        const double value = fuzz_choice(in, 2) ? whole[fuzz_choice(in, FUZZ_WHOLE)] : fuzz_number(in);
+        memcpy(bytes, &value, sizeof value);
+    } else if (kind == 1) {
+        length = grain = sizeof whole[0];
+        memcpy(bytes, &whole[fuzz_choice(in, FUZZ_WHOLE)], sizeof whole[0]);
+    } else {
+        length = kind == 2 ? 1 : fuzz_choice(in, sizeof bytes) + 1;
+        grain = 1;
+        for (size_t i = 0; i < length; i++)
+            bytes[i] = (char)fuzz_choice(in, 256);
+    }
+    const size_t begin = place - place % grain, room = sizeof *model - begin;
+    memcpy((char *)model + begin, bytes, length < room ? length : room);
+}
+
+/* Serialises a state of this very run, in any mode, after motions to and fro: it must be taken again. */
+static void fuzz_good_state(Fuzz *in, Instance *c, Saved *bytes)
+{
+    fmi2FMUstate state = NULL, read = NULL;
+    const unsigned steps = fuzz_choice(in, 40);
+    if (steps > 0)
+        fmi2EnterInitializationMode(c);
+    if (steps > 1)
+        fmi2ExitInitializationMode(c);
+    for (unsigned k = 2; k < steps; k++) {
+        for (int i = 0; i < INPUTS; i++) {
+            const fmi2Real value = 5e-3 * sin(0.1 * k * (k + 7.0 * i));
+            fmi2SetReal(c, &inputs[i], 1, &value);
+        }
+        fmi2DoStep(c, c->model.time, 1e-3, fmi2True);
+    }
+    HOLDS(fmi2GetFMUstate(c, &state) == fmi2OK, "a state cannot be had");
+    HOLDS(fmi2SerializeFMUstate(c, state, (fmi2Byte *)bytes, sizeof *bytes) == fmi2OK, "a state cannot be written");
+    HOLDS(fmi2DeSerializeFMUstate(c, (const fmi2Byte *)bytes, sizeof *bytes, &read) == fmi2OK,
+          "a state of this run is refused");
+    fmi2FreeFMUstate(c, &state);
+    fmi2FreeFMUstate(c, &read);
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
 {
     static Saved bent;
@@ -37,20 +101,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
     const char *data = (const char *)bytes;
     size_t size = count;
     if (count && bytes[0] % 2) {
-        fmi2EnterInitializationMode(c);
-        fmi2ExitInitializationMode(c);
-        fmi2DoStep(c, 0.0, 1e-3, fmi2True);
-        save(c, &bent);
-        /* pieces of an input: place, length, new bytes */
-        for (const uint8_t *at = bytes + 1, *const end = bytes + count; end - at > 3;) {
-            const size_t place = ((size_t)at[0] << 16 | (size_t)at[1] << 8 | at[2]) % offsetof(Model, memory);
-            size_t length = (size_t)at[3] % 16 + 1;
-            at += 4;
-            length = length < (size_t)(end - at) ? length : (size_t)(end - at);
-            length = length < offsetof(Model, memory) - place ? length : offsetof(Model, memory) - place;
-            memcpy((char *)&bent.model + place, at, length);
-            at += length;
-        }
+        Fuzz in = {bytes + 1, bytes + count};
+        fuzz_good_state(&in, c, &bent);
+        for (unsigned k = fuzz_choice(&in, 3); k < 3; k++) /* few, as each may be what is refused */
+            fuzz_forge(&in, &bent.model);
         bent.checksum = checksum_of(&bent);
         data = (const char *)&bent;
         size = sizeof bent;

@@ -1,7 +1,8 @@
-"""Blocks compiled with sanitizers: fuzzed by libFuzzer, and run in threads.
+"""Blocks compiled with sanitizers: fuzzed by libFuzzer, and run in threads; and with every warning as an error.
 
     python native_checks.py fuzz SECONDS [BLOCK...]     each target on each block for its share of the time
     python native_checks.py threads [BLOCK...]          AddressSanitizer with UBSan, then ThreadSanitizer
+    python native_checks.py warnings [BLOCK...]         compiled by gcc and clang at every level of optimisation
     python native_checks.py minimise FOLDER [BLOCK...]  what fuzzing has found and kept in FOLDER, into the corpora
 
 Corpora are in ``corpus/TARGET/BLOCK``; an input that fails is written to the working directory as ``BLOCK-crash-...``
@@ -17,6 +18,7 @@ import tempfile
 import zipfile
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import product
 from pathlib import Path
 
 from friction_fmus import build, catalogue
@@ -27,12 +29,25 @@ TARGETS = ("calls", "state")
 STRICT = ("-fno-sanitize-recover=all", "-fno-omit-frame-pointer", "-g1", "-O1")
 ADDRESS = ("-fsanitize=address,undefined", *STRICT)
 THREAD = ("-fsanitize=thread", *STRICT)
-FUZZER = ("-fsanitize=fuzzer,address,undefined", *STRICT, "-DMOST_TRIES=200")  # a step may not take long
+# MOST_TRIES: a step may not take long
+FUZZER = ("-fsanitize=fuzzer,address,undefined,float-cast-overflow", *STRICT, "-DMOST_TRIES=200")
+# forgeries are short, so there is no need to begin with shorter ones
+LENGTHS = {"calls": ("-max_len=600",), "state": ("-max_len=100", "-len_control=0")}
+COMPILERS = ("gcc", "clang")
+LEVELS = ("-O0", "-O1", "-O2", "-O3")
+WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror")
 WORKERS = os.cpu_count() or 1
 
 
 class FoundError(AssertionError):
     """A sanitizer or a check of ours has found something."""
+
+
+def unpacked(name: str, folder: Path, into: Path) -> Path:
+    """The sources of a block's FMU, in a folder of their own: two programs of a block may be made side by side."""
+    with zipfile.ZipFile(build(name, folder)) as archive:
+        archive.extractall(into, [entry for entry in archive.namelist() if entry.startswith("sources/")])
+    return into / "sources"
 
 
 def compiled(name: str, source: str, flags: Sequence[str], folder: Path, compiler: str = "clang") -> Path:
@@ -52,11 +67,9 @@ def compiled(name: str, source: str, flags: Sequence[str], folder: Path, compile
         ``clang`` or ``gcc``.
     """
     program = folder / f"{name}_{Path(source).stem}_{flags[0].partition('=')[2].replace(',', '_')}"
-    sources = program.with_suffix(".fmu")  # its own: two programs of a block may be made side by side
-    with zipfile.ZipFile(build(name, folder)) as archive:
-        archive.extractall(sources, [entry for entry in archive.namelist() if entry.startswith("sources/")])
+    sources = unpacked(name, folder, program.with_suffix(".fmu"))
     command = [compiler, "-std=gnu11", "-ffp-contract=off", "-fno-math-errno", "-Wall", "-Wextra", "-Werror", *flags]
-    command += ["-I", str(header_folder()), "-I", str(sources / "sources"), f'-DBLOCK="{name}.c"']
+    command += ["-I", str(header_folder()), "-I", str(sources), f'-DBLOCK="{name}.c"']
     command += [str(HERE / source), "-o", str(program), "-lm", "-pthread"]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     if run.returncode != 0:
@@ -92,7 +105,7 @@ def fuzz(name: str, target: str, seconds: float, folder: Path, kept: Path | None
     found = folder / f"found_{target}" / name if kept is None else kept / target / name
     found.mkdir(parents=True, exist_ok=True)
     command = [str(program), f"-artifact_prefix={Path.cwd() / name}-", "-timeout=60", "-rss_limit_mb=2048"]
-    command += ["-max_len=600", "-seed=1" if kept is None else "-seed=0"]
+    command += [*LENGTHS[target], "-seed=1" if kept is None else "-seed=0"]
     command += [f"-max_total_time={int(seconds)}" if seconds else "-runs=0", str(found)]
     command += [str(corpus(target, name))] if corpus(target, name).is_dir() else []
     run = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
@@ -114,6 +127,40 @@ def run_threads(name: str, sanitizer: Sequence[str], folder: Path) -> None:
     run = subprocess.run([str(program)], capture_output=True, text=True, errors="replace", check=False)
     if run.returncode != 0 or run.stderr:
         raise FoundError(f"{name}, {sanitizer[0]}: {run.stdout}{run.stderr[:3000]}")
+
+
+def check_warnings(name: str, folder: Path) -> None:
+    """Compile a block by each compiler at each level: some warnings come with optimisation only.
+
+    Parameters
+    ----------
+    name : str
+        The block.
+    folder : Path
+        Where its FMU and sources go.
+
+    Raises
+    ------
+    FoundError
+        With the first warning.
+    """
+    sources = unpacked(name, folder, folder / f"{name}_warnings")
+    for compiler, level in product(COMPILERS, LEVELS):
+        command = [
+            compiler,
+            "-std=c99",
+            level,
+            *WARNINGS,
+            "-I",
+            str(header_folder()),
+            "-c",
+            f"{name}.c",
+            "-o",
+            os.devnull,
+        ]
+        run = subprocess.run(command, cwd=sources, capture_output=True, text=True, check=False)
+        if run.returncode != 0 or run.stderr:
+            raise FoundError(f"{name}, {compiler} {level}: {run.stderr[:2000]}")
 
 
 def minimise(found: Path, names: Sequence[str], most: int = 1000) -> None:
@@ -167,6 +214,8 @@ def main(command: str, *arguments: str) -> int:
         return _all([(fuzz, name, target, share, folder, folder / "found") for name in names for target in TARGETS])
     if command == "threads":
         return _all([(run_threads, name, flags, folder) for flags in (ADDRESS, THREAD) for name in names])
+    if command == "warnings":
+        return _all([(check_warnings, name, folder) for name in names])
     if command == "minimise":
         minimise(Path(arguments[0]), names)
         return 0

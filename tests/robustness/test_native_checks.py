@@ -8,13 +8,27 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from native_checks import ADDRESS, HERE, TARGETS, THREAD, FoundError, compiled, corpus, fuzz, run_threads
+from native_checks import (
+    ADDRESS,
+    COMPILERS,
+    HERE,
+    TARGETS,
+    THREAD,
+    FoundError,
+    check_warnings,
+    compiled,
+    corpus,
+    fuzz,
+    run_threads,
+)
 from platforms.foreign import case, host
 
 from friction_fmus import catalogue
 
 SELECTION = ("LuGre", "GenericAsperity", "Leuven", "Actuator", "PID", "RepetitiveController")
 """Exact, event-driven and with a stack; a plant with a memory; a law; a controller with a ring."""
+CHAINS = ("BurridgeKnopoff", "FrenkelKontorova", "FrenkelKontorovaTomlinson")
+"""Blocks with large local arrays, of which an optimising compiler says most."""
 SECONDS = 5
 
 needs_clang = pytest.mark.skipif(shutil.which("clang") is None, reason="clang is not installed")
@@ -33,6 +47,12 @@ def test_fuzzing_finds_nothing(name: str, target: str, tmp_path: Path, monkeypat
 @pytest.mark.parametrize("name", SELECTION)
 def test_threads_with_an_instance_each_under_a_sanitizer(name: str, sanitizer: tuple[str, ...], tmp_path: Path) -> None:
     run_threads(name, sanitizer, tmp_path)
+
+
+@pytest.mark.skipif(not all(map(shutil.which, COMPILERS)), reason="gcc and clang are not both installed")
+@pytest.mark.parametrize("name", (*SELECTION, *CHAINS))
+def test_no_level_of_optimisation_brings_out_a_warning(name: str, tmp_path: Path) -> None:
+    check_warnings(name, tmp_path)
 
 
 @needs_clang

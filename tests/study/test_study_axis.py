@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from friction_fmus.data import load_emps
+from friction_fmus.identification import LINEAR, identifiable
+from friction_fmus.identification.models import contact_model
 from friction_fmus.study import Servo, load_config, run_study
-from friction_fmus.study.compensators import Known, candidates, period_of
+from friction_fmus.study.compensators import CANDIDATES, Known, candidates, period_of
 from friction_fmus.study.data import LUGRE, build_reference
 from friction_fmus.study.loop import Plant, Task, Trace, closed_loop
 from friction_fmus.study.trial import Bench, high_frequency, judge, off_by, thinned, try_out
@@ -128,3 +130,43 @@ def test_a_contact_without_a_servo_ends_with_its_models(tmp_path: Path) -> None:
     assert "Add [servo]" in result.no_compensation
     assert (tmp_path / "report.html").is_file()
     assert not (tmp_path / "recommended").exists()
+
+
+def start_values(name: str) -> dict[str, float]:
+    """Parameters of a friction model as they are in its FMU."""
+    model = contact_model(name, LINEAR)
+    return {parameter.name: parameter.start for parameter in model.parameters.values()}
+
+
+FEEDFORWARDS = [name for name, row in CANDIDATES.items() if row.kind == "feedforward"]
+
+
+@pytest.mark.parametrize("name", FEEDFORWARDS)
+def test_every_feedforward_law_is_tried_with_one_of_its_models(name: str, tmp_path: Path) -> None:
+    """Each of its models that can be identified gives its parameters, and the law runs on the axis with them."""
+    models = sorted(set(CANDIDATES[name].models) & set(identifiable()))
+    assert models, f"{name} needs {CANDIDATES[name].models}, none of which a study identifies"
+    for model in models:
+        (choice,) = candidates([name], Known(SERVO, PLANT, {model: start_values(model)}))
+        assert choice.placed is not None, choice.reason
+        assert choice.model == model
+    assert try_out(bench(tmp_path), choice.placed, (1.0,), 0.1).metrics is not None
+
+
+def test_modified_leuven_feedforward_has_the_force_of_gms(tmp_path: Path) -> None:
+    """Far above the Stribeck velocity both are the same Maxwell slip elements: on an axis with that friction the law
+    reduces the error as much as GMSFeedforward does, with the level of sliding taken for constant."""
+    values = start_values("GMS") | {"Fs": 1.0, "Fc": 1.0}
+    plant = Plant("GMS", values, 1.0, 0.2)
+    known = Known(SERVO, plant, {"GMS": values})
+    given = replace(bench(tmp_path), plant=plant)
+    errors = []
+    for name in ("ModifiedLeuvenFeedforward", "GMSFeedforward"):
+        (choice,) = candidates([name], known)
+        metrics = try_out(given, choice.placed, (1.0,), 0.1).metrics
+        assert metrics is not None
+        errors.append(metrics.rms)
+    none = try_out(given, None, (0.0,), 0.1).metrics
+    assert none is not None
+    assert errors[0] < 0.2 * none.rms
+    assert errors[0] == pytest.approx(errors[1], abs=0.02 * none.rms)

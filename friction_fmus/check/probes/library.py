@@ -6,7 +6,7 @@ import ctypes
 import locale
 import mmap
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from ctypes import CFUNCTYPE, POINTER, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from pathlib import Path
@@ -128,6 +128,7 @@ class Library:
         self.guid: str = job["guid"]
         self.start_time: float = job["start_time"]
         self.variables = [Variable(row) for row in job["variables"]]
+        self.by_type = _by_type(self.variables)
         self.messages: list[tuple[int, str, str]] = []
         self.categories: set[str] = set()
         self.settings = settings_now()
@@ -260,13 +261,25 @@ class Instance:
         buffer = (_BUFFERS[v.type] * 1)(value.encode() if v.type == "String" else value)
         return self.status(f"Set{v.type}", (c_uint * 1)(v.reference), 1, buffer)
 
-    def snapshot(self, variables: Iterable[Variable] | None = None) -> dict[str, Any]:
+    def snapshot(self) -> dict[str, Any]:
         """All variables that can be read, NaN as text so that it equals itself."""
+        values: dict[str, Any] = {}
+        for type, (names, numbers) in self.library.by_type.items():
+            buffer = (_BUFFERS[type] * len(names))()
+            if self.status(f"Get{type}", numbers, len(names), buffer) in (OK, WARNING):
+                values |= zip(names, _plain(type, buffer), strict=True)
+            else:
+                values |= self._readable(type)
+        return values
+
+    def _readable(self, type: str) -> dict[str, Any]:
+        """What `snapshot` has of a type of which not all variables can be read."""
         values = {}
-        for v in self.library.variables if variables is None else variables:
-            status, value = self.read_status(v)
-            if status in (OK, WARNING):
-                values[v.name] = "NaN" if value != value else value
+        for v in self.library.variables:
+            if v.type == type:
+                status, value = self.read_status(v)
+                if status in (OK, WARNING):
+                    values[v.name] = "NaN" if value != value else value
         return values
 
     # ---- states
@@ -293,6 +306,20 @@ class Instance:
         self.must("DeSerializeFMUstate", data, len(data), byref(state))
         self.must("SetFMUstate", state)
         self.must("FreeFMUstate", byref(state))
+
+
+def _by_type(variables: Sequence[Variable]) -> dict[str, tuple[list[str], Any]]:
+    """Names and value references of the variables of each type."""
+    types = dict.fromkeys(v.type for v in variables)
+    groups = {type: [v for v in variables if v.type == type] for type in types}
+    return {type: ([v.name for v in group], references(group)) for type, group in groups.items()}
+
+
+def _plain(type: str, buffer: Any) -> list[Any]:
+    """The values in a buffer; NaN as text."""
+    if type == "String":
+        return [(text or b"").decode(errors="replace") for text in buffer]
+    return ["NaN" if value != value else value for value in buffer]
 
 
 def last_message(library: Library) -> str:

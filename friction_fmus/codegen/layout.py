@@ -1,0 +1,156 @@
+"""How a law is laid out in C: its structs, and what in them is a pair of floats."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from casadi import Function
+
+from friction_fmus.emit import DOUBLE, Kernel, Lows, Real, kernel
+from friction_fmus.expression_graph import LIBM, graph
+from friction_fmus.law import ANGLE, BOOLEANS, LENGTH, NO_UNIT, VECTORS, Kind, Law, Variable
+from friction_fmus.law_conditions import PARAMETERS
+from friction_fmus.law_variables import FAULT
+from friction_fmus.pairs import Weight, positions, rounded
+
+INPUTS = (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND)
+STATES = (Kind.STATE, Kind.STATES)
+
+Values = Mapping[str, tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class Export:
+    """A law, and how it is to be written.
+
+    Attributes
+    ----------
+    law : Law
+        The law.
+    real : Real
+        Type of all numbers.
+    prefix : str
+        Of files, types and functions.
+    start : mapping of str to tuple of float
+        Start values of inputs, states and parameters, by variable.
+    """
+
+    law: Law
+    real: Real
+    prefix: str
+    start: Values
+
+    @property
+    def groups(self) -> dict[str, tuple[Variable, ...]]:
+        """Members of the structs by the struct's name, in the order of the arguments of ``step``."""
+        return {
+            "parameters": self.law.select(*PARAMETERS),
+            "states": self.law.select(*STATES),
+            "inputs": self.law.select(*INPUTS),
+            "outputs": (*self.law.select(Kind.OUTPUT), FAULT),
+        }
+
+    @cached_property
+    def kernel(self) -> Kernel:
+        """One sample, as statements on the structs."""
+        return self.statements(self.law.function, self.law.given, self.results, self._lows)
+
+    @property
+    def results(self) -> list[str]:
+        """C expressions of the scalars that a sample writes, in the order of the law's function."""
+        return [place for variable in self.law.results for place in self.places(variable)]
+
+    @cached_property
+    def pairs(self) -> frozenset[str]:
+        """Names of the variables that are pairs of floats: absolute positions, and parameters that belong to them."""
+        wide, written = self._positions
+        read, results = _scalars(self.law.given), _scalars(self.law.results)
+        return frozenset([read[i][0].name for i in wide] + [results[i][0].name for i in written])
+
+    @property
+    def positions(self) -> tuple[Variable, ...]:
+        """The inputs that are absolute positions."""
+        return tuple(v for v in self.law.select(Kind.INPUT, Kind.OPTIONAL) if _is_length(v))
+
+    @property
+    def rounded(self) -> tuple[str, ...]:
+        """Functions of the C library that are given an absolute position as one float."""
+        given = {i: Weight(1.0) for i, (v, _) in enumerate(_scalars(self.law.given)) if v in self.positions}
+        found = rounded(graph(self.law.function)[0], given | dict(self._positions[0]))
+        return tuple(sorted(LIBM[operation] + self.real.suffix for operation in found & LIBM.keys()))
+
+    @cached_property
+    def _positions(self) -> tuple[Mapping[int, Weight], set[int]]:
+        """Numbers of the arguments and of the results that are pairs."""
+        if self.real is DOUBLE:
+            return {}, set()
+        read = _scalars(self.law.given)
+        argument = {(v.name, element): i for i, (v, element) in enumerate(read)}
+        lengths = {i: (v.name, element) for i, (v, element) in enumerate(_scalars(self.law.results)) if _is_length(v)}
+        return positions(
+            *graph(self.law.function),
+            [i for i, (v, _) in enumerate(read) if v in self.positions],
+            [i for i, (v, _) in enumerate(read) if v.kind in PARAMETERS and (_is_length(v) or v.unit == NO_UNIT)],
+            {i: argument[scalar] for i, scalar in lengths.items() if scalar in argument},
+            [i for i, scalar in lengths.items() if scalar not in argument],
+        )
+
+    @property
+    def _lows(self) -> Lows | None:
+        """The lower parts by number of argument and of result."""
+
+        def by_number(variables: Sequence[Variable]) -> dict[int, str]:
+            scalars = [low for variable in variables for low in self.lows(variable) or [""] * len(variable.starts)]
+            return {i: low for i, low in enumerate(scalars) if low}
+
+        if not self.pairs:
+            return None
+        return Lows(self._positions[0], by_number(self.law.given), by_number(self.law.results))
+
+    def lows(self, variable: Variable) -> list[str]:
+        """C expressions of the lower parts of its scalars; none unless it is a pair."""
+        places = self.places(variable) if variable.name in self.pairs else []
+        return [re.sub(r"\w+(?=\[|$)", r"\g<0>_low", place, count=1) for place in places]
+
+    @property
+    def result_lows(self) -> dict[int, str]:
+        """C expressions of the lower parts of `results`, by place in that list; only those that are pairs."""
+        return dict(self._lows.writes) if self._lows else {}
+
+    def statements(
+        self, function: Function, given: Sequence[Variable], writes: Sequence[str], lows: Lows | None = None
+    ) -> Kernel:
+        """A function of variables of the structs, as statements."""
+        scalars = [variable for variable in given for _ in variable.starts]
+        return kernel(
+            function,
+            [place for variable in given for place in self.places(variable)],
+            writes,
+            real=self.real,
+            conditions=[i for i, variable in enumerate(scalars) if variable.kind in BOOLEANS],
+            lows=lows,
+        )
+
+    def places(self, variable: Variable) -> list[str]:
+        """C expressions of its scalars, behind pointers with the names of the structs."""
+        group = next(name for name, members in self.groups.items() if variable in members)
+        name = f"{group}->{variable.name}"
+        return [f"{name}[{i}]" for i in range(len(variable.starts))] if variable.kind in VECTORS else [name]
+
+    def member(self, variable: Variable) -> str:
+        """Declaration of a member."""
+        kind = "int" if variable.kind in (*BOOLEANS, Kind.FLAG) else self.real.name
+        return f"{kind} {variable.name}{f'[{len(variable.starts)}]' if variable.kind in VECTORS else ''}"
+
+
+def _scalars(variables: Sequence[Variable]) -> list[tuple[Variable, int]]:
+    """Every variable as often as it has scalars, with the number of the element."""
+    return [(variable, element) for variable in variables for element in range(len(variable.starts))]
+
+
+def _is_length(variable: Variable) -> bool:
+    """Whether it may be an absolute position."""
+    return variable.unit in (LENGTH, ANGLE)

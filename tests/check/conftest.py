@@ -1,0 +1,27 @@
+"""What the tests of the check share: the FMU with one fault, compiled once."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+from check.libraries import HERE, Library
+
+from harness import toolchain
+
+
+@pytest.fixture(scope="session")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
+    """The compiled FMU, with a definition."""
+    made: dict[str, bytes] = {}
+
+    def compile_it(definition: str = "IN_ORDER") -> bytes:
+        if definition not in made:
+            path = tmp_path_factory.mktemp("faulty") / "faulty.so"
+            flags = ["-std=gnu99", "-O1", "-shared", "-fPIC", f"-I{toolchain.header_folder()}", f"-D{definition}"]
+            command = [*toolchain.compiler(), *flags, "-Wl,-z,lazy", str(HERE / "faulty.c"), "-o", str(path), "-lm"]
+            subprocess.run(command, check=True, timeout=300)
+            made[definition] = path.read_bytes()
+        return made[definition]
+
+    return compile_it

@@ -1,0 +1,108 @@
+"""Temporary folders: gone when their process was killed and the next one runs, kept while their process lives."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from harness import scratch
+from harness.scratch import ScratchFolder
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has another kind of lock")
+
+ROOT = Path(__file__).parents[2]
+WAIT = "import sys; print('ready', flush=True); sys.stdin.read()\n"
+
+
+@pytest.fixture
+def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    return folder
+
+
+def started(code: str, temporary: Path) -> subprocess.Popen[str]:
+    """A process that has run the code and waits."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", code + WAIT],
+        env=os.environ | {"TMPDIR": str(temporary), "PYTHONPATH": str(ROOT)},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    return process
+
+
+def kill(process: subprocess.Popen[str]) -> None:
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    for pipe in (process.stdin, process.stdout):
+        assert pipe is not None
+        pipe.close()
+
+
+def next_run() -> None:
+    """What the first folder of another process does."""
+    scratch._remove_leftovers.cache_clear()
+    ScratchFolder("harness-").cleanup()
+
+
+HERE = "from harness.scratch import ScratchFolder\nfolder = ScratchFolder('harness-')\nopen(folder.name + '/x', 'w')\n"
+
+
+def test_the_folder_of_a_killed_process_goes_and_that_of_a_living_one_stays(temporary: Path) -> None:
+    killed, living = started(HERE, temporary), started(HERE, temporary)
+    assert len(list(temporary.iterdir())) == 2
+    kill(killed)
+    next_run()
+    (left,) = temporary.iterdir()
+    assert (left / "x").exists()
+    living.communicate("")
+    assert list(temporary.iterdir()) == []
+
+
+def test_what_a_run_of_an_fmu_leaves(temporary: Path, probe: Path) -> None:
+    """In this process, in one of its own, and in the workers of a sweep."""
+    code = (
+        "from harness import FmuPart, System\n"
+        f"parts = [FmuPart(name, {str(probe)!r}, isolate=name == 'b') for name in 'ab']\n"
+        "start = {f'{part}.{name}': value for part in 'ab' for name, value in (('u', 1.0), ('n', 1), ('b', True))}\n"
+        "system = System(parts, start=start)\nsystem.run(stop=1.0, step=0.1)\n"
+    )
+    process = started(code, temporary)
+    assert len(list(temporary.iterdir())) == 2
+    kill(process)
+    assert len(list(temporary.iterdir())) == 2
+    next_run()
+    assert list(temporary.iterdir()) == []
+
+
+def test_folders_of_others_stay(temporary: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of another user, of another program, without a lock, and what a link points to."""
+    kill(started(HERE, temporary))
+    (mine,) = temporary.iterdir()
+    (temporary / "harness-of-someone").mkdir()
+    (temporary / "harness-of-someone" / "x").touch()
+    (temporary / "other-program").mkdir()
+    mine.rename(tmp_path / "elsewhere")
+    (temporary / "harness-link").symlink_to(tmp_path / "elsewhere")
+    next_run()
+    assert sorted(path.name for path in temporary.iterdir()) == ["harness-link", "harness-of-someone", "other-program"]
+    assert (tmp_path / "elsewhere" / "x").exists()
+    (tmp_path / "elsewhere").rename(temporary / "harness-mine")
+    monkeypatch.setattr(os, "getuid", lambda: 12345)
+    next_run()
+    assert (temporary / "harness-mine" / "x").exists()
+    monkeypatch.undo()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    next_run()
+    assert not (temporary / "harness-mine").exists()
