@@ -12,6 +12,7 @@
 #define DOUBT     0.02 /* of the largest size so far, between a step and its halves */
 #define AT_START  0.5  /* the same in the first EARLY ticks of what begins at rest: its size so far says little */
 #define SURPRISE  0.05 /* of a value that was foreseen on a straight line */
+#define LEAP      1.5  /* over the largest size so far */
 #define HOPELESS  30.0 /* unresolved errors, summed up, over the size */
 #define AMPLIFIED 4.0  /* counts as so much over what is tolerated */
 enum {
@@ -32,11 +33,22 @@ static bool is_scheduled(int64_t tick)
     return tick < CHECK_EVERY ? (tick & (tick - 1)) == 0 : tick % CHECK_EVERY == 0;
 }
 
+/* Whether an unknown is far from its prediction. */
 static bool surprises(const Newton *newton, const Group *g, const Span *s)
 {
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
         if (fabs(surprise_of(newton, j, s)) > SURPRISE * newton->scale[j])
             return true;
+    return false;
+}
+
+/* Whether a line is far beyond all that it has been. */
+static bool leaps(const Engine *e, const Newton *newton, const Group *g)
+{
+    for (int64_t i = g->first; i < g->first + g->count; i++)
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
+            if (newton->moving[k].inner && fabs(newton->moving[k].u1) > LEAP * newton->moving[k].scale)
+                return true;
     return false;
 }
 
@@ -52,13 +64,14 @@ static bool amplifies(const Newton *newton, const Group *g, const Span *s)
 }
 
 /* Whether the piece that has just been solved is to be checked. */
-static bool wants_check(const Newton *newton, int64_t number, int64_t tick, const Span *s)
+static bool wants_check(const Engine *e, const Newton *newton, int64_t number, int64_t tick, const Span *s)
 {
     const StepCheck *const guard = &newton->guards[number];
     if (guard->hopeless)
         return false;
-    return guard->alarm > 0 || guard->calm > 0 || (s->from == 0.0 && is_scheduled(tick)) ||
-           (tick >= guard->next && surprises(newton, &newton->groups[number], s));
+    const Group *const g = &newton->groups[number];
+    return guard->alarm > 0 || guard->calm > 0 || (s->from == 0.0 && is_scheduled(tick)) || leaps(e, newton, g) ||
+           (tick >= guard->next && surprises(newton, g, s));
 }
 
 /* What a check must not change: copied to the place that is kept for it (or back). */
