@@ -152,7 +152,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (FrictionError, HarnessError, OSError) as error:
         if options.debug:
             raise
-        print(f"friction-fmus: {error}", file=sys.stderr)
+        # what a library says of a damaged file may have several lines
+        print(f"friction-fmus: {' '.join(str(error).splitlines())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:
         print(f"friction-fmus: {str(error) or 'interrupted'}", file=sys.stderr)

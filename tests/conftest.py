@@ -15,6 +15,8 @@ LONG = (
     "test_documents.py",
     "test_examples.py",
     "test_native_checks.py",
+    "test_mutants.py",
+    "test_kernels.py",
     "test_random_calls.py",
     "test_wheel.py",
     "test_cofmupy.py",

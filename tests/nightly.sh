@@ -1,11 +1,14 @@
 #!/usr/bin/env bash
 # The long tests: all blocks compiled at every level of optimisation, all blocks under every sanitizer, fuzzing for ten
-# minutes each way, the tests with sanitized code, and 100 million steps and 100 000 instances on end.
-#   nightly.sh [SECONDS]     seconds for each way of fuzzing, 600 by default
+# minutes each way, the tests with sanitized code, 100 million steps and 100 000 instances on end, mutants of input
+# files, and all tests with three kernels of OpenBLAS (SkylakeX needs a processor with AVX-512).
+#   nightly.sh [SECONDS] [MUTANTS]     seconds for each way of fuzzing, 600 by default, and mutants of each kind of
+#                                      input file, 2000 by default; those that fail are kept in ./mutants
 # What fails is shown; the status is 1 then. Needs what tests/debian-packages.sh installs.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 seconds=${1:-600}
+mutants=${2:-2000}
 python=${PYTHON:-python3}
 failed=0
 step() {
@@ -19,4 +22,8 @@ step "$python" tests/robustness/call_machine.py "$seconds"
 step tests/robustness/sanitized.sh address
 step tests/robustness/sanitized.sh thread
 step "$python" tests/robustness/soak.py
+step "$python" tests/robustness/mutants.py "$mutants"
+for kernel in Prescott Haswell SkylakeX; do
+    step env OPENBLAS_CORETYPE="$kernel" "$python" -m pytest -q -n 2
+done
 exit "$failed"

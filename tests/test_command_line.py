@@ -36,6 +36,16 @@ def fails(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     return captured.err
 
 
+def test_what_a_library_says_in_several_lines_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """libxml2 ends a line behind the character that it refuses."""
+    path = tmp_path / "system.ssp"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("SystemStructure.ssd", b"<?xml version='1.0'?>\n<a>\0</a>")
+    assert "is not XML" in fails(capsys, "run", path, "-o", tmp_path / "o.csv")
+
+
 def test_module_and_script_are_the_same_program() -> None:
     for command in ([sys.executable, "-m", "friction_fmus"], [str(Path(sys.executable).parent / "friction-fmus")]):
         run = subprocess.run([*command, "--version"], capture_output=True, text=True, check=True)

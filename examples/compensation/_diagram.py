@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
-from _loop import BLACK, TS
+from _loop import BLACK, LOOP_TOLERANCE, TS
 from friction_fmus import build
 from harness import CallablePart, FmuPart, Part, Result, System, Wire
 from harness.wire import parse_wire
@@ -122,7 +122,13 @@ def run_loop(
             for name, box in boxes.items()
         ]
         with System(parts, wires, start) as system:
-            return system.run(stop=round(stop / step) * step, step=step, master="newton", record=list(record))
+            return system.run(
+                stop=round(stop / step) * step,
+                step=step,
+                master="newton",
+                record=list(record),
+                loop_tolerance=LOOP_TOLERANCE,
+            )
 
 
 def sheet(title: str, size: tuple[float, float], ratios: tuple[float, float]) -> tuple[Figure, Axes, Axes, Axes]:

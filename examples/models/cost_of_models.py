@@ -92,7 +92,7 @@ def main(folder: Path) -> str:
 
     per_element = [name for name in of_block["GMS"] if "[" in name]
     shared = set(of_block["GMS"]) - set(per_element)
-    assert len(per_element) == 2 * ELEMENTS and shared == {"Fc", "Fs", "vs", "C", "sigma2"}
+    assert len(per_element) == 3 * ELEMENTS and shared == {"Fc", "Fs", "vs", "C", "sigma2"}
     assert len(of_block["Coulomb"]) < len(of_block["Stribeck"]) < len(of_block["LuGre"]) < len(of_block["GMS"])
     cheap, static, dahl, lugre, gms = (of_law[law] for law in LAWS)
     assert cheap < static < dahl < lugre < gms

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from friction_fmus.conditions.condition import Condition
+from friction_fmus.conditions.condition import Condition, above, at_most, below
 from friction_fmus.conditions.position_loop import steepest_fall
 
 
@@ -28,7 +28,7 @@ def encoder_count(q: float, Kp: float, Kd: float, F: float, window: float) -> Co
     value = (abs(Kp) + abs(Kd) / window) * q
     return Condition(
         name="encoder",
-        ok=value < F,
+        ok=below(value, F),
         value=value,
         bound=F,
         wrong=f"one count of the encoder, {q:.4g} m, changes the force by Kp q + Kd q/T = {value:.4g} N; static "
@@ -65,7 +65,7 @@ def cogging(Kp: float, slope: float) -> Condition:
     """
     return Condition(
         name="cogging",
-        ok=Kp > slope,
+        ok=above(Kp, slope),
         value=Kp,
         bound=slope,
         wrong=f"the stiffness of the loop, {Kp:.4g} N/m, is to be above the steepest rise of the cogging force, "
@@ -89,14 +89,14 @@ def belt(damping: float, Fc: float, Fs: float, vs: float, delta: float, v: float
         Speed of the belt [m/s].
     """
     speed = abs(v)
-    if speed == 0.0 or Fs <= Fc or steepest_fall(Fc, Fs, vs, delta) == 0.0:
+    if speed == 0.0 or at_most(Fs, Fc) or steepest_fall(Fc, Fs, vs, delta) == 0.0:
         fall = 0.0
     else:
         power = min(delta * math.log(speed / vs), 700.0)
         fall = (Fs - Fc) * delta / speed * math.exp(power - math.exp(min(power, 6.5)))
     return Condition(
         name="belt",
-        ok=damping > fall,
+        ok=above(damping, fall),
         value=damping,
         bound=fall,
         wrong=f"at the speed of the belt, {speed:.4g} m/s, friction falls by {fall:.4g} N.s/m; the damping is "
@@ -120,7 +120,7 @@ def fed_back_stiffness(fed_back: float, stiffness: float) -> Condition:
     """
     return Condition(
         name="fed-back stiffness",
-        ok=fed_back < stiffness,
+        ok=below(fed_back, stiffness),
         value=fed_back,
         bound=stiffness,
         wrong=f"the law feeds back the stiffness {fed_back:.4g} N/m; contact and loop have {stiffness:.4g} N/m",

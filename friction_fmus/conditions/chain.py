@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from friction_fmus.conditions.condition import Condition
-from friction_fmus.conditions.linear import Matrix, longest_sample, spectral_radius
+from friction_fmus.conditions.linear import Matrix, is_stable, longest_sample, spectral_radius
 
 
 @dataclass(frozen=True)
@@ -229,16 +229,15 @@ def loop_poles(
         searched for gains that are low enough.
     """
 
-    def radius(time: float) -> float:
-        return spectral_radius(chain(plant, laws(time), time, between))
+    def loop(time: float) -> Matrix:
+        return chain(plant, laws(time), time, between)
 
-    value = radius(Ts)
-    ok = value < 1.0
+    value, ok = spectral_radius(loop(Ts)), is_stable(loop(Ts))
     faster, shorter = "", ""
     if not ok:
         hint = hint or _lower(plant, laws(Ts), Ts, between)
         dead = between.delay > 0.0 or between.tau > 0.0
-        longest = 0.0 if dead else longest_sample(radius, Ts, halvings=6, closeness=1e-3)
+        longest = 0.0 if dead else longest_sample(lambda time: is_stable(loop(time)), Ts, 6, 1e-3)
         faster = f", or sample faster than every {longest:.4g} s" if longest else ""
         shorter = _shorter(plant, laws(Ts), Ts, between) if dead else ""
     return Condition(
@@ -254,24 +253,24 @@ def loop_poles(
     )
 
 
-def _edge(radius: Callable[[float], float]) -> float:
-    """The largest share from 0 to 1, of those next to 0, at which a spectral radius is below 1; 0 if there is none."""
+def _edge(stable: Callable[[float], bool]) -> float:
+    """The largest share from 0 to 1, of those next to 0, at which a loop is stable; 0 if there is none."""
     low, high = 0.0, 1.0
     for share in (0.5, 0.2, 0.1, 0.05, 0.02, 0.01):
-        if radius(share) < 1.0:
+        if stable(share):
             low = share
             break
         high = share
     while low and high - low > 1e-3 * high:
         middle = (low + high) / 2.0
-        low, high = (middle, high) if radius(middle) < 1.0 else (low, middle)
+        low, high = (middle, high) if stable(middle) else (low, middle)
     return low
 
 
 def _lower(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, between: Between) -> str:
     """How much lower the gains would have to be, all together, if that helps."""
     share = _edge(
-        lambda share: spectral_radius(
+        lambda share: is_stable(
             chain(plant, [SampledLaw(law.A, law.B, share * law.C, share * law.D) for law in laws], Ts, between)
         )
     )
@@ -283,11 +282,11 @@ def _lower(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, between: B
 def _shorter(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, between: Between) -> str:
     """How much shorter lag and delay of the actuator would have to be, if that helps."""
 
-    def radius(share: float) -> float:
+    def stable(share: float) -> bool:
         shrunk = Between(share * between.tau, share * between.delay, between.window, between.smoothing)
-        return spectral_radius(chain(plant, laws, Ts, shrunk))
+        return is_stable(chain(plant, laws, Ts, shrunk))
 
-    low, total = _edge(radius), between.tau + between.delay
+    low, total = _edge(stable), between.tau + between.delay
     if not low:
         return "; lag and delay of the actuator are not the cause alone"
     return f", or bring lag and delay of the actuator, together {total:.4g} s, below {low * total:.4g} s"

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from friction_fmus.conditions.condition import Condition
-from friction_fmus.conditions.linear import Matrix, held_mass, longest_sample, spectral_radius
+from friction_fmus.conditions.condition import Condition, at_least, at_most, below
+from friction_fmus.conditions.linear import Matrix, held_mass, is_stable, longest_sample, spectral_radius
 
 
 def injection(m: float, Kp: float, Kd: float, Ki: float, s0: float, s1: float) -> Condition:
@@ -32,13 +32,13 @@ def injection(m: float, Kp: float, Kd: float, Ki: float, s0: float, s1: float) -
     """
     least = s0 * m / s1 if s1 > 0.0 else math.inf
     by_integral = s1 * Ki / s0
-    if Kd >= least and Kp < by_integral:
+    if at_least(Kd, least) and below(Kp, by_integral):
         value, bound, gain, unit, rule = Kp, by_integral, "Kp", "N/m", "s1 Ki/s0"
     else:
         value, bound, gain, unit, rule = Kd, least, "Kd", "N.s/m", "s0 m/s1"
     return Condition(
         name="observer injection",
-        ok=value >= bound,
+        ok=at_least(value, bound),
         value=value,
         bound=bound,
         wrong=f"{gain} = {value:.4g} {unit} is to be at least {rule} = {bound:.4g} {unit}, as the observer is "
@@ -117,12 +117,11 @@ def disturbance_observer(
         As in `disturbance_loop`.
     """
 
-    def radius(time: float) -> float:
-        return spectral_radius(disturbance_loop(m, Kp, Kd, Ki, fq, time, damping, Kt, m_model, gain))
+    def loop(time: float) -> Matrix:
+        return disturbance_loop(m, Kp, Kd, Ki, fq, time, damping, Kt, m_model, gain)
 
-    value = radius(Ts)
-    ok = value < 1.0
-    longest = 0.0 if ok else longest_sample(radius, Ts)
+    value, ok = spectral_radius(loop(Ts)), is_stable(loop(Ts))
+    longest = 0.0 if ok else longest_sample(lambda time: is_stable(loop(time)), Ts)
     where = f"in presliding (stiffness {Kt:.4g} N/m)" if Kt else "in sliding"
     faster = f", or sample faster than every {longest:.4g} s" if longest else ""
     return Condition(
@@ -155,7 +154,7 @@ def explicit_observer(Ts: float, s0: float, Fc: float, v: float) -> Condition:
     bound = 0.2 * Fc / (s0 * abs(v)) if v else math.inf
     return Condition(
         name="explicit observer",
-        ok=Ts < bound,
+        ok=below(Ts, bound),
         value=Ts,
         bound=bound,
         wrong=f"Ts = {Ts:.4g} s is to be below 0.2 g/(s0 v) = {bound:.4g} s at {abs(v):.4g} m/s",
@@ -184,7 +183,7 @@ def overcompensation(share: float, measured: bool = True) -> Condition:
     )
     return Condition(
         name="over-compensation",
-        ok=share <= 1.0 + 1e-9,
+        ok=at_most(share, 1.0),
         value=share,
         bound=1.0,
         wrong=f"{share:.4g} times the friction of the axis is compensated",
@@ -208,7 +207,7 @@ def inertia(total: float, m: float, laws: int) -> Condition:
     """
     return Condition(
         name="inertia",
-        ok=laws < 2 or total <= m * (1.0 + 1e-9),
+        ok=laws < 2 or at_most(total, m),
         value=total,
         bound=m,
         wrong=f"{laws} laws feed inertia forward, together for {total:.4g} kg; the axis has {m:.4g} kg",

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
-from friction_fmus.conditions.condition import Condition
+from friction_fmus.conditions.condition import Condition, above, at_least, at_most, below
+
+MOST_PREVIEW: Final = 1024
+"""Longest preview that is advised, in samples: that of DiscreteInverse."""
 
 
 def break_away(most: float, Fs: float, direction: str = "forward") -> Condition:
@@ -23,7 +27,7 @@ def break_away(most: float, Fs: float, direction: str = "forward") -> Condition:
     """
     return Condition(
         name="break-away",
-        ok=most > Fs,
+        ok=above(most, Fs),
         value=most,
         bound=Fs,
         wrong=f"the largest force {direction}, behind all limits, is {most:.4g} N; static friction is {Fs:.4g} N",
@@ -45,7 +49,7 @@ def sliding_gain(K: float, F: float) -> Condition:
     """
     return Condition(
         name="sliding gain",
-        ok=K >= F,
+        ok=at_least(K, F),
         value=K,
         bound=F,
         wrong=f"the gain of the sliding mode, K = {K:.4g} N, is to be at least the friction that is left, {F:.4g} N",
@@ -64,12 +68,12 @@ def super_twisting(c1: float, c2: float) -> Condition:
         Gains in the normalised form, of sqrt(m L |s|) and of L.
     """
     least = math.sqrt(1.0 + max(c2, 1.0))
-    by_rate = c2 <= 1.0
+    by_rate = at_most(c2, 1.0)
     value, bound = (c2, 1.0) if by_rate else (c1, least)
     text = f"c2 = {c2:.4g} is to be above 1" if by_rate else f"c1 = {c1:.4g} is to be above sqrt(1 + c2) = {least:.4g}"
     return Condition(
         name="super-twisting",
-        ok=value > bound,
+        ok=above(value, bound),
         value=value,
         bound=bound,
         wrong=text,
@@ -93,7 +97,7 @@ def super_twisting_rate(c2: float, L: float, rate: float) -> Condition:
     """
     return Condition(
         name="super-twisting rate",
-        ok=c2 * L >= rate,
+        ok=at_least(c2 * L, rate),
         value=c2 * L,
         bound=rate,
         wrong=f"c2 L = {c2 * L:.4g} N/s is to be at least the fastest change of friction, {rate:.4g} N/s",
@@ -117,11 +121,11 @@ def adaptation(rate: float, Ks: float, m: float, Ts: float) -> Condition:
     m, Ts : float
         Mass [kg] and sample time [s].
     """
-    slow = 2.0 * Ks * Ts / m < 4.0 + rate * Ts**2 / m
+    slow = below(2.0 * Ks * Ts / m, 4.0 + rate * Ts**2 / m)
     value, bound = (rate * Ts, Ks) if slow else (2.0 * Ks * Ts / m, 4.0 + rate * Ts**2 / m)
     return Condition(
         name="adaptation",
-        ok=value < bound,
+        ok=below(value, bound),
         value=value,
         bound=bound,
         wrong=f"the adaptation times Ts, {value:.4g} N.s/m, is to be below Ks = {bound:.4g} N.s/m"
@@ -143,11 +147,11 @@ def prefilter(Kp: float, Kd: float, Ki: float, Ts: float) -> Condition:
     Kp, Kd, Ki, Ts : float
         Gains [N/m, N.s/m, N/(m.s)] and sample time [s] of the prefilter.
     """
-    slow = 2.0 * Ts * Kp < 4.0 * Kd + Ts**2 * Ki
+    slow = below(2.0 * Ts * Kp, 4.0 * Kd + Ts**2 * Ki)
     value, bound = (Ts * Ki, Kp) if slow else (2.0 * Ts * Kp, 4.0 * Kd + Ts**2 * Ki)
     return Condition(
         name="prefilter",
-        ok=value < bound,
+        ok=below(value, bound),
         value=value,
         bound=bound,
         wrong=f"Ts Ki = {value:.4g} N/m is to be below Kp = {bound:.4g} N/m"
@@ -192,11 +196,12 @@ def preview(zero: float, N: float) -> Condition:
     N : float
         Samples of preview.
     """
-    value = 0.0 if zero == 0.0 else abs(zero) ** -N if abs(zero) > 1.0 else math.inf
+    value = 0.0 if zero == 0.0 else abs(zero) ** -N if above(abs(zero), 1.0) else math.inf
     outside = value < math.inf
+    least = math.ceil(math.log(1e3) / math.log(abs(zero))) if outside and zero else 0
     return Condition(
         name="preview",
-        ok=value <= 1e-3,
+        ok=at_most(value, 1e-3),
         value=value,
         bound=1e-3,
         wrong=f"the series of the inverse leaves |zero|^-N = {value:.4g} of the reference, N = {N:.4g}"
@@ -205,8 +210,10 @@ def preview(zero: float, N: float) -> Condition:
         why="the tracking error is the reference N samples ahead, times that share"
         if outside
         else "the series in its powers does not converge",
-        change=f"use a preview of at least {math.ceil(math.log(1e3) / math.log(abs(zero)))} samples, or zero_phase"
-        if outside and zero
-        else "put a zero inside the circle into inner",
+        change="put a zero inside the circle into inner"
+        if not least
+        else f"use a preview of at least {least} samples, or zero_phase"
+        if least <= MOST_PREVIEW
+        else f"use zero_phase: the zero is so near the circle that a preview of {MOST_PREVIEW} samples is too short",
         source="Gross, Tomizuka, Messner, ASME JDSMC 116(1), 1994; the bound 0.001 is a rule of this library",
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from friction_fmus.conditions.condition import Condition
+from friction_fmus.conditions.condition import Condition, at_most, below
 
 _EXPLICIT = ("gauss-seidel", "jacobi")
 
@@ -28,7 +28,7 @@ def longest_step(master: str, m: float, s0: float, c: float) -> float:
     """
     if master not in _EXPLICIT:
         return math.inf
-    return (math.sqrt(c**2 + 4.0 * m * s0) - c) / s0 if master == "gauss-seidel" else c / (s0 + c**2 / m)
+    return 4.0 * m / (math.sqrt(c**2 + 4.0 * m * s0) + c) if master == "gauss-seidel" else c / (s0 + c**2 / m)
 
 
 def contact_step(master: str, step: float, m: float, s0: float, c: float) -> Condition:
@@ -45,7 +45,7 @@ def contact_step(master: str, step: float, m: float, s0: float, c: float) -> Con
     shorter = f", or a step well below {bound:.4g} s" if bound > 0.0 else ""
     return Condition(
         name="contact stiffness",
-        ok=step < bound,
+        ok=below(step, bound),
         value=step,
         bound=bound,
         wrong=f"the communication step is {step:.4g} s; {master} is stable below {bound:.4g} s for {m:.4g} kg on a "
@@ -68,7 +68,7 @@ def sample_step(Ts: float, step: float) -> Condition:
     step : float
         Time between two communications of that part [s].
     """
-    ratio = Ts / step
+    ratio = min(Ts / step, 1e15)  # beyond that doubles know no fractions
     whole = max(round(ratio), 1)
     if ratio < 1.0 - 1e-9:
         why = "several samples fall into one step and all read the inputs of its beginning"
@@ -100,7 +100,7 @@ def fresh(late: float, Ts: float, source: str, target: str) -> Condition:
     """
     return Condition(
         name="stepping order",
-        ok=late <= 0.1 * Ts,
+        ok=at_most(late, 0.1 * Ts),
         value=late,
         bound=0.1 * Ts,
         wrong=f"{target} takes its step before it has the new output of {source}: it gets one that is {late:.4g} s old",

@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.conditions.condition import Condition
+from friction_fmus.conditions.condition import Condition, at_least, below, first_largest
 from friction_fmus.conditions.linear import held_mass
 from friction_fmus.conditions.position_loop import closed_loop
 
@@ -108,12 +108,12 @@ def contraction(
         Its value is the largest ratio of consecutive errors.
     """
     ratio = np.abs(lowpass) * np.abs(1.0 - gamma * learning * sensitivity)
-    worst = int(np.argmax(ratio))
+    worst = first_largest(ratio.tolist())
     value, at = float(ratio[worst]), float(frequency[worst])
-    first = float(frequency[np.argmax(ratio >= 1.0)])
+    first = float(frequency[next((i for i, one in enumerate(ratio) if at_least(float(one), 1.0)), 0)])
     return Condition(
         name="learning",
-        ok=value < 1.0,
+        ok=below(value, 1.0),
         value=value,
         bound=1.0,
         wrong=f"|Q| |1 - gamma L S| is {value:.4g} at {at:.4g} Hz, not below 1",

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from friction_fmus.conditions.condition import Condition
-from friction_fmus.conditions.linear import Matrix, held_mass, longest_sample, spectral_radius
+from friction_fmus.conditions.condition import Condition, above, at_least, at_most
+from friction_fmus.conditions.linear import FASTEST, Matrix, held_mass, is_stable, longest_sample, spectral_radius
 
 
 def routh(m: float, s2: float, Kp: float, Kd: float, Ki: float = 0.0, k: float = 0.0) -> Condition:
@@ -24,7 +24,8 @@ def routh(m: float, s2: float, Kp: float, Kd: float, Ki: float = 0.0, k: float =
     """
     damping, stiffness = Kd + s2, Kp + k
     value, bound = damping * stiffness, m * Ki
-    if damping <= 0.0 or stiffness <= 0.0:
+    positive = above(damping, 0.0, abs(Kd) + abs(s2)) and above(stiffness, 0.0, abs(Kp) + abs(k))
+    if not positive:
         change = "give Kp and Kd positive values, and look for a wire with the wrong sign"
     elif Ki < 0.0:
         change = "make Ki positive or 0"
@@ -32,7 +33,7 @@ def routh(m: float, s2: float, Kp: float, Kd: float, Ki: float = 0.0, k: float =
         change = f"lower Ki below {value / m:.4g} N/(m.s), or raise Kd above {bound / stiffness - s2:.4g} N.s/m"
     return Condition(
         name="Routh",
-        ok=damping > 0.0 and stiffness > 0.0 and Ki >= 0.0 and value > bound,
+        ok=positive and Ki >= 0.0 and above(value, bound),
         value=value,
         bound=bound,
         wrong=f"(Kd + s2)(Kp + k) = {value:.4g} is to be above m Ki = {bound:.4g} N2.s/m2, all gains positive",
@@ -72,16 +73,15 @@ def sampled(m: float, s2: float, Kp: float, Kd: float, Ki: float, Ts: float, k: 
         Sample time [s].
     """
 
-    def radius(time: float) -> float:
-        return spectral_radius(closed_loop(m, s2, Kp, Kd, Ki, time, k))
+    def loop(time: float) -> Matrix:
+        return closed_loop(m, s2, Kp, Kd, Ki, time, k)
 
-    value = radius(Ts)
-    ok = value < 1.0
-    longest = 0.0 if ok else longest_sample(radius, Ts)
+    value, ok = spectral_radius(loop(Ts)), is_stable(loop(Ts))
+    longest = 0.0 if ok else longest_sample(lambda time: is_stable(loop(time)), Ts)
     change = (
         f"sample faster than every {longest:.4g} s, or lower the gains"
         if longest
-        else "mend the gains: the loop is unstable however fast it is sampled"
+        else f"change the gains: no sample time of {1e6 * FASTEST:g} us or more helps, however fast the loop is sampled"
     )
     return Condition(
         name="sampled loop",
@@ -108,7 +108,7 @@ def steepest_fall(Fc: float, Fs: float, vs: float, delta: float = 2.0) -> float:
     vs, delta : float
         Stribeck velocity [m/s] and exponent.
     """
-    if Fs <= Fc:
+    if at_most(Fs, Fc):
         return 0.0
     if delta < 1.0:
         return math.inf
@@ -140,7 +140,7 @@ def stick_slip_free(
     )
     return Condition(
         name="stick-slip",
-        ok=value > bound,
+        ok=above(value, bound, abs(Kd) + abs(s2)),
         value=value,
         bound=bound,
         wrong=f"Kd + s2 = {value:.4g} N.s/m is to be above the steepest fall of the Stribeck curve{taken} "
@@ -164,7 +164,7 @@ def hunting(Ki: float, Fc: float, Fs: float) -> Condition:
     """
     return Condition(
         name="hunting",
-        ok=not (Ki > 0.0 and Fs > Fc),
+        ok=not (Ki > 0.0 and above(Fs, Fc)),
         value=Fs,
         bound=Fc,
         wrong=f"the position loop has an integral, Ki = {Ki:.4g} N/(m.s), and static friction, {Fs:.4g} N, is above "
@@ -205,7 +205,7 @@ def dead_band(db: float, slip: float) -> Condition:
     """
     return Condition(
         name="dead-band",
-        ok=2.0 * db >= slip,
+        ok=at_least(2.0 * db, slip),
         value=2.0 * db,
         bound=slip,
         wrong=f"the dead-band of {-db:.4g} m to {db:.4g} m is narrower than a slip, {slip:.4g} m",

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.conditions.condition import Condition
+from friction_fmus.conditions.condition import Condition, above, at_least, at_most, below, first_largest
 from friction_fmus.conditions.linear import held_mass
 
 Array: TypeAlias = NDArray[np.float64]
@@ -31,7 +31,7 @@ def dither_stroke(Ad: float, f: float, m: float, F: float, s0: float) -> Conditi
     bound = F / s0
     return Condition(
         name="dither stroke",
-        ok=stroke > bound,
+        ok=above(stroke, bound),
         value=stroke,
         bound=bound,
         wrong=f"the stroke of the dither, Ad/(m (2 pi f)^2) = {stroke:.4g} m, is to be above the presliding range "
@@ -55,7 +55,7 @@ def dither_frequency(f: float, Ts: float) -> Condition:
     bound = 0.5 / Ts
     return Condition(
         name="dither frequency",
-        ok=f < bound,
+        ok=below(f, bound),
         value=f,
         bound=bound,
         wrong=f"the dither of {f:.4g} Hz is to be below half the sample rate, 1/(2 Ts) = {bound:.4g} Hz",
@@ -65,6 +65,11 @@ def dither_frequency(f: float, Ts: float) -> Condition:
         else "set a frequency above 0",
         source="sampling theorem: Astrom, Wittenmark: Computer-Controlled Systems, 3rd ed., 1997",
     )
+
+
+def _breaks_away(Fp: float, Fc: float, Fs: float) -> bool:
+    """Return whether a pulse moves the mass; one of exactly the static friction does, as laws choose that force."""
+    return at_least(Fp, Fs) and above(Fp, Fc)
 
 
 def slide(Fp: float, Fc: float, Fs: float, tp: float, m: float) -> float:
@@ -77,7 +82,7 @@ def slide(Fp: float, Fc: float, Fs: float, tp: float, m: float) -> float:
     Fc, Fs, m : float
         Coulomb and static friction [N], mass [kg].
     """
-    return Fp * (Fp - Fc) * tp**2 / (2.0 * m * Fc) if Fp >= Fs and Fp > Fc else 0.0
+    return Fp * (Fp - Fc) * tp**2 / (2.0 * m * Fc) if _breaks_away(Fp, Fc, Fs) else 0.0
 
 
 def slide_in_loop(
@@ -99,7 +104,7 @@ def slide_in_loop(
     array, shape (n,)
         Integrated in steps of tp/20, exact for the force of the friction, until the mass stops.
     """
-    moves = (forces >= Fs) & (forces > Fc)
+    moves = np.array([_breaks_away(float(F), Fc, Fs) for F in forces])
     v = np.where(moves, (forces - Fc) * tp / m, 0.0)
     x = v * tp / 2.0
     A, b = held_mass(m, Kd, Kp, tp / 20.0)
@@ -138,12 +143,12 @@ def pulses(
         ratio = slide_in_loop(errors, forces, Fc, Fs, tp, m, Kp, Kd) / errors
     else:
         ratio = np.array([slide(float(F), Fc, Fs, tp, m) for F in forces]) / errors
-    worst = int(np.argmax(np.abs(ratio - 1.0)))
+    worst = first_largest(np.abs(ratio - 1.0).tolist())
     value, e, F = float(ratio[worst]), float(errors[worst]), float(forces[worst])
-    stuck = value <= 0.0
+    stuck = at_most(value, 0.0)
     return Condition(
         name="pulses",
-        ok=bool(0.0 < value < 2.0),
+        ok=not stuck and below(value, 2.0),
         value=value,
         bound=0.0 if stuck else 2.0,
         wrong=f"a pulse of {F:.4g} N for {tp:.4g} s slides d = {value * e:.4g} m at an error e = {e:.4g} m; "

@@ -9,6 +9,7 @@ import numpy as np
 
 from friction_fmus import conditions
 from friction_fmus.conditions import Condition
+from friction_fmus.conditions.condition import below, remainder
 from friction_fmus.doctor.axis import Axis, Level, Used
 
 
@@ -26,9 +27,9 @@ def left_of(axis: Axis, side: int, feedforward: bool = False) -> Level:
             share, known = share_of(used), used.law.levels(used.values)[side]
             left = replace(
                 left,
-                Fc=max(left.Fc - share * known.Fc, 0.0),
-                Fs=max(left.Fs - share * known.Fs, 0.0),
-                viscous=left.viscous - share * known.viscous,
+                Fc=max(remainder(left.Fc, share * known.Fc), 0.0),
+                Fs=max(remainder(left.Fs, share * known.Fs), 0.0),
+                viscous=remainder(left.viscous, share * known.viscous),
             )
     return left
 
@@ -117,7 +118,8 @@ def pushes(axis: Axis, used: Used) -> Iterator[Condition]:
         errors, forces = errors[:1], np.array([p["F_pulse"]])
     most = min(used.path.high, -used.path.low)
     sent = np.minimum(abs(used.to_force) * forces, most)
-    kept = (sent < most) | (np.arange(len(sent)) == 0)  # a pulse at the limit falls short, and is repeated
+    short = np.array([below(float(F), most) for F in sent])
+    kept = short | (np.arange(len(sent)) == 0)  # a pulse at the limit falls short, and is repeated
     gains = axis.servo.gains if axis.servo else None
     loop = (gains.Kp, gains.Kd) if gains else (0.0, 0.0)
     yield conditions.pulses(errors[kept], sent[kept], worst.Fc, worst.Fs, tp, axis.m, *loop)

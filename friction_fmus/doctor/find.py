@@ -11,6 +11,7 @@ from friction_fmus.conditions import cogging_slope
 from friction_fmus.doctor.axis import Axis, Contact, Path, Plant, Shaper, Used, Values
 from friction_fmus.doctor.tables import BETWEEN, FRICTION, LAWS, PLANTS, SENSORS
 from harness import FmuPart, Part, System, Wire, open_archive
+from harness.errors import StartValueError
 from harness.wire import wire_map
 
 
@@ -53,11 +54,37 @@ def model_of(part: Part) -> str | None:
 
 
 def values_of(system: System, part: Part) -> Values:
-    """Start values of the parameters of a part, and of its inputs that have no wire."""
+    """Start values of the parameters of a part, and of its inputs that have no wire.
+
+    Raises
+    ------
+    StartValueError
+        If one is no number, not finite, or outside the range that the FMU states: a run would be refused as well.
+    """
     wired = {wire.target for wire in system.wires}
     ports = [*part.parameters, *(port for port in part.inputs if f"{part.name}.{port.name}" not in wired)]
     given = {port.name: system.start.get(f"{part.name}.{port.name}", port.start) for port in ports}
-    return {name: float(value) for name, value in given.items() if value is not None and not isinstance(value, str)}
+    numbers = {port.name for port in ports if port.type != "String"}
+    limits = _limits(part)
+    values = {}
+    for name, value in given.items():
+        if value is None or name not in numbers:
+            continue
+        least, most = limits.get(name, (-math.inf, math.inf))
+        if isinstance(value, str) or not (math.isfinite(value) and least <= value <= most):
+            raise StartValueError(
+                f"start value {value!r} of {part.name}.{name} is not a number from {least:g} to {most:g}: give one"
+            )
+        values[name] = float(value)
+    return values
+
+
+def _limits(part: Part) -> Mapping[str, tuple[float, float]]:
+    """The ranges that the XML of an FMU states."""
+    if not isinstance(part, FmuPart):
+        return {}
+    variables = open_archive(part.path).description.modelVariables
+    return {v.name: (float(v.min or -math.inf), float(v.max or math.inf)) for v in variables if v.min or v.max}
 
 
 def gain_of(system: System, wire: Wire) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from friction_fmus import conditions
 from friction_fmus.conditions import Condition, DrivenPlant, SampledLaw
+from friction_fmus.conditions.condition import first_largest
 from friction_fmus.conditions.linear import Matrix, spectral_radius
 from friction_fmus.doctor.axis import Axis, Finding, Level, Used
 
@@ -62,7 +63,7 @@ def _with_estimators(axis: Axis, servo: Used) -> tuple[Used, ...]:
     """The law of the position loop, whose path and sample time count, and the estimators that are sampled with it."""
     Ts = servo.values.get("Ts")
     others = [used for used in axis.laws if used.part != servo.part and used.law.estimates]
-    return (servo, *(used for used in others if used.values.get("Ts", Ts) == Ts))
+    return (servo, *(used for used in others if Ts is None or math.isclose(used.values.get("Ts", Ts), Ts)))
 
 
 def falling(axis: Axis, servo: Used, level: Level) -> Iterator[Condition]:
@@ -93,7 +94,7 @@ def falling(axis: Axis, servo: Used, level: Level) -> Iterator[Condition]:
             A[at, at] -= slope / mass
             plant = replace(driven, A=A)
         found.append((spectral_radius(_chained(plant, laws)), float(v), float(slope), plant))
-    _, v, slope, plant = max(found, key=lambda one: one[0])
+    _, v, slope, plant = found[first_largest([radius for radius, *_ in found])]
     yield conditions.loop_poles(
         plant,
         _together(laws),

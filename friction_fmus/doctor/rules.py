@@ -9,6 +9,7 @@ import numpy as np
 
 from friction_fmus import conditions
 from friction_fmus.conditions import Condition
+from friction_fmus.conditions.condition import above
 from friction_fmus.doctor.axis import Axis, Finding, Gains, Level, Used
 from friction_fmus.doctor.compensators import left_of, share_of
 from friction_fmus.doctor.poles import direct_gains, estimating, examine_poles, falling
@@ -66,7 +67,7 @@ def _with_friction(axis: Axis, servo: Used, gains: Gains) -> Iterator[Condition]
 
 def _stick_slip(axis: Axis, servo: Used, gains: Gains, left: list[Level]) -> Iterator[Condition]:
     """By the damping of the position loop; by the poles where more than that is in the loop."""
-    falling_curves = [at for at in left if at.vs and at.Fs > at.Fc]
+    falling_curves = [at for at in left if at.vs and above(at.Fs, at.Fc)]
     if not falling_curves:
         return
     composed = axis.flexible or servo.path.tau or servo.path.delay or estimating(axis, servo)

@@ -214,7 +214,8 @@ def with_count(grid: HysteresisGrid, count: int | None, most: int = BLOCK_ELEMEN
         for i in range(len(k) - 1):
             joined = _join(k, i, k[i] + k[i + 1]), _join(W, i, W[i] + W[i + 1])
             options.append((float(np.max(np.abs(curve(*joined) - curve(k, W)))), i))
-        change, i = min(options)
+        least = min(options)[0] + 1e-9 * float(np.sum(W))  # of equal changes the first one, whatever the last bits are
+        change, i = next(option for option in options if option[0] <= least)
         if count is None and len(k) <= most and change > 0.005 * float(np.sum(W)):
             break
         s = _join(s, i, (s[i] * W[i] + s[i + 1] * W[i + 1]) / (W[i] + W[i + 1]))

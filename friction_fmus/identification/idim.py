@@ -19,11 +19,8 @@ import scipy.signal
 
 from .errors import ExcitationError, FitError, RecordError
 from .estimate import Estimate
+from .rank import not_separated
 from .record import Array, Record
-
-#: Columns closer to dependent than this (smallest to largest singular value, columns of length 1) are
-#: refused.
-RANK_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -237,7 +234,8 @@ def identify_inverse_stribeck(
         except ExcitationError as error:
             refused = error
             continue
-        if best is None or fit.relative_residual < best[0]:
+        # curves that fit equally well, as all do without a Stribeck effect: the first one, not the last bits, decides
+        if best is None or fit.relative_residual < (1.0 - 1e-9) * best[0] - 1e-12:
             best = (fit.relative_residual, fit, covariance, (delta, speed))
     if best is None:
         raise refused if refused is not None else ExcitationError("No grid point could be identified.")
@@ -302,8 +300,7 @@ def _linear_fit(
             "motion with accelerations in both directions and several speeds."
         )
     _, singular, right = np.linalg.svd(W / length, full_matrices=False)
-    if singular[-1] < RANK_TOLERANCE * singular[0]:
-        mixed = [name for name, weight in zip(names, right[-1], strict=True) if abs(weight) > 0.1]
+    if mixed := not_separated(singular, right, names):
         raise ExcitationError(
             f"The record {record.name!r} does not tell {' and '.join(mixed)} apart; record a motion with "
             "accelerations in both directions and several speeds."

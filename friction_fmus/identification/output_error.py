@@ -17,6 +17,7 @@ import scipy.optimize
 
 from .errors import ExcitationError, FitError
 from .estimate import Estimate
+from .rank import not_separated
 from .record import Array
 
 S = TypeVar("S")
@@ -296,8 +297,7 @@ def _require_excitation(J: Array, names: Sequence[str]) -> None:
             "motion that needs it."
         )
     _, singular, right = np.linalg.svd(J / length, full_matrices=False)
-    if singular[-1] < 1e-6 * singular[0]:
-        mixed = [name for name, weight in zip(names, right[-1], strict=True) if abs(weight) > 0.1]
+    if mixed := not_separated(singular, right, names):
         raise ExcitationError(
             f"The measured signals do not tell {' and '.join(mixed)} apart; fix one of them or record another motion."
         )

@@ -31,6 +31,9 @@ FIELD = {
     "normal": "normal",
 }
 
+#: Largest value of a measurement in SI units, and one over the smallest: what is computed from them stays a number.
+LARGEST = 1e50
+
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
@@ -211,6 +214,13 @@ def _complete(
         )
         findings.append(Finding("missing-samples", what, "Log all columns at the same instants."))
     kept = {name: values[good] for name, values in columns.items()}
+    for name, values in kept.items():
+        largest = float(np.max(np.abs(values), initial=0.0))
+        if largest > LARGEST or 0.0 < largest < 1.0 / LARGEST:
+            raise RecordError(
+                f"{path} has values up to {largest:.3g} in SI units for {name!r}, which no machine has; "
+                "correct the unit or the file."
+            )
     kept["row"] = np.flatnonzero(good).astype(np.float64)
     return kept.pop("t"), kept
 

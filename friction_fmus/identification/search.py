@@ -204,7 +204,10 @@ def covariance(found: Found, lengths: Sequence[int]) -> tuple[Array, bool]:
     ends = np.cumsum(lengths)[:-1]
     lag = max(correlation_length(piece) for piece in np.split(residual, ends))
     weight, curvature = _weights(found.loss, (residual / found.scale) ** 2)
-    inverse = np.linalg.pinv(J.T @ (J * curvature[:, None]), rcond=1e-14, hermitian=True)
+    # by the singular values of J: those of J'J would be cut off among its rounding errors
+    _, singular, right = np.linalg.svd(J * np.sqrt(curvature)[:, None], full_matrices=False)
+    right, singular = right[singular > 1e-7 * singular[0]], singular[singular > 1e-7 * singular[0]]
+    inverse = (right.T / singular**2) @ right
     if lag == 0 and found.loss == "linear":
         return inverse * float(residual @ residual) / max(1, len(residual) - J.shape[1]), False
     total = np.zeros((J.shape[1], J.shape[1]))

@@ -104,7 +104,8 @@ def compare_models(models: Sequence[str | Path], task: Task, workers: int = 1, t
         raise FitError(f"No model could be identified ({reasons}); change the data or the options.")
     identified = [result for result in results if isinstance(result, Identification)]
     validated = all(result.validation is not None for result in identified)
-    identified.sort(key=_error if validated else lambda result: result.bic)
+    # models that predict the same, as Coulomb and Stiction in sliding, keep the order in which they were named
+    identified.sort(key=_error if validated else lambda result: round(result.bic, 3))
     return Survey(tuple(identified), failed, "validation error" if validated else "BIC")
 
 
@@ -156,4 +157,4 @@ def _check_fixed(models: Sequence[str | Path], task: Task) -> None:
 
 def _error(result: Identification) -> float:
     assert result.validation is not None
-    return result.validation.rms
+    return float(f"{result.validation.rms:.6g}")

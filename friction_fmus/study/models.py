@@ -312,19 +312,20 @@ def refine(found: Found, measured: Measured) -> Found:
 
 def ranked(models: Sequence[Found]) -> list[Found]:
     """Models in order, with their rank: the smaller error first; alike within `ALIKE`, the smaller BIC first."""
-    left = sorted((found for found in models if found.error is not None), key=_error)
+    left = sorted((found for found in models if found.error is not None and np.isfinite(found.error)), key=_error)
     ordered: list[Found] = []
     while left:
         alike = [found for found in left if _error(found) <= (1.0 + ALIKE) * _error(left[0])]
-        first = min(alike, key=lambda found: np.inf if found.row.bic is None else found.row.bic)
+        first = min(alike, key=lambda found: np.inf if found.row.bic is None else round(found.row.bic, 3))
         ordered.append(replace(first, row=replace(first.row, rank=len(ordered) + 1)))
         left.remove(first)
-    return ordered + [found for found in models if found.error is None]
+    return ordered + [found for found in models if found.error is None or not np.isfinite(found.error)]
 
 
 def _error(found: Found) -> float:
+    """To six digits: models that do the same differ in the last bits, and these are not to order them."""
     assert found.error is not None
-    return found.error
+    return float(f"{found.error:.6g}")
 
 
 def _rms(values: Array) -> float:

@@ -169,7 +169,8 @@ def _cheapest(rows: Sequence[CompensatorRow]) -> CompensatorRow:
 
 
 def _worst(row: CompensatorRow) -> float:
-    return float("inf") if row.worst is None else row.worst
+    """To six digits: compensators that give the same force differ in the last bits, which are not to order them."""
+    return float("inf") if row.worst is None else float(f"{row.worst:.6g}")
 
 
 def _smallest(rows: Sequence[CompensatorRow]) -> float:

@@ -240,7 +240,9 @@ static int judge(Engine *e, Newton *newton, int64_t number, const Progress *p, c
     *off = newton->error > 0.0 && !newton->jumped ? error_of(e, newton, g, s) / newton->error : 0.0;
     if (!newton->guards[number].hopeless && amplifies(newton, g, s))
         *off = fmax(*off, AMPLIFIED);
-    *checked = *off <= 1.0 && wants_check(newton, number, p->tick, s);
+    if (s->h <= p->h / newton->finest)
+        *off = 0.0; /* only a check can say more about the smallest pieces */
+    *checked = *off <= 1.0 && wants_check(e, newton, number, p->tick, s);
     return *checked ? check(e, newton, number, s, p->tick < EARLY, off) : SOLVED;
 }
 

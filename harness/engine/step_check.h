@@ -1,8 +1,8 @@
-/* The guard of the implicit master. A loop that is solved may still be wrong: a mass on a spring that swings many times
-   in a step amplifies what it is given, and each step converges. So now and then, and whenever a value comes unlike it
-   was foreseen, a step is also taken in two halves. If the mean or the end of a line then differs by more than DOUBT of
-   its size, the step is refined, and those after it are checked until whole steps agree again. A step without a finding
-   is left as it was, to the last bit. */
+/* Checks of the implicit masters. A loop that is solved at every step may still be wrong: a mass on a spring that
+   swings many times within a step amplifies small errors, and each step converges. Some steps are therefore solved a
+   second time, in two halves: at given ticks, and where a value is far from its prediction. If the mean or the end of a
+   line differs by more than DOUBT of its size, the step is divided, and the steps after it are checked until whole
+   steps agree with their halves again. A step whose check finds nothing keeps its values to the last bit. */
 
 #ifndef STEP_CHECK_H
 #define STEP_CHECK_H
@@ -11,7 +11,8 @@
 
 #define DOUBT     0.02 /* of the largest size so far, between a step and its halves */
 #define AT_START  0.5  /* the same in the first EARLY ticks of what begins at rest: its size so far says little */
-#define SURPRISE  0.05 /* of a value that was foreseen on a straight line */
+#define SURPRISE  0.05 /* of the size, between an unknown and its linear prediction */
+#define LEAP      1.5  /* over the largest size so far */
 #define HOPELESS  30.0 /* unresolved errors, summed up, over the size */
 #define AMPLIFIED 4.0  /* counts as so much over what is tolerated */
 enum {
@@ -26,17 +27,27 @@ enum {
 #define GROWTHS 3.0
 
 /* Ticks 0, 1, 2, 4, 8, ..., 256, 512, 768, ... */
-
 static bool is_scheduled(int64_t tick)
 {
     return tick < CHECK_EVERY ? (tick & (tick - 1)) == 0 : tick % CHECK_EVERY == 0;
 }
 
+/* Whether an unknown is far from its prediction. */
 static bool surprises(const Newton *newton, const Group *g, const Span *s)
 {
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
         if (fabs(surprise_of(newton, j, s)) > SURPRISE * newton->scale[j])
             return true;
+    return false;
+}
+
+/* Whether a line is far beyond all that it has been. */
+static bool leaps(const Engine *e, const Newton *newton, const Group *g)
+{
+    for (int64_t i = g->first; i < g->first + g->count; i++)
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
+            if (newton->moving[k].inner && fabs(newton->moving[k].u1) > LEAP * newton->moving[k].scale)
+                return true;
     return false;
 }
 
@@ -52,13 +63,14 @@ static bool amplifies(const Newton *newton, const Group *g, const Span *s)
 }
 
 /* Whether the piece that has just been solved is to be checked. */
-static bool wants_check(const Newton *newton, int64_t number, int64_t tick, const Span *s)
+static bool wants_check(const Engine *e, const Newton *newton, int64_t number, int64_t tick, const Span *s)
 {
     const StepCheck *const guard = &newton->guards[number];
     if (guard->hopeless)
         return false;
-    return guard->alarm > 0 || guard->calm > 0 || (s->from == 0.0 && is_scheduled(tick)) ||
-           (tick >= guard->next && surprises(newton, &newton->groups[number], s));
+    const Group *const g = &newton->groups[number];
+    return guard->alarm > 0 || guard->calm > 0 || (s->from == 0.0 && is_scheduled(tick)) || leaps(e, newton, g) ||
+           (tick >= guard->next && surprises(newton, g, s));
 }
 
 /* What a check must not change: copied to the place that is kept for it (or back). */
@@ -150,12 +162,14 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool 
     const bool failed_halves = status == NOT_CONVERGED || status == 2;
     if (status != SOLVED && !failed_halves)
         return status;
-    const double apart =
+    const double found =
         failed_halves ? INFINITY : difference(e, newton, number, whole, halves, jumped || halves_jumped, early);
-    *off = fmax(*off, apart);
+    *off = fmax(*off, found);
     keep(e, newton, g, number, true);
     newton->before[number] = before;
     newton->guards[number].checks++;
+    if (failed_halves)
+        newton->guards[number].apart = newton->moving[newton->guards[number].line].scale;
     status = evaluate(e, newton, g, s, true, &norm);
     newton->jumped = jumped;
     for (int64_t j = g->unknown; jumped && j < g->unknown + g->unknowns; j++)

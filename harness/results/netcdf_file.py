@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
 import xarray as xr
 
 from harness.atomic import atomic_path
@@ -37,6 +38,9 @@ def to_netcdf(result: Result, path: str | Path) -> None:
 
 def from_netcdf(path: Path) -> Result:
     """Read such a file."""
+    # h5netcdf, where it cannot read so far, leaves half an object that complains on stderr when it goes
+    with h5py.File(path) as root:
+        dict(root.attrs)
     with xr.open_dataset(path, engine="h5netcdf", decode_times=False, mask_and_scale=False) as file:
         result = file.load().drop_encoding()
     if "time" not in result.coords:

@@ -43,14 +43,14 @@ def to_parquet(result: Result, path: str | Path) -> None:
     numbers = [str(key) for key, value in result.attrs.items() if type(value) in (int, float)]
     schema = pa.schema(fields, metadata=attributes | {_NUMBERS: json.dumps(numbers)})
     with atomic_path(Path(path)) as temporary:
-        pq.write_table(pa.Table.from_arrays(columns, schema=schema), temporary)
+        pq.write_table(pa.Table.from_arrays(columns, schema=schema), temporary, write_page_checksum=True)
 
 
 def from_parquet(path: Path) -> Result:
     """Read such a file."""
     import pyarrow.parquet as pq
 
-    table = pq.read_table(path)
+    table = pq.read_table(path, page_checksum_verification=True)
     columns = {name: table[name].to_numpy() for name in table.column_names}
     attributes = {
         field.name: {key: (field.metadata or {}).get(key.encode(), b"").decode() for key in _KEPT}

@@ -33,6 +33,9 @@ _TYPES: Final[dict[PortType, Any]] = {
     "String": pa.string(),
 }
 _OWN = ("run", "wall_time", "error", "warnings")
+_FORMAT: Final = pds.ParquetFileFormat(
+    default_fragment_scan_options=pds.ParquetFragmentScanOptions(page_checksum_verification=True)
+)
 
 
 class SweepFolder:
@@ -88,7 +91,7 @@ class SweepFolder:
             self._write_manifest()
         for left in path.rglob(".*.parquet"):  # of a process that was killed while it wrote
             left.unlink(missing_ok=True)
-        self.done = {run for file in self._files() for run in self._read(file, ["run"])["run"].to_pylist()}
+        self.done = self._runs_done(int(description["runs"]))
 
     def add(self, outcomes: Sequence[Outcome], samples: Sequence[Sample]) -> None:
         """Write the outcomes of some runs, as one file that is complete or not there.
@@ -141,11 +144,11 @@ class SweepFolder:
                 raise SweepError(f"a measure cannot be called '{name}', as another column is: rename it")
         self._measures = names
         for file in self._files():
-            table = self._read(file)
-            place = 1 + len(self._parameters)
-            for name in names:
-                table = table.add_column(place, name, pa.nulls(len(table), pa.float64()))
-                place += 1
+            table = _read(file)
+            # a process that was killed here may have left some files with these columns
+            for place, name in enumerate(names, 1 + len(self._parameters)):
+                if name not in table.column_names:
+                    table = table.add_column(place, name, pa.nulls(len(table), pa.float64()))
             self._write(table, file)
         self._write_manifest()
 
@@ -165,16 +168,38 @@ class SweepFolder:
 
     def _write(self, table: Any, path: Path) -> None:
         with atomic_path(path) as temporary:
-            pq.write_table(table, temporary)
+            pq.write_table(table, temporary, write_page_checksum=True)
 
     def _files(self) -> list[Path]:
         return sorted(self.path.glob("runs-*.parquet"))
 
-    def _read(self, path: Path, columns: list[str] | None = None) -> Any:
-        try:
-            return pq.ParquetFile(path).read(columns)
-        except (OSError, pa.ArrowException) as error:
-            raise SweepError(f"cannot read {path}: {error}; remove it, and its runs are done again") from error
+    def _runs_done(self, count: int) -> set[int]:
+        """The numbers of the runs in all files, each of which is complete and has its own runs."""
+        done: set[int] = set()
+        needed = {"run", *self._parameters, "wall_time", "error", "warnings"}
+        for file in self._files():
+            table = _read(file)
+            if missing := needed - set(table.column_names):
+                raise SweepError(_damage(file, f"it has no column {min(missing)}"))
+            runs = table["run"].to_pylist()
+            if not all(type(run) is int and 0 <= run < count for run in runs):
+                raise SweepError(_damage(file, f"its runs are not numbers from 0 to {count - 1}"))
+            if len({*runs}) < len(runs) or not done.isdisjoint(runs):
+                raise SweepError(_damage(file, "it has a run that is there already"))
+            done.update(runs)
+        return done
+
+
+def _read(path: Path) -> Any:
+    """The table in a file, whose pages are compared with their checksums."""
+    try:
+        return pq.ParquetFile(path, page_checksum_verification=True).read()
+    except (OSError, pa.ArrowException, ValueError) as error:
+        raise SweepError(_damage(path, " ".join(str(error).split()))) from error
+
+
+def _damage(path: Path, why: str) -> str:
+    return f"cannot read {path}: {why}; remove it, and its runs are done again"
 
 
 def read_manifest(path: Path) -> dict[str, Any]:
@@ -187,10 +212,16 @@ def read_manifest(path: Path) -> dict[str, Any]:
     """
     try:
         content = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise SweepError(f"{path} holds no sweep: {error}; give the folder of a sweep") from error
-    assert isinstance(content, dict)
-    return content
+    known = content if isinstance(content, dict) else {}
+    if not _names(known.get("parameters")) or not (known.get("measured", 0) is None or _names(known.get("measured"))):
+        raise SweepError(f"{path / MANIFEST} is damaged: it does not name parameters and measures; remove the folder")
+    return known
+
+
+def _names(value: object) -> bool:
+    return isinstance(value, list) and all(isinstance(name, str) for name in value)
 
 
 def read_sweep(folder: str | Path) -> xr.Dataset:
@@ -217,7 +248,13 @@ def read_sweep(folder: str | Path) -> xr.Dataset:
     files = sorted(str(file) for file in path.glob("runs-*.parquet"))
     if not files:
         return xr.Dataset(coords={"run": np.array([], dtype=np.int64)})
-    table = pds.dataset(files, format="parquet").to_table().sort_by("run")
+    try:
+        table = pds.dataset(files, format=_FORMAT).to_table().sort_by("run")
+    except (OSError, pa.ArrowException, ValueError) as error:
+        why = " ".join(str(error).split())
+        raise SweepError(f"cannot read the runs in {path}: {why}; remove the damaged file and sweep again") from error
+    if missing := {"run", *parameters} - set(table.column_names):
+        raise SweepError(f"the runs in {path} have no column {min(missing)}: remove the folder and sweep again")
     columns = {}
     for field in table.schema:
         column = table[field.name]

@@ -12,6 +12,7 @@ import pytest
 from check.broken import XML, contents, zipped
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from robustness.mutate import NAMES, WORDS
 
 from friction_fmus.check import Finding, check
 from harness import FmuError, open_archive
@@ -19,11 +20,6 @@ from harness import FmuError, open_archive
 SETTINGS = settings(
     max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-WORDS = ["", "0", "-1", "1e999", "NaN", "99999999999999999999999", "x" * 5000, "\u2603", "true", "2 2", "-"]
-NAMES = [
-    *("../a", "/a", "a/../../b", "C:\\a", "\\\\host\\a", "a//b"),
-    *(".", "..", "./", "a/./b", "CON", "binaries//x", "binaries/x/y", "a\x00b"),
-]
 
 
 @pytest.fixture(scope="session")

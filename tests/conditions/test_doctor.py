@@ -24,6 +24,7 @@ from friction_fmus.doctor.rules import examine_axis
 from friction_fmus.doctor.tables import FRICTION, LAWS, PLANTS
 from friction_fmus.law_files import discover_laws
 from harness import CallablePart, Experiment, FmuPart, System, Wire
+from harness.errors import StartValueError
 
 ROOT = Path(__file__).parent.parent.parent
 BlockFmu = Callable[..., Path]
@@ -363,6 +364,35 @@ def test_command_that_could_not_be_done(tmp_path: Path, capsys: pytest.CaptureFi
     err = capsys.readouterr().err
     assert "there is no" in err or "cannot read" in err
     assert "give a positive number" in err
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["mass.m=0", "mass.m=-1", "mass.m=nan", "pid.Ts=0", "pid.Ts=inf", "pid.Kp=nan", "fric.vs=0", "fric.delta=101"],
+)
+def test_values_that_a_run_refuses_are_refused(
+    value: str, loop: Callable[..., System], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "axis.ssp"
+    with loop() as system:
+        system.to_ssp(path)
+    assert main(["run", str(path), "-o", str(tmp_path / "o.csv"), "--set", value]) == 2
+    assert main(["doctor", str(path), "--set", value]) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert value.split("=")[0] in said
+    assert "is not a number from" in said
+
+
+def test_a_start_value_that_is_a_text_is_refused(loop: Callable[..., System]) -> None:
+    system = loop()
+    with pytest.raises(StartValueError, match=r"start value '' of fric\.sigma0 is not a number from 1e-09 to inf"):
+        examine(System(system.parts.values(), WIRES, START | {"fric.sigma0": ""}, STEPS))
+
+
+def test_sample_times_of_any_size_are_judged(loop: Callable[..., System]) -> None:
+    with np.errstate(over="ignore", invalid="ignore"):
+        for Ts in (1e-9, 1e9, 1e300, 1e308):
+            assert wrong(loop({"pid.Ts": Ts}))
 
 
 KNOWN = catalogue()

@@ -194,3 +194,14 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         read_records(tmp_path / "nowhere.csv")
     with pytest.raises(RecordError, match=r"There is no file .*nowhere\.toml"):
         read_records(tmp_path / "nowhere.toml")
+
+
+@pytest.mark.parametrize("size", [1e300, 1e60, 1e-60, 1e-300])
+@pytest.mark.parametrize("column", ["t", "x", "u"])
+def test_values_that_no_machine_has_are_refused(tmp_path: Path, column: str, size: float) -> None:
+    """Their squares are no numbers."""
+    values = {"t": T, "x": 1e3 * X, "u": F}
+    values[column] = size * values[column] / np.abs(values[column]).max()
+    rows = [",".join(values), *(",".join(f"{cell:.9g}" for cell in row) for row in zip(*values.values(), strict=True))]
+    with pytest.raises(RecordError, match=r"which no machine has; correct the unit or the file"):
+        read_records(write(tmp_path, "\n".join(rows)), tables("t", "x", "u"))

@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mutate import SCRAPS
 
 from friction_fmus import FrictionError, fmu
 from harness import HarnessError, System, load_result, read_samples, read_ssv, save_result
 
 ROOT = Path(__file__).parents[2]
 TOML = (ROOT / "examples" / "stick_slip.toml").read_bytes()
-SCRAPS = (b"", b"\0", b"\xff", b"nan", b"1e999", b"-1", b'"', b"[", b"]", b"{}", b"<", b"&x;", b"../../x", b"=", b"\n")
 
 few = settings(
     max_examples=120, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
