@@ -227,6 +227,8 @@ class _Probe:
             return float(draw.randint(int(max(v.min, start - 10)), int(min(v.max, start + 10))))
         if v.role in (PARAMETER, FIXED):
             value = start * draw.uniform(0.5, 2.0) if start != 0.0 else draw.choice((0.0, 1.0)) * draw.uniform(0.1, 2.0)
+            if start < 0.0 < v.max and draw.random() < 0.5:  # a negative value may stand for "not given"
+                value = -value
             return min(max(value, v.min), v.max)
         if v.role == TIME:
             return draw.uniform(0.0, 2.0)

@@ -33,12 +33,16 @@ def missing_bytes(path: Path) -> int | None:
         0 for a file that is complete; None for one of another format, also one that ends within its own tables.
     """
     with path.open("rb") as file:
-        content = file.read(LONGEST_TABLE)
+        return missing_of(file.read(LONGEST_TABLE), path.stat().st_size)
+
+
+def missing_of(beginning: bytes, size: int) -> int | None:
+    """Do what `missing_bytes` does, from the first `LONGEST_TABLE` bytes of a file and its size."""
     try:
-        ends = list(_ends(content))
+        ends = list(_ends(beginning))
     except struct.error:
         return None
-    return max(0, max(ends) - path.stat().st_size) if ends else None
+    return max(0, max(ends) - size) if ends else None
 
 
 def _ends(content: bytes) -> Iterator[int]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import stat
-import tempfile
 import zipfile
 from collections import Counter
 from collections.abc import Iterator
@@ -11,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from friction_fmus.check.findings import DESCRIPTION, Fault, Finding, apply, declare, rule
-from harness.shared_library import missing_bytes
+from harness.shared_library import LONGEST_TABLE, missing_of
 from harness.zip_file import (
     LONGEST,
     ZipError,
@@ -307,9 +306,10 @@ def _licence(contents: Contents) -> Iterator[Fault]:
 def truncated_libraries(contents: Contents) -> Iterator[Finding]:
     """The libraries of all platforms in a safe archive that end too early; some loaders crash on them."""
     libraries = [str(path) for path in contents.below("binaries") if path.suffix in _SUFFIXES.values()]
-    with tempfile.TemporaryDirectory() as folder, open_zip(contents.path) as archive:
+    with open_zip(contents.path) as archive:
         for name in libraries:
-            missing = missing_bytes(Path(archive.extract(name, folder)))
+            with archive.open(name) as file:
+                missing = missing_of(file.read(LONGEST_TABLE), archive.getinfo(name).file_size)
             if missing:
                 yield TRUNCATED.finding(f"{name} lacks {missing} bytes at its end; copy or export the FMU again", name)
 

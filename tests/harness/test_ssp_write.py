@@ -53,6 +53,7 @@ EXPERIMENT = Experiment(
     tolerance=1e-7,
     order=("b", "c", "a"),
     extrapolation=2,
+    loop_tolerance=1e-9,
     manipulators=(
         Bias("b.u", 1 / 3, start=0.5),
         Noise("c.u", sigma=0.1, seed=7, stop=0.75),
