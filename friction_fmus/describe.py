@@ -169,8 +169,8 @@ def _per_second(unit: str) -> str:
 class _Probe:
     """Finds dependencies by poisoning one value with NaN and, as comparisons swallow NaN, by moving it."""
 
-    POINTS = 60
     FAR = 1e9
+    LARGE, FEW_POINTS, MOST_POINTS = 500, 60, 160  # a block with as many values takes minutes for more points
 
     def __init__(self, handle: ctypes.CDLL, size: int, variables: tuple[Variable, ...], sampled: bool) -> None:
         self._evaluate = handle.block_evaluate
@@ -192,7 +192,8 @@ class _Probe:
         unknowns = [v.reference for v in self._variables if v.role in unknown_roles]
         knowns = [v for v in self._variables if v.role in known_roles]
         found: dict[int, set[int]] = {reference: set() for reference in unknowns}
-        for point in range(self.POINTS):
+        points = self.MOST_POINTS if self._size < self.LARGE else self.FEW_POINTS
+        for point in range(points):
             values = (ctypes.c_double * self._size)(*self._point(plain=point == 0))
             base = self._run(values, initial, unknowns)
             for known in knowns:
@@ -224,7 +225,8 @@ class _Probe:
         if v.type == BOOLEAN:
             return float(draw.random() < 0.5)
         if v.type == INTEGER:
-            return float(draw.randint(int(max(v.min, start - 10)), int(min(v.max, start + 10))))
+            most = int(min(v.max, start + 10))  # often, as it brings all elements of vectors into play
+            return float(most if draw.random() < 0.3 else draw.randint(int(max(v.min, start - 10)), most))
         if v.role in (PARAMETER, FIXED):
             value = start * draw.uniform(0.5, 2.0) if start != 0.0 else draw.choice((0.0, 1.0)) * draw.uniform(0.1, 2.0)
             if start < 0.0 < v.max and draw.random() < 0.5:  # a negative value may stand for "not given"

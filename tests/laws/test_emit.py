@@ -60,7 +60,7 @@ def test_the_synthetic_function_uses_every_operation():
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     plain, _ = graph(ca.Function("f", [x, y], [ca.if_else(x, y, 0)]))
     used = {node.operation for node in nodes} | {node.operation for node in plain}
-    assert OPERATIONS - used == set()
+    assert OPERATIONS - used == {"FMA"}  # of pairs of floats alone, see test_travel.py
 
 
 def test_every_operation_has_casadis_bits(workshop, by_casadi, different_bits):
