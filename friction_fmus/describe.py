@@ -170,7 +170,7 @@ class _Probe:
     """Finds dependencies by poisoning one value with NaN and, as comparisons swallow NaN, by moving it."""
 
     FAR = 1e9
-    LARGE, FEW_POINTS, MOST_POINTS = 500, 60, 160  # a block with as many values takes minutes for more points
+    LARGE, FEW_POINTS, MOST_POINTS = 500, 60, 400  # a block with as many values takes minutes for more points
 
     def __init__(self, handle: ctypes.CDLL, size: int, variables: tuple[Variable, ...], sampled: bool) -> None:
         self._evaluate = handle.block_evaluate
