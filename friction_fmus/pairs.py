@@ -292,7 +292,7 @@ class _Splitter:
         return self._joined(total, self._plus(rest, self._lower(operation, one[1], two[1])))
 
     def _product(self, one: Pair, two: Pair) -> Pair:
-        """Two factors; the product of both lower parts is nothing."""
+        """Return the pair of a product; the product of the two lower parts is negligible."""
         total = self._node("MUL", one[0], two[0])
         rest = self._node("FMA", one[0], two[0], self._node("NEG", total))
         for high, low in ((two[0], one[1]), (one[0], two[1])):

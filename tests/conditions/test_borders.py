@@ -23,7 +23,7 @@ ULPS = (-3, -2, -1, 0, 1, 2, 3)
 
 
 def moved(value: float, ulps: int) -> float:
-    """The number so many units in the last place further on."""
+    """Return the number that lies the given number of units in the last place above this one."""
     return value + ulps * math.ulp(value)
 
 

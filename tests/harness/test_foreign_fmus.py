@@ -119,7 +119,7 @@ def test_control_loop_of_three_fmus(foreign: MakeFmu, master: str) -> None:
 
 @pytest.mark.parametrize("master", ALL)
 def test_boolean_loop_switches_on_time(foreign: MakeFmu, master: str) -> None:
-    """A room that is heated from 19 to 21 degrees: tau ln((limit - low) / (limit - high)) on, likewise off."""
+    """A room between 19 and 21 degrees: the heater is on for tau ln((limit - low) / (limit - high))."""
     states = master not in EXPLICIT
     parts = [
         FmuPart("thermostat", foreign("THERMOSTAT", states=states)),

@@ -12,7 +12,7 @@ FORCES = [1.0, -2.0, 4.0, 0.0]
 
 
 def plant() -> CallablePart:
-    """v' = F over each step with the mean of F that is handed over, which for a held force is exact."""
+    """Integrate v' = F with the mean of F over each step, which is exact for a force that is held."""
     return CallablePart(
         "mass",
         lambda t, u, x: x,
