@@ -26,6 +26,7 @@ from casadi import SX, Function, vertcat
 
 from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.law_conditions import Conditions, Relation, conditions_of
+from friction_fmus.law_results import scalars
 from friction_fmus.law_sizes import Size, resized, wanted_sizes
 from friction_fmus.law_variables import (
     ACCELERATION,
@@ -383,7 +384,7 @@ def _function(
         if variable.name not in returned:
             what = f"a next value of the state {variable.name}" if state else f"the output {variable.name}"
             raise FrictionError(f"{where} does not return {what}")
-        expressions += _scalars(where, variable, returned[variable.name])
+        expressions += scalars(where, variable, returned[variable.name])
         names += [f"{scalar}_next" if state else scalar for scalar in variable.scalars]
 
     arguments = [symbol for variable in given for symbol in elements[variable.name]]
@@ -396,23 +397,3 @@ def _function(
             "declare them as arguments"
         )
     return function
-
-
-def _scalars(where: str, variable: Variable, value: Any) -> list[SX]:
-    """What the equations return for a variable, element by element."""
-    if variable.kind is not Kind.STATES:
-        return [_scalar(where, variable.name, value)]
-    elements = list(value) if isinstance(value, list | tuple) else None
-    if elements is None or len(elements) != len(variable.starts):
-        raise FrictionError(f"{where}: return the next {variable.name} as a list of {len(variable.starts)} expressions")
-    return [_scalar(where, scalar, element) for scalar, element in zip(variable.scalars, elements, strict=True)]
-
-
-def _scalar(where: str, name: str, value: Any) -> SX:
-    try:
-        expression = SX(value)
-    except Exception as error:
-        raise FrictionError(f"{where}: {name} is a {type(value).__name__}, not an SX expression") from error
-    if expression.shape != (1, 1):
-        raise FrictionError(f"{where}: {name} has the shape {expression.shape}, a result is one number")
-    return SX(0.0) + expression if expression.nnz() == 0 else expression

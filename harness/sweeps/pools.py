@@ -111,9 +111,10 @@ class ProcessPool:
     def __init__(self, workers: int) -> None:
         """Start the processes."""
         # not fork, which copies the locks of other threads in whatever state they are
-        able = multiprocessing.get_all_start_methods()
-        context = multiprocessing.get_context("forkserver" if "forkserver" in able else "spawn")
-        if "forkserver" in able:
+        # the fork server listens on a socket in the temporary folder, whose path may have 107 characters
+        serves = "forkserver" in multiprocessing.get_all_start_methods() and len(tempfile.gettempdir()) < 70
+        context = multiprocessing.get_context("forkserver" if serves else "spawn")
+        if serves:
             context.set_forkserver_preload(["__main__", "harness.sweeps.preload", *_imported_by_main()])
         self._folder = ScratchFolder("harness-sweep-")
         self._scratch = self._folder.name
