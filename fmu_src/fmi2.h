@@ -7,6 +7,7 @@
 
 #include "fmi2_instance.h"
 #include "fmi2_state.h"
+#include "fmi2_derivatives.h"
 
 /* ---- about the library -------------------------------------------------------------------------------------- */
 

@@ -167,7 +167,7 @@ def _per_second(unit: str) -> str:
 
 
 class _Probe:
-    """Finds dependencies by poisoning one value with NaN and, as comparisons swallow NaN, by moving it."""
+    """Finds dependencies by setting one value to NaN and, as comparisons swallow NaN, by moving it."""
 
     FAR = 1e9
     LARGE, FEW_POINTS, MOST_POINTS = 500, 60, 400  # a block with as many values takes minutes for more points
@@ -199,8 +199,9 @@ class _Probe:
             for known in knowns:
                 poisons = [self._moved(known, values[known.reference])]
                 if known.type == REAL:
-                    # a limit that is far from being reached is met by one that is beyond everything
-                    poisons += [math.nan, *(min(max(far, known.min), known.max) for far in (-self.FAR, self.FAR))]
+                    # a limit that is far from being reached is met by one that is beyond everything; 0 is a flag's "no"
+                    places = (-self.FAR, 0.0, self.FAR)
+                    poisons += [math.nan, *(min(max(place, known.min), known.max) for place in places)]
                 for poison in poisons:
                     after = self._run(values, initial, unknowns, (known.reference, poison))
                     if after != base:

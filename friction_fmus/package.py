@@ -38,7 +38,7 @@ from harness.scratch import ScratchFolder
 SHIPPED = Path(__file__).parent / "fmus"
 """FMUs for all platforms in an installed package; a checkout has none."""
 
-HEADERS = ("block.h", "effort.h", "solver.h", "fmi2.h", "fmi2_instance.h", "fmi2_state.h")
+HEADERS = ("block.h", "effort.h", "solver.h", "fmi2.h", "fmi2_instance.h", "fmi2_state.h", "fmi2_derivatives.h")
 
 
 def build(

@@ -68,9 +68,11 @@ struct history {
 static bool is_history(const Model *m)
 {
     const struct history *const past = &m->memory;
-    const int64_t kept = past->end - past->oldest, most = INT64_C(1) << 53;
-    if (past->oldest < 0 || past->oldest > most || past->end < 0 || past->end > most || kept > LONGEST ||
-        kept < (past->end > 0) || !isfinite(past->before))
+    const int64_t most = INT64_C(1) << 53;
+    if (past->oldest < 0 || past->oldest > most || past->end < 0 || past->end > most || !isfinite(past->before))
+        return false;
+    const int64_t kept = past->end - past->oldest; /* cannot overflow, now that both are known */
+    if (kept > LONGEST || kept < (past->end > 0))
         return false;
     for (int64_t i = past->oldest; i < past->end; i++)
         if (!all_finite(&past->pieces[i % LONGEST].begin, 1))
