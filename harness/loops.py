@@ -191,12 +191,11 @@ class Loops:
             names = list(self.plan.ports)
             group = next(number for number, parts in enumerate(self.groups) if wire.target in parts)
             _LOG.warning(
-                "%s -> %s changes too fast for the step from t = %.6g s on: inner steps of %.2g s left errors of %.2g "
-                "of its size in all: %s; use a shorter step",
+                "%s -> %s changes too fast for the step from t = %.6g s on: errors of %.2g of its size in all remain: "
+                "%s; use a shorter step",
                 names[wire.output],
                 names[wire.input],
                 guards[group].time,
-                self.plan.step / data.finest,
                 worst,
                 WRONG,
             )
