@@ -28,6 +28,9 @@ FINEST: Final = 128.0
 FINEST_ADAPTIVE: Final = 1024.0
 """The same of the master adaptive."""
 
+HOPELESS: Final = 30.0
+"""Sum of the errors over the size of the value from which on steps are not checked any more, as in step_check.h."""
+
 
 class Moving(ctypes.Structure):
     """``Moving`` of newton.h."""
@@ -185,6 +188,9 @@ class Loops:
         checks = sum(int(guard.checks) for guard in guards)
         counts = {"evaluations": data.evaluations, "substeps": data.substeps, "rejected": data.rejected}
         errors = [line.debt / line.scale if line.debt > 0.0 else 0.0 for line in moving[: len(self.wires)]]
+        for guard in guards:
+            if guard.hopeless:  # checks ended there: the size may since have grown with the error
+                errors[int(guard.line)] = max(errors[int(guard.line)], HOPELESS)
         worst = max(errors, default=0.0)
         if worst > UNRESOLVED:
             wire = self.wires[errors.index(worst)]

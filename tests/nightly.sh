@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # The long tests: all blocks compiled at every level of optimisation, all blocks under every sanitizer, fuzzing for ten
 # minutes each way, the tests with sanitized code, 100 million steps and 100 000 instances on end, mutants of input
-# files, and all tests with three kernels of OpenBLAS (SkylakeX needs a processor with AVX-512).
+# files, and all tests, with all odd values of system files, with three kernels of OpenBLAS (SkylakeX needs a
+# processor with AVX-512).
 #   nightly.sh [SECONDS] [MUTANTS]     seconds for each way of fuzzing, 600 by default, and mutants of each kind of
 #                                      input file, 2000 by default; those that fail are kept in ./mutants
 # What fails is shown; the status is 1 then. Needs what tests/debian-packages.sh installs.
@@ -24,6 +25,6 @@ step tests/robustness/sanitized.sh thread
 step "$python" tests/robustness/soak.py
 step "$python" tests/robustness/mutants.py "$mutants"
 for kernel in Prescott Haswell SkylakeX; do
-    step env OPENBLAS_CORETYPE="$kernel" "$python" -m pytest -q -n 2
+    step env OPENBLAS_CORETYPE="$kernel" ALL_ODD_VALUES=1 "$python" -m pytest -q -n 2
 done
 exit "$failed"

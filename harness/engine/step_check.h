@@ -10,7 +10,7 @@
 #include "quasi_newton.h"
 
 #define DOUBT     0.02 /* of the largest size so far, between a step and its halves */
-#define AT_START  0.5  /* the same in the first EARLY ticks of what begins at rest: its size so far says little */
+#define AT_START  0.2  /* the same in the first EARLY ticks of what begins at rest: its size so far says little */
 #define SURPRISE  0.05 /* of the size, between an unknown and its linear prediction */
 #define LEAP      1.5  /* over the largest size so far */
 #define HOPELESS  30.0 /* unresolved errors, summed up, over the size */
@@ -120,18 +120,6 @@ static int solve_halves(Engine *e, Newton *newton, int64_t number, const Span *s
     return status;
 }
 
-/* Between a piece and its halves, whose last one is the present. */
-static double apart_of(const Newton *newton, int64_t k, const double *whole, const double *halves, bool jumped)
-{
-    return fmax(fabs(whole[k] - halves[k]), jumped ? 0.0 : fabs(newton->kept_lines[k].u1 - newton->moving[k].u1));
-}
-
-static double size_of(const Newton *newton, int64_t k)
-{
-    const Moving *const a = &newton->kept_lines[k], *const b = &newton->moving[k];
-    return fmax(a->scale, fmax(fabs(a->u1), fabs(b->u1)));
-}
-
 /* The largest difference between a piece and its halves over DOUBT. Where the solution lies on a jump, the unknown is
    what holds, only its mean counts, and the values behind the jump are rounding. */
 static double difference(const Engine *e, Newton *newton, int64_t number, const double *whole, const double *halves,
@@ -141,12 +129,13 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
     double worst = 0.0;
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            const Moving *const m = &newton->kept_lines[k];
-            if (!m->inner || (jumped && m->unknown < 0))
+            const Moving *const a = &newton->kept_lines[k], *const b = &newton->moving[k];
+            if (!a->inner || (jumped && a->unknown < 0))
                 continue;
-            const double tolerated = early && m->from_rest ? AT_START : DOUBT;
-            const double apart = apart_of(newton, k, whole, halves, jumped);
-            const double off = apart == 0.0 ? 0.0 : apart / (tolerated * size_of(newton, k));
+            const double tolerated = early && a->from_rest ? AT_START : DOUBT;
+            const double apart = fmax(fabs(whole[k] - halves[k]), jumped ? 0.0 : fabs(a->u1 - b->u1));
+            const double off =
+                apart == 0.0 ? 0.0 : apart / (tolerated * fmax(a->scale, fmax(fabs(a->u1), fabs(b->u1))));
             if (!(off <= worst)) {
                 worst = isnan(off) ? INFINITY : off;
                 newton->guards[number].line = k;
@@ -154,19 +143,6 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
             }
         }
     return worst;
-}
-
-/* Notes what a check lets pass at the start, as it may not be small against the size that the line will have. */
-static void owe_start(const Engine *e, const Newton *newton, const Group *g, const double *whole, const double *halves,
-                      bool jumped)
-{
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            Moving *const m = &newton->kept_lines[k];
-            const double apart = apart_of(newton, k, whole, halves, jumped);
-            if (m->inner && m->from_rest && !(jumped && m->unknown < 0) && apart > DOUBT * size_of(newton, k))
-                m->debt += apart;
-        }
 }
 
 /* Compares a solved piece with its halves; *off is raised to the difference. The piece stays solved. */
@@ -189,8 +165,6 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool 
     const double found =
         failed_halves ? INFINITY : difference(e, newton, number, whole, halves, jumped || halves_jumped, early);
     *off = fmax(*off, found);
-    if (early && found <= 1.0)
-        owe_start(e, newton, g, whole, halves, jumped || halves_jumped);
     keep(e, newton, g, number, true);
     newton->before[number] = before;
     newton->guards[number].checks++;

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import json
 import math
 import re
 import subprocess
@@ -278,15 +279,22 @@ def test_constants_beyond_float_are_refused():
         kernel(ca.Function("f", [x], [x * 1e300]), ["x"], ["y"], real=FLOAT)
 
 
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
-def test_block_text_is_the_same_in_another_process(law):
+@pytest.fixture(scope="module")
+def texts_of_another_process():
+    paths = [str(law.path) for law in LAWS]
     script = (
-        "from friction_fmus.law_block import block_source\nfrom friction_fmus.law_files import discover_laws\n"
-        f"print(block_source(discover_laws({str(law.path)!r})[0]), end='')"
+        "import json\nfrom friction_fmus.law_block import block_source\n"
+        "from friction_fmus.law_files import discover_laws\n"
+        f"print(json.dumps({{path: block_source(discover_laws(path)[0]) for path in {paths!r}}}))"
     )
-    other = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    return json.loads(run.stdout)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_block_text_is_the_same_in_another_process(law, texts_of_another_process):
     text = block_source(law)
-    assert other == text
+    assert texts_of_another_process[str(law.path)] == text
     assert str(law.path.parent) not in text
     assert "\t" not in text
     assert all(line == line.rstrip() for line in text.splitlines())

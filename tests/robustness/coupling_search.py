@@ -40,11 +40,11 @@ class Case:
     record: tuple[str, ...]
 
     def run(self, master: str, finer: int = 1) -> dict[str, Any]:
-        """Return the recorded values at the ticks of the coarse step."""
-        result = self.system.run(
-            stop=self.ticks * self.step, step=self.step / finer, master=master, record=self.record, decimate=finer
-        )
-        return {name: result[name].to_numpy() for name in self.record} | {"attributes": result.attrs}
+        """Return the recorded values at the ticks of the coarse step, and the highest speed at any tick."""
+        result = self.system.run(stop=self.ticks * self.step, step=self.step / finer, master=master, record=self.record)
+        values = {name: result[name].to_numpy() for name in self.record}
+        highest = float(np.abs(values[self.record[0]]).max())
+        return {name: value[::finer] for name, value in values.items()} | {"highest": highest}
 
 
 class Warned(logging.Handler):
@@ -117,7 +117,7 @@ def _verdict(case: Case, master: str, reference: Mapping[str, Any]) -> str:
     speed = case.record[0]
     if any(_off(values[name], reference[name]) > WRONG for name in case.record[1:]):
         return f"wrong, {says}"
-    if np.abs(values[speed]).max() > 2.0 * np.abs(reference[speed]).max():
+    if values["highest"] > 2.0 * reference["highest"]:
         return f"wrong, {says}"
     vibrates = _off(values[speed], reference[speed]) > WRONG
     return f"vibration damped, {says}" if vibrates else f"right, {says}"

@@ -15,6 +15,8 @@ from friction_fmus import build
 
 ROOT = Path(__file__).parents[2]
 DEEP = 10_000
+EVERY = 1 if "ALL_ODD_VALUES" in os.environ else 4
+"""A test run tries every fourth of the 2000 system files, `tests/nightly.sh` all of them."""
 
 ODD: dict[str, str] = {
     "true": "true",
@@ -184,9 +186,10 @@ def test_system_files(tmp_path: Path) -> None:
     (tmp_path / "record.csv").write_text("time [s],F [N]\n0,1\n2,1\n")
     cases = [(label, "odd.toml", text, ["run", "odd.toml", "-o", "out.csv"]) for label, text in systems()]
     assert len(cases) >= 2000
+    cases = cases[::EVERY]
     counts = run_cases(tmp_path, cases)
-    assert counts["runs"] > 150  # the files are right but for the odd value
-    assert counts["sentences"] > 1000
+    assert counts["runs"] > 0.05 * len(cases)  # the files are right but for the odd value
+    assert counts["sentences"] > 0.5 * len(cases)
 
 
 @pytest.mark.parametrize("command", ["doctor", "sweep"])
