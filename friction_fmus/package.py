@@ -6,7 +6,7 @@ import hashlib
 import io
 import re
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -50,8 +50,9 @@ def build(
     *,
     domain: Literal["translational", "rotational"] = "translational",
     platforms: Sequence[str] = ("native",),
+    compiling: Callable[[str, int], None] | None = None,
 ) -> Path:
-    """Builds one FMU.
+    """Build one FMU.
 
     Parameters
     ----------
@@ -69,6 +70,9 @@ def build(
         The rotational twin has N.m, rad and kg.m2 for N, m and kg, and the suffix ``Rotational``.
     platforms : sequence of str
         Which binaries it gets: ``"native"``, ``"all"`` or names such as ``"win64"``, see `PLATFORMS`.
+    compiling : callable, optional
+        Called with a platform and the number of platforms that are done, before the FMU is compiled for it; for a
+        progress bar. It is not called for an FMU in the cache.
 
     Returns
     -------
@@ -80,7 +84,7 @@ def build(
     UnknownNameError, BuildError
         See their messages.
     """
-    file, content = _built(model, start, name, files, domain, platforms)
+    file, content = _built(model, start, name, files, domain, platforms, compiling)
     return _write(content, Path(out_dir) / file)
 
 
@@ -91,6 +95,7 @@ def _built(
     files: Mapping[str, str] | None,
     domain: str,
     platforms: Sequence[str],
+    compiling: Callable[[str, int], None] | None = None,
 ) -> tuple[str, bytes]:
     """Return the file name of an FMU and its content, from the cache or built."""
     block = find(model)
@@ -106,7 +111,7 @@ def _built(
     block = replace(block, name=identifier, code=code)
     sources = identified(_sources(block, files or {}), identifier)
     path = toolchain.cache_folder() / f"{identifier}-{_key(sources, block, chosen)}.fmu"
-    return f"{identifier}.fmu", cached(path, lambda: _make(block, sources, chosen))
+    return f"{identifier}.fmu", cached(path, lambda: _make(block, sources, chosen, compiling))
 
 
 def _shipped(model: str | Path, block: Block) -> Path | None:
@@ -254,24 +259,37 @@ def _package() -> tuple[str, ...]:
     return tuple(path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.rglob("*.py")))
 
 
-def _make(block: Block, sources: Mapping[str, str], platforms: Sequence[Platform]) -> bytes:
-    """The FMU as bytes."""
+def _make(
+    block: Block,
+    sources: Mapping[str, str],
+    platforms: Sequence[Platform],
+    compiling: Callable[[str, int], None] | None,
+) -> bytes:
+    """Return the FMU as bytes."""
     with ScratchFolder("friction-fmus-") as folder:
-        _stage(block, sources, platforms, Path(folder))
+        _stage(block, sources, Path(folder))
+        for number, platform in enumerate(platforms):
+            if compiling:
+                compiling(platform.folder, number)
+            _compile(platform, sources, block.name, Path(folder) / "fmu" / "binaries")
         return _zipped(Path(folder) / "fmu")
 
 
-def _stage(block: Block, sources: Mapping[str, str], platforms: Sequence[Platform], folder: Path) -> None:
-    """Makes the unzipped FMU in the folder ``fmu`` of a temporary one."""
+def _compile(platform: Platform, sources: Mapping[str, str], name: str, binaries: Path) -> Path:
+    """Compile a block for a platform; return the path of the library."""
+    library = binaries / platform.folder / f"{name}{platform.suffix}"
+    library.parent.mkdir(parents=True)
+    library.write_bytes(compiled(platform, sources, name))
+    return library
+
+
+def _stage(block: Block, sources: Mapping[str, str], folder: Path) -> None:
+    """Make the unzipped FMU without binaries in the folder ``fmu`` of a temporary one."""
     staged = folder / "fmu"
     (staged / "sources").mkdir(parents=True)
     for name, text in sources.items():
         (staged / "sources" / name).write_text(text, encoding="utf-8", newline="\n")
-    for place, platform in ((folder, NATIVE), *((staged, platform) for platform in platforms)):
-        library = place / "binaries" / platform.folder / f"{block.name}{platform.suffix}"
-        library.parent.mkdir(parents=True)
-        library.write_bytes(compiled(platform, sources, block.name))
-    native = folder / "binaries" / NATIVE.folder / f"{block.name}{NATIVE.suffix}"
+    native = _compile(NATIVE, sources, block.name, folder / "binaries")
     description = describe(native, _computed(block))
     _check_start_values(block, description)
     (staged / "modelDescription.xml").write_bytes(model_description(block, description, block.name))
