@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from friction_fmus import harness
 from friction_fmus.catalogue import Block, catalogue, find
 from friction_fmus.errors import BuildError, FrictionError, UnknownNameError
 from friction_fmus.version import VERSION
@@ -31,5 +32,6 @@ __all__ = [
     "catalogue",
     "find",
     "fmu",
+    "harness",
     "identify",
 ]
