@@ -16,11 +16,12 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from friction_fmus import fmu
+from friction_fmus import build, fmu
 from friction_fmus.catalogue import catalogue
 from friction_fmus.cli.console import RunBar
 from friction_fmus.cli.main import main, parser
 from harness import Parameter, ParameterSet, System, load_result, masters, write_ssv
+from harness.platforms import NATIVE
 
 ROOT = Path(__file__).parent.parent
 STICK_SLIP = ROOT / "examples" / "stick_slip.toml"
@@ -125,6 +126,16 @@ def test_build_burns_start_values_into_xml_and_source(tmp_path: Path, capsys: py
         assert 'modelIdentifier="MyContact"' in xml
         assert 'start="2.25"' in xml
         assert "2.25," in archive.read("sources/MyContact.c").decode()
+
+
+def test_build_says_which_platform_it_compiles_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FRICTION_FMUS_CACHE", str(tmp_path / "cache"))
+    shown: list[tuple[str, int]] = []
+    for _ in range(2):  # the second time it is in the cache
+        build(
+            "Viscous", tmp_path, platforms=["native"], compiling=lambda platform, done: shown.append((platform, done))
+        )
+    assert shown == [(NATIVE.folder, 0)]
 
 
 def test_run_writes_csv_parquet_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
