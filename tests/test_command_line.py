@@ -18,6 +18,7 @@ from rich.console import Console
 
 from friction_fmus import build, fmu
 from friction_fmus.catalogue import catalogue
+from friction_fmus.cli import commands
 from friction_fmus.cli.console import RunBar
 from friction_fmus.cli.main import main, parser
 from harness import Parameter, ParameterSet, System, load_result, masters, write_ssv
@@ -288,6 +289,21 @@ def test_help_of_every_command_says_what_it_does() -> None:
     text = parser().format_help()
     for name in ("list", "show", "build", "check", "run", "study"):
         assert f"    {name} " in text
+
+
+def test_a_new_command_is_one_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "greet.py").write_text(
+        '"""Say hello.\n\nTo anyone.\n"""\n\n'
+        "def add_arguments(parser):\n    parser.add_argument('name')\n\n"
+        "def run(options):\n    print(f'hello {options.name}')\n    return 3\n",
+        encoding="utf-8",
+    )
+    monkeypatch.setattr(commands, "__path__", [*commands.__path__, str(tmp_path)])
+    assert re.search(r"^ +greet +say hello$", parser().format_help(), re.M)
+    assert main(["greet", "world"]) == 3
+    assert capsys.readouterr().out == "hello world\n"
 
 
 def test_a_result_reported_as_wrong_has_the_status_1_unless_that_is_allowed(
