@@ -2,13 +2,23 @@
 
 from typing import TYPE_CHECKING
 
+from friction_fmus import harness
 from friction_fmus.catalogue import Block, catalogue, find
 from friction_fmus.errors import BuildError, FrictionError, UnknownNameError
-from friction_fmus.package import build, build_record, fmu
 from friction_fmus.version import VERSION
+from harness.lazy import lazy_names
 
 if TYPE_CHECKING:
     from friction_fmus.identification import identify
+    from friction_fmus.package import build, build_record, fmu
+else:
+    __getattr__, __dir__ = lazy_names(
+        __name__,
+        {
+            "friction_fmus.identification": ["identify"],
+            "friction_fmus.package": ["build", "build_record", "fmu"],
+        },
+    )
 
 __version__ = VERSION
 
@@ -22,14 +32,6 @@ __all__ = [
     "catalogue",
     "find",
     "fmu",
+    "harness",
     "identify",
 ]
-
-
-def __getattr__(name: str) -> object:
-    """Load identification, which takes scipy's optimisers, when it is asked for."""
-    if name == "identify":
-        from friction_fmus.identification import identify
-
-        return identify
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -7,16 +7,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
-from friction_fmus.law_block import block_source
-from friction_fmus.law_files import discover_laws
+from friction_fmus.law_headings import law_paths, read_headings
 from harness.files import read_source, reason
 
 KINDS = {"friction": "friction", "plants": "plant", "controllers": "controller", "signals": "signal"}
 """Folder of ``fmu_src`` -> kind of block; laws come from ``friction_fmus/laws``."""
 
+_ORDER = ("friction", "plant", "law", "controller", "signal")
+"""Order of the kinds in the catalogue."""
 
 FEATURES = {
     "presliding": "the contact is elastic before it slides",
@@ -68,6 +69,16 @@ class Block:
     bibtex: tuple[str, ...] = ()
 
 
+class Entry(NamedTuple):
+    """What a list shows of a block; the names are those of `Block`."""
+
+    name: str
+    kind: str
+    summary: str
+    source: str
+    path: Path
+
+
 def source_folder() -> Path:
     """The folder of the C sources: inside an installed package, beside it in a checkout."""
     inside = Path(__file__).parent / "fmu_src"
@@ -117,6 +128,9 @@ def read_c_block(path: Path, kind: str) -> Block:
 
 
 def _read_laws(path: Path) -> list[Block]:
+    from friction_fmus.law_block import block_source
+    from friction_fmus.law_files import discover_laws
+
     return [
         Block(law.name, "law", law.summary, law.source, law.documentation, law.path, block_source(law))
         for law in discover_laws(path)
@@ -124,15 +138,40 @@ def _read_laws(path: Path) -> list[Block]:
 
 
 @cache
+def listing() -> dict[str, Entry]:
+    """Return all blocks that come with the package without translating the laws, in the order of `catalogue`.
+
+    Raises
+    ------
+    FrictionError
+        If a file cannot be read or two blocks have the same name.
+    """
+    entries = [
+        Entry(block.name, block.kind, block.summary, block.source, block.path)
+        for folder, kind in KINDS.items()
+        for block in (read_c_block(path, kind) for path in (source_folder() / folder).glob("*.c"))
+    ]
+    for file in law_paths(laws_folder()):
+        entries += [Entry(law.name, "law", law.summary, law.source, law.path) for law in read_headings(file)]
+    found: dict[str, Entry] = {}
+    for entry in sorted(entries, key=lambda entry: (_ORDER.index(entry.kind), entry.name)):
+        other = found.setdefault(entry.name, entry)
+        if other is not entry:
+            raise FrictionError(f"Two blocks are called {entry.name}: in {other.path.name} and in {entry.path.name}")
+    return found
+
+
+@cache
 def catalogue() -> dict[str, Block]:
     """All blocks that come with the package, by name, in the order friction, plant, law, controller, signal."""
-    blocks = []
-    for folder, kind in KINDS.items():
-        blocks += [read_c_block(path, kind) for path in sorted((source_folder() / folder).glob("*.c"))]
-    blocks += _read_laws(laws_folder())
-    order = ["friction", "plant", "law", "controller", "signal"]
-    blocks.sort(key=lambda block: (order.index(block.kind), block.name))
-    return {block.name: block for block in blocks}
+    return {name: _read(entry) for name, entry in listing().items()}
+
+
+@cache
+def _read(entry: Entry) -> Block:
+    if entry.kind == "law":
+        return next(block for block in _read_laws(entry.path) if block.name == entry.name)
+    return read_c_block(entry.path, entry.kind)
 
 
 def find(model: str | Path) -> Block:
@@ -145,9 +184,9 @@ def find(model: str | Path) -> Block:
     FrictionError
         If the file is not a block.
     """
-    known = catalogue()
+    known = listing()
     if str(model) in known:
-        return known[str(model)]
+        return _read(known[str(model)])
     path = Path(model)
     if path.suffix not in (".c", ".py"):
         raise UnknownNameError(
@@ -173,6 +212,9 @@ def with_room(block: Block, start: Mapping[str, Any]) -> Block:
     """
     if block.kind != "law" or not start:
         return block
+    from friction_fmus.law_block import block_source
+    from friction_fmus.law_files import discover_laws
+
     law = next(law for law in discover_laws(block.path) if law.name == block.name)
     grown = law.with_room(start)
     return block if grown is law else replace(block, code=block_source(grown))
@@ -180,4 +222,4 @@ def with_room(block: Block, start: Mapping[str, Any]) -> Block:
 
 def library_name(block: Block) -> str:
     """The name in the catalogue of a block that may have another name by now; empty for a block of the user's."""
-    return next((known.name for known in catalogue().values() if known.path == block.path), "")
+    return next((known.name for known in listing().values() if known.path == block.path), "")

@@ -10,6 +10,7 @@ from types import ModuleType
 
 from friction_fmus.errors import FrictionError
 from friction_fmus.law import Law
+from friction_fmus.law_headings import law_paths
 from harness.files import LARGEST_TEXT, reason, require_regular
 
 
@@ -35,7 +36,7 @@ def discover_laws(path: Path | str) -> list[Law]:
     path = Path(path)
     if not path.exists():
         raise FrictionError(f"There is no law file or folder {path}")
-    files = sorted(file for file in path.glob("*.py") if not file.name.startswith("_")) if path.is_dir() else [path]
+    files = law_paths(path) if path.is_dir() else [path]
     found: dict[str, Law] = {}
     for file in files:
         for value in vars(_load(file)).values():

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-from datetime import UTC, datetime
 
 from lxml import etree
 
@@ -25,7 +23,7 @@ from friction_fmus.describe import (
     Variable,
 )
 from friction_fmus.units import DISPLAY_UNITS, QUANTITIES, base_unit
-from friction_fmus.version import RELEASED, VERSION
+from friction_fmus.version import VERSION, build_time
 
 ROLE = {  # role -> causality, variability of a Real in a continuous block, initial
     TIME: ("independent", "continuous", None),
@@ -59,12 +57,6 @@ LOG_CATEGORIES = {
     "logAll": "all messages",
 }
 """As in fmi2.h."""
-
-
-def build_time() -> str:
-    """Time stamp of reproducible builds: ``SOURCE_DATE_EPOCH`` if set, otherwise the release of this version."""
-    epoch = os.environ.get("SOURCE_DATE_EPOCH")
-    return datetime.fromtimestamp(int(epoch), UTC).strftime("%Y-%m-%dT%H:%M:%SZ") if epoch else RELEASED
 
 
 def model_description(block: Block, description: Description, identifier: str) -> bytes:

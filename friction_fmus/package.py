@@ -1,39 +1,29 @@
-"""From a block to an FMU: compile, describe, document, zip."""
+"""From the name or file of a block to an FMU: its sources, and the FMU from the cache or built."""
 
 from __future__ import annotations
 
 import hashlib
-import io
 import re
-import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
 
-import fmpy
-import matplotlib as mpl
 import numpy as np
 from numpy.typing import ArrayLike
 
 from friction_fmus.catalogue import Block, find, package_text, source_folder, with_room
 from friction_fmus.customise import Start, identified, renamed, rotational, with_start_values
-from friction_fmus.describe import FIXED, INPUT, PARAMETER, STATE, Description, describe
-from friction_fmus.documentation import index_page
+from friction_fmus.describe import Description, describe
 from friction_fmus.errors import BuildError
-from friction_fmus.law import Kind
-from friction_fmus.law_files import discover_laws
-from friction_fmus.model_description import build_time, model_description
-from friction_fmus.portrait import portray, terminal_icon
-from friction_fmus.terminals import terminals, terminals_and_icons
-from friction_fmus.version import VERSION
+from friction_fmus.version import VERSION, build_time
 from harness import toolchain
 from harness.atomic import atomic_path
 from harness.cache import cached
 from harness.files import read_source, reason
-from harness.platforms import NATIVE, Platform, compiled, native_library, select
-from harness.scratch import ScratchFolder
+from harness.platforms import NATIVE, Platform, native_library, select
 
 SHIPPED = Path(__file__).parent / "fmus"
 """FMUs for all platforms in an installed package; a checkout has none."""
@@ -50,8 +40,9 @@ def build(
     *,
     domain: Literal["translational", "rotational"] = "translational",
     platforms: Sequence[str] = ("native",),
+    compiling: Callable[[str, int], None] | None = None,
 ) -> Path:
-    """Builds one FMU.
+    """Build one FMU.
 
     Parameters
     ----------
@@ -69,6 +60,9 @@ def build(
         The rotational twin has N.m, rad and kg.m2 for N, m and kg, and the suffix ``Rotational``.
     platforms : sequence of str
         Which binaries it gets: ``"native"``, ``"all"`` or names such as ``"win64"``, see `PLATFORMS`.
+    compiling : callable, optional
+        Called with a platform and the number of platforms that are done, before the FMU is compiled for it; for a
+        progress bar. It is not called for an FMU in the cache.
 
     Returns
     -------
@@ -80,7 +74,7 @@ def build(
     UnknownNameError, BuildError
         See their messages.
     """
-    file, content = _built(model, start, name, files, domain, platforms)
+    file, content = _built(model, start, name, files, domain, platforms, compiling)
     return _write(content, Path(out_dir) / file)
 
 
@@ -91,6 +85,7 @@ def _built(
     files: Mapping[str, str] | None,
     domain: str,
     platforms: Sequence[str],
+    compiling: Callable[[str, int], None] | None = None,
 ) -> tuple[str, bytes]:
     """Return the file name of an FMU and its content, from the cache or built."""
     block = find(model)
@@ -106,7 +101,13 @@ def _built(
     block = replace(block, name=identifier, code=code)
     sources = identified(_sources(block, files or {}), identifier)
     path = toolchain.cache_folder() / f"{identifier}-{_key(sources, block, chosen)}.fmu"
-    return f"{identifier}.fmu", cached(path, lambda: _make(block, sources, chosen))
+
+    def make() -> bytes:
+        from friction_fmus.contents import assemble  # takes several libraries, which an FMU in the cache does not need
+
+        return assemble(block, sources, chosen, compiling)
+
+    return f"{identifier}.fmu", cached(path, make)
 
 
 def _shipped(model: str | Path, block: Block) -> Path | None:
@@ -150,16 +151,10 @@ def describe_block(block: Block) -> Description:
     BuildError
         If it does not compile.
     """
+    from friction_fmus.contents import computed
+
     library = native_library(identified(_sources(block, {}), block.name), block.name)
-    return describe(library, _computed(block))
-
-
-def _computed(block: Block) -> dict[str, tuple[str, ...]]:
-    """The outputs of a law and what they are computed from, as casadi knows; nothing of other blocks."""
-    if block.kind != "law":
-        return {}
-    (law,) = discover_laws(block.path)
-    return {variable.name: law.dependencies(variable.name) for variable in law.select(Kind.OUTPUT)}
+    return describe(library, computed(block))
 
 
 def build_record(
@@ -237,7 +232,7 @@ def _key(sources: Mapping[str, str], block: Block, platforms: Sequence[Platform]
         build_time(),
         *(toolchain.identity(target) for platform in (NATIVE, *platforms) for target in platform.targets),
         *(platform.folder for platform in platforms),
-        *(module.__version__ for module in (fmpy, mpl)),
+        *(version(library) for library in ("fmpy", "matplotlib")),
         package_text("CHANGELOG.md"),
         block.kind,
         block.summary,
@@ -252,69 +247,6 @@ def _key(sources: Mapping[str, str], block: Block, platforms: Sequence[Platform]
 def _package() -> tuple[str, ...]:
     """The texts of the modules that make the FMU, and of those that they quote."""
     return tuple(path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.rglob("*.py")))
-
-
-def _make(block: Block, sources: Mapping[str, str], platforms: Sequence[Platform]) -> bytes:
-    """The FMU as bytes."""
-    with ScratchFolder("friction-fmus-") as folder:
-        _stage(block, sources, platforms, Path(folder))
-        return _zipped(Path(folder) / "fmu")
-
-
-def _stage(block: Block, sources: Mapping[str, str], platforms: Sequence[Platform], folder: Path) -> None:
-    """Makes the unzipped FMU in the folder ``fmu`` of a temporary one."""
-    staged = folder / "fmu"
-    (staged / "sources").mkdir(parents=True)
-    for name, text in sources.items():
-        (staged / "sources" / name).write_text(text, encoding="utf-8", newline="\n")
-    for place, platform in ((folder, NATIVE), *((staged, platform) for platform in platforms)):
-        library = place / "binaries" / platform.folder / f"{block.name}{platform.suffix}"
-        library.parent.mkdir(parents=True)
-        library.write_bytes(compiled(platform, sources, block.name))
-    native = folder / "binaries" / NATIVE.folder / f"{block.name}{NATIVE.suffix}"
-    description = describe(native, _computed(block))
-    _check_start_values(block, description)
-    (staged / "modelDescription.xml").write_bytes(model_description(block, description, block.name))
-    portrait = portray(block, description, folder)
-    (staged / "model.png").write_bytes(portrait.icon.png)
-    connected = terminals(description)
-    icons = {"icon": portrait.icon, **{each.shape: terminal_icon(each.shape) for each in connected}}
-    (staged / "terminalsAndIcons").mkdir()
-    (staged / "terminalsAndIcons" / "terminalsAndIcons.xml").write_bytes(terminals_and_icons(connected))
-    for name, image in icons.items():
-        (staged / "terminalsAndIcons" / f"{name}.png").write_bytes(image.png)
-        (staged / "terminalsAndIcons" / f"{name}.svg").write_bytes(image.svg)
-    pages = staged / "documentation"
-    (pages / "licenses").mkdir(parents=True)
-    (pages / "licenses" / "license.txt").write_text(package_text("LICENSE"), encoding="utf-8")
-    for number, figure in enumerate(portrait.figures, start=1):
-        (pages / f"figure{number}.svg").write_bytes(figure.svg)
-    page = index_page(block, description, portrait.figures, connected)
-    (pages / "index.html").write_text(page, encoding="utf-8")
-
-
-def _check_start_values(block: Block, description: Description) -> None:
-    for v in description.variables:
-        if v.role in (INPUT, PARAMETER, FIXED, STATE) and not v.min <= v.start <= v.max:
-            raise BuildError(
-                f"The start value {v.name} = {v.start:g} of {block.name} lies outside "
-                f"[{v.min:g}, {v.max:g}]; choose one inside"
-            )
-
-
-def _zipped(folder: Path) -> bytes:
-    """Sorted entries with one time and mode, so that equal contents are equal bytes."""
-    stamp = build_time()
-    moment = tuple(int(part) for part in re.findall(r"\d+", stamp))
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path in sorted(path for path in folder.rglob("*") if path.is_file()):
-            entry = zipfile.ZipInfo(path.relative_to(folder).as_posix(), moment[:6])  # type: ignore[arg-type]
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.create_system = 3
-            entry.external_attr = (0o755 if "binaries" in path.parts else 0o644) << 16
-            archive.writestr(entry, path.read_bytes())
-    return content.getvalue()
 
 
 def _write(content: bytes, target: Path) -> Path:

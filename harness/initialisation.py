@@ -6,7 +6,6 @@ import logging
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import root
 
 from harness.assembly import Assembly, start_values
 from harness.errors import AlgebraicLoopError, PartError
@@ -130,6 +129,8 @@ class _Sweep:
 
     def solve(self) -> None:
         """Find the values of the wires against the order for which a sweep gives the same values again."""
+        from scipy.optimize import root  # takes long to import, and few systems need it
+
         signals = self.plan.signals
         places = sorted({self.plan.columns[wire.source] for wire in self._back})
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import HarnessError
+from harness.notebook import part_html, part_text
 from harness.units import BaseUnit
 
 Values: TypeAlias = NDArray[np.float64]
@@ -162,6 +163,14 @@ class Part(ABC):
     dependencies: Mapping[str, frozenset[str]]
     sampled: bool = False
     every: int = 1
+
+    def __repr__(self) -> str:
+        """Return its kind, its name and the numbers of its variables."""
+        return part_text(self)
+
+    def _repr_html_(self) -> str:
+        """Return its variables as a table, for a notebook."""
+        return part_html(self)
 
     @property
     def moves(self) -> bool:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from harness.atomic import atomic_path
 from harness.errors import OutputError, UnknownNameError, nearest
-from harness.result import Result
+
+if TYPE_CHECKING:
+    from harness.result import Result
 
 
 def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:

@@ -22,6 +22,7 @@ from harness.experiment import Experiment
 from harness.fmu import FmuPart
 from harness.guard import Guard
 from harness.manipulator import Manipulator
+from harness.notebook import system_html, system_text
 from harness.part import Part, Port, StartValue
 from harness.result import Result
 from harness.run import Options, run
@@ -102,6 +103,14 @@ class System:
         if not strict:
             self._keep_stated()
         self._check_connected()
+
+    def __repr__(self) -> str:
+        """Return its name, its parts and the number of connections."""
+        return system_text(self)
+
+    def _repr_html_(self) -> str:
+        """Return parts, connections and start values as tables, for a notebook."""
+        return system_html(self)
 
     @classmethod
     def from_toml(cls, path: str | Path, resolve: Callable[[str], Path] | None = None) -> Self:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from friction_fmus import fmu
-from friction_fmus.__main__ import parser
+from friction_fmus.cli.main import parser
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 STICK_SLIP = EXAMPLES / "stick_slip.toml"

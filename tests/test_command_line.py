@@ -16,11 +16,13 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from friction_fmus import fmu
-from friction_fmus.__main__ import main, parser
+from friction_fmus import build, fmu
 from friction_fmus.catalogue import catalogue
-from friction_fmus.terminal import RunBar
+from friction_fmus.cli import commands
+from friction_fmus.cli.console import RunBar
+from friction_fmus.cli.main import main, parser
 from harness import Parameter, ParameterSet, System, load_result, masters, write_ssv
+from harness.platforms import NATIVE
 
 ROOT = Path(__file__).parent.parent
 STICK_SLIP = ROOT / "examples" / "stick_slip.toml"
@@ -70,7 +72,7 @@ def test_list_shows_every_block(capsys: pytest.CaptureFixture[str]) -> None:
 
 def shown(name: str, width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> list[str]:
     """The lines that `show` prints on a terminal of that width."""
-    monkeypatch.setattr("friction_fmus.__main__.console", Console(width=width))
+    monkeypatch.setattr("friction_fmus.cli.console.console", Console(width=width))
     assert main(["show", name]) == 0
     return [line.rstrip() for line in capsys.readouterr().out.splitlines()]
 
@@ -125,6 +127,16 @@ def test_build_burns_start_values_into_xml_and_source(tmp_path: Path, capsys: py
         assert 'modelIdentifier="MyContact"' in xml
         assert 'start="2.25"' in xml
         assert "2.25," in archive.read("sources/MyContact.c").decode()
+
+
+def test_build_says_which_platform_it_compiles_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FRICTION_FMUS_CACHE", str(tmp_path / "cache"))
+    shown: list[tuple[str, int]] = []
+    for _ in range(2):  # the second time it is in the cache
+        build(
+            "Viscous", tmp_path, platforms=["native"], compiling=lambda platform, done: shown.append((platform, done))
+        )
+    assert shown == [(NATIVE.folder, 0)]
 
 
 def test_run_writes_csv_parquet_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -186,13 +198,20 @@ def test_ctrl_c_keeps_what_was_recorded(
     assert 1 < len(result["time"]) < 4000
 
 
-def test_help_of_run_names_every_master_and_format(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("command", ["run", "sweep"])
+def test_help_of_run_and_sweep_names_every_master(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    shown = " ".join(capsys.readouterr().out.split())
+    *others, last = masters()
+    assert f"--master NAME master algorithm: {', '.join(others)} or {last}" in shown
+    assert "Raises" not in shown
+
+
+def test_help_of_run_names_every_format(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["run", "--help"])
-    shown = " ".join(capsys.readouterr().out.split())
-    assert re.search(f"--master NAME {', '.join(masters())}".rpartition(",")[0], shown)
-    assert "result: .csv, .parquet, .nc or .mat" in shown
-    assert "Raises" not in shown
+    assert "result: .csv, .parquet, .nc or .mat" in " ".join(capsys.readouterr().out.split())
 
 
 def test_unknown_model_suggests_the_nearest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -272,6 +291,21 @@ def test_help_of_every_command_says_what_it_does() -> None:
         assert f"    {name} " in text
 
 
+def test_a_new_command_is_one_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "greet.py").write_text(
+        '"""Say hello.\n\nTo anyone.\n"""\n\n'
+        "def add_arguments(parser):\n    parser.add_argument('name')\n\n"
+        "def run(options):\n    print(f'hello {options.name}')\n    return 3\n",
+        encoding="utf-8",
+    )
+    monkeypatch.setattr(commands, "__path__", [*commands.__path__, str(tmp_path)])
+    assert re.search(r"^ +greet +say hello$", parser().format_help(), re.M)
+    assert main(["greet", "world"]) == 3
+    assert capsys.readouterr().out == "hello world\n"
+
+
 def test_a_result_reported_as_wrong_has_the_status_1_unless_that_is_allowed(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -291,7 +325,8 @@ def test_a_sweep_with_a_result_reported_as_wrong_has_the_status_1(
 ) -> None:
     sweep = ["sweep", str(STICK_SLIP), "--stop", "0.01", "--executor", "serial", "--vary", "master=gauss-seidel,newton"]
     assert main([*sweep, "-o", str(tmp_path / "a")]) == 1
-    assert capsys.readouterr().out == f"{tmp_path / 'a'}: 2 runs, 1 with warnings, 1 of them reported as wrong\n"
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == f"{tmp_path / 'a'}: 2 runs, 1 with warnings, 1 of them reported as wrong"
     assert main([*sweep, "-o", str(tmp_path / "b"), "--allow-inaccurate"]) == 0
     assert main(["sweep", *sweep[1:-1], "master=newton", "-o", str(tmp_path / "c")]) == 0
 

@@ -54,6 +54,26 @@ def test_grid_of_lists_and_ranges(system: Path, capsys: pytest.CaptureFixture[st
     assert capsys.readouterr().out.strip().endswith("out: 24 runs")
 
 
+def test_the_first_runs_are_shown_with_parameters_and_results(
+    system: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("friction_fmus.cli.console.console.width", 60)
+    swept(system, "--vary", "mass.m=-1,0.5,1,2", "--vary", "mass.F_drive=1,2,3", "--measure", "final(*)")
+    names, units, *rows, more, last = capsys.readouterr().out.splitlines()
+    assert names.split() == ["mass.m", "mass.F_drive"]
+    assert units.split() == ["run", "[kg]", "[N]", "final(mass.x)", "final(mass.v)"]
+    assert len(rows) == 10
+    assert [row.split() for row in rows[:4]] == [
+        ["0", "-1", "1", "failed"],
+        ["1", "-1", "2", "failed"],
+        ["2", "-1", "3", "failed"],
+        ["3", "0.5", "1", "1", "2"],
+    ]
+    assert all(len(row) <= 60 for row in rows)
+    assert more == "... 2 more runs, 3 more results"
+    assert last.startswith(f"{system.parent / 'out'}: 12 runs, 3 failed")
+
+
 def test_random_points_with_a_grid_around_them(system: Path) -> None:
     table = swept(system, "--vary", "mass.m=0.5:2:log", "--vary", "master=jacobi,gauss-seidel", "--sobol", "4")
     assert list(table["master"]) == ["jacobi"] * 4 + ["gauss-seidel"] * 4
@@ -99,7 +119,7 @@ def test_senseless_options_are_one_sentence(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("friction_fmus.sweep_command.PATIENCE", 0.2)
+    monkeypatch.setattr("friction_fmus.cli.cluster.PATIENCE", 0.2)
     assert main(["sweep", str(system), "-o", str(system.parent / "out"), *arguments]) == 2
     captured = capsys.readouterr()
     assert message in captured.err

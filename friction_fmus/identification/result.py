@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from friction_fmus.notebook import identification_html, identification_text
+
 from .estimate import Estimate
 from .idim import InverseModelSettings
 from .record import Array, Record
@@ -37,7 +39,7 @@ class Score:
     samples: int
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Identification:
     """A friction model with the parameters that a record gives it.
 
@@ -112,6 +114,14 @@ class Identification:
     records: tuple[Record, ...] = field(default=(), repr=False)
     settings: InverseModelSettings | None = None
     servo: ServoSettings | None = None
+
+    def __repr__(self) -> str:
+        """Return one line."""
+        return identification_text(self)
+
+    def _repr_html_(self) -> str:
+        """Return the parameters as HTML, for a notebook."""
+        return identification_html(self)
 
     def values(self) -> dict[str, float]:
         """Parameter values without their errors, those that were given included."""

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from friction_fmus.errors import FrictionError
+from friction_fmus.notebook import survey_html, survey_text
 
 from .errors import FitError
 from .identifying import identify
@@ -44,7 +45,7 @@ class Task:
     options: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Survey:
     """Identifications of several models.
 
@@ -61,6 +62,14 @@ class Survey:
     results: tuple[Identification, ...]
     failed: Mapping[str, str]
     ranked_by: str
+
+    def __repr__(self) -> str:
+        """Return one line."""
+        return survey_text(self)
+
+    def _repr_html_(self) -> str:
+        """Return the models as HTML, for a notebook."""
+        return survey_html(self)
 
 
 def compare_models(models: Sequence[str | Path], task: Task, workers: int = 1, told: Told | None = None) -> Survey:

@@ -1,8 +1,29 @@
 """The study of a measured axis, from the record to the recommended compensator and the report."""
 
-from .config import Compensation, ConfigError, Servo, StudyConfig, load_config, parse_config
-from .result import StudyResult
-from .study import StudyError, run_study
+from typing import TYPE_CHECKING
+
+from harness.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from friction_fmus.study.config import Compensation, ConfigError, Servo, StudyConfig, load_config, parse_config
+    from friction_fmus.study.result import StudyResult
+    from friction_fmus.study.study import StudyError, run_study
+else:
+    __getattr__, __dir__ = lazy_names(
+        __name__,
+        {
+            "friction_fmus.study.config": [
+                "Compensation",
+                "ConfigError",
+                "Servo",
+                "StudyConfig",
+                "load_config",
+                "parse_config",
+            ],
+            "friction_fmus.study.result": ["StudyResult"],
+            "friction_fmus.study.study": ["StudyError", "run_study"],
+        },
+    )
 
 __all__ = [
     "Compensation",

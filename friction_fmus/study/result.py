@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from friction_fmus.identification import AxisUnits
+from friction_fmus.notebook import study_html, study_text
 
 from .rows import (
     CompensatorRow,
@@ -29,7 +30,7 @@ from .rows import (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class StudyResult:
     """A study from record to recommendation.
 
@@ -93,6 +94,14 @@ class StudyResult:
     command: str
     versions: Mapping[str, str]
     seconds: float
+
+    def __repr__(self) -> str:
+        """Return one line."""
+        return study_text(self)
+
+    def _repr_html_(self) -> str:
+        """Return recommendation, models and compensators as HTML, for a notebook."""
+        return study_html(self)
 
     def compensator(self, name: str) -> CompensatorRow:
         """Return the row of that name.

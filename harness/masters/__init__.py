@@ -9,22 +9,29 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import TypeAlias, cast
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 from harness.errors import UnknownNameError, nearest
-from harness.experiment import Experiment
-from harness.plan import Plan, Schedule
 
-Master: TypeAlias = Callable[[Plan, Experiment], Schedule]
+if TYPE_CHECKING:
+    from harness.experiment import Experiment
+    from harness.plan import Plan, Schedule
+
+Master: TypeAlias = "Callable[[Plan, Experiment], Schedule]"
+
+
+def master_names() -> tuple[str, ...]:
+    """Return the names of all master algorithms without importing them."""
+    return tuple(module.name.replace("_", "-") for module in pkgutil.iter_modules(__path__))
 
 
 @cache
 def masters() -> Mapping[str, Master]:
-    """All master algorithms by name, found in this folder."""
+    """Return all master algorithms by name, found in this folder."""
     found = {}
-    for module in pkgutil.iter_modules(__path__):
-        function = importlib.import_module(f"{__name__}.{module.name}").master
-        found[module.name.replace("_", "-")] = cast(Master, function)
+    for name in master_names():
+        module = importlib.import_module(f"{__name__}.{name.replace('-', '_')}")
+        found[name] = cast("Master", module.master)
     return found
 
 

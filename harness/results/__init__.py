@@ -3,32 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 from harness.errors import OutputError, ResultFileError
-from harness.result import Result
-from harness.results.csv_file import from_csv, to_csv
-from harness.results.mat_file import from_mat, to_mat
-from harness.results.netcdf_file import from_netcdf, to_netcdf
-from harness.results.parquet_file import from_parquet, to_parquet
+from harness.lazy import lazy_names
 
-__all__ = ["FORMATS", "Format", "load_result", "save_result", "to_csv", "to_mat", "to_netcdf", "to_parquet"]
+if TYPE_CHECKING:
+    from harness.result import Result
+    from harness.results.csv_file import to_csv
+    from harness.results.mat_file import to_mat
+    from harness.results.netcdf_file import to_netcdf
+    from harness.results.parquet_file import to_parquet
+else:
+    __getattr__, __dir__ = lazy_names(
+        __name__,
+        {
+            "harness.results.csv_file": ["to_csv"],
+            "harness.results.mat_file": ["to_mat"],
+            "harness.results.netcdf_file": ["to_netcdf"],
+            "harness.results.parquet_file": ["to_parquet"],
+        },
+    )
 
+__all__ = ["FORMATS", "load_result", "save_result", "to_csv", "to_mat", "to_netcdf", "to_parquet"]
 
-class Format(NamedTuple):
-    """Writer and reader of one kind of file."""
-
-    write: Callable[[Result, str | Path], None]
-    read: Callable[[Path], Result]
-
-
-FORMATS: Final = {
-    ".csv": Format(to_csv, from_csv),
-    ".parquet": Format(to_parquet, from_parquet),
-    ".nc": Format(to_netcdf, from_netcdf),
-    ".mat": Format(to_mat, from_mat),
-}
+FORMATS: Final = {".csv": "csv", ".parquet": "parquet", ".nc": "netcdf", ".mat": "mat"}
+"""Suffix -> name of the format; the module ``NAME_file`` has the functions ``to_NAME`` and ``from_NAME``."""
 
 
 def save_result(result: Result, path: str | Path) -> None:
@@ -52,7 +54,7 @@ def save_result(result: Result, path: str | Path) -> None:
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
         raise OutputError(f"{path} has no known format: end the name in {_suffixes()}")
-    FORMATS[suffix].write(result, path)
+    _function("to", suffix)(result, path)
 
 
 def load_result(path: str | Path) -> Result:
@@ -82,11 +84,20 @@ def load_result(path: str | Path) -> Result:
         raise ResultFileError(f"{path} has no known format: give a file that ends in {_suffixes()}")
     if not path.is_file():
         raise ResultFileError(f"cannot read the result {path}: there is no such file; give the path of one")
+    read = _function("from", suffix)
     try:
-        return FORMATS[suffix].read(path)
+        result: Result = read(path)
     except Exception as error:  # the libraries raise whatever they stumble over in a damaged file
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ResultFileError(f"cannot read the result {path}: {reason}; give a file of that format") from error
+    return result
+
+
+def _function(direction: str, suffix: str) -> Callable[..., Any]:
+    """Return the writer ("to") or reader ("from") of a suffix; importing it imports the libraries of the format."""
+    name = FORMATS[suffix]
+    function: Callable[..., Any] = getattr(import_module(f"harness.results.{name}_file"), f"{direction}_{name}")
+    return function
 
 
 def _suffixes() -> str:

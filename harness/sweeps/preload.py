@@ -2,10 +2,9 @@
 
 from contextlib import suppress
 
-from harness.callable_part import CallablePart
-from harness.errors import HarnessError
+from harness import *  # noqa: F403 - the names are imported when they are used, here all at once
+from harness import CallablePart, HarnessError, System
 from harness.sweeps.worker import Runner
-from harness.system import System
 
 with suppress(HarnessError, OSError):  # a run says what is wrong
     System([CallablePart("preload", lambda t, u, x: t, outputs=["t"])]).run(stop=1.0, step=1.0)

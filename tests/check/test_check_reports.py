@@ -106,7 +106,7 @@ def test_sarif_follows_its_schema(fmus: tuple[str, str, str]) -> None:
 
 
 def test_rules_are_listed(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("friction_fmus.terminal.console.width", 200)
+    monkeypatch.setattr("friction_fmus.cli.console.console.width", 200)
     assert main(["check", "--rules"]) == 0
     shown = capsys.readouterr().out.splitlines()[1:]
     assert [line.split()[:3] for line in shown] == [[rule.id, rule.severity, rule.section] for rule in RULES.values()]

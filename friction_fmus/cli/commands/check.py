@@ -1,4 +1,7 @@
-"""The command ``check``: faults in FMUs, also other people's."""
+"""Look for faults in FMUs, also other people's.
+
+The status is 1 if there are errors or warnings, and 2 if a file cannot be checked.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,10 @@ import argparse
 from pathlib import Path
 
 from friction_fmus.errors import FrictionError
-from friction_fmus.terminal import console, literal_console, progress_bar
-from harness.atomic import atomic_path
 
 
-def add_check_options(parser: argparse.ArgumentParser) -> None:
-    """The options of the command."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="FMUs")
     parser.add_argument("--format", choices=("text", "json", "sarif"), default="text", help="of the report")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="where to write it; default: the terminal")
@@ -21,10 +22,23 @@ def add_check_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rules", action="store_true", help="list the rules and do nothing else")
 
 
-def check_files(options: argparse.Namespace) -> int:
-    """Faults in FMUs, also other people's; status 1 if there are errors or warnings, 2 if one cannot be checked."""
+def run(options: argparse.Namespace) -> int:
+    """Check the files and write the report.
+
+    Returns
+    -------
+    int
+        1 if there are errors or warnings, otherwise 0.
+
+    Raises
+    ------
+    FrictionError
+        If a file cannot be checked.
+    """
     from friction_fmus.check import check
     from friction_fmus.check.reports import as_json, as_sarif, as_text, failed, rules_table
+    from friction_fmus.cli.console import console, literal_console, progress_bar
+    from harness.atomic import atomic_path
 
     if options.rules:
         console.print(rules_table())

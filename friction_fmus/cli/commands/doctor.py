@@ -1,4 +1,8 @@
-"""The command ``doctor``: what is wrong with a closed loop, before it is run."""
+"""Look for what makes a closed loop with friction fail.
+
+For each condition that the loop violates it prints what is wrong, why, and what to change. The status is 1 if there are
+any.
+"""
 
 from __future__ import annotations
 
@@ -6,29 +10,41 @@ import argparse
 import json
 import math
 from dataclasses import asdict, replace
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-from friction_fmus.doctor import Finding, axes, examine, unknown_parts
-from friction_fmus.run_command import open_system
-from friction_fmus.terminal import console, parse_assignment, styled
-from harness import ExperimentError, System, masters
-from harness.experiment import Experiment
+import harness
+from friction_fmus.cli.arguments import add_system, parse_assignments
+from harness.errors import ExperimentError
+from harness.masters import master_names
+
+if TYPE_CHECKING:
+    from friction_fmus.doctor import Finding
 
 
-def add_doctor_options(parser: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    parser.add_argument("system", type=Path, metavar="SYSTEM", help="system file: .toml or .ssp")
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    add_system(parser)
     parser.add_argument("--step", type=float, metavar="H", help="communication step [s]")
-    parser.add_argument("--master", choices=tuple(masters()), help="master algorithm")
+    parser.add_argument("--master", choices=master_names(), help="master algorithm")
     parser.add_argument("--set", action="append", metavar="PART.NAME=VALUE", help="start value; may be repeated")
     parser.add_argument("--all", action="store_true", help="also show the conditions that hold")
     parser.add_argument("--json", action="store_true", help="as JSON")
 
 
-def examine_system(options: argparse.Namespace) -> int:
-    """Conditions that a closed loop violates: what is wrong, why, what to change; status 1 if there are any."""
+def run(options: argparse.Namespace) -> int:
+    """Examine the system and print the findings.
+
+    Returns
+    -------
+    int
+        1 if there are findings, otherwise 0.
+    """
+    from friction_fmus.cli.console import console
+    from friction_fmus.cli.systems import open_system
+    from friction_fmus.doctor import axes, examine, unknown_parts
+
     with open_system(options.system) as opened:
-        system = opened.with_start(dict(parse_assignment(text) for text in options.set or ()))
+        system = opened.with_start(parse_assignments(options.set))
         results = examine(system, _experiment(system, options))
         masses, unknown = axes(system), unknown_parts(system)
     wrong = [finding for finding in results if not finding.condition.ok]
@@ -45,7 +61,7 @@ def examine_system(options: argparse.Namespace) -> int:
     return 1 if wrong else 0
 
 
-def _experiment(system: System, options: argparse.Namespace) -> Experiment | None:
+def _experiment(system: harness.System, options: argparse.Namespace) -> harness.Experiment | None:
     """The experiment of the system, with the step and the master that are asked for."""
     own, step = system.experiment, options.step
     if step is not None and not (step > 0.0 and math.isfinite(step)):
@@ -54,7 +70,9 @@ def _experiment(system: System, options: argparse.Namespace) -> Experiment | Non
         return None
     # the span does not matter here, and need not be a whole number of the steps that are asked for
     step = own.step if step is None and own is not None else step
-    experiment = Experiment(stop=step, step=step) if own is None else replace(own, start=0.0, stop=step, step=step)
+    experiment = (
+        harness.Experiment(stop=step, step=step) if own is None else replace(own, start=0.0, stop=step, step=step)
+    )
     return replace(experiment, master=options.master) if options.master else experiment
 
 
@@ -66,6 +84,8 @@ def _plain(finding: Finding) -> dict[str, object]:
 
 
 def _show(finding: Finding) -> None:
+    from friction_fmus.cli.console import console, styled
+
     condition, parts = finding.condition, ", ".join(finding.parts)
     if condition.ok:
         numbers = f"{condition.value:.4g} against {condition.bound:.4g}"
@@ -78,6 +98,8 @@ def _show(finding: Finding) -> None:
 
 def _say_what_was_left_out(masses: int, unknown: list[str]) -> None:
     """Without this, a system that the doctor does not understand would look healthy."""
+    from friction_fmus.cli.console import console
+
     if unknown:
         console.print(f"not known, and left out: {', '.join(unknown)}", soft_wrap=True)
     if not masses:

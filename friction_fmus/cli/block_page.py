@@ -1,4 +1,4 @@
-"""What ``friction-fmus show`` prints of a block."""
+"""The page that ``friction-fmus show`` prints about a block."""
 
 from __future__ import annotations
 

@@ -1,15 +1,18 @@
-"""The command ``codegen``: a law as C for an embedded target."""
+"""Write a law as C for an embedded target, with its cost.
+
+The code has a struct of parameters and allocates no memory; its cost is measured on two microcontrollers.
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from friction_fmus.terminal import console, parse_assignment
+from friction_fmus.cli.arguments import parse_assignments
 
 
-def add_codegen_options(parser: argparse.ArgumentParser) -> None:
-    """The options of the command."""
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument("law", metavar="LAW", help="name of a law, or its .py file")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the files")
     parser.add_argument("--real", choices=["float", "double"], default="double", help="type of all numbers")
@@ -17,12 +20,13 @@ def add_codegen_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--prefix", default="law", metavar="NAME", help="of files, types and functions, else law")
 
 
-def codegen(options: argparse.Namespace) -> None:
-    """A law as C with a struct of parameters, no allocation, and its cost on two microcontrollers."""
+def run(options: argparse.Namespace) -> None:
+    """Write the files and print their paths."""
+    from friction_fmus.cli.console import console
     from friction_fmus.codegen.cost import PACKAGES, missing
     from friction_fmus.codegen.export import export_law
 
-    start = dict(parse_assignment(text) for text in options.set or ())
+    start = parse_assignments(options.set)
     for path in export_law(options.law, options.output, real=options.real, start=start, prefix=options.prefix):
         console.print(str(path), soft_wrap=True)
     if lacking := missing():

@@ -1,66 +1,17 @@
-"""The command ``study``: from a record to the recommended compensator."""
+"""The result of a study as tables and sentences for the terminal."""
 
 from __future__ import annotations
 
-import argparse
-from contextlib import ExitStack
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
+from rich.console import Console
 from rich.table import Table
 
-from friction_fmus.terminal import RunBar, console, progress_bar, styled
-
-if TYPE_CHECKING:
-    from friction_fmus.study.result import StudyResult
-    from friction_fmus.study.rows import CompensatorRow, Fit, ModelRow
-
-
-def add_study_options(parser: argparse.ArgumentParser) -> None:
-    """The options of the command."""
-    parser.add_argument("config", metavar="CONFIG", help="a configuration (.toml), or emps, tribometer, demo")
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="DIR", help="folder; a study that was broken off goes on"
-    )
-    where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=int, metavar="N", help="processes; as many as processors")
-    where.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="run on this dask cluster")
-    parser.add_argument("--fresh", action="store_true", help="do everything again")
+from friction_fmus.cli.console import styled
+from friction_fmus.study.ranking import shown
+from friction_fmus.study.result import StudyResult
+from friction_fmus.study.rows import CompensatorRow, Fit, ModelRow
 
 
-def study(options: argparse.Namespace) -> None:
-    """The study of a measured axis: friction models, co-simulated compensators, and the one that pays."""
-    from friction_fmus.study.jobs import forget
-    from friction_fmus.study.study import run_study
-
-    if options.fresh:
-        forget(options.output)
-    with ExitStack() as stack:
-        executor: Any = None
-        if options.scheduler:
-            from friction_fmus.sweep_command import connect
-
-            executor = stack.enter_context(connect(options.scheduler)).get_executor(pure=False)
-        bar = stack.enter_context(progress_bar())
-        try:
-            result = run_study(
-                options.config,
-                options.output,
-                executor=executor,
-                processes=options.workers,
-                progress=RunBar(bar, "study"),
-            )
-        except KeyboardInterrupt as error:
-            raise KeyboardInterrupt("interrupted; the same command goes on from here") from error
-    show(result)
-    for name in ("report.html", "recommended"):
-        path = options.output / name
-        if path.exists():
-            what = "Report" if name == "report.html" else "Files to use"
-            console.print(f"{what}: {path}", soft_wrap=True)
-
-
-def show(result: StudyResult) -> None:
+def show_study(console: Console, result: StudyResult) -> None:
     """Print what was found: models, compensators, recommendation, findings."""
     console.print(model_table(result))
     failed = [f"{row.name} ({row.reason})" for row in result.models if row.rank is None]
@@ -95,8 +46,6 @@ def show(result: StudyResult) -> None:
 
 def model_table(result: StudyResult) -> Table:
     """Friction models in order."""
-    from friction_fmus.study.ranking import shown
-
     table = Table(title=f"Friction models of {result.name}", title_justify="left", box=None, pad_edge=False)
     table.add_column("")
     table.add_column("model", no_wrap=True)
@@ -121,8 +70,6 @@ def model_table(result: StudyResult) -> Table:
 
 def compensator_table(result: StudyResult) -> Table:
     """Compensators in order, the servo without one first."""
-    from friction_fmus.study.ranking import shown
-
     unit, force = result.units.position, result.units.force
     title = f"Compensators on the axis with {result.plant} friction, all with the same feedback gains"
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)

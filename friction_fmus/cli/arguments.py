@@ -1,0 +1,71 @@
+"""Arguments that several commands have; this module imports nothing that takes time."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from friction_fmus.errors import FrictionError
+from harness.masters import master_names
+
+
+def listed(words: Sequence[str]) -> str:
+    """Return the words as a list in a sentence: ``a, b or c``."""
+    return f"{', '.join(words[:-1])} or {words[-1]}"
+
+
+def parse_assignment(text: str) -> tuple[str, float | bool]:
+    """Return the name and the number or truth value of ``NAME=VALUE``.
+
+    Raises
+    ------
+    FrictionError
+        If the value is neither.
+    """
+    name, equals, value = text.partition("=")
+    if equals and value.strip().lower() in ("true", "false"):
+        return name.strip(), value.strip().lower() == "true"
+    try:
+        number = float(value)
+    except ValueError:
+        equals = ""
+    if not equals:
+        raise FrictionError(f"--set {text!r} is not NAME=VALUE with a number, true or false as VALUE")
+    return name.strip(), number
+
+
+def parse_assignments(texts: Sequence[str] | None) -> dict[str, float | bool]:
+    """Return the start values of all options ``--set NAME=VALUE``."""
+    return dict(parse_assignment(text) for text in texts or ())
+
+
+def add_block(parser: argparse.ArgumentParser) -> None:
+    """Add the name of a block."""
+    parser.add_argument("name", metavar="NAME", help="name of a model, or its .c or .py file")
+
+
+def add_system(parser: argparse.ArgumentParser) -> None:
+    """Add the system file."""
+    parser.add_argument("system", type=Path, metavar="SYSTEM", help="system file: .toml or .ssp")
+
+
+def add_master(parser: argparse.ArgumentParser) -> None:
+    """Add the name of the master algorithm, which a run checks."""
+    parser.add_argument("--master", metavar="NAME", help=f"master algorithm: {listed(master_names())}")
+
+
+def add_allow_inaccurate(parser: argparse.ArgumentParser) -> None:
+    """Add the option of the commands that run a system."""
+    text = "end with status 0 even if a result is reported as wrong, otherwise with 1"
+    parser.add_argument("--allow-inaccurate", action="store_true", help=text)
+
+
+def add_workers(parser: argparse._ActionsContainer) -> None:
+    """Add the number of worker processes."""
+    parser.add_argument("--workers", type=int, metavar="N", help="number of processes; default: number of processors")
+
+
+def add_scheduler(parser: argparse._ActionsContainer) -> None:
+    """Add the address of a dask cluster."""
+    parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="run on this dask cluster")

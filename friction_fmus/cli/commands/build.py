@@ -1,0 +1,74 @@
+"""Build FMUs."""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from friction_fmus.cli.arguments import parse_assignments
+from friction_fmus.errors import FrictionError
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+DOMAINS = ("translational", "rotational")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("names", nargs="*", metavar="NAME", help="name of a model, or its .c or .py file")
+    parser.add_argument("--all", action="store_true", help="build all")
+    parser.add_argument("-o", "--output", type=Path, default=Path(), metavar="DIR", help="folder for the FMUs")
+    parser.add_argument("--set", action="append", metavar="NAME=VALUE", help="other start value; may be repeated")
+    parser.add_argument("--domain", choices=DOMAINS, default=DOMAINS[0], help="rotational: N.m, rad, kg.m2")
+    parser.add_argument(
+        "--platform",
+        nargs="+",
+        default=["native"],
+        metavar="PLATFORM",
+        help="native (default), all, or folders of an FMU such as win64",
+    )
+    parser.add_argument("--name", metavar="IDENTIFIER", help="other model identifier and file name")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Build the FMUs and print their paths.
+
+    Raises
+    ------
+    FrictionError
+        If the options contradict each other.
+    """
+    from friction_fmus.catalogue import listing
+    from friction_fmus.cli.console import progress_bar
+    from friction_fmus.package import build
+    from harness.platforms import select
+
+    if options.all == bool(options.names):
+        raise FrictionError("Say what to build: names of models (`friction-fmus list` shows them) or --all")
+    names = list(listing()) if options.all else options.names
+    start = parse_assignments(options.set)
+    if start and len(names) != 1:
+        raise FrictionError(f"--set goes with one model, not with {len(names)}; build them one by one")
+    platforms = len(select(tuple(options.platform)))
+    with progress_bar() as bar:
+        task = bar.add_task("building", total=len(names) * platforms)
+        for number, name in enumerate(names):
+            path = build(
+                name,
+                options.output,
+                start,
+                options.name,
+                domain=options.domain,
+                platforms=options.platform,
+                compiling=partial(_show, bar, task, name, number * platforms),
+            )
+            bar.update(task, completed=(number + 1) * platforms)
+            bar.console.print(str(path), soft_wrap=True) if bar.console.is_terminal else print(path)
+
+
+def _show(bar: Progress, task: TaskID, name: str, before: int, platform: str, number: int) -> None:
+    """Show that a model is being compiled for a platform, the one after ``number`` others."""
+    bar.update(task, description=f"{name}, {platform}", completed=before + number)

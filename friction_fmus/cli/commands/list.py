@@ -1,0 +1,34 @@
+"""Show all models, laws, plants and signals."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument("--json", action="store_true", help="as JSON: name, kind, summary, source")
+
+
+def run(options: argparse.Namespace) -> None:
+    """Print a table, or JSON."""
+    from friction_fmus.catalogue import listing
+
+    if options.json:
+        fields = ("name", "kind", "summary", "source")
+        print(
+            json.dumps([{field: getattr(entry, field) for field in fields} for entry in listing().values()], indent=2)
+        )
+        return
+
+    from rich.table import Table
+
+    from friction_fmus.cli.console import console
+
+    table = Table(box=None, pad_edge=False)
+    for heading in ("name", "kind", "what it is"):
+        table.add_column(heading)
+    for entry in listing().values():
+        table.add_row(entry.name, entry.kind, entry.summary)
+    console.print(table)

@@ -1,0 +1,23 @@
+"""Show when to use a model, its limits, equations and variables."""
+
+from __future__ import annotations
+
+import argparse
+
+from friction_fmus.cli.arguments import add_block
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    add_block(parser)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Print the page."""
+    from friction_fmus.catalogue import find
+    from friction_fmus.cli.block_page import show_block
+    from friction_fmus.cli.console import console
+    from friction_fmus.package import describe_block
+
+    block = find(options.name)
+    show_block(console, block, describe_block(block))

@@ -1,0 +1,89 @@
+"""The results of ``identify`` as tables and sentences for the terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rich.table import Table
+
+from friction_fmus.cli.console import console, styled
+from friction_fmus.identification import Finding, Identification, Measurement, Record
+from friction_fmus.identification.picture import NAMES
+from friction_fmus.identification.survey import Survey
+
+
+def show_data(
+    measurement: Measurement, train: Sequence[Record], validation: Sequence[Record], findings: Sequence[Finding]
+) -> None:
+    """Print which data are fitted and what was found in them."""
+
+    def span(records: Sequence[Record]) -> str:
+        samples = sum(map(len, records))
+        return f"{records[0].t[0]:.4g} to {records[-1].t[-1]:.4g} s, {samples} samples"
+
+    mapping, record = measurement.mapping, train[0]
+    columns = ", ".join(f"{role} {c.column or c.period!r}" for role, c in mapping.columns.items())
+    console.print(styled((mapping.name, "bold"), f": {columns}"), soft_wrap=True)
+    text = f"fitted {span(train)} at {1e3 * record.Ts:.4g} ms; "
+    text += f"validation {span(validation)}" if validation else "no validation window, so models are ranked by BIC"
+    console.print(text, soft_wrap=True)
+    for finding in findings:
+        console.print(styled((finding.name, "yellow"), f" {finding.what}"), soft_wrap=True)
+        console.print(f"  {finding.measure}", soft_wrap=True)
+
+
+def show_ranking(found: Survey) -> None:
+    """Print the models in order."""
+    best = found.results[0]
+    signal = NAMES.get(best.signal, best.signal)
+    text = f"\nModels by {found.ranked_by}; errors are rms, in % of the rms of the {signal}"
+    console.print(text, soft_wrap=True)
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("model", no_wrap=True)
+    table.add_column("method", no_wrap=True)
+    unit = f" [{best.unit}]" if best.unit != "1" else ""
+    for heading in (f"error{unit}", "fitted %", "validation %", "BIC", "weak", "time"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for result in found.results:
+        table.add_row(
+            result.model,
+            result.method,
+            f"{(result.validation or result.train).rms:.4g}",
+            f"{result.train.relative_percent:.2f}",
+            f"{result.validation.relative_percent:.2f}" if result.validation else "",
+            f"{result.bic:.0f}",
+            f"{len(result.weak)}/{len(result.parameters)}" if result.weak else "",
+            f"{result.seconds:.1f} s",
+        )
+    console.print(table)
+
+
+def show_parameters(result: Identification) -> None:
+    """Print the parameters of a model with their standard errors."""
+    console.print(styled("\n", (result.model, "bold")))
+    table = Table(box=None, pad_edge=False)
+    for heading, justify in (("parameter", "left"), ("value", "right"), ("standard error", "right"), ("unit", "left")):
+        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    table.add_column("")
+    for name, estimate in result.parameters.items():
+        error = f"{estimate.standard_error:.2g}" if math.isfinite(estimate.standard_error) else "not known"
+        value = _digits(estimate.value, estimate.standard_error)
+        mark = styled(("weak", "yellow")) if name in result.weak else ""
+        table.add_row(name, value, error, _unit(estimate.unit), mark)
+    console.print(table)
+    for name, reason in result.weak.items():
+        console.print(styled(("weak", "yellow"), f" {name}: {reason}"), soft_wrap=True)
+    for warning in result.warnings:
+        console.print(styled(("warning", "yellow"), f" {warning}"), soft_wrap=True)
+
+
+def _digits(value: float, error: float) -> str:
+    """A value with as many digits as its standard error leaves, 6 at most."""
+    if not (math.isfinite(error) and error > 0.0 and value):
+        return f"{value:.6g}"
+    return f"{value:.{min(6, max(2, math.floor(math.log10(abs(value) / error)) + 3))}g}"
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit

@@ -1,0 +1,68 @@
+"""Build the parser from the modules of the commands and run one of them."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import inspect
+import io
+import logging
+import pkgutil
+import sys
+from collections.abc import Sequence
+
+from friction_fmus.cli import commands
+from friction_fmus.errors import FrictionError
+from friction_fmus.version import VERSION
+from harness.errors import HarnessError
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of all commands and options."""
+    top = argparse.ArgumentParser(
+        prog="friction-fmus",
+        description="Friction models and friction compensators as FMI 2.0 co-simulation FMUs.",
+    )
+    top.add_argument("--version", action="version", version=f"friction-fmus {VERSION}")
+    top.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    added = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for found in pkgutil.iter_modules(commands.__path__):
+        module = importlib.import_module(f"{commands.__name__}.{found.name}")
+        description = inspect.getdoc(module) or ""
+        first = description.partition("\n")[0].rstrip(".")
+        command = added.add_parser(found.name, help=first[:1].lower() + first[1:], description=description)
+        command.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+        command.set_defaults(run=module.run)
+        module.add_arguments(command)
+    return top
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        The arguments of the command line; those of the process where there are none.
+
+    Returns
+    -------
+    int
+        0, 1 if `check` or `doctor` has findings, all runs of `sweep` fail or a result is reported as wrong, 2 if the
+        command could not be done, 130 if it was interrupted.
+    """
+    options = parser().parse_args(arguments)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # for names of files that are no UTF-8
+    logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
+    try:
+        return options.run(options) or 0
+    except (FrictionError, HarnessError, OSError) as error:
+        if options.debug:
+            raise
+        # what a library says of a damaged file may have several lines
+        print(f"friction-fmus: {' '.join(str(error).splitlines())}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt as error:
+        print(f"friction-fmus: {str(error) or 'interrupted'}", file=sys.stderr)
+        return 130

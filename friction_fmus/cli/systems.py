@@ -1,0 +1,19 @@
+"""Systems that commands are given as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from friction_fmus.package import fmu
+from harness import System
+
+
+def open_system(path: Path) -> System:
+    """Return the system in a .toml or .ssp file.
+
+    Raises
+    ------
+    HarnessError
+        If there is none.
+    """
+    return System.from_ssp(path) if path.suffix.lower() == ".ssp" else System.from_toml(path, resolve=fmu)

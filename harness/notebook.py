@@ -1,0 +1,93 @@
+"""Objects as small HTML tables, for notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from harness.part import Part, Port
+    from harness.system import System
+
+
+def html_table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a table as HTML; all texts are escaped, and floating-point numbers have six digits.
+
+    Parameters
+    ----------
+    caption : str
+        Text above the table.
+    headings : sequence of str
+        Headings of the columns.
+    rows : iterable of sequences
+        Texts, numbers, or None for an empty cell.
+    """
+    head = "".join(f'<th scope="col">{escape(heading)}</th>' for heading in headings)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(_text(cell))}</td>' for cell in row)}</tr>" for row in rows)
+    return f"<table><caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun: ``1 part``, ``2 parts``."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def part_text(part: Part) -> str:
+    """Return a part as one line."""
+    numbers = [counted(len(getattr(part, f"{noun}s")), noun) for noun in ("input", "output", "parameter")]
+    return f"<{type(part).__name__} {part.name!r}: {', '.join(numbers)}>"
+
+
+def part_html(part: Part) -> str:
+    """Return the variables of a part as a table."""
+    rows = [
+        (port.name, noun, port.start, _unit(port), port.description)
+        for noun in ("input", "output", "parameter")
+        for port in getattr(part, f"{noun}s")
+    ]
+    return html_table(f"{type(part).__name__} {part.name}", ("variable", "kind", "start", "unit", "meaning"), rows)
+
+
+def system_text(system: System) -> str:
+    """Return a system as one line."""
+    parts = ", ".join(system.parts)
+    return f"<System {system.name!r}: {counted(len(system.parts), 'part')} ({parts}), {_connections(system)}>"
+
+
+def system_html(system: System) -> str:
+    """Return the parts, connections and start values of a system as tables."""
+    parts = [
+        (name, type(part).__name__, _listed(part.inputs), _listed(part.outputs)) for name, part in system.parts.items()
+    ]
+    ports = {
+        f"{name}.{port.name}": port for name, part in system.parts.items() for port in (*part.inputs, *part.parameters)
+    }
+    tables = [
+        html_table(f"System {system.name}", ("part", "kind", "inputs", "outputs"), parts),
+        html_table(
+            _connections(system),
+            ("from", "to", "gain", "offset"),
+            [(wire.source, wire.target, wire.gain, wire.offset) for wire in system.wires],
+        ),
+    ]
+    if system.start:
+        values = [(name, value, _unit(ports[name]) if name in ports else "") for name, value in system.start.items()]
+        tables.append(html_table("Start values", ("variable", "value", "unit"), values))
+    return "".join(tables)
+
+
+def _connections(system: System) -> str:
+    return counted(len(system.wires), "connection")
+
+
+def _listed(ports: Iterable[Port]) -> str:
+    return ", ".join(f"{port.name} [{port.unit}]" if _unit(port) else port.name for port in ports)
+
+
+def _unit(port: Port) -> str:
+    return "" if port.unit in (None, "1") else str(port.unit)
+
+
+def _text(cell: object) -> str:
+    return "" if cell is None else f"{cell:.6g}" if isinstance(cell, float) else str(cell)
