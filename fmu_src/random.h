@@ -4,6 +4,8 @@
 #ifndef RANDOM_H
 #define RANDOM_H
 
+#include "constants.h"
+
 typedef struct {
     uint64_t s[4];
 } Random;
@@ -38,7 +40,7 @@ static inline double uniform(Random *random)
 static inline double normal(Random *random)
 {
     const double radius = sqrt(-2.0 * log(1.0 - uniform(random)));
-    return radius * cos(6.283185307179586 * uniform(random));
+    return radius * cos(TWO_PI * uniform(random));
 }
 
 #endif

@@ -62,12 +62,11 @@
 #define STEPS_BY step
 
 #include "block.h"
+#include "constants.h"
 #include "presliding.h"
 #include "stribeck.h"
 #include "attraction.h"
 #include "relaxation.h"
-
-static const double pi = 3.14159265358979323846;
 
 /* Plastic part of the motion, alpha z / z_ss, for a deflection in the direction of motion. */
 static double plastic(double deflection, double z_max, double z_ba)
@@ -76,7 +75,7 @@ static double plastic(double deflection, double z_max, double z_ba)
         return deflection / z_max;
     if (deflection <= z_ba)
         return 0.0;
-    return square(sin(0.5 * pi * (deflection - z_ba) / (z_max - z_ba))) * deflection / z_max;
+    return square(sin(HALF_PI * (deflection - z_ba) / (z_max - z_ba))) * deflection / z_max;
 }
 
 static void contact(Model *m, double S)
@@ -107,8 +106,8 @@ static double approach(double y, double k, double p)
         double part = fmin(p, 1.0 / y), power = 1.0, term = 1.0, before = 1.0, earlier;
         int n = 0;
         a[0] = y;
-        c[0] = cos(pi * y);
-        s[0] = sin(pi * y);
+        c[0] = cos(PI * y);
+        s[0] = sin(PI * y);
         do { /* coefficients of y, cos(pi y), sin(pi y) and f until the terms vanish */
             double y_c = 0.0, s_f = 0.0, c_f = 0.0;
             for (int j = 0; j <= n; j++)
@@ -120,8 +119,8 @@ static double approach(double y, double k, double p)
             }
             n++;
             a[n] = -f[n - 1] / n;
-            c[n] = pi * s_f / n;
-            s[n] = -pi * c_f / n;
+            c[n] = PI * s_f / n;
+            s[n] = -PI * c_f / n;
             earlier = before;
             before = term;
             power *= part;
@@ -137,7 +136,7 @@ static double approach(double y, double k, double p)
     }
     if (p > 0.0) {
         const double spent = k > 0.0 ? -expm1(-k * p) / k : p; /* (1 - exp(-k p)) / k */
-        return y * exp(-k * p) / (1.0 + square(0.5 * pi) * y * spent);
+        return y * exp(-k * p) / (1.0 + square(HALF_PI) * y * spent);
     }
     return y;
 }

@@ -124,6 +124,7 @@ struct population {
 
 #include "asperity.h"
 #include "block.h"
+#include "constants.h"
 #include "load.h"
 #include "counter_random.h"
 
@@ -162,14 +163,14 @@ static Surface surface_of(const Model *model, int i)
     GIVEN(model)
     const double h = height * (1.0 + height_spread * (2.0 * uniform_at(seed, i / 2, 1) - 1.0));
     const double length = wavelength * (1.0 + wavelength_spread * (2.0 * uniform_at(seed, i / 2, 2) - 1.0));
-    return (Surface){h, A, 6.283185307179586 / length, k_n, k_t, mu0};
+    return (Surface){h, A, TWO_PI / length, k_n, k_t, mu0};
 }
 
 static Tip start_of(const Model *model, int i)
 {
     GIVEN(model)
     const Surface surface = surface_of(model, i);
-    const double away = 3.141592653589793 / surface.k * position_spread * (2.0 * uniform_at(seed, i / 2, 0) - 1.0);
+    const double away = PI / surface.k * position_spread * (2.0 * uniform_at(seed, i / 2, 0) - 1.0);
     const double p = i % 2 == 1 ? -away : i == N - 1 ? 0.0 : away;
     const bool contact = reach(&surface, p) > 0.0;
     return (Tip){.p = p, .d = z, .clock = contact ? age0 : 0.0, .mode = contact ? STUCK : FREE};
@@ -367,7 +368,7 @@ static bool step(Model *model, double h)
                 slip(model, &surface, &tip, &c, &left);
         }
         if (fabs(surface.k * tip.p) > 7.0) /* only the phase matters */
-            tip.p -= 6.283185307179586 / surface.k * round(surface.k * tip.p / 6.283185307179586);
+            tip.p -= TWO_PI / surface.k * round(surface.k * tip.p / TWO_PI);
         all->tip[i] = tip;
         count(model, &surface, &tip, &sums);
         d += tip.d; /* pairs first, so that F is odd to the last bit */

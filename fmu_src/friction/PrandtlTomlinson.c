@@ -90,9 +90,9 @@ struct noise {
 };
 
 #include "block.h"
+#include "constants.h"
 #include "random.h"
 
-#define PI             3.141592653589793
 #define TIP_TOLERANCE  1e-12
 #define WORK_OF_A_STEP 10 /* of the solver */
 
@@ -132,13 +132,13 @@ static void equations(Model *model)
     GIVEN(model)
     const Motion motion = motion_of(model);
     const double number = model->memory.drawn ? model->memory.number : drawn_for(seed, 0);
-    model->eta = 2.0 * PI * PI * E0 / (k * a * a);
+    model->eta = TWO_PI * PI * E0 / (k * a * a);
     model->R = m / dt * thermal_velocity(model) * number;
     model->F = k * (X - x);
     model->der_X = v;
     model->der_x = motion.pace * w;
     model->der_w =
-        motion.pace * (model->F - PI * E0 / a * sin(2.0 * PI * (x / a - floor(x / a + 0.5)))) / m - motion.damping * w;
+        motion.pace * (model->F - PI * E0 / a * sin(TWO_PI * (x / a - floor(x / a + 0.5)))) / m - motion.damping * w;
 }
 
 /* One Rosenbrock step of size h from s seconds after the start of the step; the largest error over its tolerance. */
@@ -148,7 +148,7 @@ static double tip_step(const Model *model, const Motion *motion, double s, doubl
     GIVEN(model)
     const double pace = motion->pace, slope = model->slope[INPUT_v];
     const double shift = floor(y[0] / a + 0.5) * a, from = X - shift;
-    const double curvature = -(k + 2.0 * PI * PI * E0 / (a * a) * cos(2.0 * PI * (y[0] - shift) / a)) / m; /* df/dx */
+    const double curvature = -(k + TWO_PI * PI * E0 / (a * a) * cos(TWO_PI * (y[0] - shift) / a)) / m; /* df/dx */
     const double f_t = pace * k * (v + slope * s) / m, g = 1.0 / (rodas_gamma * h), damped = g + motion->damping,
                  determinant = g * damped - pace * pace * curvature;
     double u[STAGES][2];
@@ -163,7 +163,7 @@ static double tip_step(const Model *model, const Motion *motion, double s, doubl
         y_new[1] = y[1] + dw;
         const double at = s + rodas_alpha[stage] * h, x_at = (y[0] - shift) + dx;
         const double driver = from + at * (v + 0.5 * slope * at);
-        double right[2] = {pace * y_new[1], pace * (k * (driver - x_at) - PI * E0 / a * sin(2.0 * PI * x_at / a)) / m -
+        double right[2] = {pace * y_new[1], pace * (k * (driver - x_at) - PI * E0 / a * sin(TWO_PI * x_at / a)) / m -
                                                 motion->damping * y_new[1] + rodas_d[stage] * h * f_t};
         for (int j = 0; j < stage; j++) {
             right[0] += rodas_c[stage][j] / h * u[j][0];
@@ -183,7 +183,7 @@ static bool move_tip(Model *model, double s, double end, double *y, long *left)
 {
     GIVEN(model)
     const Motion motion = motion_of(model);
-    const double rate = sqrt((k + 2.0 * PI * PI * E0 / (a * a)) / m) + 1e-3 * motion.damping;
+    const double rate = sqrt((k + TWO_PI * PI * E0 / (a * a)) / m) + 1e-3 * motion.damping;
     const double tolerance = model->run.tolerance > 0.0 ? model->run.tolerance : TIP_TOLERANCE;
     double step_size = model->run.inner_step > 0.0 ? model->run.inner_step : 0.01 / rate;
 

@@ -66,6 +66,7 @@
 #define STEPS_BY step
 
 #include "block.h"
+#include "constants.h"
 #include "load.h"
 
 /* An age that is not positive is no state of the contact; it counts as newborn. */
@@ -104,11 +105,11 @@ static double speed_at(const Course *c, double r, double s) { return sqrt(square
    are smooth inside, also with the logarithm of a speed that vanishes at an end. */
 static double worn(const Course *c, double Dc, bool law)
 {
-    const double pi = 3.14159265358979324, width = 1.0 / 20.0;
+    const double width = 1.0 / 20.0;
     double sum = 0.0;
     for (int k = -72; k <= 72; k++) {
-        const double x = k * width, e = exp(pi * sinh(x)), r = e / (1.0 + e), s = 1.0 / (1.0 + e);
-        const double weight = width * pi * cosh(x) * r * s;
+        const double x = k * width, e = exp(PI * sinh(x)), r = e / (1.0 + e), s = 1.0 / (1.0 + e);
+        const double weight = width * PI * cosh(x) * r * s;
         if (law)
             sum += weight * c->span * exp(-c->span * r) * log(Dc / speed_at(c, r, s));
         else {

@@ -7,6 +7,8 @@
 #include <math.h>
 #include <stdbool.h>
 
+#include "constants.h"
+
 /* A function at a place, and an upper bound of its second derivative from there on. */
 typedef struct {
     double value, slope, bend;
@@ -106,8 +108,8 @@ static inline Taylor instability(const void *data, double x)
 /* The angle in [0, 2 pi) from one to the other. */
 static inline double turn(double from, double to)
 {
-    const double full = 6.283185307179586, angle = fmod(to - from, full);
-    return angle < 0.0 ? angle + full : angle;
+    const double angle = fmod(to - from, TWO_PI);
+    return angle < 0.0 ? angle + TWO_PI : angle;
 }
 
 /* How far it is to the side s until a tip at p meets the profile, or loses it: at cos(k p) = -h/A. */
@@ -142,7 +144,7 @@ static inline SlipEnd slip_to(const Surface *f, int s, double p, double base, bo
 {
     if (f->A == 0.0)
         return (SlipEnd){base - balanced(f, s, 0.0), base, false};
-    const double ratio = f->k_n / f->k_t, wavelength = 6.283185307179586 / f->k;
+    const double ratio = f->k_n / f->k_t, wavelength = TWO_PI / f->k;
     const double gone = to_last_contact(f, s, p), far = fmin(gone, wavelength);
     driven = driven && ratio * f->A * f->k * (f->A * f->k + f->mu0 + (f->h + f->A) * f->k) >= 1.0;
     Slip slip = {f, p, base, s};

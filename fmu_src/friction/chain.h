@@ -10,9 +10,8 @@
 #ifndef CHAIN_H
 #define CHAIN_H
 
+#include "constants.h"
 #include "extrapolation.h"
-
-#define TWO_PI 6.283185307179586
 
 struct chain {
     bool ready;           /* it has been laid out and has moved            */
