@@ -154,21 +154,15 @@ static double tip_step(const Model *model, const Motion *motion, double s, doubl
     double u[STAGES][2];
 
     for (int stage = 0; stage < STAGES; stage++) {
-        double dx = 0.0, dw = 0.0;
-        for (int j = 0; j < stage; j++) {
-            dx += rodas_a[stage][j] * u[j][0];
-            dw += rodas_a[stage][j] * u[j][1];
-        }
+        const double dx = rodas_place(stage, 0.0, &u[0][0], 2), dw = rodas_place(stage, 0.0, &u[0][1], 2);
         y_new[0] = y[0] + dx;
         y_new[1] = y[1] + dw;
         const double at = s + rodas_alpha[stage] * h, x_at = (y[0] - shift) + dx;
         const double driver = from + at * (v + 0.5 * slope * at);
-        double right[2] = {pace * y_new[1], pace * (k * (driver - x_at) - PI * E0 / a * sin(TWO_PI * x_at / a)) / m -
-                                                motion->damping * y_new[1] + rodas_d[stage] * h * f_t};
-        for (int j = 0; j < stage; j++) {
-            right[0] += rodas_c[stage][j] / h * u[j][0];
-            right[1] += rodas_c[stage][j] / h * u[j][1];
-        }
+        const double force = k * (driver - x_at) - PI * E0 / a * sin(TWO_PI * x_at / a);
+        const double w_rate = pace * force / m - motion->damping * y_new[1] + rodas_d[stage] * h * f_t;
+        const double right[2] = {rodas_side(stage, pace * y_new[1], h, &u[0][0], 2),
+                                 rodas_side(stage, w_rate, h, &u[0][1], 2)};
         u[stage][0] = (damped * right[0] + pace * right[1]) / determinant;
         u[stage][1] = (pace * curvature * right[0] + g * right[1]) / determinant;
     }
@@ -185,27 +179,22 @@ static bool move_tip(Model *model, double s, double end, double *y, long *left)
     const Motion motion = motion_of(model);
     const double rate = sqrt((k + TWO_PI * PI * E0 / (a * a)) / m) + 1e-3 * motion.damping;
     const double tolerance = model->run.tolerance > 0.0 ? model->run.tolerance : TIP_TOLERANCE;
-    double step_size = model->run.inner_step > 0.0 ? model->run.inner_step : 0.01 / rate;
+    RodasSize step_size = {.size = model->run.inner_step > 0.0 ? model->run.inner_step : 0.01 / rate};
 
     while (s < end) {
-        const bool last = s + 1.01 * step_size >= end;
-        const double taken = last ? end - s : step_size;
         double y_new[2];
-        const double error = tip_step(model, &motion, s, taken, y, y_new, rate, tolerance);
-        const double factor = error < 0.0 ? 0.2 : clip(0.9 * pow(fmax(error, 1e-12), -0.25), 0.2, 6.0);
-        if (error >= 0.0 && error <= 1.0) {
-            s = last ? end : s + taken;
+        rodas_try(&step_size, s, end);
+        if (rodas_accepts(&step_size, tip_step(model, &motion, s, step_size.taken, y, y_new, rate, tolerance))) {
+            s = step_size.last ? end : s + step_size.taken;
             y[0] = y_new[0];
             y[1] = y_new[1];
-            step_size = last ? fmax(step_size, taken * factor) : taken * factor;
-        } else
-            step_size = taken * fmin(factor, 0.9);
+        }
         if (--*left < 0)
             return too_much(model);
-        if (!(step_size * rate > 1e-12))
+        if (!(step_size.size * rate > 1e-12))
             return false;
     }
-    model->run.inner_step = step_size;
+    model->run.inner_step = step_size.size;
     return true;
 }
 

@@ -227,23 +227,20 @@ static double slide(Model *model, double h, long *left, bool *ended, bool *insid
     const double tolerance = model->run.tolerance > 0.0 ? model->run.tolerance : 0.03 * DEFAULT_TOLERANCE;
     Model work = *model;
     double y[ALL_STATES], y_new[ALL_STATES], s = 0.0;
-    double size = model->run.inner_step > 0.0 ? model->run.inner_step : 1e-3 * h;
+    RodasSize size = {.size = model->run.inner_step > 0.0 ? model->run.inner_step : 1e-3 * h};
     get_states(model, y);
     *ended = *inside = false;
     while (s < h && !*ended) {
-        const bool last = s + 1.01 * size >= h;
-        double t = last ? h - s : size;
+        rodas_try(&size, s, h);
+        double t = size.taken;
         const double error = rodas_step(model, &work, s, t, y, y_new, nominal, tolerance);
-        const double factor = error < 0.0 ? 0.2 : clip(0.9 * pow(fmax(error, 1e-12), -0.25), 0.2, 6.0);
         if (--*left < 0)
             return -1.0;
-        if (!(error >= 0.0 && error <= 1.0)) {
-            size = t * fmin(factor, 0.9);
-            if (size < 1e-15 * h)
+        if (!rodas_accepts(&size, error)) {
+            if (size.size < 1e-15 * h)
                 return -1.0;
             continue;
         }
-        size = last ? fmax(size, t * factor) : t * factor;
         *ended = invalid_at(model, &work, s + t, y_new, inside) > 0.0;
         if (model->memory.phase == SLIP && !*ended) {
             /* if the band may be met and left again in between, the step ends where slip is closest to it */
@@ -261,11 +258,11 @@ static double slide(Model *model, double h, long *left, bool *ended, bool *insid
         }
         if (*ended)
             locate(model, &work, s, y, &t, y_new, inside);
-        s = last && t == h - s ? h : s + t;
+        s = size.last && t == h - s ? h : s + t;
         for (int i = 0; i < ALL_STATES; i++)
             y[i] = y_new[i];
     }
-    model->run.inner_step = size;
+    model->run.inner_step = size.size;
     set_states(model, y);
     return fmin(s, h);
 }

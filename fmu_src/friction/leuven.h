@@ -6,6 +6,7 @@
 
 #include "presliding.h"
 #include "stribeck.h"
+#include "transition.h"
 #include "relaxation.h"
 #include "motion.h"
 

@@ -7,6 +7,7 @@
 #include "presliding.h"
 #include "maxwell.h"
 #include "stribeck.h"
+#include "transition.h"
 #include "relaxation.h"
 #include "motion.h"
 
