@@ -94,7 +94,9 @@ struct fault {
 };
 
 #include "block.h"
+#include "ramp.h"
 #include "random.h"
+#include "roots.h"
 
 static void keep_fault(Memory *to, const Memory *from, const Model *m, bool follows)
 {
@@ -133,7 +135,7 @@ static Train train_of(const Model *m)
     return train;
 }
 
-static double driver(const Train *t, double s) { return t->X + s * (t->X_rate + 0.5 * s * t->X_curvature); }
+static double driver(const Train *t, double s) { return t->X + path_after(t->X_rate, t->X_curvature, s); }
 
 static double force(const Train *t, double X, const double *u, int j)
 {
@@ -244,12 +246,12 @@ static double time_at_rest(double gap, double rate, double curvature)
 {
     if (gap <= 0.0)
         return 0.0;
-    const double discriminant = rate * rate + 2.0 * curvature * gap;
+    const double discriminant = squared_speed_after(gap, rate, curvature);
     if (discriminant < 0.0)
         return INF;
     const double root = sqrt(discriminant);
     if (rate >= 0.0)
-        return rate + root > 0.0 ? 2.0 * gap / (rate + root) : INF;
+        return rate + root > 0.0 ? time_between(gap, rate, root) : INF;
     return curvature > 0.0 ? (root - rate) / curvature : INF;
 }
 
@@ -279,31 +281,22 @@ static void switch_blocks(struct fault *f, const Train *t)
    is bracketed by values of either sign, then false position (Illinois). */
 static double locate(const Dynamics *d, const Train *t, double H, double *y_end)
 {
-    double low = 0.0, high = H, below = excess(t, 0.0, t->fault->y), above = excess(t, H, y_end), y[2 * MASSES];
-    int side = 0; /* which end has moved last */
+    Bracket b = {0.0, H, excess(t, 0.0, t->fault->y), excess(t, H, y_end), 0};
+    double y[2 * MASSES];
 
-    for (int tries = 0; tries < 100 && above > 0.1 * SAME && high - low > 1e-15 / d->rate; tries++) {
-        const double false_position = high - above * (high - low) / (above - below);
-        const bool usable = below < -SAME && false_position > low && false_position < high;
-        const double middle = usable ? false_position : 0.5 * (low + high);
+    for (int tries = 0; tries < 100 && b.f_high > 0.1 * SAME && b.high - b.low > 1e-15 / d->rate; tries++) {
+        const bool usable = b.f_low < -SAME;
+        const double trial = usable ? secant(b.high, b.f_high, b.low, b.f_low) : 0.5 * (b.low + b.high);
+        const double middle = kept_inside(trial, b.low, b.high);
         if (extrapolate(d, 0.0, t->fault->y, middle, y) == 0)
             return 0.0;
         const double value = excess(t, middle, y);
-        if (value > 0.0) {
-            below *= side > 0 ? 0.5 : 1.0;
-            side = 1;
-            high = middle;
-            above = value;
+        narrow(&b, middle, value, value > 0.0);
+        if (value > 0.0)
             for (int i = 0; i < 2 * d->n; i++)
                 y_end[i] = y[i];
-        } else {
-            above *= side < 0 ? 0.5 : 1.0;
-            side = -1;
-            low = middle;
-            below = value;
-        }
     }
-    return high;
+    return b.high;
 }
 
 static void pass(Train *t, double s)

@@ -126,6 +126,7 @@ struct population {
 #include "block.h"
 #include "constants.h"
 #include "load.h"
+#include "oscillator.h"
 #include "counter_random.h"
 
 static void keep_population(Memory *to, const Memory *from, const Model *m, bool follows)
@@ -332,7 +333,7 @@ static void swing_free(const Model *model, const Surface *surface, Tip *tip, Cou
     }
     double d_rate = c->v - tip->speed;
     const double moved = base + way_in(c, t);
-    oscillate(&tip->d, &d_rate, k_t / m, 0.5 * k_h / k_t, c->a, t);
+    ring(&tip->d, &d_rate, k_t / m, 0.5 * k_h / k_t, c->a, t);
     tip->clock = fmax(tip->clock - t, 0.0);
     pass(c, t);
     tip->speed = c->v - d_rate;

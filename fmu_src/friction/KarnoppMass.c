@@ -55,6 +55,8 @@
 
 #include "block.h"
 #include "load.h"
+#include "ramp.h"
+#include "roots.h"
 
 /* Just inside the band: a body that comes to rest from sliding stays there. */
 static double edge(double DV) { return nextafter(DV, 0.0); }
@@ -103,8 +105,8 @@ static double both_positive(Line a, Line b)
 /* First time at which the distance is covered by speed t + acceleration t^2 / 2; distance > 0, speed >= 0. */
 static double time_to_cover(double distance, double speed, double acceleration)
 {
-    const double root = speed * speed + 2.0 * acceleration * distance;
-    return root > 0.0 ? 2.0 * distance / (speed + sqrt(root)) : INF;
+    const double squared = squared_speed_after(distance, speed, acceleration);
+    return squared > 0.0 ? time_between(distance, speed, sqrt(squared)) : INF;
 }
 
 /* Sliding: y' = rate - a y + jerk t. The integrals over exp(-a t) by phi functions, by series where a t is small. */
@@ -131,6 +133,17 @@ static Slide slide(double y, double dy, double jerk, double a, double t)
                    t * (y + t * (phi2 * dy + t * phi3 * jerk))};
 }
 
+/* How far y has fallen below a floor. */
+typedef struct {
+    double y, dy, jerk, a, floor;
+} Fall;
+static Taylor below(const void *data, double t)
+{
+    const Fall *const f = (const Fall *)data;
+    const Slide at = slide(f->y, f->dy, f->jerk, f->a, t);
+    return (Taylor){.value = f->floor - at.y, .slope = -at.dy};
+}
+
 /* Time at which y falls to `floor`, INF if not within h. As y' is monotone, y has at most one extremum. */
 static double time_to_fall(double y, double dy, double jerk, double a, double floor, double h)
 {
@@ -146,20 +159,8 @@ static double time_to_fall(double y, double dy, double jerk, double a, double fl
     }
     if (slide(y, dy, jerk, a, high).y >= floor)
         return INF;
-    double t = high;
-    for (int i = 0; i < 200 && low < high; i++) {
-        const Slide at = slide(y, dy, jerk, a, t);
-        if (at.y < floor)
-            high = t;
-        else
-            low = t;
-        const double newton = t - (at.y - floor) / at.dy;
-        const double next = newton > low && newton < high ? newton : 0.5 * (low + high);
-        if (next == t || next <= low || next >= high)
-            break;
-        t = next;
-    }
-    return t;
+    const Fall fall = {y, dy, jerk, a, floor};
+    return newton_between(below, &fall, high, &low, &high);
 }
 
 static bool step(Model *model, double h)
@@ -219,7 +220,7 @@ static bool step(Model *model, double h)
         const double cross = time_to_cover(DV - s * at, push, jerk);
         const double fall = jerk < 0.0 ? -push / jerk : INF;
         const double t = fmin(rest, fmin(cross, fall));
-        at += s * t * (push + 0.5 * t * jerk);
+        at += s * path_after(push, jerk, t);
         force = later(force, t);
         load = later(load, t);
         rest -= t;

@@ -91,6 +91,7 @@ struct noise {
 
 #include "block.h"
 #include "constants.h"
+#include "ramp.h"
 #include "random.h"
 
 #define TIP_TOLERANCE  1e-12
@@ -158,7 +159,7 @@ static double tip_step(const Model *model, const Motion *motion, double s, doubl
         y_new[0] = y[0] + dx;
         y_new[1] = y[1] + dw;
         const double at = s + rodas_alpha[stage] * h, x_at = (y[0] - shift) + dx;
-        const double driver = from + at * (v + 0.5 * slope * at);
+        const double driver = from + path_after(v, slope, at);
         const double force = k * (driver - x_at) - PI * E0 / a * sin(TWO_PI * x_at / a);
         const double w_rate = pace * force / m - motion->damping * y_new[1] + rodas_d[stage] * h * f_t;
         const double right[2] = {rodas_side(stage, pace * y_new[1], h, &u[0][0], 2),
@@ -235,6 +236,6 @@ static bool step(Model *model, double h)
         return false;
     model->x = y[0];
     model->w = y[1];
-    model->X += h * (model->v + 0.5 * h * model->slope[INPUT_v]);
+    model->X += path_after(model->v, model->slope[INPUT_v], h);
     return true;
 }

@@ -68,6 +68,7 @@
 #include "block.h"
 #include "constants.h"
 #include "load.h"
+#include "ramp.h"
 
 /* An age that is not positive is no state of the contact; it counts as newborn. */
 static double age_of(double theta) { return fmax(theta, DBL_MIN); }
@@ -143,7 +144,7 @@ static bool step(Model *m, double h)
     Course c = {last, first, part * x, h};
     if (part < 1.0) {
         c.first = speed_at(&(Course){last, first, x, h}, part, 1.0 - part);
-        c.time = 2.0 * c.span * Dc / (c.last + c.first);
+        c.time = time_between(c.span * Dc, c.last, c.first);
     }
     if (!law)
         m->theta = theta * exp(-x) + worn(&c, Dc, law);

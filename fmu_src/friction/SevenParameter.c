@@ -89,6 +89,9 @@ struct memory {
 
 #include "block.h"
 #include "load.h"
+#include "ramp.h"
+#include "roots.h"
+#include "search.h"
 
 /* ---- the history of v --------------------------------------------------------------------------------------- */
 
@@ -130,6 +133,12 @@ static double until_now(const Model *m)
     return past->count > 0 ? along(&past->ring[(past->first + past->count - 1) % PIECES], m->time) : 0.0;
 }
 
+static double begin_of(const void *past, int64_t i)
+{
+    const struct memory *const of = (const struct memory *)past;
+    return of->ring[(of->first + i) % PIECES].begin;
+}
+
 /* v(t - tauL); where v jumps, the later value, also for times that differ by rounding. */
 static double delayed(const Model *m)
 {
@@ -137,18 +146,11 @@ static double delayed(const Model *m)
     const double t = m->time - m->tauL, later = t + 1e-9 * m->tauL + 1e-15 * fabs(m->time);
     if (m->tauL == 0.0)
         return m->v;
-    int low = 0, high = past->count; /* the pieces before `low` have begun, `high` has not */
-    while (low < high) {
-        const int middle = (low + high) / 2;
-        if (past->ring[(past->first + middle) % PIECES].begin <= later)
-            low = middle + 1;
-        else
-            high = middle;
-    }
+    const int last = (int)last_not_above(begin_of, past, -1, past->count, later); /* piece that has begun */
     const struct piece at_rest = {0.0, 0.0, 0.0}, oldest = {0.0, past->ring[past->first].v, 0.0};
-    if (low == 0)
+    if (last < 0)
         return along(past->forgot ? &oldest : &at_rest, t);
-    return along(&past->ring[(past->first + low - 1) % PIECES], t);
+    return along(&past->ring[(past->first + last) % PIECES], t);
 }
 
 /* Joins neighbours whose common duration is at most four times the mean one, at least a quarter of the pieces: by the
@@ -260,24 +262,12 @@ static void equations(Model *m)
 
 /* ---- break-away --------------------------------------------------------------------------------------------- */
 
-static double cubic(const double *c, double t) { return c[0] + t * (c[1] + t * (c[2] + t * c[3])); }
-
-/* The root of the cubic between low, where it is not positive, and high, where it is: Newton's method, kept inside. */
-static double root_between(const double *c, double low, double high)
+/* c0 + c1 t + c2 t^2 + c3 t^3 */
+static Taylor cubic(const void *data, double t)
 {
-    double t = 0.5 * (low + high);
-    for (int i = 0; i < 200; i++) {
-        const double f = cubic(c, t), newton = t - f / (c[1] + t * (2.0 * c[2] + t * 3.0 * c[3]));
-        if (f > 0.0)
-            high = t;
-        else
-            low = t;
-        const double next = newton > low && newton < high ? newton : 0.5 * (low + high);
-        if (next <= low || next >= high || next == t)
-            break;
-        t = next;
-    }
-    return high;
+    const double *const c = (const double *)data;
+    return (Taylor){.value = c[0] + t * (c[1] + t * (c[2] + t * c[3])),
+                    .slope = c[1] + t * (2.0 * c[2] + t * 3.0 * c[3])};
 }
 
 /* First time within h at which the cubic, not positive at 0, becomes positive; INF if never. */
@@ -298,8 +288,11 @@ static double first_rise(const double *c, double h)
     }
     ends[n] = h;
     for (int i = 0; i < n; i++)
-        if (cubic(c, ends[i + 1]) > 0.0)
-            return root_between(c, ends[i], ends[i + 1]);
+        if (cubic(c, ends[i + 1]).value > 0.0) {
+            double low = ends[i], high = ends[i + 1];
+            newton_between(cubic, c, 0.5 * (low + high), &low, &high);
+            return high;
+        }
     return INF;
 }
 
@@ -329,7 +322,7 @@ static bool step(Model *m, double h)
         c.slip = s;
     if (c.slip == 0.0) {
         const double wait = s != 0.0 ? time_to_break_away(m, &c, s, h) : INF, t = fmin(wait, h);
-        c.d += t * (v + 0.5 * t * rate);
+        c.d += path_after(v, rate, t);
         c.t2 += t;
         if (wait <= h)
             c.slip = s;

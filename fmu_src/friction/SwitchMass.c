@@ -74,6 +74,8 @@ struct fixed {
 
 #include "block.h"
 #include "load.h"
+#include "ramp.h"
+#include "roots.h"
 
 /* Nothing is fixed between two steps. */
 static bool is_by_state(const Model *model) { return model->memory.phase == BY_STATE && model->memory.s == 0.0; }
@@ -121,10 +123,10 @@ static double rises(double a, double b, double c)
 {
     if (c >= 0.0) /* at most by rounding */
         return b > 0.0 || (b == 0.0 && a > 0.0) ? 0.0 : a > 0.0 ? -b / a : INF;
-    const double root = b * b - 4.0 * a * c;
+    const double root = squared_speed_after(-c, b, 2.0 * a);
     if (root < 0.0 || (a <= 0.0 && b <= 0.0))
         return INF;
-    return b > 0.0 ? -2.0 * c / (b + sqrt(root)) : (sqrt(root) - b) / (2.0 * a);
+    return b > 0.0 ? time_between(-c, b, sqrt(root)) : (sqrt(root) - b) / (2.0 * a);
 }
 
 /* Sticks for at most h; the time after which the needed force passes Fs in the direction s, or h. */
@@ -146,7 +148,7 @@ static double stick(Model *model, double h, double *s)
             *s = way;
         }
     }
-    model->x += t * (v_belt + 0.5 * t * b);
+    model->x += path_after(v_belt, b, t);
     model->v = v_belt + t * b + (v - v_belt) * exp(-sqrt(k / m) * t);
     return t;
 }
@@ -189,34 +191,26 @@ static void locate(const Model *at, Model *work, double s, const double *y, doub
 {
     const double nominal[ALL_STATES] = {1.0, 1.0}, resolution = 1e-14 * *t;
     bool inside_trial;
-    double low = 0.0, high = *t, y_trial[ALL_STATES];
-    double f_low = invalid_at(at, work, s, y, &inside_trial), f_high = invalid_at(at, work, s + high, y_end, inside);
-    if (f_low >= 0.0) /* by rounding */
-        f_low = -f_high;
-    for (int i = 0, side = 0; i < 100 && high - low > resolution; i++) {
-        const double secant = low - f_low * (high - low) / (f_high - f_low);
-        const double trial = secant > low && secant < high ? secant : 0.5 * (low + high);
-        if (!(trial > low && trial < high) || rodas_step(at, work, s, trial, y, y_trial, nominal, 1.0) < 0.0)
+    double y_trial[ALL_STATES];
+    const double f_begin = invalid_at(at, work, s, y, &inside_trial),
+                 f_end = invalid_at(at, work, s + *t, y_end, inside);
+    /* not negative at the beginning only by rounding */
+    Bracket b = {0.0, *t, f_begin >= 0.0 ? -f_end : f_begin, f_end, 0};
+    for (int i = 0; i < 100 && b.high - b.low > resolution; i++) {
+        const double trial = kept_inside(secant(b.low, b.f_low, b.high, b.f_high), b.low, b.high);
+        if (!(trial > b.low && trial < b.high) || rodas_step(at, work, s, trial, y, y_trial, nominal, 1.0) < 0.0)
             break;
         const double f = invalid_at(at, work, s + trial, y_trial, &inside_trial);
+        narrow(&b, trial, f, f >= 0.0);
         if (f >= 0.0) {
-            high = trial;
-            f_high = f;
-            f_low *= side == 1 ? 0.5 : 1.0;
-            side = 1;
             *inside = inside_trial;
             for (int j = 0; j < ALL_STATES; j++)
                 y_end[j] = y_trial[j];
-        } else {
-            low = trial;
-            f_low = f;
-            f_high *= side == -1 ? 0.5 : 1.0;
-            side = -1;
         }
         if (f == 0.0)
             break;
     }
-    *t = high;
+    *t = b.high;
 }
 
 /* Integrates the equation until it is no longer valid, for at most h; the time taken, -1 if that fails or takes more
