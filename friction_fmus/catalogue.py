@@ -55,6 +55,8 @@ class Block:
         What the friction model shows, of `FEATURES`.
     bibtex : tuple of str
         BibTeX entries of its sources.
+    status : str
+        Where its equations were taken from: their numbers in the source, or that they are from memory.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Block:
     code: str
     features: tuple[str, ...] = ()
     bibtex: tuple[str, ...] = ()
+    status: str = ""
 
 
 def source_folder() -> Path:
@@ -113,7 +116,12 @@ def read_c_block(path: Path, kind: str) -> Block:
         raise FrictionError(f"{path} names the feature {unknown.pop()!r}; known are {', '.join(FEATURES)}")
     found = re.findall(r"/\*\s*(@\w+\{.*?\})\s*\*/", code, re.S)
     entries = tuple("\n  ".join(line.strip() for line in entry.splitlines()) for entry in found)
-    return Block(name.group(1), kind, text("SUMMARY"), text("SOURCE"), page, path, code, features, entries)
+    return Block(
+        *(name.group(1), kind, text("SUMMARY"), text("SOURCE"), page, path, code),
+        features=features,
+        bibtex=entries,
+        status=text("STATUS"),
+    )
 
 
 def _read_laws(path: Path) -> list[Block]:

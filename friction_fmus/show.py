@@ -53,8 +53,9 @@ def _choice(block: Block, leads: list[Paragraph]) -> Table:
         grid.add_row(paragraph.lead.rstrip(":"), Text(paragraph.text))
     if block.features:
         grid.add_row("Features", Text("\n".join(f"{name}: {FEATURES[name]}" for name in block.features)))
+    quoted = f"{block.source}; {block.status}" if block.status else block.source
     cite = f"\nBibTeX: friction-fmus cite {block.name}" if block.bibtex else ""
-    grid.add_row("Source", Text(block.source + cite))
+    grid.add_row("Source", Text(quoted + cite))
     return grid
 
 

@@ -34,6 +34,7 @@
 #define MODEL    Bristle
 #define SUMMARY  "Population of bristles that break and re-bond at random"
 #define SOURCE   "Haessig, Friedland, ASME J. Dynamic Systems, Measurement, and Control 113(3), 1991"
+#define STATUS   "equations as told by Olsson et al. 1998"
 #define FEATURES "presliding, drift-free, random"
 
 /* clang-format off */

@@ -3,8 +3,8 @@
 
    Burridge, Knopoff: Model and theoretical seismicity, Bulletin of the Seismological Society of America 57, 1967, in
    the scaling and with the friction law of Carlson, Langer: Physical Review A 40, 1989, and Carlson, Langer, Shaw,
-   Tang: Physical Review A 44, 1991; equations from memory of the papers. All quantities are pure numbers; a unit of
-   time is one second of simulation, a unit of force is static friction.
+   Tang: Physical Review A 44, 1991. All quantities are pure numbers; a unit of time is one second of simulation, a unit
+   of force is static friction.
 
        u_j'' = f_j - phi,   dX/dt = nu + v
        f_j   = l^2 (u_j+1 - 2 u_j + u_j-1) + X - u_j
@@ -46,6 +46,7 @@
 #define MODEL    BurridgeKnopoff
 #define SUMMARY  "Burridge-Knopoff train of stick-slip blocks pulled by a driver"
 #define SOURCE   "Burridge, Knopoff, BSSA 57, 1967; Carlson, Langer, Physical Review A 40, 1989"
+#define STATUS   "equations from memory of the papers"
 #define FEATURES "presliding, drift-free, Stribeck, rate dependent, mass inside, random"
 
 /* clang-format off */

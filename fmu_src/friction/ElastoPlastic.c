@@ -3,7 +3,7 @@
 
    Dupont, Armstrong, Hayward: Elasto-plastic friction model: contact compliance and stiction, American Control
    Conference, 2000; Dupont, Hayward, Armstrong, Altpeter: Single state elastoplastic friction models, IEEE TAC 47(5),
-   2002; equations from memory of the papers, with the exponent i = 1.
+   2002; with the exponent i = 1.
 
        dz/dt = v (1 - alpha z / z_ss(v))
        z_ss  = sgn(v) z_max,   z_max(v) = S(v) / sigma0
@@ -38,6 +38,7 @@
 #define MODEL    ElastoPlastic
 #define SUMMARY  "Elasto-plastic bristle friction, free of drift below break-away"
 #define SOURCE   "Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002"
+#define STATUS   "equations from memory of the papers"
 #define FEATURES "presliding, drift-free, Stribeck, lag, rate dependent"
 
 /* clang-format off */

@@ -2,7 +2,7 @@
    the Stribeck curve. Presliding hysteresis with nonlocal memory, Stribeck effect, frictional lag, no drift.
 
    Al-Bender, Lampaert, Swevers: The generalized Maxwell-slip model: a novel model for friction simulation and
-   compensation, IEEE TAC 50(11), 2005, in its force form (from memory of the paper, no equation numbers).
+   compensation, IEEE TAC 50(11), 2005, in its force form.
 
        S(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta)
        stick: dFi/dt = ki v                       until  sgn(v) Fi >= alpha_i S(v)
@@ -45,6 +45,7 @@
 #define MODEL    GMS
 #define SUMMARY  "Generalised Maxwell slip: N elements that slip towards the Stribeck curve"
 #define SOURCE   "Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005"
+#define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free, Stribeck, lag, rate dependent"
 
 /* clang-format off */

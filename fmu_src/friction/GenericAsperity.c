@@ -2,8 +2,8 @@
 
    After the ideas of Al-Bender, Lampaert, Swevers: A novel generic model at asperity level for dry friction force
    dynamics, Tribology Letters 16, 2004 (life cycle of contact, three springs and a tip mass, adhesion, creep, loss of
-   contact), from memory of the paper: the equations below are this implementation's own and not to be taken for its.
-   The start values give about 1 N at 1e5 N/m.
+   contact). The equations below are this implementation's own and not to be taken for those of the paper. The start
+   values give about 1 N at 1e5 N/m.
 
    Asperity i stands at b_i on the slider (db_i/dt = v), its tip at p_i, d_i = b_i - p_i. The other side is rigid:
 
@@ -60,6 +60,7 @@
 #define MODEL    GenericAsperity
 #define SUMMARY  "Population of asperities that stick, slip and swing free on a rough profile"
 #define SOURCE   "after Al-Bender, Lampaert, Swevers, Tribology Letters 16, 2004"
+#define STATUS   "equations of our own, after the paper from memory"
 #define FEATURES "presliding, nonlocal memory, drift-free, Stribeck, lag, dwell, rate dependent, random"
 
 /* clang-format off */

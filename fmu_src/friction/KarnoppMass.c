@@ -1,7 +1,7 @@
 /* Karnopp's friction with the mass inside: below the velocity DV the body is reported to be at rest.
 
-   Karnopp: Journal of Dynamic Systems, Measurement, and Control 107(1), 1985, from memory of the paper. Its state is
-   the momentum m w, which goes on to be integrated inside the band; only the reported velocity v is zero there.
+   Karnopp: Journal of Dynamic Systems, Measurement, and Control 107(1), 1985. Its state is the momentum m w, which goes
+   on to be integrated inside the band; only the reported velocity v is zero there.
 
        m dw/dt = F_ext - F,   dx/dt = v
        |w| <  DV:  F = F_ext, at most load Fs in size;  v = 0
@@ -30,6 +30,7 @@
 #define MODEL    KarnoppMass
 #define SUMMARY  "A mass with Karnopp's friction, at rest inside a dead band of velocity"
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
+#define STATUS   "equations from memory of the paper"
 #define FEATURES "drift-free, rate dependent, needs force, mass inside"
 
 /* clang-format off */

@@ -3,7 +3,7 @@
 
    Prandtl: Ein Gedankenmodell zur kinetischen Theorie der festen Koerper, ZAMM 8, 1928; Tomlinson: A molecular theory
    of friction, Philosophical Magazine 7, 1929; with temperature as in Sang, Dube, Grant, Physical Review Letters 87,
-   2001; all from memory of reviews.
+   2001.
 
        m x'' + m damping x' = k (X - x) - (pi E0 / a) sin(2 pi x / a) + R
        F   = k (X - x),   dX/dt = v
@@ -55,6 +55,7 @@
 #define MODEL    PrandtlTomlinson
 #define SUMMARY  "Prandtl-Tomlinson model of a tip over a periodic potential, with temperature"
 #define SOURCE   "Prandtl, ZAMM 8, 1928; Tomlinson, Philosophical Magazine 7, 1929"
+#define STATUS   "equations from memory of reviews"
 #define FEATURES "presliding, drift-free, rate dependent, mass inside, random"
 
 /* clang-format off */

@@ -3,8 +3,7 @@
 
    Dieterich: Modeling of rock friction 1, Journal of Geophysical Research 84(B5), 1979; Ruina: Slip instability and
    state variable friction laws, Journal of Geophysical Research 88(B12), 1983. The form that is regular at v = 0 is
-   that of Rice and Ben-Zion, PNAS 93, 1996 (from memory of these papers). Start values: usual ones of rock, with
-   sigma_n as a force.
+   that of Rice and Ben-Zion, PNAS 93, 1996. Start values: usual ones of rock, with sigma_n as a force.
 
        mu = a asinh( v/(2 V0) exp((mu0 + b ln(V0 theta/Dc))/a) )
        F  = load sigma_n mu,   load = max(Fn, 0)/Fn0
@@ -43,6 +42,7 @@
 #define MODEL    RateAndState
 #define SUMMARY  "Rate-and-state friction, aging or slip law, regular at rest"
 #define SOURCE   "Dieterich, J. Geophysical Research 84(B5), 1979; Ruina, J. Geophysical Research 88(B12), 1983"
+#define STATUS   "equations from memory of the papers"
 #define FEATURES "lag, dwell, rate dependent"
 
 /* clang-format off */

@@ -41,6 +41,7 @@
 #define MODEL    SevenParameter
 #define SUMMARY  "Presliding spring, delayed Stribeck effect and rising static friction"
 #define SOURCE   "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
+#define STATUS   "equations (7) to (9) of Olsson et al. 1998"
 #define FEATURES "presliding, drift-free, Stribeck, lag, dwell, rate dependent"
 #define WARNING  "the velocity changed more than 1024 times within tauL, its history is thinned out"
 

@@ -1,8 +1,8 @@
 /* A mass on a belt with friction by Leine's switch model: slip, transition and stick, each a smooth equation.
 
-   Leine, Van Campen, De Kraker, Van den Steen: Nonlinear Dynamics 16, 1998, from memory of the paper. A mass m is
-   held by a spring k and dragged by a belt that moves at v_belt. Which equation holds is decided by a narrow band
-   |v_r| <= eta of the relative velocity v_r = v - v_belt and by the force P that friction needs for sticking:
+   Leine, Van Campen, De Kraker, Van den Steen: Nonlinear Dynamics 16, 1998. A mass m is held by a spring k and dragged
+   by a belt that moves at v_belt. Which equation holds is decided by a narrow band |v_r| <= eta of the relative
+   velocity v_r = v - v_belt and by the force P that friction needs for sticking:
 
        P = F_load - k x - m dv_belt/dt
        slip:        |v_r| >  eta
@@ -36,6 +36,7 @@
 #define MODEL    SwitchMass
 #define SUMMARY  "Mass, spring and belt with Leine's switch model of friction"
 #define SOURCE   "Leine, Van Campen, De Kraker, Van den Steen, Nonlinear Dynamics 16, 1998"
+#define STATUS   "equations from memory of the paper"
 #define FEATURES "drift-free, Stribeck, rate dependent, mass inside"
 
 /* clang-format off */
