@@ -56,11 +56,17 @@ static inline void set_states(Model *m, const double *y)
             *value_of(m, state_rows[r].index + k) = *y++;
 }
 
-/* f(s, y): the derivatives at state y, s seconds after the model `at`. */
-static inline void derivatives(const Model *at, Model *work, double s, const double *y, double *f)
+/* Gives `work` the inputs that the model `at` has s seconds later. */
+static inline void inputs_after(const Model *at, Model *work, double s)
 {
     for (int i = 0; i < INPUTS; i++)
         *value_of(work, inputs[i]) = ((const double *)(const void *)at)[inputs[i]] + at->slope[i] * s;
+}
+
+/* f(s, y): the derivatives at state y, s seconds after the model `at`. */
+static inline void derivatives(const Model *at, Model *work, double s, const double *y, double *f)
+{
+    inputs_after(at, work, s);
     work->time = at->time + s;
     set_states(work, y);
     equations(work);

@@ -62,8 +62,7 @@ static double invalid(const Model *model, bool *inside)
 /* The equation's validity at the state y, t after the inputs of `at`. */
 static double invalid_at(const Model *at, Model *work, double t, const double *y, bool *inside)
 {
-    for (int i = 0; i < INPUTS; i++)
-        *value_of(work, inputs[i]) = ((const double *)(const void *)at)[inputs[i]] + at->slope[i] * t;
+    inputs_after(at, work, t);
     set_states(work, y);
     return invalid(work, inside);
 }

@@ -5,7 +5,6 @@
 #define LEUVEN_H
 
 #include "presliding.h"
-#include "stribeck.h"
 #include "transition.h"
 
 static const double slides_at = 1.0 - 1e-3;

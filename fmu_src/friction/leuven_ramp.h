@@ -4,7 +4,6 @@
 #define LEUVEN_RAMP_H
 
 #include "relaxation.h"
-#include "motion.h"
 
 /* A piece of the step in which the contact stays on its branch. */
 struct piece {
@@ -13,15 +12,11 @@ struct piece {
     double S; /* the level, if v is held */
     double base, closing;
     bool backwards; /* r < 0            */
-    bool flat;      /* |r|^n is nothing */
+    bool flat;      /* |r|^n is negligible */
     bool remembers; /* reversal points  */
 };
 
-static double piece_level(const struct piece *p, double s)
-{
-    GIVEN(p->m)
-    return p->motion.slope == 0.0 ? p->S : stribeck(velocity(&p->motion, s), Fc, Fs, vs, delta);
-}
+static double piece_level(const struct piece *p, double s) { return level_along(p->m, &p->motion, p->S, s); }
 
 /* r; 1 where the level has been passed, beyond the end of the piece. */
 static double piece_ratio(const struct piece *p, double s, double zeta)
@@ -36,8 +31,7 @@ static double piece_rate(double s, double zeta, const void *law)
     const double speed = fabs(velocity(&p->motion, s));
     if (p->flat)
         return speed;
-    const double r = piece_ratio(p, s, zeta); /* of the other sign beyond the end of the piece */
-    return speed * (1.0 - signed_power(p->backwards ? fmin(r, 0.0) : fmax(r, 0.0), p->m->n));
+    return speed * deflecting(piece_ratio(p, s, zeta), p->m->n, p->backwards);
 }
 
 /* Where the force is at the level, if nothing comes before that. */

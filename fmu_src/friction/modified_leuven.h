@@ -6,7 +6,6 @@
 
 #include "presliding.h"
 #include "maxwell.h"
-#include "stribeck.h"
 #include "transition.h"
 
 static double hysteresis_force(const Model *m)

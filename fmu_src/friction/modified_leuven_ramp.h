@@ -4,7 +4,6 @@
 #define MODIFIED_LEUVEN_RAMP_H
 
 #include "relaxation.h"
-#include "motion.h"
 
 static const double nearness = 0.9; /* of the force to the level, as r */
 
@@ -20,15 +19,11 @@ struct piece {
     double size;    /* the elastic deflection at the level    */
     double slack;   /* of r around 1                          */
     bool backwards; /* r < 0                                  */
-    bool flat;      /* |r|^n is nothing                       */
+    bool flat;      /* |r|^n is negligible                       */
     bool near;      /* the force may follow the level         */
 };
 
-static double piece_level(const struct piece *p, double s)
-{
-    GIVEN(p->m)
-    return p->motion.slope == 0.0 ? p->S : stribeck(velocity(&p->motion, s), Fc, Fs, vs, delta);
-}
+static double piece_level(const struct piece *p, double s) { return level_along(p->m, &p->motion, p->S, s); }
 
 static double piece_ratio(const struct piece *p, double s, double zeta)
 {
@@ -41,8 +36,7 @@ static double piece_rate(double s, double zeta, const void *law)
     const double speed = fabs(velocity(&p->motion, s));
     if (p->flat)
         return speed;
-    const double r = piece_ratio(p, s, zeta); /* of the other sign beyond the end of the piece */
-    return p->way * speed * (1.0 - signed_power(p->backwards ? fmin(r, 0.0) : fmax(r, 0.0), p->m->n));
+    return p->way * speed * deflecting(piece_ratio(p, s, zeta), p->m->n, p->backwards);
 }
 
 /* Where the force is at the level, or at the opposite one. */

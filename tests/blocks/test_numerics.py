@@ -31,3 +31,25 @@ def test_an_fmu_carries_only_the_headers_that_it_includes(tmp_path: Path) -> Non
         names = {Path(name).name for name in archive.namelist() if name.startswith("sources/")}
     assert {"Quantiser.c", "block.h", "solver.h"} <= names
     assert names.isdisjoint({"constants.h", "stribeck.h"})
+
+
+def tokens(text: str) -> list[str]:
+    """The tokens of C without comments and preprocessor lines; all names count as the same."""
+    text = re.sub(r"/\*.*?\*/", " ", text, flags=re.S)
+    text = re.sub(r"^\s*#(?:[^\n]*\\\n)*[^\n]*", "", text, flags=re.M)
+    words = ["if", "else", "for", "while", "return", "const", "double", "static", "int", "bool", "void"]
+    found = re.findall(r'[A-Za-z_]\w*|\d[\w.]*|"[^"]*"|[^\s\w]', text)
+    return ["x" if token[0] in '_"' or (token[0].isalpha() and token not in words) else token for token in found]
+
+
+def test_no_code_stands_in_two_files() -> None:
+    length = 100  # some ten lines; equations that are alike have up to 89
+    seen: dict[tuple[str, ...], str] = {}
+    twice = set()
+    for path in C_FILES:
+        found = tokens(path.read_text(encoding="utf-8"))
+        for i in range(len(found) - length + 1):
+            first = seen.setdefault(tuple(found[i : i + length]), path.name)
+            if first != path.name:
+                twice.add((first, path.name))
+    assert twice == set()
