@@ -70,6 +70,11 @@ class Block:
     bibtex: tuple[str, ...] = ()
     status: str = ""
 
+    @property
+    def origin(self) -> str:
+        """Return the source and, if it is known, where the equations were taken from."""
+        return f"{self.source}; {self.status}" if self.status else self.source
+
 
 def source_folder() -> Path:
     """The folder of the C sources: inside an installed package, beside it in a checkout."""

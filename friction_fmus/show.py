@@ -53,9 +53,8 @@ def _choice(block: Block, leads: list[Paragraph]) -> Table:
         grid.add_row(paragraph.lead.rstrip(":"), Text(paragraph.text))
     if block.features:
         grid.add_row("Features", Text("\n".join(f"{name}: {FEATURES[name]}" for name in block.features)))
-    quoted = f"{block.source}; {block.status}" if block.status else block.source
     cite = f"\nBibTeX: friction-fmus cite {block.name}" if block.bibtex else ""
-    grid.add_row("Source", Text(quoted + cite))
+    grid.add_row("Source", Text(block.origin + cite))
     return grid
 
 

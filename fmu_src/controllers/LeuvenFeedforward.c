@@ -40,8 +40,8 @@
 
 #define MODEL   LeuvenFeedforward
 #define SUMMARY "Feedforward of inertia and of Leuven's friction with its stacks, from the reference"
-#define SOURCE  "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
 #define STATUS  "equations from memory or summaries of the papers"
+#define SOURCE  "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

@@ -35,8 +35,8 @@
 
 #define MODEL   ModifiedLeuvenFeedforward
 #define SUMMARY "Feedforward of inertia and of the modified Leuven model's friction, from the reference"
-#define SOURCE  "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
 #define STATUS  "equations from memory of the paper"
+#define SOURCE  "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
