@@ -56,6 +56,8 @@ class Block:
         What the friction model shows, of `FEATURES`.
     bibtex : tuple of str
         BibTeX entries of its sources.
+    status : str
+        Where its equations were taken from: their numbers in the source, or that they are from memory.
     """
 
     name: str
@@ -67,6 +69,12 @@ class Block:
     code: str
     features: tuple[str, ...] = ()
     bibtex: tuple[str, ...] = ()
+    status: str = ""
+
+    @property
+    def origin(self) -> str:
+        """Return the source and, if it is known, where the equations were taken from."""
+        return f"{self.source}; {self.status}" if self.status else self.source
 
 
 class Entry(NamedTuple):
@@ -124,7 +132,12 @@ def read_c_block(path: Path, kind: str) -> Block:
         raise FrictionError(f"{path} names the feature {unknown.pop()!r}; known are {', '.join(FEATURES)}")
     found = re.findall(r"/\*\s*(@\w+\{.*?\})\s*\*/", code, re.S)
     entries = tuple("\n  ".join(line.strip() for line in entry.splitlines()) for entry in found)
-    return Block(name.group(1), kind, text("SUMMARY"), text("SOURCE"), page, path, code, features, entries)
+    return Block(
+        *(name.group(1), kind, text("SUMMARY"), text("SOURCE"), page, path, code),
+        features=features,
+        bibtex=entries,
+        status=text("STATUS"),
+    )
 
 
 def _read_laws(path: Path) -> list[Block]:

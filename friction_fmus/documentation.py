@@ -174,7 +174,7 @@ def _capabilities(description: Description) -> str:
 def _source(block: Block) -> str:
     entries = "".join(f"<pre>{escape(entry)}</pre>\n" for entry in block.bibtex)
     code = f"<details><summary>C code of the block</summary>\n<pre>{escape(block.code)}</pre>\n</details>\n"
-    return f"<h2>Source</h2>\n<p>{escape(block.source)}</p>\n{entries}{code}"
+    return f"<h2>Source</h2>\n<p>{escape(block.origin)}</p>\n{entries}{code}"
 
 
 def _changes() -> str:

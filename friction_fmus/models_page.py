@@ -32,7 +32,7 @@ def _table_row(block: Block) -> str:
 
 
 def _section(block: Block) -> str:
-    parts = [f"## {block.name}", f"*{block.summary}.* Source: {block.source}."]
+    parts = [f"## {block.name}", f"*{block.summary}.* Source: {block.origin}."]
     parts += [_markdown(paragraph) for paragraph in paragraphs(block.notes)]
     return "\n\n".join(parts) + "\n"
 

@@ -28,7 +28,11 @@ from harness.platforms import NATIVE, Platform, native_library, select
 SHIPPED = Path(__file__).parent / "fmus"
 """FMUs for all platforms in an installed package; a checkout has none."""
 
-HEADERS = ("block.h", "effort.h", "solver.h", "fmi2.h", "fmi2_instance.h", "fmi2_state.h", "fmi2_derivatives.h")
+SHARED_FOLDERS = ("", "numerics", "friction")
+"""Folders of ``fmu_src`` whose headers any block may include; in an FMU all sources are in one folder."""
+
+FMI_HEADER = "fmi2Functions.h"
+"""The header of the standard, which importers have and FMUs do not carry."""
 
 
 def build(
@@ -197,16 +201,14 @@ def build_record(
 
 
 def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:
-    """File name -> text: the block, the shared headers, and other headers that the block includes."""
+    """Return file name -> text: the block and all headers that it includes, directly or through others."""
     sources = {f"{block.name}.c": block.code}
-    for header in HEADERS:
-        sources[header] = (source_folder() / header).read_text(encoding="utf-8")
-    places = (block.path.parent, source_folder(), source_folder() / "friction")
+    places = (block.path.parent, *(source_folder() / folder for folder in SHARED_FOLDERS))
     pending = [(block.path, block.code)]
     while pending:
         includer, text = pending.pop()
         for header in re.findall(r'^#include\s+"([^"]+)"', text, re.M):
-            if header in sources:
+            if header in sources or header == FMI_HEADER:
                 continue
             given = header in files
             found = None if given else next((p / header for p in places if (p / header).is_file()), None)

@@ -2,7 +2,7 @@
 
    Swevers, Al-Bender, Ganseman, Prajogo: An integrated friction model structure with improved presliding behavior for
    accurate friction compensation, IEEE TAC 45(4), 2000, which is about this use; Lampaert, Swevers, Al-Bender, American
-   Control Conference, 2004, compare it with the Dahl, LuGre and GMS models (both from memory or summaries).
+   Control Conference, 2004, compare it with the Dahl, LuGre and GMS models.
 
        w     = (r - last) / Ts,   last: the reference of the sample before
        z, stacks: as the friction block Leuven moves them over Ts
@@ -40,6 +40,7 @@
 
 #define MODEL   LeuvenFeedforward
 #define SUMMARY "Feedforward of inertia and of Leuven's friction with its stacks, from the reference"
+#define STATUS  "equations from memory or summaries of the papers"
 #define SOURCE  "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
 
 /* clang-format off */

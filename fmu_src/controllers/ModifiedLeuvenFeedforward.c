@@ -1,7 +1,7 @@
 /* Feedforward of inertia and of the friction of the modified Leuven model along the reference, sampled every Ts.
 
-   Lampaert, Swevers, Al-Bender: Modification of the Leuven integrated friction model structure, IEEE TAC 47(4), 2002
-   (from memory of the paper), for the model.
+   Lampaert, Swevers, Al-Bender: Modification of the Leuven integrated friction model structure, IEEE TAC 47(4), 2002,
+   for the model.
 
        w     = (r - last) / Ts,   last: the reference of the sample before
        z, Fi: as the friction block ModifiedLeuven moves them over Ts
@@ -35,6 +35,7 @@
 
 #define MODEL   ModifiedLeuvenFeedforward
 #define SUMMARY "Feedforward of inertia and of the modified Leuven model's friction, from the reference"
+#define STATUS  "equations from memory of the paper"
 #define SOURCE  "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
 
 /* clang-format off */

@@ -87,6 +87,7 @@ struct period {
 #include "block.h"
 #include "limits.h"
 #include "compensation.h"
+#include "constants.h"
 
 static bool is_period(const Model *model)
 {
@@ -97,13 +98,12 @@ static bool is_period(const Model *model)
 /* Q's values for i = 0 ... M. */
 static void design(double *q, int M, double corner)
 {
-    const double pi = 3.14159265358979323846;
     const bool none = corner <= 0.0 || corner >= 0.5;
     double sum = 0.0;
 
     for (int i = 0; i <= M; i++) {
-        const double window = square(cos(pi * i / (2.0 * (M + 1))));
-        q[i] = i == 0 ? (none ? 1.0 : 2.0 * corner) : none ? 0.0 : sin(2.0 * pi * corner * i) / (pi * i) * window;
+        const double window = square(cos(PI * i / (2.0 * (M + 1))));
+        q[i] = i == 0 ? (none ? 1.0 : 2.0 * corner) : none ? 0.0 : sin(2.0 * PI * corner * i) / (PI * i) * window;
         sum += i == 0 ? q[i] : 2.0 * q[i];
     }
     for (int i = 0; i <= M; i++)

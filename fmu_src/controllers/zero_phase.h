@@ -6,6 +6,8 @@
 #include <math.h>
 #include <stddef.h>
 
+#include "constants.h"
+
 /* Butterworth of order 2 by the bilinear transform, forwards over y[0], y[step], ... , at rest on the first value. */
 static void low_pass(double *y, ptrdiff_t n, ptrdiff_t step, double K)
 {
@@ -30,7 +32,7 @@ static void zero_phase(double *y, ptrdiff_t n, double fq, double Ts)
 {
     if (fq <= 0.0 || fq * Ts >= 0.5 || n < 1)
         return;
-    const double K = tan(3.14159265358979323846 * fq * Ts);
+    const double K = tan(PI * fq * Ts);
     low_pass(y, n, 1, K);
     low_pass(y + n - 1, n, -1, K);
 }

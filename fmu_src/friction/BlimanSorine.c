@@ -1,11 +1,10 @@
 /* Bliman and Sorine's friction: linear in the path. A fast and a slow Dahl element, of opposite sign, give a force
    that overshoots from rest (stiction) and settles at f1 - f2.
 
-   Bliman, Sorine: Friction modelling by hysteresis operators, application to Dahl, stiction and Stribeck effects,
-   Proc. Models of Hysteresis, Trento, 1991 (Pitman 1993), and: Easy-to-use realistic dry friction models for
-   automatic control, European Control Conference, Rome, 1995. From memory of the papers, in the form of equations
-   (15) to (17) of Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: Friction models and friction compensation,
-   European Journal of Control 4, 1998.
+   Bliman, Sorine: Friction modelling by hysteresis operators, application to Dahl, stiction and Stribeck effects, Proc.
+   Models of Hysteresis, Trento, 1991 (Pitman 1993), and: Easy-to-use realistic dry friction models for automatic
+   control, European Control Conference, Rome, 1995. In the form of equations (15) to (17) of Olsson, Astrom, Canudas de
+   Wit, Gaefvert, Lischinsky: Friction models and friction compensation, European Journal of Control 4, 1998.
 
        ds = |v| dt
        order 2:  dF_fast/ds = ( f1 sgn(v) - F_fast) / (eta eps)
@@ -33,6 +32,7 @@
 #define MODEL    BlimanSorine
 #define SUMMARY  "Bliman-Sorine friction of order 1 or 2, linear in the path"
 #define SOURCE   "Bliman, Sorine, European Control Conference, 1995"
+#define STATUS   "equations from memory of the papers, in the form of (15) to (17) of Olsson et al. 1998"
 #define FEATURES "presliding"
 
 /* clang-format off */

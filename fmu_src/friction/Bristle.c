@@ -34,6 +34,7 @@
 #define MODEL    Bristle
 #define SUMMARY  "Population of bristles that break and re-bond at random"
 #define SOURCE   "Haessig, Friedland, ASME J. Dynamic Systems, Measurement, and Control 113(3), 1991"
+#define STATUS   "equations as told by Olsson et al. 1998"
 #define FEATURES "presliding, drift-free, random"
 
 /* clang-format off */
@@ -78,6 +79,7 @@ struct bristles {
 #include "block.h"
 #include "load.h"
 #include "counter_random.h"
+#include "ramp.h"
 
 static void keep_bristles(Memory *to, const Memory *from, const Model *m, bool follows)
 {
@@ -127,7 +129,7 @@ static bool step(Model *m, double h)
     GIVEN(m)
     const double most = 3.0 * MOST_WORK; /* re-bonds, 8 ns each */
     struct bristles *const all = &m->memory;
-    const double path = (v + 0.5 * SLOPE(v) * h) * h, width = fmin(Delta, 2.0 * delta_s);
+    const double path = path_after(v, SLOPE(v), h), width = fmin(Delta, 2.0 * delta_s);
     const double D = width > 4.0 * DBL_EPSILON * delta_s ? width : 0.0; /* no re-bond that rounding hides */
     const double farthest = 0.5 * D * most;                             /* by which all bristles may re-bond */
     if (!(N * fabs(path) <= farthest) && D > 0.0)

@@ -3,8 +3,8 @@
 
    Burridge, Knopoff: Model and theoretical seismicity, Bulletin of the Seismological Society of America 57, 1967, in
    the scaling and with the friction law of Carlson, Langer: Physical Review A 40, 1989, and Carlson, Langer, Shaw,
-   Tang: Physical Review A 44, 1991; equations from memory of the papers. All quantities are pure numbers; a unit of
-   time is one second of simulation, a unit of force is static friction.
+   Tang: Physical Review A 44, 1991. All quantities are pure numbers; a unit of time is one second of simulation, a unit
+   of force is static friction.
 
        u_j'' = f_j - phi,   dX/dt = nu + v
        f_j   = l^2 (u_j+1 - 2 u_j + u_j-1) + X - u_j
@@ -46,6 +46,7 @@
 #define MODEL    BurridgeKnopoff
 #define SUMMARY  "Burridge-Knopoff train of stick-slip blocks pulled by a driver"
 #define SOURCE   "Burridge, Knopoff, BSSA 57, 1967; Carlson, Langer, Physical Review A 40, 1989"
+#define STATUS   "equations from memory of the papers"
 #define FEATURES "presliding, drift-free, Stribeck, rate dependent, mass inside, random"
 
 /* clang-format off */
@@ -94,6 +95,7 @@ struct fault {
 };
 
 #include "block.h"
+#include "ramp.h"
 #include "random.h"
 
 static void keep_fault(Memory *to, const Memory *from, const Model *m, bool follows)
@@ -133,7 +135,7 @@ static Train train_of(const Model *m)
     return train;
 }
 
-static double driver(const Train *t, double s) { return t->X + s * (t->X_rate + 0.5 * s * t->X_curvature); }
+static double driver(const Train *t, double s) { return t->X + path_after(t->X_rate, t->X_curvature, s); }
 
 static double force(const Train *t, double X, const double *u, int j)
 {
@@ -155,16 +157,6 @@ static void accelerations(const void *system, double s, const double *y, double 
     const double X = driver(t, s);
     for (int j = 0; j < t->n; j++)
         a[j] = t->fault->slips[j] ? force(t, X, y, j) - slip_friction(y[t->n + j], t->sigma, t->alpha) : 0.0;
-}
-
-/* Above 0 if a stuck block has passed the threshold or a slipping one has turned back. */
-static double excess(const Train *t, double s, const double *y)
-{
-    const double X = driver(t, s);
-    double worst = -INF;
-    for (int j = 0; j < t->n; j++)
-        worst = fmax(worst, t->fault->slips[j] ? -y[t->n + j] : force(t, X, y, j) - 1.0);
-    return worst;
 }
 
 static double largest_force(const Train *t, double X, const double *u)
@@ -239,130 +231,4 @@ static void equations(Model *m)
     }
 }
 
-/* While all blocks are stuck: the time until the force, which has to grow by `gap`, has done so; INF if never. */
-static double time_at_rest(double gap, double rate, double curvature)
-{
-    if (gap <= 0.0)
-        return 0.0;
-    const double discriminant = rate * rate + 2.0 * curvature * gap;
-    if (discriminant < 0.0)
-        return INF;
-    const double root = sqrt(discriminant);
-    if (rate >= 0.0)
-        return rate + root > 0.0 ? 2.0 * gap / (rate + root) : INF;
-    return curvature > 0.0 ? (root - rate) / curvature : INF;
-}
-
-/* Blocks that have come to the threshold start, those that have come to rest stop. */
-static void switch_blocks(struct fault *f, const Train *t)
-{
-    const int n = t->n;
-    for (int j = 0; j < n; j++) {
-        if (f->slips[j] && f->y[n + j] <= SAME && force(t, t->X, f->y, j) < 1.0 - t->sigma) {
-            f->slips[j] = false;
-            f->y[n + j] = 0.0;
-            f->moving--;
-        } else if (!f->slips[j] && force(t, t->X, f->y, j) >= 1.0 - SAME) {
-            if (f->moving == 0)
-                f->before = mean(f->y, n);
-            f->slips[j] = true;
-            f->moving++;
-        }
-    }
-    if (f->moving == 0) {
-        f->moment = n * (mean(f->y, n) - f->before);
-        f->avalanches += f->avalanches < INT32_MAX;
-    }
-}
-
-/* Shortens a step over H, at whose end y_end an event has passed, to the first zero of `excess`: bisection until it
-   is bracketed by values of either sign, then false position (Illinois). */
-static double locate(const Dynamics *d, const Train *t, double H, double *y_end)
-{
-    double low = 0.0, high = H, below = excess(t, 0.0, t->fault->y), above = excess(t, H, y_end), y[2 * MASSES];
-    int side = 0; /* which end has moved last */
-
-    for (int tries = 0; tries < 100 && above > 0.1 * SAME && high - low > 1e-15 / d->rate; tries++) {
-        const double false_position = high - above * (high - low) / (above - below);
-        const bool usable = below < -SAME && false_position > low && false_position < high;
-        const double middle = usable ? false_position : 0.5 * (low + high);
-        if (extrapolate(d, 0.0, t->fault->y, middle, y) == 0)
-            return 0.0;
-        const double value = excess(t, middle, y);
-        if (value > 0.0) {
-            below *= side > 0 ? 0.5 : 1.0;
-            side = 1;
-            high = middle;
-            above = value;
-            for (int i = 0; i < 2 * d->n; i++)
-                y_end[i] = y[i];
-        } else {
-            above *= side < 0 ? 0.5 : 1.0;
-            side = -1;
-            low = middle;
-            below = value;
-        }
-    }
-    return high;
-}
-
-static void pass(Train *t, double s)
-{
-    t->X = driver(t, s);
-    t->X_rate += t->X_curvature * s;
-}
-
-static bool step(Model *m, double h)
-{
-    struct fault *const f = &m->memory;
-    if (!f->ready)
-        lay(m, f);
-    f->ready = true;
-    Train t = train_of(m);
-    const double rate = 1.0 + sqrt(1.0 + 4.0 * t.coupling) + 2.0 * t.alpha;
-    const double tolerance = m->run.tolerance > 0.0 ? m->run.tolerance : CHAIN_TOLERANCE;
-    double y[2 * MASSES], H = m->run.inner_step > 0.0 ? m->run.inner_step : 0.1 / rate, left = 10.0 * MOST_WORK;
-    const Dynamics d = {accelerations, &t, t.n, rate, tolerance, &left};
-
-    double s = 0.0;
-    while (s < h) {
-        left -= t.n; /* forces between the steps; one on a block takes 4 ns */
-        if (f->moving == 0) {
-            const double largest = largest_force(&t, t.X, f->y),
-                         rest = time_at_rest(1.0 - largest, t.X_rate, t.X_curvature);
-            if (!(rest < h - s)) {
-                pass(&t, h - s);
-                break;
-            }
-            pass(&t, rest);
-            s += rest;
-            t.X += fmax(1.0 - largest_force(&t, t.X, f->y), 0.0); /* rounding */
-            switch_blocks(f, &t);
-            H = fmin(H, 0.1 / rate);
-        }
-        const double taken = fmin(fmin(H, 1.0 / rate), h - s);
-        const int columns = extrapolate(&d, 0.0, f->y, taken, y);
-        double done = columns > 0 ? taken : 0.0;
-        const bool event = columns > 0 && excess(&t, taken, y) > SAME;
-        if (event)
-            done = locate(&d, &t, taken, y);
-        if (done > 0.0) {
-            for (int i = 0; i < 2 * t.n; i++)
-                f->y[i] = y[i];
-            pass(&t, done);
-            s = done < h - s ? s + done : h;
-        }
-        if (event && done > 0.0)
-            switch_blocks(f, &t);
-        else {
-            const double next = next_step(taken, columns);
-            H = taken < H && columns > 0 ? fmax(H, next) : next;
-        }
-        if (!goes_on(&d, H))
-            return left < 0.0 ? too_much(m) : false;
-    }
-    m->run.inner_step = H;
-    m->X = t.X;
-    f->time = m->time + h;
-    return true;
-}
+#include "BurridgeKnopoff_ramp.h"

@@ -25,6 +25,7 @@
 #define MODEL    Coulomb
 #define SUMMARY  "Coulomb friction, at rest decided by the external force"
 #define SOURCE   "Coulomb 1785; Olsson and others, European Journal of Control 4(3), 1998"
+#define STATUS   "equations of Olsson et al. 1998, section on static models"
 #define FEATURES "needs force"
 
 /* clang-format off */

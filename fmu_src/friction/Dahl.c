@@ -2,9 +2,8 @@
    It depends on the path only, not on how fast the path is gone.
 
    Dahl: A solid friction model, The Aerospace Corporation TOR-158(3107-18), 1968, and: Solid friction damping of
-   mechanical vibrations, AIAA Journal 14(12), 1976. From memory of the papers, checked against Olsson, Astrom,
-   Canudas de Wit, Gaefvert, Lischinsky: Friction models and friction compensation, European Journal of Control 4,
-   1998.
+   mechanical vibrations, AIAA Journal 14(12), 1976. See also Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky:
+   Friction models and friction compensation, European Journal of Control 4, 1998.
 
        dz/dx = |w|^n sgn(w),   w = 1 - sgn(v) sigma z / Fc,   F = sigma z
        F     = (sigma z) Fn/Fn0 with a normal force
@@ -40,6 +39,7 @@
 #define MODEL    Dahl
 #define SUMMARY  "Dahl friction, rate-independent presliding hysteresis"
 #define SOURCE   "Dahl, The Aerospace Corporation TOR-158(3107-18), 1968; AIAA Journal 14(12), 1976"
+#define STATUS   "equations from memory of the papers, checked against Olsson et al. 1998"
 #define FEATURES "presliding"
 
 /* clang-format off */

@@ -26,6 +26,7 @@
 #define MODEL    DeadZoneTorque
 #define SUMMARY  "Coulomb and viscous friction with a dead zone of torque at rest (interpretation)"
 #define SOURCE   "Interpretation of a description without an identified source"
+#define STATUS   "equations of our own, from a description"
 #define FEATURES "rate dependent, needs force"
 
 /* clang-format off */

@@ -1,9 +1,9 @@
 /* Frenkel-Kontorova chain: atoms on springs over a periodic substrate, driven by a force. Whether it is pinned
    depends on how its period fits that of the substrate.
 
-   Frenkel, Kontorova: Physikalische Zeitschrift der Sowjetunion 13, 1938; from memory of the reviews, as in Braun,
-   Kivshar: The Frenkel-Kontorova Model, Springer 2004. Scaled by the mass, the stiffness of the springs and the period
-   of the substrate, so all quantities are pure numbers and a unit of time is one second of simulation.
+   Frenkel, Kontorova: Physikalische Zeitschrift der Sowjetunion 13, 1938; as reviewed in Braun, Kivshar: The
+   Frenkel-Kontorova Model, Springer 2004. Scaled by the mass, the stiffness of the springs and the period of the
+   substrate, so all quantities are pure numbers and a unit of time is one second of simulation.
 
        x_j'' = x_j+1 - 2 x_j + x_j-1 - (K / 2 pi) sin(2 pi x_j)
                + F_drive - damping x_j'
@@ -41,6 +41,7 @@
 #define MODEL    FrenkelKontorova
 #define SUMMARY  "Frenkel-Kontorova chain of atoms over a periodic substrate, driven by a force"
 #define SOURCE   "Frenkel, Kontorova, Physikalische Zeitschrift der Sowjetunion 13, 1938"
+#define STATUS   "equations from memory of reviews"
 #define FEATURES "presliding, drift-free, rate dependent, needs force, mass inside"
 
 /* clang-format off */

@@ -1,9 +1,9 @@
 /* Frenkel-Kontorova-Tomlinson chain: atoms on springs over a periodic substrate, each also tied to a slider that is
    moved. The friction of two surfaces, between the Frenkel-Kontorova and the Prandtl-Tomlinson model.
 
-   Weiss, Elmer: Dry friction in the Frenkel-Kontorova-Tomlinson model: static properties, Physical Review B 53, 1996;
-   equations from memory of the paper. Scaled by the mass, the stiffness of the springs and the period of the
-   substrate, so all quantities are pure numbers and a unit of time is one second of simulation.
+   Weiss, Elmer: Dry friction in the Frenkel-Kontorova-Tomlinson model: static properties, Physical Review B 53, 1996.
+   Scaled by the mass, the stiffness of the springs and the period of the substrate, so all quantities are pure numbers
+   and a unit of time is one second of simulation.
 
        x_j'' = k (x_j+1 - 2 x_j + x_j-1) - (K / 2 pi) sin(2 pi x_j)
                + kappa (X + j c - x_j) - damping x_j'
@@ -36,6 +36,7 @@
 #define MODEL    FrenkelKontorovaTomlinson
 #define SUMMARY  "Frenkel-Kontorova-Tomlinson chain: atoms over a periodic substrate, tied to a slider"
 #define SOURCE   "Weiss, Elmer, Physical Review B 53, 1996"
+#define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free, rate dependent, mass inside"
 
 /* clang-format off */

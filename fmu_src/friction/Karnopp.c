@@ -1,7 +1,7 @@
 /* Karnopp's friction: below the velocity DV the body counts as at rest, and friction is what balances it.
 
-   Karnopp: Journal of Dynamic Systems, Measurement, and Control 107(1), 1985, from memory of the paper. Written as a
-   force for a mass that is integrated elsewhere; KarnoppMass has the mass inside.
+   Karnopp: Journal of Dynamic Systems, Measurement, and Control 107(1), 1985. Written as a force for a mass that is
+   integrated elsewhere; KarnoppMass has the mass inside.
 
        |v| <  DV:  F = F_ext, at most load Fs in size;  v_reported = 0
        |v| >= DV:  F = load Fc sign(v) + Fv v;          v_reported = v
@@ -25,6 +25,7 @@
 #define MODEL    Karnopp
 #define SUMMARY  "Karnopp's dead band of velocity, as a force"
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
+#define STATUS   "equations from memory of the paper"
 #define FEATURES "rate dependent, needs force"
 
 /* clang-format off */

@@ -2,7 +2,7 @@
    and a deflection that relaxes to the Stribeck curve.
 
    Swevers, Al-Bender, Ganseman, Prajogo: An integrated friction model structure with improved presliding behavior for
-   accurate friction compensation, IEEE TAC 45(4), 2000 (from memory of the paper, no equation numbers).
+   accurate friction compensation, IEEE TAC 45(4), 2000.
 
        S(v)  = sgn(v) (Fc + (Fs - Fc) exp(-|v/vs|^delta))
        Fh    = Fb + Fd(z),   Fd(z) = A (1 - exp(-|z|/zc)) sgn z
@@ -44,6 +44,7 @@
 #define MODEL    Leuven
 #define SUMMARY  "Leuven integrated friction model with two stacks of reversal points"
 #define SOURCE   "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
+#define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, Stribeck, lag, rate dependent"
 
 /* clang-format off */

@@ -30,6 +30,7 @@
 #define MODEL    LuGre
 #define SUMMARY  "LuGre bristle friction with Stribeck effect"
 #define SOURCE   "Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995"
+#define STATUS   "equations (2), (3) and (5) of the paper; (30) of Olsson et al. 1998 for sigma1(v)"
 #define FEATURES "presliding, Stribeck, lag, rate dependent"
 
 /* clang-format off */

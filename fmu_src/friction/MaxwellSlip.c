@@ -1,9 +1,8 @@
 /* Maxwell slip: elastic, perfectly plastic elements side by side. Hysteresis in the position with memory of all
    reversal points that still matter, and no dependence on rate.
 
-   Iwan: A distributed-element model for hysteresis and its steady-state dynamic response, Journal of Applied
-   Mechanics 33(4), 1966 (from memory of the paper, no equation numbers); also known from Lazan: Damping of Materials
-   and Members, 1968.
+   Iwan: A distributed-element model for hysteresis and its steady-state dynamic response, Journal of Applied Mechanics
+   33(4), 1966; also known from Lazan: Damping of Materials and Members, 1968.
 
        dFi/dt = 0 if |Fi| = Wi and Fi v > 0, else ki v,   i = 1 ... N
        F      = (F1 + ... + FN) max(Fn, 0) / Fn0
@@ -32,6 +31,7 @@
 #define MODEL    MaxwellSlip
 #define SUMMARY  "Maxwell slip: N elastic, perfectly plastic elements in parallel"
 #define SOURCE   "Iwan, Journal of Applied Mechanics 33(4), 1966"
+#define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free"
 
 /* clang-format off */

@@ -1,8 +1,7 @@
 /* Modified Leuven model: a deflection z that relaxes to the Stribeck level of its hysteresis force, which Maxwell
    slip elements give. Presliding hysteresis with nonlocal memory, continuous where Leuven's force jumps.
 
-   Lampaert, Swevers, Al-Bender: Modification of the Leuven integrated friction model structure, IEEE TAC 47(4), 2002
-   (from memory of the paper, no equation numbers).
+   Lampaert, Swevers, Al-Bender: Modification of the Leuven integrated friction model structure, IEEE TAC 47(4), 2002.
 
        S(v)  = sgn(v) (Fc + (Fs - Fc) exp(-|v/vs|^delta))
        Fh    = F1 + ... + FN
@@ -37,6 +36,7 @@
 #define MODEL    ModifiedLeuven
 #define SUMMARY  "Modified Leuven model: Maxwell slip hysteresis that relaxes to the Stribeck curve"
 #define SOURCE   "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
+#define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, Stribeck, lag, rate dependent"
 
 /* clang-format off */

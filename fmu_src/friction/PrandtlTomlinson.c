@@ -3,7 +3,7 @@
 
    Prandtl: Ein Gedankenmodell zur kinetischen Theorie der festen Koerper, ZAMM 8, 1928; Tomlinson: A molecular theory
    of friction, Philosophical Magazine 7, 1929; with temperature as in Sang, Dube, Grant, Physical Review Letters 87,
-   2001; all from memory of reviews.
+   2001.
 
        m x'' + m damping x' = k (X - x) - (pi E0 / a) sin(2 pi x / a) + R
        F   = k (X - x),   dX/dt = v
@@ -55,6 +55,7 @@
 #define MODEL    PrandtlTomlinson
 #define SUMMARY  "Prandtl-Tomlinson model of a tip over a periodic potential, with temperature"
 #define SOURCE   "Prandtl, ZAMM 8, 1928; Tomlinson, Philosophical Magazine 7, 1929"
+#define STATUS   "equations from memory of reviews"
 #define FEATURES "presliding, drift-free, rate dependent, mass inside, random"
 
 /* clang-format off */
@@ -90,9 +91,9 @@ struct noise {
 };
 
 #include "block.h"
+#include "constants.h"
 #include "random.h"
 
-#define PI             3.141592653589793
 #define TIP_TOLERANCE  1e-12
 #define WORK_OF_A_STEP 10 /* of the solver */
 
@@ -132,120 +133,13 @@ static void equations(Model *model)
     GIVEN(model)
     const Motion motion = motion_of(model);
     const double number = model->memory.drawn ? model->memory.number : drawn_for(seed, 0);
-    model->eta = 2.0 * PI * PI * E0 / (k * a * a);
+    model->eta = TWO_PI * PI * E0 / (k * a * a);
     model->R = m / dt * thermal_velocity(model) * number;
     model->F = k * (X - x);
     model->der_X = v;
     model->der_x = motion.pace * w;
     model->der_w =
-        motion.pace * (model->F - PI * E0 / a * sin(2.0 * PI * (x / a - floor(x / a + 0.5)))) / m - motion.damping * w;
+        motion.pace * (model->F - PI * E0 / a * sin(TWO_PI * (x / a - floor(x / a + 0.5)))) / m - motion.damping * w;
 }
 
-/* One Rosenbrock step of size h from s seconds after the start of the step; the largest error over its tolerance. */
-static double tip_step(const Model *model, const Motion *motion, double s, double h, const double *y, double *y_new,
-                       double rate, double tolerance)
-{
-    GIVEN(model)
-    const double pace = motion->pace, slope = model->slope[INPUT_v];
-    const double shift = floor(y[0] / a + 0.5) * a, from = X - shift;
-    const double curvature = -(k + 2.0 * PI * PI * E0 / (a * a) * cos(2.0 * PI * (y[0] - shift) / a)) / m; /* df/dx */
-    const double f_t = pace * k * (v + slope * s) / m, g = 1.0 / (rodas_gamma * h), damped = g + motion->damping,
-                 determinant = g * damped - pace * pace * curvature;
-    double u[STAGES][2];
-
-    for (int stage = 0; stage < STAGES; stage++) {
-        double dx = 0.0, dw = 0.0;
-        for (int j = 0; j < stage; j++) {
-            dx += rodas_a[stage][j] * u[j][0];
-            dw += rodas_a[stage][j] * u[j][1];
-        }
-        y_new[0] = y[0] + dx;
-        y_new[1] = y[1] + dw;
-        const double at = s + rodas_alpha[stage] * h, x_at = (y[0] - shift) + dx;
-        const double driver = from + at * (v + 0.5 * slope * at);
-        double right[2] = {pace * y_new[1], pace * (k * (driver - x_at) - PI * E0 / a * sin(2.0 * PI * x_at / a)) / m -
-                                                motion->damping * y_new[1] + rodas_d[stage] * h * f_t};
-        for (int j = 0; j < stage; j++) {
-            right[0] += rodas_c[stage][j] / h * u[j][0];
-            right[1] += rodas_c[stage][j] / h * u[j][1];
-        }
-        u[stage][0] = (damped * right[0] + pace * right[1]) / determinant;
-        u[stage][1] = (pace * curvature * right[0] + g * right[1]) / determinant;
-    }
-    y_new[0] += u[STAGES - 1][0];
-    y_new[1] += u[STAGES - 1][1];
-    const double error = fmax(fabs(u[STAGES - 1][0]), fabs(u[STAGES - 1][1]) / rate) / (tolerance * a);
-    return isfinite(error) && isfinite(y_new[0]) && isfinite(y_new[1]) ? error : -1.0;
-}
-
-/* The tip from s to `end`, in no more than the inner steps that are left. */
-static bool move_tip(Model *model, double s, double end, double *y, long *left)
-{
-    GIVEN(model)
-    const Motion motion = motion_of(model);
-    const double rate = sqrt((k + 2.0 * PI * PI * E0 / (a * a)) / m) + 1e-3 * motion.damping;
-    const double tolerance = model->run.tolerance > 0.0 ? model->run.tolerance : TIP_TOLERANCE;
-    double step_size = model->run.inner_step > 0.0 ? model->run.inner_step : 0.01 / rate;
-
-    while (s < end) {
-        const bool last = s + 1.01 * step_size >= end;
-        const double taken = last ? end - s : step_size;
-        double y_new[2];
-        const double error = tip_step(model, &motion, s, taken, y, y_new, rate, tolerance);
-        const double factor = error < 0.0 ? 0.2 : clip(0.9 * pow(fmax(error, 1e-12), -0.25), 0.2, 6.0);
-        if (error >= 0.0 && error <= 1.0) {
-            s = last ? end : s + taken;
-            y[0] = y_new[0];
-            y[1] = y_new[1];
-            step_size = last ? fmax(step_size, taken * factor) : taken * factor;
-        } else
-            step_size = taken * fmin(factor, 0.9);
-        if (--*left < 0)
-            return too_much(model);
-        if (!(step_size * rate > 1e-12))
-            return false;
-    }
-    model->run.inner_step = step_size;
-    return true;
-}
-
-/* From one kick to the next. */
-static bool warm_step(Model *model, double h, double *y, long *left)
-{
-    GIVEN(model)
-    struct noise *const noise = &model->memory;
-    const double since = model->time - model->run.start, kept = exp(-damping * dt), kick = thermal_velocity(model);
-    if (!(fabs(since / dt) < 1e15)) /* the intervals can no longer be told from each other */
-        return false;
-    if (!(h / dt < (double)*left))
-        return too_much(model);
-    for (double s = 0.0; s < h;) {
-        const double interval = floor((since + s) / dt + 1e-6);
-        double end = fmin((interval + 1.0) * dt - since, h);
-        if (h - end < 1e-6 * dt)
-            end = h;
-        if (!noise->drawn || noise->interval != (int64_t)interval) {
-            noise->number = drawn_for(seed, (int64_t)interval);
-            y[1] = kept * y[1] + kick * noise->number;
-        }
-        noise->interval = (int64_t)interval;
-        noise->drawn = true;
-        if (!move_tip(model, s, end, y, left))
-            return false;
-        s = end;
-    }
-    return true;
-}
-
-static bool step(Model *model, double h)
-{
-    double y[2] = {model->x, model->w};
-    long left = (long)(MOST_WORK / WORK_OF_A_STEP);
-
-    if (!(model->kT == 0.0 ? move_tip(model, 0.0, h, y, &left) : warm_step(model, h, y, &left)))
-        return false;
-    model->x = y[0];
-    model->w = y[1];
-    model->X += h * (model->v + 0.5 * h * model->slope[INPUT_v]);
-    return true;
-}
+#include "PrandtlTomlinson_ramp.h"

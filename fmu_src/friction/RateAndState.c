@@ -3,8 +3,7 @@
 
    Dieterich: Modeling of rock friction 1, Journal of Geophysical Research 84(B5), 1979; Ruina: Slip instability and
    state variable friction laws, Journal of Geophysical Research 88(B12), 1983. The form that is regular at v = 0 is
-   that of Rice and Ben-Zion, PNAS 93, 1996 (from memory of these papers). Start values: usual ones of rock, with
-   sigma_n as a force.
+   that of Rice and Ben-Zion, PNAS 93, 1996. Start values: usual ones of rock, with sigma_n as a force.
 
        mu = a asinh( v/(2 V0) exp((mu0 + b ln(V0 theta/Dc))/a) )
        F  = load sigma_n mu,   load = max(Fn, 0)/Fn0
@@ -43,6 +42,7 @@
 #define MODEL    RateAndState
 #define SUMMARY  "Rate-and-state friction, aging or slip law, regular at rest"
 #define SOURCE   "Dieterich, J. Geophysical Research 84(B5), 1979; Ruina, J. Geophysical Research 88(B12), 1983"
+#define STATUS   "equations from memory of the papers"
 #define FEATURES "lag, dwell, rate dependent"
 
 /* clang-format off */
@@ -66,7 +66,9 @@
 #define STEPS_BY step
 
 #include "block.h"
+#include "constants.h"
 #include "load.h"
+#include "ramp.h"
 
 /* An age that is not positive is no state of the contact; it counts as newborn. */
 static double age_of(double theta) { return fmax(theta, DBL_MIN); }
@@ -104,11 +106,11 @@ static double speed_at(const Course *c, double r, double s) { return sqrt(square
    are smooth inside, also with the logarithm of a speed that vanishes at an end. */
 static double worn(const Course *c, double Dc, bool law)
 {
-    const double pi = 3.14159265358979324, width = 1.0 / 20.0;
+    const double width = 1.0 / 20.0;
     double sum = 0.0;
     for (int k = -72; k <= 72; k++) {
-        const double x = k * width, e = exp(pi * sinh(x)), r = e / (1.0 + e), s = 1.0 / (1.0 + e);
-        const double weight = width * pi * cosh(x) * r * s;
+        const double x = k * width, e = exp(PI * sinh(x)), r = e / (1.0 + e), s = 1.0 / (1.0 + e);
+        const double weight = width * PI * cosh(x) * r * s;
         if (law)
             sum += weight * c->span * exp(-c->span * r) * log(Dc / speed_at(c, r, s));
         else {
@@ -142,7 +144,7 @@ static bool step(Model *m, double h)
     Course c = {last, first, part * x, h};
     if (part < 1.0) {
         c.first = speed_at(&(Course){last, first, x, h}, part, 1.0 - part);
-        c.time = 2.0 * c.span * Dc / (c.last + c.first);
+        c.time = time_between(c.span * Dc, c.last, c.first);
     }
     if (!law)
         m->theta = theta * exp(-x) + worn(&c, Dc, law);

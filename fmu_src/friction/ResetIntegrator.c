@@ -2,8 +2,8 @@
    stuck it is stiffer by a, which makes static friction, and damped by beta.
 
    Haessig, Friedland: On the modeling and simulation of friction, ASME Journal of Dynamic Systems, Measurement, and
-   Control 113(3), 1991; from memory of the paper, in the form of equations (13) and (14) of Olsson, Astrom, Canudas
-   de Wit, Gaefvert, Lischinsky: Friction models and friction compensation, European Journal of Control 4, 1998.
+   Control 113(3), 1991; in the form of equations (13) and (14) of Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky:
+   Friction models and friction compensation, European Journal of Control 4, 1998.
 
        dz/dt = 0  if v > 0 and z >= z0, or v < 0 and z <= -z0,  else v
        F     = ((1 + a(z)) sigma0 z + beta dz/dt) Fn/Fn0
@@ -27,6 +27,7 @@
 #define MODEL    ResetIntegrator
 #define SUMMARY  "Reset-integrator friction: a spring with a stop, stiffer while stuck"
 #define SOURCE   "Haessig, Friedland, ASME J. Dynamic Systems, Measurement, and Control 113(3), 1991"
+#define STATUS   "equations from memory of the paper, in the form of (13) and (14) of Olsson et al. 1998"
 #define FEATURES "presliding, drift-free, rate dependent"
 
 /* clang-format off */

@@ -25,6 +25,7 @@
 #define MODEL    Stiction
 #define SUMMARY  "Stiction, Coulomb and viscous friction"
 #define SOURCE   "Morin 1833; Olsson and others, European Journal of Control 4(3), 1998, eq. (4)"
+#define STATUS   "equation (4) of Olsson et al. 1998, and the ones before it"
 #define FEATURES "rate dependent, needs force"
 
 /* clang-format off */
@@ -49,5 +50,5 @@ static void equations(Model *m)
     const double load = load_of(Fn, Fn0);
 
     m->stuck = v == 0.0 && fabs(F_ext) <= load * Fs ? 1.0 : 0.0;
-    m->F = v == 0.0 ? clip(F_ext, -load * Fs, load * Fs) : sign(v) * load * Fc + Fv * v;
+    m->F = v == 0.0 ? clip(F_ext, -load * Fs, load * Fs) /* (4) */ : sign(v) * load * Fc + Fv * v;
 }

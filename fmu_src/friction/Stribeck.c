@@ -35,6 +35,7 @@
 #define MODEL    Stribeck
 #define SUMMARY  "Coulomb, viscous and Stribeck friction"
 #define SOURCE   "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
+#define STATUS   "equation (4) of Olsson et al. 1998 for the force at rest"
 #define FEATURES "Stribeck, rate dependent, needs force"
 
 /* clang-format off */
@@ -81,5 +82,5 @@ static void equations(Model *m)
     const double viscous = asymmetric && v < 0.0 ? Fv_neg : Fv;
 
     m->stuck = v == 0.0 && F_ext >= low && F_ext <= high ? 1.0 : 0.0;
-    m->F = v == 0.0 ? clip(F_ext, low, high) : sign(v) * load * level(m) + viscous * v + offset;
+    m->F = v == 0.0 ? clip(F_ext, low, high) /* (4) */ : sign(v) * load * level(m) + viscous * v + offset;
 }

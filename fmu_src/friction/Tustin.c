@@ -1,8 +1,7 @@
 /* Tustin's friction: stiction that falls off exponentially with speed to Coulomb friction, and viscous friction.
 
-   Tustin: Journal of the Institution of Electrical Engineers 94(2A), 1947, from memory of the paper. The force at
-   rest is equation (4) of Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4(3),
-   1998.
+   Tustin: Journal of the Institution of Electrical Engineers 94(2A), 1947. The force at rest is equation (4) of Olsson,
+   Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4(3), 1998.
 
        v != 0:  F = load g(v) sign(v) + Fv v
        v  = 0:  F = F_ext, at most load Fs in size
@@ -28,6 +27,7 @@
 #define MODEL    Tustin
 #define SUMMARY  "Exponential decay from static to Coulomb friction, and viscous friction"
 #define SOURCE   "Tustin, Journal of the IEE 94(2A), 1947"
+#define STATUS   "equations from memory of the paper; (4) of Olsson et al. 1998 for the force at rest"
 #define FEATURES "Stribeck, rate dependent, needs force"
 
 /* clang-format off */
@@ -54,5 +54,6 @@ static void equations(Model *m)
     const double load = load_of(Fn, Fn0);
 
     m->stuck = v == 0.0 && fabs(F_ext) <= load * Fs ? 1.0 : 0.0;
-    m->F = v == 0.0 ? clip(F_ext, -load * Fs, load * Fs) : sign(v) * load * stribeck(v, Fc, Fs, vs, 1.0) + Fv * v;
+    m->F = v == 0.0 ? clip(F_ext, -load * Fs, load * Fs) /* (4) */
+                    : sign(v) * load * stribeck(v, Fc, Fs, vs, 1.0) + Fv * v;
 }

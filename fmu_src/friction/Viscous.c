@@ -24,6 +24,7 @@
 #define MODEL    Viscous
 #define SUMMARY  "Viscous friction, linear or a power of the velocity"
 #define SOURCE   "Reynolds 1886; Olsson and others, European Journal of Control 4(3), 1998"
+#define STATUS   "equation (3) of Olsson et al. 1998 for the power"
 #define FEATURES "rate dependent"
 
 /* clang-format off */
@@ -41,5 +42,5 @@ static void equations(Model *m)
     GIVEN(m)
     const double speed = fabs(v);
     const double power = delta_v == 1.0 ? speed : delta_v == 2.0 ? speed * speed : pow(speed, delta_v);
-    m->F = sign(v) * Fv * power;
+    m->F = sign(v) * Fv * power; /* (3) */
 }

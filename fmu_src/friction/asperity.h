@@ -1,5 +1,5 @@
-/* The pieces of GenericAsperity.c that know nothing of the block: the first zero of a function, the motion of
-   the slider, slip on a sinusoidal profile, a damped oscillator. */
+/* The pieces of GenericAsperity.c that know nothing of the block: the motion of the slider, slip on a
+   sinusoidal profile. */
 
 #ifndef ASPERITY_H
 #define ASPERITY_H
@@ -7,32 +7,9 @@
 #include <math.h>
 #include <stdbool.h>
 
-/* A function at a place, and an upper bound of its second derivative from there on. */
-typedef struct {
-    double value, slope, bend;
-} Taylor;
-
-/* The first x in [0, end) with f(x) >= 0, INFINITY if there is none. Each step goes to where the parabola
-   f + f' s + bend s^2/2, which lies above f, reaches zero: it never passes a zero, and converges quadratically. Each
-   step takes one off `left`. */
-static inline double first_zero(Taylor (*f)(const void *data, double x), const void *data, double end, double *left)
-{
-    double x = 0.0;
-    for (int i = 0; i < 1000; i++) {
-        const Taylor at = f(data, x);
-        *left -= 1.0;
-        if (at.value >= 0.0)
-            return x;
-        const double root = sqrt(at.slope * at.slope - 2.0 * at.bend * at.value);
-        const double s = at.slope > 0.0 ? -2.0 * at.value / (at.slope + root) : (root - at.slope) / at.bend;
-        if (!(x + s < end))
-            return INFINITY;
-        if (s <= 1e-15 * x)
-            return x;
-        x += s;
-    }
-    return x;
-}
+#include "constants.h"
+#include "ramp.h"
+#include "roots.h"
 
 /* How the slider moves on from now: b += v t + a t^2/2, to one side (1, -1) or not at all (0). */
 typedef struct {
@@ -40,15 +17,15 @@ typedef struct {
     int side;
 } Course;
 
-static inline double way_in(const Course *c, double t) { return (c->v + 0.5 * c->a * t) * t; }
+static inline double way_in(const Course *c, double t) { return path_after(c->v, c->a, t); }
 
 /* The time in which the slider moves by `way` (to its side); INFINITY if it does not within the rest. */
 static inline double time_for(const Course *c, double way)
 {
     if (way * c->side <= 0.0)
         return 0.0;
-    const double square_of_speed = c->v * c->v + 2.0 * c->a * way;
-    const double t = square_of_speed < 0.0 ? INFINITY : 2.0 * way / (c->v + c->side * sqrt(square_of_speed));
+    const double squared = squared_speed_after(way, c->v, c->a);
+    const double t = squared < 0.0 ? INFINITY : time_between(way, c->v, c->side * sqrt(squared));
     return t < c->rest ? t : INFINITY;
 }
 
@@ -106,8 +83,8 @@ static inline Taylor instability(const void *data, double x)
 /* The angle in [0, 2 pi) from one to the other. */
 static inline double turn(double from, double to)
 {
-    const double full = 6.283185307179586, angle = fmod(to - from, full);
-    return angle < 0.0 ? angle + full : angle;
+    const double angle = fmod(to - from, TWO_PI);
+    return angle < 0.0 ? angle + TWO_PI : angle;
 }
 
 /* How far it is to the side s until a tip at p meets the profile, or loses it: at cos(k p) = -h/A. */
@@ -142,7 +119,7 @@ static inline SlipEnd slip_to(const Surface *f, int s, double p, double base, bo
 {
     if (f->A == 0.0)
         return (SlipEnd){base - balanced(f, s, 0.0), base, false};
-    const double ratio = f->k_n / f->k_t, wavelength = 6.283185307179586 / f->k;
+    const double ratio = f->k_n / f->k_t, wavelength = TWO_PI / f->k;
     const double gone = to_last_contact(f, s, p), far = fmin(gone, wavelength);
     driven = driven && ratio * f->A * f->k * (f->A * f->k + f->mu0 + (f->h + f->A) * f->k) >= 1.0;
     Slip slip = {f, p, base, s};
@@ -166,25 +143,6 @@ static inline SlipEnd slip_to(const Surface *f, int s, double p, double base, bo
         if (slip.from == before || !(fabs(slip.from) < INFINITY)) /* so far away that the rounding hides the profile */
             return (SlipEnd){slip.from, base, false};
     }
-}
-
-/* d(t) and its rate, of d'' + 2 zeta omega d' + omega^2 d = a. */
-static inline void oscillate(double *d, double *rate, double omega2, double zeta, double a, double t)
-{
-    const double omega = sqrt(omega2), e = *d - a / omega2, e_rate = *rate;
-    double cosine, sine; /* both times exp(-zeta omega t); the sine over its frequency */
-    if (zeta < 1.0) {
-        const double damped = omega * sqrt((1.0 - zeta) * (1.0 + zeta)), decay = exp(-zeta * omega * t);
-        cosine = decay * cos(damped * t);
-        sine = decay * sin(damped * t) / damped;
-    } else {
-        const double split = omega * sqrt((zeta - 1.0) * (zeta + 1.0));
-        const double slow = exp(-omega2 / (zeta * omega + split) * t), fast = slow * exp(-2.0 * split * t);
-        cosine = 0.5 * (slow + fast);
-        sine = split > 0.0 ? 0.5 * (slow - fast) / split : t * slow;
-    }
-    *d = e * cosine + (e_rate + zeta * omega * e) * sine + a / omega2;
-    *rate = e_rate * cosine - (omega2 * e + zeta * omega * e_rate) * sine;
 }
 
 #endif

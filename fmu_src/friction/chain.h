@@ -10,9 +10,9 @@
 #ifndef CHAIN_H
 #define CHAIN_H
 
+#include "constants.h"
 #include "extrapolation.h"
-
-#define TWO_PI 6.283185307179586
+#include "ramp.h"
 
 struct chain {
     bool ready;           /* it has been laid out and has moved            */
@@ -58,7 +58,7 @@ static inline void pull(const void *system, double s, const double *y, double *a
     const struct surroundings *const at = (const struct surroundings *)system;
     const int n = at->n;
     const double *const u = y, *const w = y + n;
-    const double X = at->X + s * (at->X_rate + 0.5 * s * at->X_curvature), F = at->F + s * at->F_rate;
+    const double X = at->X + path_after(at->X_rate, at->X_curvature, s), F = at->F + s * at->F_rate;
 
     for (int j = 0; j < n; j++) {
         const double left = j > 0 ? u[j - 1] : at->ring ? u[n - 1] : u[j];

@@ -4,6 +4,7 @@
 #define PRESLIDING_H
 
 #include "load.h"
+#include "ramp.h"
 
 /* Bristle damping that falls with the speed if v_d > 0. Equation (30) of Olsson and others, European Journal of Control
    4, 1998. */
@@ -13,12 +14,12 @@ static inline double fading(double sigma1, double v, double v_d)
 }
 
 /* Signed distance slid in the next s seconds, at constant or linear velocity. */
-static inline double slide(const Model *m, double s) { return s * (m->v + 0.5 * s * SLOPE(v)); }
+static inline double slide(const Model *m, double s) { return path_after(m->v, SLOPE(v), s); }
 
 /* Time to slide a distance from a speed that changes by `growth` a second, and time back from the end of a slide. */
 static inline double time_to_slide(double path, double speed, double growth)
 {
-    return 2.0 * path / (speed + sqrt(fmax(square(speed) + 2.0 * growth * path, 0.0)));
+    return time_between(path, speed, sqrt(fmax(squared_speed_after(path, speed, growth), 0.0)));
 }
 static inline double time_back(double path, double speed, double growth) { return time_to_slide(path, speed, -growth); }
 

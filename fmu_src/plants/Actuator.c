@@ -64,6 +64,7 @@ struct history {
 };
 
 #include "block.h"
+#include "search.h"
 
 static bool is_history(const Model *m)
 {
@@ -90,23 +91,18 @@ static double rounding(const Model *m, double t) { return 1e-12 * (fabs(t) + m->
 
 static const struct piece *piece_of(const Model *m, int64_t i) { return &m->memory.pieces[i % LONGEST]; }
 
+static double begin_of(const void *m, int64_t i) { return piece_of((const Model *)m, i)->begin; }
+
 /* u at a time t in the past: right before it (side = -1) or from it on (side = 1), also if rounding misses a change. */
 static Line past(const Model *m, double t, double side)
 {
     const struct history *const past = &m->memory;
     const double at = t + side * rounding(m, t);
-    int64_t low = past->oldest - 1, high = past->end; /* piece `low` has begun, `high` has not */
-    while (high - low > 1) {
-        const int64_t middle = low + (high - low) / 2;
-        if (piece_of(m, middle)->begin <= at)
-            low = middle;
-        else
-            high = middle;
-    }
-    const double length = high < past->end ? piece_of(m, high)->begin - t : INF;
-    if (low < past->oldest)
+    const int64_t begun = last_not_above(begin_of, m, past->oldest - 1, past->end, at), next = begun + 1;
+    const double length = next < past->end ? piece_of(m, next)->begin - t : INF;
+    if (begun < past->oldest)
         return (Line){past->end > 0 ? past->before : m->F_lag, 0.0, length};
-    const struct piece *const now = piece_of(m, low);
+    const struct piece *const now = piece_of(m, begun);
     return (Line){now->u + now->rate * (t - now->begin), now->rate, length};
 }
 

@@ -32,18 +32,19 @@
 /* clang-format on */
 
 #include "block.h"
+#include "constants.h"
 
 enum { HARMONICS = sizeof starts_of_amplitude / sizeof starts_of_amplitude[0] };
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double two_pi = 6.283185307179586, periods = x / pitch, place = periods - floor(periods);
+    const double periods = x / pitch, place = periods - floor(periods);
 
     m->F = m->energy = 0.0;
     for (int k = 1; k <= HARMONICS; k++) {
-        const double A = amplitude[k - 1], angle = two_pi * k * place + phase[k - 1];
+        const double A = amplitude[k - 1], angle = TWO_PI * k * place + phase[k - 1];
         m->F += A * sin(angle);
-        m->energy += A * pitch / (two_pi * k) * cos(angle);
+        m->energy += A * pitch / (TWO_PI * k) * cos(angle);
     }
 }

@@ -36,6 +36,7 @@
 #define STEPS_BY step
 
 #include "block.h"
+#include "ramp.h"
 
 static void equations(Model *model)
 {
@@ -59,9 +60,9 @@ static bool step(Model *model, double h)
         (F_drive + F_load - F_friction + d * v_support) / m; /* acceleration without spring and friction */
 
     if (k == 0.0 && d == 0.0) {
-        model->x += h * (v + h * (push / 2.0 + h * jerk / 6.0));
-        model->v += h * (push + h * jerk / 2.0);
-        model->x_support += h * (v_support + h * rate[INPUT_v_support] / 2.0);
+        model->x += path_with_jerk(v, push, jerk, h);
+        model->v += path_after(push, jerk, h);
+        model->x_support += path_after(v_support, rate[INPUT_v_support], h);
         return true;
     }
     /* y = (w x, v, w x_support) with w = sqrt(k/m) makes all rates of one size. */

@@ -60,6 +60,7 @@
 
 #include "block.h"
 #include "oscillator.h"
+#include "ramp.h"
 
 static void equations(Model *m)
 {
@@ -84,8 +85,8 @@ static bool step(Model *m, double h)
 
     /* centre of mass */
     const double a = (F1 + F2) / (m1 + m2), jerk = (F1_rate + F2_rate) / (m1 + m2);
-    const double dX = h * (share1 * v1 + share2 * v2 + h * (a / 2.0 + h * jerk / 6.0));
-    const double V = share1 * v1 + share2 * v2 + h * (a + h * jerk / 2.0);
+    const double V = share1 * v1 + share2 * v2, V_end = V + path_after(a, jerk, h);
+    const double dX = path_with_jerk(V, a, jerk, h);
 
     /* stretch; mu/m1 = share2 and mu/m2 = share1 */
     double q = x1 - x2, q_dot = v1 - v2;
@@ -94,7 +95,7 @@ static bool step(Model *m, double h)
     const double dq = q - (x1 - x2);
     m->x1 += dX + share2 * dq;
     m->x2 += dX - share1 * dq;
-    m->v1 = V + share2 * q_dot;
-    m->v2 = V - share1 * q_dot;
+    m->v1 = V_end + share2 * q_dot;
+    m->v2 = V_end - share1 * q_dot;
     return true;
 }

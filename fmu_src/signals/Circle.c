@@ -52,6 +52,7 @@
 /* clang-format on */
 
 #include "block.h"
+#include "constants.h"
 
 typedef struct {
     double p, v, a; /* path and its derivatives */
@@ -85,12 +86,12 @@ static Motion along(double V, double T, double L, double s)
 }
 
 /* The quadrant in which an angle lies, 0 for the first one. */
-static double quadrant(double a) { return floor(a / 1.5707963267948966); }
+static double quadrant(double a) { return floor(a / HALF_PI); }
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double L = turns > 0.0 ? 6.283185307179586 * radius * turns : INF;
+    const double L = turns > 0.0 ? TWO_PI * radius * turns : INF;
     const double V = t_ramp > 0.0 ? fmin(feed, L / t_ramp) : feed;
     const Motion now = along(V, t_ramp, L, m->time - t_start);
     const double way = clockwise ? -1.0 : 1.0;

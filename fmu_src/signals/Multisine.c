@@ -57,9 +57,8 @@ struct plan {
 };
 
 #include "block.h"
+#include "constants.h"
 #include "random.h"
-
-#define TWO_PI 6.283185307179586
 
 typedef struct {
     double s, ds, dds; /* a sum of sines and its derivatives over the phase of the first harmonic */

@@ -25,12 +25,19 @@
 /* clang-format on */
 
 #include "block.h"
+#include "search.h"
 
 /* static const double series[][4] = { { t, r, rd, rdd }, ... } */
 #include "series.h"
 
 enum { SAMPLES = sizeof series / sizeof series[0], LAST = SAMPLES - 1 };
 typedef char series_has_two_rows[SAMPLES >= 2 ? 1 : -1];
+
+static double time_of(const void *table, int64_t i)
+{
+    (void)table;
+    return series[i][0];
+}
 
 /* The i with t_i <= t < t_(i+1), and i < LAST. */
 static size_t interval_of(double t)
@@ -47,14 +54,7 @@ static size_t interval_of(double t)
         }
         low = i;
     }
-    while (high - low > 1) {
-        const size_t middle = low + (high - low) / 2;
-        if (t < series[middle][0])
-            high = middle;
-        else
-            low = middle;
-    }
-    return low;
+    return (size_t)last_not_above(time_of, NULL, (int64_t)low, (int64_t)high, t);
 }
 
 /* The share of row b at time t between the rows a and b; a row that is missed by rounding counts as met. */

@@ -25,18 +25,17 @@
 /* clang-format on */
 
 #include "block.h"
+#include "constants.h"
 
 enum { SINES = sizeof starts_of_amplitude / sizeof starts_of_amplitude[0] };
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double two_pi = 6.283185307179586;
-
     m->r = offset;
     m->rd = m->rdd = 0.0;
     for (int k = 0; k < SINES; k++) {
-        const double w = two_pi * frequency[k], angle = w * m->time + phase[k];
+        const double w = TWO_PI * frequency[k], angle = w * m->time + phase[k];
         m->r += amplitude[k] * sin(angle);
         m->rd += amplitude[k] * w * cos(angle);
         m->rdd -= amplitude[k] * w * w * sin(angle);

@@ -54,7 +54,7 @@ def _choice(block: Block, leads: list[Paragraph]) -> Table:
     if block.features:
         grid.add_row("Features", Text("\n".join(f"{name}: {FEATURES[name]}" for name in block.features)))
     cite = f"\nBibTeX: friction-fmus cite {block.name}" if block.bibtex else ""
-    grid.add_row("Source", Text(block.source + cite))
+    grid.add_row("Source", Text(block.origin + cite))
     return grid
 
 

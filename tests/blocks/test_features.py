@@ -16,6 +16,12 @@ LEGS = (2.1e-5, -3.17e-5, 1.23e-5, -0.53e-5, 2.07e-4)
 """[m] a path with inner loops, from presliding into sliding"""
 
 
+@pytest.mark.parametrize("block", [b for b in catalogue().values() if b.kind == "friction"], ids=lambda b: b.name)
+def test_says_where_its_equations_were_taken_from(block: Block) -> None:
+    assert block.status.startswith(("equations ", "equation ("))
+    assert "from memory" not in block.notes
+
+
 def forces_along_the_path(fmu: Path, speed: float) -> np.ndarray:
     """F [N] at ten places on each leg, which is gone at a constant speed [m/s]."""
     found = []

@@ -4,6 +4,9 @@
 #ifndef RANDOM_H
 #define RANDOM_H
 
+#include "constants.h"
+#include "splitmix.h"
+
 typedef struct {
     uint64_t s[4];
 } Random;
@@ -12,12 +15,8 @@ static inline uint64_t rotate_left(uint64_t a, int bits) { return a << bits | a 
 
 static inline void seed_random(Random *random, uint64_t seed)
 {
-    for (int i = 0; i < 4; i++) {
-        uint64_t a = seed += UINT64_C(0x9e3779b97f4a7c15);
-        a = (a ^ a >> 30) * UINT64_C(0xbf58476d1ce4e5b9);
-        a = (a ^ a >> 27) * UINT64_C(0x94d049bb133111eb);
-        random->s[i] = a ^ a >> 31;
-    }
+    for (int i = 0; i < 4; i++)
+        random->s[i] = scramble(seed += GOLDEN);
 }
 
 /* Uniform in [0, 1), a multiple of 2^-53. */
@@ -38,7 +37,7 @@ static inline double uniform(Random *random)
 static inline double normal(Random *random)
 {
     const double radius = sqrt(-2.0 * log(1.0 - uniform(random)));
-    return radius * cos(6.283185307179586 * uniform(random));
+    return radius * cos(TWO_PI * uniform(random));
 }
 
 #endif

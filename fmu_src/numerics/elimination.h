@@ -1,0 +1,45 @@
+/* Systems of linear equations. */
+
+#ifndef ELIMINATION_H
+#define ELIMINATION_H
+
+#include <math.h>
+#include <stdbool.h>
+
+/* Solves the n by n system a x = b in place by elimination with row exchanges; false if a is singular. */
+static inline bool solve_linear(int n, double *a, double *b, int columns)
+{
+    for (int k = 0; k < n; k++) {
+        int pivot = k;
+        for (int i = k + 1; i < n; i++)
+            if (fabs(a[i * n + k]) > fabs(a[pivot * n + k]))
+                pivot = i;
+        if (a[pivot * n + k] == 0.0 || !isfinite(a[pivot * n + k]))
+            return false;
+        for (int j = 0; j < n; j++) {
+            const double swap = a[k * n + j];
+            a[k * n + j] = a[pivot * n + j];
+            a[pivot * n + j] = swap;
+        }
+        for (int j = 0; j < columns; j++) {
+            const double swap = b[k * columns + j];
+            b[k * columns + j] = b[pivot * columns + j];
+            b[pivot * columns + j] = swap;
+        }
+        for (int i = 0; i < n; i++) {
+            if (i == k)
+                continue;
+            const double factor = a[i * n + k] / a[k * n + k];
+            for (int j = k; j < n; j++)
+                a[i * n + j] -= factor * a[k * n + j];
+            for (int j = 0; j < columns; j++)
+                b[i * columns + j] -= factor * b[k * columns + j];
+        }
+    }
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < columns; j++)
+            b[i * columns + j] /= a[i * n + i];
+    return true;
+}
+
+#endif
