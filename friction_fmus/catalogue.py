@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+from friction_fmus.blocks.about import About, about_c_block
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.law_block import block_source
 from friction_fmus.law_files import discover_laws
@@ -55,6 +56,8 @@ class Block:
         What the friction model shows, of `FEATURES`.
     bibtex : tuple of str
         BibTeX entries of its sources.
+    about : About
+        What else its file says of it.
     """
 
     name: str
@@ -66,6 +69,7 @@ class Block:
     code: str
     features: tuple[str, ...] = ()
     bibtex: tuple[str, ...] = ()
+    about: About = field(default_factory=About)
 
 
 def source_folder() -> Path:
@@ -113,12 +117,20 @@ def read_c_block(path: Path, kind: str) -> Block:
         raise FrictionError(f"{path} names the feature {unknown.pop()!r}; known are {', '.join(FEATURES)}")
     found = re.findall(r"/\*\s*(@\w+\{.*?\})\s*\*/", code, re.S)
     entries = tuple("\n  ".join(line.strip() for line in entry.splitlines()) for entry in found)
-    return Block(name.group(1), kind, text("SUMMARY"), text("SOURCE"), page, path, code, features, entries)
+    about = _told(path, code)
+    return Block(name.group(1), kind, text("SUMMARY"), text("SOURCE"), page, path, code, features, entries, about)
+
+
+def _told(path: Path, code: str) -> About:
+    try:
+        return about_c_block(code)
+    except FrictionError as error:
+        raise FrictionError(f"{path}: {error}") from error
 
 
 def _read_laws(path: Path) -> list[Block]:
     return [
-        Block(law.name, "law", law.summary, law.source, law.documentation, law.path, block_source(law))
+        Block(law.name, "law", law.summary, law.source, law.documentation, law.path, block_source(law), about=law.about)
         for law in discover_laws(path)
     ]
 

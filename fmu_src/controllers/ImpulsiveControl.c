@@ -35,6 +35,7 @@
 #define MODEL   ImpulsiveControl
 #define SUMMARY "Force pulses for an axis that is stuck off its target"
 #define SOURCE  "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
+#define QUOTES  "pulses"
 
 /* clang-format off */
 #define VARIABLES                                                                                                \

@@ -37,9 +37,11 @@
    what Q takes away is not learned either: the error of a reversal keeps its sharpest part. fq belongs below the
    frequency up to which m, Kp, Kd, Ki describe the loop. u_min must not exceed u_max. */
 
-#define MODEL   IterativeLearning
-#define SUMMARY "Learns the force of a repeated motion from trial to trial"
-#define SOURCE  "Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984"
+#define MODEL    IterativeLearning
+#define SUMMARY  "Learns the force of a repeated motion from trial to trial"
+#define SOURCE   "Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984"
+#define PORTRAIT "learning"
+#define QUOTES   "contraction"
 
 /* clang-format off */
 #define VARIABLES                                                                                                 \

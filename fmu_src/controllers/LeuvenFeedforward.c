@@ -41,6 +41,7 @@
 #define MODEL   LeuvenFeedforward
 #define SUMMARY "Feedforward of inertia and of Leuven's friction with its stacks, from the reference"
 #define SOURCE  "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
+#define QUOTES  "overcompensation, inertia"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

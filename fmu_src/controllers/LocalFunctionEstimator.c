@@ -34,6 +34,7 @@
 #define MODEL   LocalFunctionEstimator
 #define SUMMARY "Friction estimated by a polynomial through the last mean forces, and compensated"
 #define SOURCE  "Savitzky, Golay, Analytical Chemistry 36(8), 1964"
+#define QUOTES  "loop_poles, disturbance_observer"
 
 /* clang-format off */
 #define VARIABLES                                                                                                    \

@@ -36,6 +36,7 @@
 #define MODEL   ModifiedLeuvenFeedforward
 #define SUMMARY "Feedforward of inertia and of the modified Leuven model's friction, from the reference"
 #define SOURCE  "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
+#define QUOTES  "overcompensation, inertia"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

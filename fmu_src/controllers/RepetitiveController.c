@@ -34,9 +34,11 @@
    Limits: N at most 4096; M is at most N - 2. A period that differs from N Ts spoils the highest harmonics first. Q is
    not 1 at the harmonics near fq: they remain in part. u_min must not exceed u_max. */
 
-#define MODEL   RepetitiveController
-#define SUMMARY "Learns the force against a periodic error while it runs"
-#define SOURCE  "Hara, Yamamoto, Omata, Nakano, IEEE Trans. Automatic Control 33(7), 1988"
+#define MODEL    RepetitiveController
+#define SUMMARY  "Learns the force against a periodic error while it runs"
+#define SOURCE   "Hara, Yamamoto, Omata, Nakano, IEEE Trans. Automatic Control 33(7), 1988"
+#define PORTRAIT "learning"
+#define QUOTES   "contraction"
 
 /* clang-format off */
 #define VARIABLES                                                                                                 \

@@ -47,6 +47,7 @@
 #define SUMMARY  "Burridge-Knopoff train of stick-slip blocks pulled by a driver"
 #define SOURCE   "Burridge, Knopoff, BSSA 57, 1967; Carlson, Langer, Physical Review A 40, 1989"
 #define FEATURES "presliding, drift-free, Stribeck, rate dependent, mass inside, random"
+#define PORTRAIT "avalanches"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

@@ -42,6 +42,7 @@
 #define SUMMARY  "Frenkel-Kontorova chain of atoms over a periodic substrate, driven by a force"
 #define SOURCE   "Frenkel, Kontorova, Physikalische Zeitschrift der Sowjetunion 13, 1938"
 #define FEATURES "presliding, drift-free, rate dependent, needs force, mass inside"
+#define PORTRAIT "depinning"
 
 /* clang-format off */
 #define VARIABLES                                                                                             \

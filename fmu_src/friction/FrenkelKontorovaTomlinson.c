@@ -37,6 +37,7 @@
 #define SUMMARY  "Frenkel-Kontorova-Tomlinson chain: atoms over a periodic substrate, tied to a slider"
 #define SOURCE   "Weiss, Elmer, Physical Review B 53, 1996"
 #define FEATURES "presliding, nonlocal memory, drift-free, rate dependent, mass inside"
+#define PORTRAIT "towed_to_and_fro"
 
 /* clang-format off */
 #define VARIABLES                                                                                             \

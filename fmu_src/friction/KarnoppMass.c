@@ -31,6 +31,7 @@
 #define SUMMARY  "A mass with Karnopp's friction, at rest inside a dead band of velocity"
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
 #define FEATURES "drift-free, rate dependent, needs force, mass inside"
+#define PORTRAIT "pushed_mass"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

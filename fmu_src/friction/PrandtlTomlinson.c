@@ -56,6 +56,7 @@
 #define SUMMARY  "Prandtl-Tomlinson model of a tip over a periodic potential, with temperature"
 #define SOURCE   "Prandtl, ZAMM 8, 1928; Tomlinson, Philosophical Magazine 7, 1929"
 #define FEATURES "presliding, drift-free, rate dependent, mass inside, random"
+#define PORTRAIT "tomlinson"
 
 /* clang-format off */
 #define VARIABLES                                                                                          \

@@ -37,6 +37,7 @@
 #define SUMMARY  "Mass, spring and belt with Leine's switch model of friction"
 #define SOURCE   "Leine, Van Campen, De Kraker, Van den Steen, Nonlinear Dynamics 16, 1998"
 #define FEATURES "drift-free, Stribeck, rate dependent, mass inside"
+#define PORTRAIT "stick_slip"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

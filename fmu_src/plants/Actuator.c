@@ -24,9 +24,11 @@
    at once if tau = 0 and delay = 0. If more than 1024 changes are on their way the oldest are lost, and the delay is
    shorter than asked for; a warning says so. A change comes out to within 1e-12 of the time and the delay. */
 
-#define MODEL   Actuator
-#define SUMMARY "Delay, force limit and first-order lag of a drive"
-#define SOURCE  "Ellis: Control System Design Guide, 4th ed., 2012"
+#define MODEL    Actuator
+#define SUMMARY  "Delay, force limit and first-order lag of a drive"
+#define SOURCE   "Ellis: Control System Design Guide, 4th ed., 2012"
+#define PORTRAIT "saturation"
+#define QUOTES   "loop_poles, break_away"
 
 /* clang-format off */
 #define VARIABLES                                                                                       \

@@ -21,9 +21,11 @@
    force over a step: the step has to be short against its own time constants, or the master has to be one that
    iterates. */
 
-#define MODEL   Belt
-#define SUMMARY "Mass on a moving belt, on a spring and a damper to the wall"
-#define SOURCE  "Leine, van Campen, de Kraker, van den Steen, Nonlinear Dynamics 16, 1998"
+#define MODEL    Belt
+#define SUMMARY  "Mass on a moving belt, on a spring and a damper to the wall"
+#define SOURCE   "Leine, van Campen, de Kraker, van den Steen, Nonlinear Dynamics 16, 1998"
+#define PORTRAIT "ride"
+#define QUOTES   "belt"
 
 /* clang-format off */
 #define VARIABLES                                                                                      \

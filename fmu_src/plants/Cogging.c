@@ -17,9 +17,11 @@
    Limits: no force that depends on the current (reluctance ripple), and none at the ends of the magnet track. x that is
    large against the pitch carries its rounding, 1e-16 x. */
 
-#define MODEL   Cogging
-#define SUMMARY "Force by position: harmonics of the magnet pitch, conservative"
-#define SOURCE  "Otten et al., IEEE/ASME Transactions on Mechatronics 2(3), 1997"
+#define MODEL    Cogging
+#define SUMMARY  "Force by position: harmonics of the magnet pitch, conservative"
+#define SOURCE   "Otten et al., IEEE/ASME Transactions on Mechatronics 2(3), 1997"
+#define PORTRAIT "ripple"
+#define QUOTES   "cogging"
 
 /* clang-format off */
 #define VARIABLES                                                                                                    \

@@ -10,9 +10,10 @@
 
    F_ext is what a friction model needs to know at rest. With k = d = 0 the support does not matter. */
 
-#define MODEL   Mass
-#define SUMMARY "Mass with an optional spring and damper to a moving support"
-#define SOURCE  "Newton's second law"
+#define MODEL    Mass
+#define SUMMARY  "Mass with an optional spring and damper to a moving support"
+#define SOURCE   "Newton's second law"
+#define PORTRAIT "push"
 
 /* clang-format off */
 #define VARIABLES                                                                                      \

@@ -19,9 +19,11 @@
    hysteresis: a position that rests half way between two counts flickers with its last bit. Within the jitter the
    velocity is taken as constant, an error of a jitter^2 / 2; it has to be short against Ts. */
 
-#define MODEL   Encoder
-#define SUMMARY "Sampled, quantised position with velocity by difference, optionally with jitter"
-#define SOURCE  "Widrow, Kollar, 2008; Brown, Schneider, Mulligan, IEEE TIE 39(1), 1992"
+#define MODEL    Encoder
+#define SUMMARY  "Sampled, quantised position with velocity by difference, optionally with jitter"
+#define SOURCE   "Widrow, Kollar, 2008; Brown, Schneider, Mulligan, IEEE TIE 39(1), 1992"
+#define PORTRAIT "staircase"
+#define QUOTES   "encoder_count, loop_poles"
 
 /* clang-format off */
 #define VARIABLES                                                                                      \

@@ -7,9 +7,10 @@
    Limits: no saturation, and no hysteresis: a position that rests half way between two multiples flickers with the
    last bit of x. The error is at most q/2. */
 
-#define MODEL   Quantiser
-#define SUMMARY "Rounds to the nearest multiple of a step"
-#define SOURCE  "Widrow, Kollar: Quantization Noise, 2008"
+#define MODEL    Quantiser
+#define SUMMARY  "Rounds to the nearest multiple of a step"
+#define SOURCE   "Widrow, Kollar: Quantization Noise, 2008"
+#define PORTRAIT "staircase"
 
 /* clang-format off */
 #define VARIABLES                                                            \

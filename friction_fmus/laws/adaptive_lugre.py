@@ -30,6 +30,17 @@ from friction_fmus.law_parts.observers import adapted, limited, relaxed
     "Tracking control with LuGre friction that adapts to the normal force",
     source="Canudas de Wit, Lischinsky, Int. J. Adaptive Control and Signal Processing 11, 1997",
     Ts=1e-3,
+    quotes=(
+        "routh",
+        "sampled",
+        "loop_poles",
+        "stick_slip_free",
+        "break_away",
+        "adaptation",
+        "fed_back_stiffness",
+        "overcompensation",
+        "explicit_observer",
+    ),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

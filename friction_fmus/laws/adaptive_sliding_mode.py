@@ -29,6 +29,7 @@ from friction_fmus.law_parts.observers import adapted, limited
     "Sliding mode with a boundary layer and adapted static friction",
     source="Slotine, Li: Applied Nonlinear Control, Prentice Hall 1991",
     Ts=1e-3,
+    quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "adaptation"),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -29,6 +29,7 @@ from friction_fmus.law import (
     "Cascade of position P and velocity PI with feedforward, as in servo drives",
     source="Jamaludin, Van Brussel, Swevers, IEEE TIE 56(10), 2009",
     Ts=1e-3,
+    quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "hunting"),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),

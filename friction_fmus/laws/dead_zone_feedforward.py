@@ -26,6 +26,7 @@ from friction_fmus.law_parts.feedforward import feedforward
     "Feedforward of friction with a dead-zone torque (interpretation)",
     source="Interpretation of a description without an identified source",
     Ts=1e-3,
+    quotes=("overcompensation", "inertia", "loop_poles"),
     outputs={
         "u": Output(FORCE, "linear and friction force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

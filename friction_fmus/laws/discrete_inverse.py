@@ -34,6 +34,8 @@ def square(pair: SX) -> SX:
     "Inverse of a sampled plant, zeros outside the unit circle by preview or zero-phase (ZPETC)",
     source="Gross, Tomizuka, Messner, ASME JDSMC 116(1), 1994; Tomizuka, ASME JDSMC 109(1), 1987",
     Ts=1e-3,
+    portrait="inversion",
+    quotes=("preview",),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "r_now": Output(LENGTH, "what the plant follows: r of preview + 1 samples before"),

@@ -29,6 +29,7 @@ from friction_fmus.law_parts.estimators import compensation, mean_friction, star
     "Disturbance observer: inverse model of a mass and a low-pass of order 1 or 2",
     source="Ohnishi, Shibata, Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996",
     Ts=1e-3,
+    quotes=("loop_poles", "disturbance_observer"),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, without the part that f_prev compensates"),

@@ -26,6 +26,8 @@ from friction_fmus.law import (
     "Adds a fast oscillation to a force: sine, square or triangle",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     Ts=1e-4,
+    portrait="own_course",
+    quotes=("dither_stroke", "dither_frequency"),
     outputs={
         "u": Output(FORCE, "f with the dither, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),

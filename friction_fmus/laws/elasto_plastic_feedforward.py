@@ -76,6 +76,7 @@ def slid(z: SX, u: SX, z_max: SX, z_ba: SX) -> SX:
     "Feedforward of inertia and elasto-plastic friction computed from the reference",
     source="Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002",
     Ts=1e-3,
+    quotes=("overcompensation", "inertia"),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -27,6 +27,7 @@ from friction_fmus.law_parts.observers import limited
     "Tracking control with friction estimated by an extended-state observer (linear ADRC)",
     source="Gao, American Control Conference, 2003",
     Ts=1e-3,
+    quotes=("loop_poles", "disturbance_observer", "break_away"),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -32,6 +32,7 @@ ELEMENTS = 10
     "Feedforward of inertia and generalised Maxwell slip friction computed from the reference",
     source="Lampaert, Swevers, Al-Bender, ACC 2004; Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005",
     Ts=1e-3,
+    quotes=("overcompensation", "inertia"),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

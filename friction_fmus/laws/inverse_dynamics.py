@@ -27,6 +27,8 @@ from friction_fmus.law_parts.feedforward import feedforward, when
     "Feedforward of inertia, viscous friction and a flexible coupling from the reference",
     source="Boerlage, Tousain, Steinbuch, American Control Conference, 2004 (jerk derivative feedforward)",
     Ts=1e-3,
+    portrait="inversion",
+    quotes=("overcompensation", "inertia"),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "viscous friction force; u contains gain F_hat"),

@@ -27,6 +27,7 @@ from friction_fmus.law_parts.estimators import compensation, corrected, starts_n
     "Friction estimated as a random walk by a Kalman filter, and compensated",
     source="Ray, Ramasubramanian, Townsend, Control Engineering Practice 9(2), 2001",
     Ts=1e-3,
+    quotes=("loop_poles", "disturbance_observer"),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, positive where it opposes a positive velocity"),

@@ -31,6 +31,7 @@ from friction_fmus.law_parts.feedforward import fading, feedforward, increment, 
     "Feedforward of inertia and LuGre friction computed from the reference",
     source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995; Lampaert, Swevers, Al-Bender, ACC 2004",
     Ts=1e-3,
+    quotes=("overcompensation", "inertia"),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

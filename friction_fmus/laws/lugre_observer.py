@@ -28,6 +28,7 @@ from friction_fmus.law_parts.observers import acting, limited
     "Feedback of friction from an observed LuGre bristle deflection",
     source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995",
     Ts=1e-3,
+    quotes=("injection", "fed_back_stiffness", "overcompensation", "explicit_observer"),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

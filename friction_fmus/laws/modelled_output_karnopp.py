@@ -29,6 +29,7 @@ from friction_fmus.law_parts.observers import limited
     "Cascade with command feedforward and Karnopp friction of the modelled velocity",
     source="Karnopp, ASME J. Dynamic Systems, Measurement and Control 107, 1985 (the friction)",
     Ts=1e-3,
+    quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "overcompensation"),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

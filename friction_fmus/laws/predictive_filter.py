@@ -25,6 +25,7 @@ from friction_fmus.law_parts.estimators import compensation, starts_now
     "Friction estimated as the model error of a predictive filter, and compensated",
     source="Crassidis, Markley, Journal of Guidance, Control, and Dynamics 20(3), 1997",
     Ts=1e-3,
+    quotes=("loop_poles", "disturbance_observer"),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, positive where it opposes a positive velocity"),

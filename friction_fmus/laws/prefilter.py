@@ -29,6 +29,8 @@ from friction_fmus.law_parts.feedforward import reference_shift, settles_fast, s
     "Reference that makes a PID controller give a feedforward force: R = 1 + F/C",
     source="Identity C R r = C r + F r",
     Ts=1e-3,
+    portrait="shaping",
+    quotes=("prefilter", "prefilter_match"),
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),

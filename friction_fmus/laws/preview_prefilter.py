@@ -34,6 +34,8 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
     "Prefilter R = 1 + F/C that needs the reference position only, four samples early",
     source="Identity C R r = C r + F r; Fornberg, Mathematics of Computation 51(184), 1988 (differences)",
     Ts=1e-3,
+    portrait="shaping",
+    quotes=("prefilter", "prefilter_match"),
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),

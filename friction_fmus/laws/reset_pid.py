@@ -29,6 +29,8 @@ from friction_fmus.law import (
     "PID whose integral jumps where the error changes sign, against hunting",
     source="This library; the idea from Beerens et al., Automatica 107, 2019",
     Ts=1e-3,
+    portrait="alternating_error",
+    quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away"),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),

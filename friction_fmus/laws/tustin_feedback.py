@@ -26,6 +26,7 @@ POINTS = 16
     "Feedback of Tustin friction and cogging, both with tables over the position",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     Ts=1e-3,
+    quotes=("overcompensation",),
     outputs={
         "u": Output(FORCE, "compensation force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, without cogging; u contains gain F_hat"),

@@ -11,8 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from friction_fmus import build, conditions
+from friction_fmus.catalogue import catalogue
 from friction_fmus.conditions import (
-    QUOTED,
     adaptation,
     belt,
     break_away,
@@ -35,6 +35,7 @@ from friction_fmus.conditions import (
 )
 from friction_fmus.doctor.linear import known_laws
 from friction_fmus.doctor.tables import BETWEEN, LAWS
+from friction_fmus.errors import FrictionError
 
 TS = 1e-3
 
@@ -172,18 +173,19 @@ def test_bounds_of_one_number() -> None:
 
 
 def test_every_law_of_the_doctor_quotes_conditions_that_exist() -> None:
-    known = {*LAWS, *BETWEEN}
-    assert known <= set(QUOTED)
-    for block in QUOTED:
-        for name, text in quotes(block):
+    quoted = {name: quotes(block.about.quotes) for name, block in catalogue().items() if block.about.quotes}
+    assert {*LAWS, *BETWEEN} <= set(quoted)
+    for block in quoted.values():
+        for name, text in block:
             assert callable(getattr(conditions, name))
             assert text.endswith(".")
-    assert quotes("Recorder of a user") == ()
+    with pytest.raises(FrictionError, match="no condition 'ruth' to quote; did you mean routh"):
+        quotes(("ruth",))
 
 
 @pytest.mark.parametrize("name", ["ExtendedStateObserver", "ImpulsiveControl"])
 def test_the_documentation_in_the_fmu_quotes_them(name: str, tmp_path: Path) -> None:
     page = zipfile.ZipFile(build(name, tmp_path)).read("documentation/index.html").decode()
     section = page.split("<h2>Conditions</h2>")[1].split("<h2>Variables</h2>")[0]
-    for function, _ in quotes(name):
+    for function in catalogue()[name].about.quotes:
         assert f"<code>{function}</code>" in section
