@@ -233,6 +233,7 @@ def law(
     sizes: Mapping[str, Size] | None = None,
     portrait: str = "",
     quotes: Sequence[str] = (),
+    needs: Mapping[str, int] | None = None,
 ) -> Callable[[Equations], Law]:
     """Make a function of casadi expressions a `Law`.
 
@@ -252,8 +253,8 @@ def law(
         not exceed u_max need not be said.
     sizes : mapping of str to Size, optional
         Parameters whose start values decide, when the FMU is built, how long vectors of states are.
-    portrait, quotes : str and sequence of str, optional
-        What `About` says.
+    portrait, quotes, needs : optional
+        As in `About`.
 
     Returns
     -------
@@ -267,7 +268,7 @@ def law(
         In one sentence, whatever is wrong with the law.
     """
 
-    about = About(portrait, tuple(quotes))
+    about = About(portrait, tuple(quotes), needs or {})
 
     def decorate(equations: Equations) -> Law:
         code = getattr(equations, "__code__", None)

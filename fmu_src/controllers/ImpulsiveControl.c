@@ -36,6 +36,7 @@
 #define SUMMARY "Force pulses for an axis that is stuck off its target"
 #define SOURCE  "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
 #define QUOTES  "pulses"
+#define NEEDS   "stiction error"
 
 /* clang-format off */
 #define VARIABLES                                                                                                \

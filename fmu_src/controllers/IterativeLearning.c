@@ -42,6 +42,7 @@
 #define SOURCE   "Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984"
 #define PORTRAIT "learning"
 #define QUOTES   "contraction"
+#define NEEDS    "trials"
 
 /* clang-format off */
 #define VARIABLES                                                                                                 \

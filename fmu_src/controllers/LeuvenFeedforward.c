@@ -42,6 +42,7 @@
 #define SUMMARY "Feedforward of inertia and of Leuven's friction with its stacks, from the reference"
 #define SOURCE  "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
 #define QUOTES  "overcompensation, inertia"
+#define NEEDS   "presliding ahead: 6"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

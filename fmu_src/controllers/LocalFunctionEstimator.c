@@ -35,6 +35,7 @@
 #define SUMMARY "Friction estimated by a polynomial through the last mean forces, and compensated"
 #define SOURCE  "Savitzky, Golay, Analytical Chemistry 36(8), 1964"
 #define QUOTES  "loop_poles, disturbance_observer"
+#define NEEDS   "force and velocity: 3, uncertain model: 5"
 
 /* clang-format off */
 #define VARIABLES                                                                                                    \

@@ -37,6 +37,7 @@
 #define SUMMARY "Feedforward of inertia and of the modified Leuven model's friction, from the reference"
 #define SOURCE  "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
 #define QUOTES  "overcompensation, inertia"
+#define NEEDS   "presliding ahead: 5"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

@@ -39,6 +39,7 @@
 #define SOURCE   "Hara, Yamamoto, Omata, Nakano, IEEE Trans. Automatic Control 33(7), 1988"
 #define PORTRAIT "learning"
 #define QUOTES   "contraction"
+#define NEEDS    "periods"
 
 /* clang-format off */
 #define VARIABLES                                                                                                 \

@@ -35,6 +35,7 @@
 #define SUMMARY  "Population of bristles that break and re-bond at random"
 #define SOURCE   "Haessig, Friedland, ASME J. Dynamic Systems, Measurement, and Control 113(3), 1991"
 #define FEATURES "presliding, drift-free, random"
+#define NEEDS    "random"
 
 /* clang-format off */
 #define VARIABLES                                                                                            \

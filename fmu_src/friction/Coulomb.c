@@ -26,6 +26,7 @@
 #define SUMMARY  "Coulomb friction, at rest decided by the external force"
 #define SOURCE   "Coulomb 1785; Olsson and others, European Journal of Control 4(3), 1998"
 #define FEATURES "needs force"
+#define NEEDS    "sliding"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

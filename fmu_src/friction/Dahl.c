@@ -41,6 +41,7 @@
 #define SUMMARY  "Dahl friction, rate-independent presliding hysteresis"
 #define SOURCE   "Dahl, The Aerospace Corporation TOR-158(3107-18), 1968; AIAA Journal 14(12), 1976"
 #define FEATURES "presliding"
+#define NEEDS    "presliding"
 
 /* clang-format off */
 #define VARIABLES                                                                            \

@@ -39,6 +39,7 @@
 #define SUMMARY  "Elasto-plastic bristle friction, free of drift below break-away"
 #define SOURCE   "Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002"
 #define FEATURES "presliding, drift-free, Stribeck, lag, rate dependent"
+#define NEEDS    "held under vibration"
 
 /* clang-format off */
 #define VARIABLES                                                                               \

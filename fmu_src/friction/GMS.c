@@ -46,6 +46,7 @@
 #define SUMMARY  "Generalised Maxwell slip: N elements that slip towards the Stribeck curve"
 #define SOURCE   "Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005"
 #define FEATURES "presliding, nonlocal memory, drift-free, Stribeck, lag, rate dependent"
+#define NEEDS    "nested and sliding"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

@@ -32,6 +32,7 @@
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
 #define FEATURES "drift-free, rate dependent, needs force, mass inside"
 #define PORTRAIT "pushed_mass"
+#define NEEDS    "real stop"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

@@ -31,6 +31,7 @@
 #define SUMMARY  "LuGre bristle friction with Stribeck effect"
 #define SOURCE   "Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995"
 #define FEATURES "presliding, Stribeck, lag, rate dependent"
+#define NEEDS    "near presliding, stick-slip, frictional lag, changing normal force"
 
 /* clang-format off */
 #define VARIABLES                                                                                       \

@@ -33,6 +33,7 @@
 #define SUMMARY  "Maxwell slip: N elastic, perfectly plastic elements in parallel"
 #define SOURCE   "Iwan, Journal of Applied Mechanics 33(4), 1966"
 #define FEATURES "presliding, nonlocal memory, drift-free"
+#define NEEDS    "nested presliding"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

@@ -42,6 +42,7 @@
 #define SUMMARY  "Presliding spring, delayed Stribeck effect and rising static friction"
 #define SOURCE   "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
 #define FEATURES "presliding, drift-free, Stribeck, lag, dwell, rate dependent"
+#define NEEDS    "dwell"
 #define WARNING  "the velocity changed more than 1024 times within tauL, its history is thinned out"
 
 /* clang-format off */

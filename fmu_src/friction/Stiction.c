@@ -26,6 +26,7 @@
 #define SUMMARY  "Stiction, Coulomb and viscous friction"
 #define SOURCE   "Morin 1833; Olsson and others, European Journal of Control 4(3), 1998, eq. (4)"
 #define FEATURES "rate dependent, needs force"
+#define NEEDS    "known forces"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

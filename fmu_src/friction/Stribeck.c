@@ -36,6 +36,7 @@
 #define SUMMARY  "Coulomb, viscous and Stribeck friction"
 #define SOURCE   "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
 #define FEATURES "Stribeck, rate dependent, needs force"
+#define NEEDS    "through rest"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from friction_fmus.blocks.rows import string, words
+from friction_fmus.errors import FrictionError
 
 
 @dataclass(frozen=True)
@@ -19,10 +21,13 @@ class About:
     quotes : tuple of str
         Functions of `friction_fmus.conditions` that the documentation page quotes; the doctor evaluates them where the
         block is used.
+    needs : mapping of str to int
+        Rows of the decision tables in the documentation that recommend the block -> its place among those recommended.
     """
 
     portrait: str = ""
     quotes: tuple[str, ...] = ()
+    needs: Mapping[str, int] = field(default_factory=dict)
 
 
 def about_c_block(code: str) -> About:
@@ -38,4 +43,16 @@ def about_c_block(code: str) -> About:
     FrictionError
         A macro is not understood.
     """
-    return About(string(code, "PORTRAIT"), words(string(code, "QUOTES")))
+    return About(
+        string(code, "PORTRAIT"),
+        words(string(code, "QUOTES")),
+        dict(_place(need) for need in words(string(code, "NEEDS"))),
+    )
+
+
+def _place(need: str) -> tuple[str, int]:
+    """Return the name and the place of ``name: place``; the first place if none is given."""
+    name, colon, place = need.partition(":")
+    if colon and not place.strip().isdigit():
+        raise FrictionError(f"NEEDS names the place {place.strip()!r} of {name}; give a number")
+    return name.strip(), int(place) if colon else 1

@@ -30,6 +30,7 @@ from friction_fmus.law_parts.observers import adapted, limited
     source="Slotine, Li: Applied Nonlinear Control, Prentice Hall 1991",
     Ts=1e-3,
     quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "adaptation"),
+    needs={"changing load": 3},
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

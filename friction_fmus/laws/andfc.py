@@ -41,6 +41,7 @@ from friction_fmus.law_parts.observers import limited, relaxed
         "overcompensation",
         "explicit_observer",
     ),
+    needs={"changing load": 2},
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

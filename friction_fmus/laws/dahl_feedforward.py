@@ -38,6 +38,7 @@ def closed(gap: SX, path: SX, n: SX) -> SX:
     source="Lampaert, Swevers, Al-Bender, American Control Conference, 2004; Dahl, AIAA Journal 14(12), 1976",
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
+    needs={"presliding ahead": 3},
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -30,6 +30,7 @@ from friction_fmus.law_parts.estimators import compensation, mean_friction, star
     source="Ohnishi, Shibata, Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996",
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer"),
+    needs={"force and velocity": 1, "uncertain model": 2},
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, without the part that f_prev compensates"),

@@ -28,6 +28,7 @@ from friction_fmus.law import (
     Ts=1e-4,
     portrait="own_course",
     quotes=("dither_stroke", "dither_frequency"),
+    needs={"hunting": 3, "stiction error": 3},
     outputs={
         "u": Output(FORCE, "f with the dither, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),

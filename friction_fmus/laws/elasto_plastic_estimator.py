@@ -28,6 +28,7 @@ from friction_fmus.law_parts.observers import limited
     source="Hayward, Armstrong, Altpeter, Dupont, IEEE TCST 17(3), 2009",
     Ts=1e-3,
     quotes=("fed_back_stiffness", "overcompensation"),
+    needs={"presliding in feedback": 2},
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -77,6 +77,7 @@ def slid(z: SX, u: SX, z_max: SX, z_ba: SX) -> SX:
     source="Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002",
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
+    needs={"presliding ahead": 4},
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

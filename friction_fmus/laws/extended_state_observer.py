@@ -28,6 +28,7 @@ from friction_fmus.law_parts.observers import limited
     source="Gao, American Control Conference, 2003",
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer", "break_away"),
+    needs={"force and encoder": 2},
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -33,6 +33,7 @@ ELEMENTS = 10
     source="Lampaert, Swevers, Al-Bender, ACC 2004; Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005",
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
+    needs={"presliding ahead": 2, "uncertain model": 1},
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -28,6 +28,7 @@ from friction_fmus.law_parts.observers import limited
     source="Acary, Brogliato, Systems and Control Letters 59(5), 2010",
     Ts=1e-3,
     quotes=("loop_poles", "sliding_gain", "break_away"),
+    needs={"bound only": 1},
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "force of the sliding mode: in sliding, with gain 1, the friction of the last sample"),

@@ -29,6 +29,7 @@ from friction_fmus.law_parts.observers import limited
     source="Levant, Automatica 34(3), 1998; Brogliato, Polyakov, Efimov, IEEE TAC 65(8), 2020",
     Ts=1e-3,
     quotes=("loop_poles", "super_twisting", "super_twisting_rate", "break_away"),
+    needs={"bound only": 2},
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

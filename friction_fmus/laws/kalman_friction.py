@@ -28,6 +28,7 @@ from friction_fmus.law_parts.estimators import compensation, corrected, starts_n
     source="Ray, Ramasubramanian, Townsend, Control Engineering Practice 9(2), 2001",
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer"),
+    needs={"force and encoder": 1},
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, positive where it opposes a positive velocity"),

@@ -27,6 +27,7 @@ from friction_fmus.law_parts.feedforward import feedforward
     source="Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985; Johnson, Lorenz, 1992",
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
+    needs={"curve ahead": 3},
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

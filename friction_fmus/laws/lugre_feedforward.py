@@ -32,6 +32,7 @@ from friction_fmus.law_parts.feedforward import fading, feedforward, increment, 
     source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995; Lampaert, Swevers, Al-Bender, ACC 2004",
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
+    needs={"presliding ahead": 1, "uncertain model": 3},
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

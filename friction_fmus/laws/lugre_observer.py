@@ -29,6 +29,7 @@ from friction_fmus.law_parts.observers import acting, limited
     source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995",
     Ts=1e-3,
     quotes=("injection", "fed_back_stiffness", "overcompensation", "explicit_observer"),
+    needs={"presliding in feedback": 1, "stiction error": 2},
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

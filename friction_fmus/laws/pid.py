@@ -30,6 +30,7 @@ from friction_fmus.law import (
     source="Astrom, Hagglund: Advanced PID Control, ISA 2006",
     Ts=1e-3,
     quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "hunting", "dead_band"),
+    needs={"hunting": 2},
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),

@@ -26,6 +26,7 @@ from friction_fmus.law_parts.estimators import compensation, starts_now
     source="Crassidis, Markley, Journal of Guidance, Control, and Dynamics 20(3), 1997",
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer"),
+    needs={"force and velocity": 2, "uncertain model": 4},
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, positive where it opposes a positive velocity"),

@@ -31,6 +31,7 @@ from friction_fmus.law_parts.feedforward import reference_shift, settles_fast, s
     Ts=1e-3,
     portrait="shaping",
     quotes=("prefilter", "prefilter_match"),
+    needs={"reference only": 1},
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),

@@ -36,6 +36,7 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
     Ts=1e-3,
     portrait="shaping",
     quotes=("prefilter", "prefilter_match"),
+    needs={"reference only": 2},
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),

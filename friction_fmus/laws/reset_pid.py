@@ -31,6 +31,7 @@ from friction_fmus.law import (
     Ts=1e-3,
     portrait="alternating_error",
     quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away"),
+    needs={"hunting": 1},
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),

@@ -25,6 +25,7 @@ from friction_fmus.law_parts.observers import limited
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     Ts=1e-3,
     quotes=("overcompensation",),
+    needs={"curve in feedback": 1},
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

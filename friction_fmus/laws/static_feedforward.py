@@ -28,6 +28,7 @@ from friction_fmus.law_parts.feedforward import feedforward
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
+    needs={"curve ahead": 1},
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -27,6 +27,7 @@ POINTS = 16
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     Ts=1e-3,
     quotes=("overcompensation",),
+    needs={"curve in feedback": 2, "varying along the axis": 1},
     outputs={
         "u": Output(FORCE, "compensation force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, without cogging; u contains gain F_hat"),
