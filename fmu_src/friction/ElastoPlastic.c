@@ -58,6 +58,8 @@
     PARAMETER(v_d,    VELOCITY,  0.0,    0.0,   INF, "speed at which the bristle damping fades, 0: never") \
     PARAMETER(z_ba,   LENGTH,    0.7e-5, 0.0,   INF, "break-away deflection, below Fc/sigma0")  \
     PARAMETER(Fn0,    "N",       1.0,    1e-12, INF, "normal force at which the parameters hold")
+
+#define IDENTIFIED SLIDING(z, Fc / sigma0)
 /* clang-format on */
 
 #define STEPS_BY step

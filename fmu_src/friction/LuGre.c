@@ -54,6 +54,8 @@
     PARAMETER(vs_neg,     VELOCITY,  1e-3, 1e-12, INF,       "Stribeck velocity for v < 0")             \
     PARAMETER(delta_neg,  NO_UNIT,   2.0,  1e-3, 100.0,      "Stribeck exponent for v < 0")             \
     PARAMETER(Fn0,        "N",       1.0,  1e-12, INF,       "normal force at which the parameters hold")
+
+#define IDENTIFIED SLIDING(z, Fc / sigma0)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -48,6 +48,8 @@
     PARAMETERS(W,        10, FORCE, (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1),                     \
                                    0.0, INF,         "force at which the element slips")                    \
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")
+
+#define IDENTIFIED METHOD(hysteresis)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from friction_fmus.blocks.identified import Identified, identified
 from friction_fmus.blocks.rows import string, words
 from friction_fmus.errors import FrictionError
 
@@ -23,11 +24,14 @@ class About:
         block is used.
     needs : mapping of str to int
         Rows of the decision tables in the documentation that recommend the block -> its place among those recommended.
+    identified : Identified
+        How a friction model is identified.
     """
 
     portrait: str = ""
     quotes: tuple[str, ...] = ()
     needs: Mapping[str, int] = field(default_factory=dict)
+    identified: Identified = field(default_factory=Identified)
 
 
 def about_c_block(code: str) -> About:
@@ -47,6 +51,7 @@ def about_c_block(code: str) -> About:
         string(code, "PORTRAIT"),
         words(string(code, "QUOTES")),
         dict(_place(need) for need in words(string(code, "NEEDS"))),
+        identified(code),
     )
 
 
