@@ -25,6 +25,8 @@ from typing import Any
 from casadi import Function
 
 from friction_fmus.blocks.about import About
+from friction_fmus.blocks.contact import Friction
+from friction_fmus.blocks.loop import InLoop, Loop
 from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.law_conditions import Conditions, Relation, conditions_of
 from friction_fmus.law_results import Equations, function_of
@@ -74,9 +76,11 @@ __all__ = [
     "VECTORS",
     "VELOCITY",
     "Command",
+    "Friction",
     "Input",
     "Kind",
     "Law",
+    "Loop",
     "Output",
     "Parameter",
     "SampleTime",
@@ -234,6 +238,7 @@ def law(
     portrait: str = "",
     quotes: Sequence[str] = (),
     needs: Mapping[str, int] | None = None,
+    loop: Loop | None = None,
 ) -> Callable[[Equations], Law]:
     """Make a function of casadi expressions a `Law`.
 
@@ -255,6 +260,8 @@ def law(
         Parameters whose start values decide, when the FMU is built, how long vectors of states are.
     portrait, quotes, needs : optional
         As in `About`.
+    loop : Loop, optional
+        What the law is in a control loop, for ``friction-fmus doctor``; None: the doctor does not know it.
 
     Returns
     -------
@@ -268,7 +275,7 @@ def law(
         In one sentence, whatever is wrong with the law.
     """
 
-    about = About(portrait, tuple(quotes), needs or {})
+    about = About(portrait, tuple(quotes), needs or {}, in_loop=InLoop(law=loop))
 
     def decorate(equations: Equations) -> Law:
         code = getattr(equations, "__code__", None)

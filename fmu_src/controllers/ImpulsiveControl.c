@@ -65,6 +65,10 @@
     COUNT    (n_pulse, 5,        1,      COUNTS,      "samples of a pulse")                                      \
     PARAMETER(u_min,   FORCE,   -100.0, -INF,   INF,  "lower limit of u")                                        \
     PARAMETER(u_max,   FORCE,    100.0, -INF,   INF,  "upper limit of u")
+
+#define IN_LOOP   \
+    LAW  ()       \
+    RULES(pushes)
 /* clang-format on */
 
 #define SAMPLED

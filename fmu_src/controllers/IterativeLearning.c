@@ -69,6 +69,10 @@
     PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "its integral gain")                                  \
     PARAMETER(u_min,     FORCE,    -100.0, -INF,  INF,  "lower limit of u and of what is learned")                \
     PARAMETER(u_max,     FORCE,     100.0, -INF,  INF,  "upper limit of u and of what is learned")
+
+#define IN_LOOP            \
+    LAW  ()                \
+    RULES(trials_contract)
 /* clang-format on */
 
 #include "zero_phase.h"

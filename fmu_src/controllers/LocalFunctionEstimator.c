@@ -55,6 +55,10 @@
     PARAMETER(m,      MASS,     1.0,    0.0,  INF,  "moving mass")                                                   \
     PARAMETER(u_min,  FORCE,   -100.0, -INF,  INF,  "lower limit of u")                                              \
     PARAMETER(u_max,  FORCE,    100.0, -INF,  INF,  "upper limit of u")
+
+#define IN_LOOP            \
+    LAW   (estimates)      \
+    FILTER(local_function)
 /* clang-format on */
 
 #include <stdbool.h>

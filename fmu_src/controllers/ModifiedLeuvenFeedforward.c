@@ -80,6 +80,16 @@
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")          \
     PARAMETER (u_min,    FORCE,    -1000.0, -INF, INF, "lower limit of u")                                  \
     PARAMETER (u_max,    FORCE,    1000.0, -INF, INF, "upper limit of u")
+
+#define CONTACT         \
+    COULOMB (Fc)        \
+    STATIC  (Fs)        \
+    STRIBECK(vs, delta) \
+    VISCOUS (sigma2)
+
+#define IN_LOOP   \
+    LAW    ()     \
+    INERTIA(mass)
 /* clang-format on */
 
 #define SAMPLED

@@ -63,6 +63,10 @@
     PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "its integral gain")                                  \
     PARAMETER(u_min,  FORCE,    -100.0, -INF,  INF, "lower limit of u and of what is learned")                    \
     PARAMETER(u_max,  FORCE,     100.0, -INF,  INF, "upper limit of u and of what is learned")
+
+#define IN_LOOP             \
+    LAW  ()                 \
+    RULES(periods_contract)
 /* clang-format on */
 
 #include <stdbool.h>

@@ -37,6 +37,8 @@
     FLAG     (stuck,                              "at rest and held by friction")                           \
     PARAMETER(Fc,    FORCE,    1.0, 0.0,   INF,   "Coulomb friction at Fn0")                                \
     PARAMETER(Fn0,   "N",      1.0, 1e-12, INF,   "normal force at which the parameters hold")
+
+#define CONTACT COULOMB(Fc)
 /* clang-format on */
 
 #include "block.h"

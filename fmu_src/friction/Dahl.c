@@ -54,6 +54,10 @@
     PARAMETER(n,     NO_UNIT,   1.0,  0.0,   100.0, "exponent of the softening, ductile above 1") \
     PARAMETER(Fn0,   "N",       1.0,  1e-12, INF, "normal force at which the parameters hold")
 
+#define CONTACT      \
+    COULOMB  (Fc)    \
+    STIFFNESS(sigma)
+
 #define IDENTIFIED                   \
     FIT    (sigma, stiffness, small) \
     SLIDING(z, Fc / sigma)

@@ -59,6 +59,14 @@
     PARAMETER(z_ba,   LENGTH,    0.7e-5, 0.0,   INF, "break-away deflection, below Fc/sigma0")  \
     PARAMETER(Fn0,    "N",       1.0,    1e-12, INF, "normal force at which the parameters hold")
 
+#define CONTACT               \
+    COULOMB  (Fc)             \
+    STATIC   (Fs)             \
+    STRIBECK (vs, delta)      \
+    VISCOUS  (sigma2)         \
+    STIFFNESS(sigma0)         \
+    DAMPING  (sigma1, sigma2)
+
 #define IDENTIFIED SLIDING(z, Fc / sigma0)
 /* clang-format on */
 

@@ -71,6 +71,14 @@
     PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                \
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")
 
+#define CONTACT                  \
+    COULOMB  (Fc)                \
+    STATIC   (Fs)                \
+    STRIBECK (vs, delta)         \
+    VISCOUS  (sigma2)            \
+    STIFFNESS(sum(k))            \
+    DAMPING  (N * sigma, sigma2)
+
 #define IDENTIFIED METHOD(hysteresis)
 /* clang-format on */
 

@@ -51,6 +51,15 @@
     PARAMETER   (Fn0,   "N",      1.0,  1e-12, INF, "normal force at which the parameters hold")            \
     FIXED       (x0,    LENGTH,   0.0,  -INF,  INF, "initial position")                                     \
     FIXED       (v0,    VELOCITY, 0.0,  -INF,  INF, "initial velocity")
+
+#define CONTACT \
+    COULOMB(Fc) \
+    STATIC (Fs) \
+    VISCOUS(Fv)
+
+#define IN_LOOP   \
+    FORCES(F_ext) \
+    MASS  (m)
 /* clang-format on */
 
 #define STEPS_BY step

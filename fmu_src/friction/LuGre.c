@@ -55,6 +55,14 @@
     PARAMETER(delta_neg,  NO_UNIT,   2.0,  1e-3, 100.0,      "Stribeck exponent for v < 0")             \
     PARAMETER(Fn0,        "N",       1.0,  1e-12, INF,       "normal force at which the parameters hold")
 
+#define CONTACT               \
+    COULOMB  (Fc)             \
+    STATIC   (Fs)             \
+    STRIBECK (vs, delta)      \
+    VISCOUS  (sigma2)         \
+    STIFFNESS(sigma0)         \
+    DAMPING  (sigma1, sigma2)
+
 #define IDENTIFIED SLIDING(z, Fc / sigma0)
 /* clang-format on */
 

@@ -49,6 +49,10 @@
                                    0.0, INF,         "force at which the element slips")                    \
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")
 
+#define CONTACT       \
+    COULOMB  (sum(W)) \
+    STIFFNESS(sum(k))
+
 #define IDENTIFIED METHOD(hysteresis)
 /* clang-format on */
 

@@ -66,6 +66,12 @@
     PARAMETER(gamma,     TIME,      1.0,  0.0,   INF,  "dwell time after which static friction has risen by half") \
     PARAMETER(Fn0,       "N",       1.0,  1e-12, INF,  "normal force at which the parameters hold")
 
+#define CONTACT            \
+    COULOMB  (Fc)          \
+    STATIC   (Fc + Fs_inf) \
+    VISCOUS  (Fv)          \
+    STIFFNESS(kt)
+
 #define IDENTIFIED SLIDING(d, Fc / kt)
 /* clang-format on */
 

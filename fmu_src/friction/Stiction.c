@@ -39,6 +39,11 @@
     PARAMETER(Fs,    FORCE,    1.5, 0.0,   INF,   "static friction at Fn0, may be below Fc")                \
     PARAMETER(Fv,    DAMPING,  0.4, 0.0,   INF,   "viscous coefficient")                                    \
     PARAMETER(Fn0,   "N",      1.0, 1e-12, INF,   "normal force at which the parameters hold")
+
+#define CONTACT \
+    COULOMB(Fc) \
+    STATIC (Fs) \
+    VISCOUS(Fv)
 /* clang-format on */
 
 #include "block.h"

@@ -59,6 +59,12 @@
     PARAMETER(Fv_neg,     DAMPING,  0.4,  0.0,   INF,    "viscous coefficient for v < 0")                   \
     PARAMETER(vs_neg,     VELOCITY, 1e-3, 1e-12, INF,    "Stribeck velocity for v < 0")                     \
     PARAMETER(delta_neg,  NO_UNIT,  2.0,  1e-3,  100.0,  "Stribeck exponent for v < 0")
+
+#define CONTACT                     \
+    COULOMB (Fc)                    \
+    STATIC  (Fs)                    \
+    STRIBECK(vs, delta, shape == 0) \
+    VISCOUS (Fv)
 /* clang-format on */
 
 #include "block.h"

@@ -29,6 +29,10 @@
     COUNT    (window, 2,      1,    LONGEST,    "samples that are averaged")                            \
     FIXED    (v0,     VELOCITY, 0.0, -INF, INF, "velocity before the first sample")                     \
     PARAMETER(tau,    TIME,   0.0,  0.0,  INF,  "time constant of the low-pass, 0: none")
+
+#define IN_LOOP              \
+    SENSOR  ()               \
+    VELOCITY(v, window, tau)
 /* clang-format on */
 
 enum { LONGEST = 64 };

@@ -17,6 +17,10 @@
     INPUT    (x, LENGTH, 0.0,             "value to be measured")            \
     OUTPUT   (y, LENGTH,                  "measured value")                  \
     PARAMETER(q, LENGTH, 1e-6, 0.0, INF,  "step, 0: none, y is x")
+
+#define IN_LOOP \
+    SENSOR ()   \
+    QUANTUM(q)
 /* clang-format on */
 
 #include "block.h"

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from friction_fmus.blocks.identified import Identified, identified
+from friction_fmus.blocks.loop import InLoop, in_loop
 from friction_fmus.blocks.rows import string, words
 from friction_fmus.errors import FrictionError
 
@@ -26,12 +27,15 @@ class About:
         Rows of the decision tables in the documentation that recommend the block -> its place among those recommended.
     identified : Identified
         How a friction model is identified.
+    in_loop : InLoop
+        What it is in a control loop.
     """
 
     portrait: str = ""
     quotes: tuple[str, ...] = ()
     needs: Mapping[str, int] = field(default_factory=dict)
     identified: Identified = field(default_factory=Identified)
+    in_loop: InLoop = field(default_factory=InLoop)
 
 
 def about_c_block(code: str) -> About:
@@ -52,6 +56,7 @@ def about_c_block(code: str) -> About:
         words(string(code, "QUOTES")),
         dict(_place(need) for need in words(string(code, "NEEDS"))),
         identified(code),
+        in_loop(code),
     )
 
 

@@ -69,6 +69,11 @@ def vectors_in(text: str) -> frozenset[str]:
     return frozenset(node.value.id for node in nodes if isinstance(node.value, ast.Name))
 
 
+def is_known(text: str, values: Numbers) -> bool:
+    """Return whether the names of an expression, vectors included, have values."""
+    return all(name in values or f"{name}[1]" in values for name in names_in(text))
+
+
 def evaluate(text: str, values: Numbers) -> Number:
     """Return the value of an expression.
 
@@ -129,7 +134,7 @@ def _value(node: ast.expr, text: str, values: Numbers) -> Number:
         case ast.Call(func=ast.Name(id="sum"), args=[ast.Name(id=name)]):
             return sum(_elements(name, values))
         case ast.Call(func=ast.Name(id="either"), args=arguments):
-            known = [a for a in arguments if names_in(ast.unparse(a)) <= values.keys()]
+            known = [a for a in arguments if is_known(ast.unparse(a), values)]
             return _value((known or arguments)[0], text, values)
         case ast.Call(func=ast.Name(id=name), args=arguments):
             return FUNCTIONS[name](*(_value(argument, text, values) for argument in arguments))

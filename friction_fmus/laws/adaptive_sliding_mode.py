@@ -15,6 +15,7 @@ from friction_fmus.law import (
     VELOCITY,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -31,6 +32,11 @@ from friction_fmus.law_parts.observers import adapted, limited
     Ts=1e-3,
     quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "adaptation"),
     needs={"changing load": 3},
+    loop=Loop(
+        gains={"Kp": "(Ks + K / phi) * lam", "Kd": "Ks + K / phi + m * lam"},
+        linear={},
+        adapts=("Gamma_c", "Ks + K / phi"),
+    ),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -16,6 +16,7 @@ from friction_fmus.law import (
     VELOCITY,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -30,6 +31,7 @@ from friction_fmus.law import (
     source="Jamaludin, Van Brussel, Swevers, IEEE TIE 56(10), 2009",
     Ts=1e-3,
     quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "hunting"),
+    loop=Loop(gains={"Kp": "kv * kp + ki", "Kd": "kv", "Ki": "ki * kp", "db": "db", "m": "m"}, linear={}),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),

@@ -14,7 +14,9 @@ from friction_fmus.law import (
     STIFFNESS,
     VELOCITY,
     Command,
+    Friction,
     Input,
+    Loop,
     Output,
     Parameter,
     State,
@@ -39,6 +41,7 @@ def closed(gap: SX, path: SX, n: SX) -> SX:
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
     needs={"presliding ahead": 3},
+    loop=Loop(friction=Friction("Fc", "Fs", "Fv"), inertia="m"),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

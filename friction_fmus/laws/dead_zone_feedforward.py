@@ -13,7 +13,9 @@ from friction_fmus.law import (
     NO_UNIT,
     VELOCITY,
     Command,
+    Friction,
     Input,
+    Loop,
     Output,
     Parameter,
     law,
@@ -27,6 +29,7 @@ from friction_fmus.law_parts.feedforward import feedforward
     source="Interpretation of a description without an identified source",
     Ts=1e-3,
     quotes=("overcompensation", "inertia", "loop_poles"),
+    loop=Loop(friction=Friction("Fc", "T_dz", "Fv"), inertia="m", amplifies="1 + gain"),
     outputs={
         "u": Output(FORCE, "linear and friction force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

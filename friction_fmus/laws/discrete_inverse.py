@@ -11,6 +11,7 @@ from friction_fmus.law import (
     NO_UNIT,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     Size,
@@ -36,6 +37,7 @@ def square(pair: SX) -> SX:
     Ts=1e-3,
     portrait="inversion",
     quotes=("preview",),
+    loop=Loop(rules=("looks_ahead",)),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "r_now": Output(LENGTH, "what the plant follows: r of preview + 1 samples before"),

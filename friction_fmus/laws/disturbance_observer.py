@@ -14,6 +14,7 @@ from friction_fmus.law import (
     VELOCITY,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -31,6 +32,7 @@ from friction_fmus.law_parts.estimators import compensation, mean_friction, star
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer"),
     needs={"force and velocity": 1, "uncertain model": 2},
+    loop=Loop(linear={}, estimates=True),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, without the part that f_prev compensates"),

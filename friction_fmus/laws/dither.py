@@ -13,6 +13,7 @@ from friction_fmus.law import (
     NO_UNIT,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -29,6 +30,7 @@ from friction_fmus.law import (
     portrait="own_course",
     quotes=("dither_stroke", "dither_frequency"),
     needs={"hunting": 3, "stiction error": 3},
+    loop=Loop(rules=("dithers",)),
     outputs={
         "u": Output(FORCE, "f with the dither, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),

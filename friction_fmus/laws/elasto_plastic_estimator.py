@@ -13,7 +13,9 @@ from friction_fmus.law import (
     STIFFNESS,
     VELOCITY,
     Command,
+    Friction,
     Input,
+    Loop,
     Output,
     Parameter,
     State,
@@ -29,6 +31,7 @@ from friction_fmus.law_parts.observers import limited
     Ts=1e-3,
     quotes=("fed_back_stiffness", "overcompensation"),
     needs={"presliding in feedback": 2},
+    loop=Loop(friction=Friction("Fc", "Fs", "Fv"), measured=True, at_rest=True, rules=("feeds_stiffness_back",)),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

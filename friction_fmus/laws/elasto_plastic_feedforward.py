@@ -17,7 +17,9 @@ from friction_fmus.law import (
     STIFFNESS,
     VELOCITY,
     Command,
+    Friction,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -78,6 +80,7 @@ def slid(z: SX, u: SX, z_max: SX, z_ba: SX) -> SX:
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
     needs={"presliding ahead": 4},
+    loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

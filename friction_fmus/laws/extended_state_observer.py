@@ -13,6 +13,7 @@ from friction_fmus.law import (
     VELOCITY,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -29,6 +30,7 @@ from friction_fmus.law_parts.observers import limited
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer", "break_away"),
     needs={"force and encoder": 2},
+    loop=Loop(gains={"Kp": "m * wc**2", "Kd": "2 * m * wc"}, linear={}, estimates=True),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -15,7 +15,9 @@ from friction_fmus.law import (
     STIFFNESS,
     VELOCITY,
     Command,
+    Friction,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -34,6 +36,7 @@ ELEMENTS = 10
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
     needs={"presliding ahead": 2, "uncertain model": 1},
+    loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

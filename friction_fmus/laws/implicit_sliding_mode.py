@@ -14,6 +14,7 @@ from friction_fmus.law import (
     VELOCITY,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -29,6 +30,9 @@ from friction_fmus.law_parts.observers import limited
     Ts=1e-3,
     quotes=("loop_poles", "sliding_gain", "break_away"),
     needs={"bound only": 1},
+    loop=Loop(
+        gains={"Kp": "gain * m / Ts * lam", "Kd": "gain * m / Ts + m * lam"}, linear={}, rules=("covers_friction",)
+    ),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "force of the sliding mode: in sliding, with gain 1, the friction of the last sample"),

@@ -14,6 +14,7 @@ from friction_fmus.law import (
     VELOCITY,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -30,6 +31,11 @@ from friction_fmus.law_parts.observers import limited
     Ts=1e-3,
     quotes=("loop_poles", "super_twisting", "super_twisting_rate", "break_away"),
     needs={"bound only": 2},
+    loop=Loop(
+        gains={"Kp": "(1 + gain) * m / Ts * lam", "Kd": "(1 + gain) * m / Ts + m * lam"},
+        linear={},
+        rules=("follows_friction",),
+    ),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

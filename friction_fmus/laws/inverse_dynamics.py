@@ -14,7 +14,9 @@ from friction_fmus.law import (
     NO_UNIT,
     VELOCITY,
     Command,
+    Friction,
     Input,
+    Loop,
     Output,
     Parameter,
     law,
@@ -29,6 +31,7 @@ from friction_fmus.law_parts.feedforward import feedforward, when
     Ts=1e-3,
     portrait="inversion",
     quotes=("overcompensation", "inertia"),
+    loop=Loop(friction=Friction(viscous="Fv + Fv_load"), inertia="m + m_load"),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "viscous friction force; u contains gain F_hat"),

@@ -12,6 +12,7 @@ from friction_fmus.law import (
     VELOCITY,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -29,6 +30,7 @@ from friction_fmus.law_parts.estimators import compensation, corrected, starts_n
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer"),
     needs={"force and encoder": 1},
+    loop=Loop(linear={}, estimates=True),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, positive where it opposes a positive velocity"),

@@ -13,7 +13,9 @@ from friction_fmus.law import (
     STIFFNESS,
     VELOCITY,
     Command,
+    Friction,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -30,6 +32,12 @@ from friction_fmus.law_parts.observers import acting, limited
     Ts=1e-3,
     quotes=("injection", "fed_back_stiffness", "overcompensation", "explicit_observer"),
     needs={"presliding in feedback": 1, "stiction error": 2},
+    loop=Loop(
+        friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
+        measured=True,
+        at_rest=True,
+        rules=("injection_of_error", "feeds_stiffness_back"),
+    ),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

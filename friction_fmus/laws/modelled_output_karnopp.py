@@ -14,7 +14,9 @@ from friction_fmus.law import (
     NO_UNIT,
     VELOCITY,
     Command,
+    Friction,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -30,6 +32,7 @@ from friction_fmus.law_parts.observers import limited
     source="Karnopp, ASME J. Dynamic Systems, Measurement and Control 107, 1985 (the friction)",
     Ts=1e-3,
     quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "overcompensation"),
+    loop=Loop(gains={"Kp": "CV * KP", "Kd": "CV"}, friction=Friction("Fc", "Fs", "Fv"), linear={}),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -16,6 +16,7 @@ from friction_fmus.law import (
     VELOCITY,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -31,6 +32,7 @@ from friction_fmus.law import (
     Ts=1e-3,
     quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "hunting", "dead_band"),
     needs={"hunting": 2},
+    loop=Loop(gains={"Kp": "Kp", "Kd": "Kd", "Ki": "Ki", "db": "db", "m": "m"}, linear={"db": 0.0, "v_zc": 0.0}),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),

@@ -15,6 +15,7 @@ from friction_fmus.law import (
     VELOCITY,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -32,6 +33,7 @@ from friction_fmus.law_parts.feedforward import reference_shift, settles_fast, s
     portrait="shaping",
     quotes=("prefilter", "prefilter_match"),
     needs={"reference only": 1},
+    loop=Loop(shapes=True),
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),

@@ -15,6 +15,7 @@ from friction_fmus.law import (
     VELOCITY,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -37,6 +38,7 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
     portrait="shaping",
     quotes=("prefilter", "prefilter_match"),
     needs={"reference only": 2},
+    loop=Loop(shapes=True),
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),

@@ -16,6 +16,7 @@ from friction_fmus.law import (
     VELOCITY,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
@@ -32,6 +33,7 @@ from friction_fmus.law import (
     portrait="alternating_error",
     quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away"),
     needs={"hunting": 1},
+    loop=Loop(gains={"Kp": "Kp", "Kd": "Kd", "Ki": "Ki", "m": "m"}, linear={}, hunts=False),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),

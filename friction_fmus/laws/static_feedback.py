@@ -11,7 +11,9 @@ from friction_fmus.law import (
     NO_UNIT,
     VELOCITY,
     Command,
+    Friction,
     Input,
+    Loop,
     Output,
     Parameter,
     law,
@@ -26,6 +28,7 @@ from friction_fmus.law_parts.observers import limited
     Ts=1e-3,
     quotes=("overcompensation",),
     needs={"curve in feedback": 1},
+    loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "delta"), measured=True),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

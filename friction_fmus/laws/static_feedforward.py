@@ -13,7 +13,9 @@ from friction_fmus.law import (
     NO_UNIT,
     VELOCITY,
     Command,
+    Friction,
     Input,
+    Loop,
     Output,
     Parameter,
     Switch,
@@ -29,6 +31,7 @@ from friction_fmus.law_parts.feedforward import feedforward
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
     needs={"curve ahead": 1},
+    loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "delta"), inertia="m"),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -11,7 +11,9 @@ from friction_fmus.law import (
     NO_UNIT,
     VELOCITY,
     Command,
+    Friction,
     Input,
+    Loop,
     Output,
     Parameter,
     law,
@@ -28,6 +30,7 @@ POINTS = 16
     Ts=1e-3,
     quotes=("overcompensation",),
     needs={"curve in feedback": 2, "varying along the axis": 1},
+    loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "1"), measured=True),
     outputs={
         "u": Output(FORCE, "compensation force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, without cogging; u contains gain F_hat"),
