@@ -27,6 +27,7 @@ from casadi import Function
 from friction_fmus.blocks.about import About
 from friction_fmus.blocks.contact import Friction
 from friction_fmus.blocks.loop import InLoop, Loop
+from friction_fmus.blocks.use import REPLACES_SERVO, SHAPES_REFERENCE, Use
 from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.law_conditions import Conditions, Relation, conditions_of
 from friction_fmus.law_results import Equations, function_of
@@ -71,6 +72,8 @@ __all__ = [
     "LENGTH",
     "MASS",
     "NO_UNIT",
+    "REPLACES_SERVO",
+    "SHAPES_REFERENCE",
     "STIFFNESS",
     "TIME",
     "VECTORS",
@@ -88,6 +91,7 @@ __all__ = [
     "State",
     "Switch",
     "Unit",
+    "Use",
     "Variable",
     "law",
 ]
@@ -239,6 +243,7 @@ def law(
     quotes: Sequence[str] = (),
     needs: Mapping[str, int] | None = None,
     loop: Loop | None = None,
+    use: Use | None = None,
 ) -> Callable[[Equations], Law]:
     """Make a function of casadi expressions a `Law`.
 
@@ -262,6 +267,8 @@ def law(
         As in `About`.
     loop : Loop, optional
         What the law is in a control loop, for ``friction-fmus doctor``; None: the doctor does not know it.
+    use : Use, optional
+        How ``friction-fmus study`` uses the law; None: the study leaves it out.
 
     Returns
     -------
@@ -275,7 +282,7 @@ def law(
         In one sentence, whatever is wrong with the law.
     """
 
-    about = About(portrait, tuple(quotes), needs or {}, in_loop=InLoop(law=loop))
+    about = About(portrait, tuple(quotes), needs or {}, in_loop=InLoop(law=loop), use=use)
 
     def decorate(equations: Equations) -> Law:
         code = getattr(equations, "__code__", None)

@@ -69,6 +69,10 @@
 #define IN_LOOP   \
     LAW  ()       \
     RULES(pushes)
+
+#define USE                                                                    \
+    KIND (other)                                                               \
+    NEVER("It pushes an axis that is stuck off its target, not a moving one.")
 /* clang-format on */
 
 #define SAMPLED

@@ -73,6 +73,10 @@
 #define IN_LOOP            \
     LAW  ()                \
     RULES(trials_contract)
+
+#define USE                                                                                         \
+    KIND (learning)                                                                                 \
+    NEVER("It learns from trial to trial, and the study runs the reference once (see procedures).")
 /* clang-format on */
 
 #include "zero_phase.h"

@@ -94,6 +94,11 @@
 #define IN_LOOP   \
     LAW    ()     \
     INERTIA(mass)
+
+#define USE             \
+    KIND  (feedforward) \
+    MODELS(Leuven)      \
+    TUNED (mass, 0)
 /* clang-format on */
 
 #include "reversals.h"

@@ -59,6 +59,11 @@
 #define IN_LOOP            \
     LAW   (estimates)      \
     FILTER(local_function)
+
+#define USE                                              \
+    KIND (estimator)                                     \
+    TUNED(m, m)                                          \
+    TUNED(window, max(3, round(1 / (pi * corner * Ts))))
 /* clang-format on */
 
 #include <stdbool.h>

@@ -90,6 +90,16 @@
 #define IN_LOOP   \
     LAW    ()     \
     INERTIA(mass)
+
+/* As GMS, whose elements slip one after the other: no other rounding of the transition, no bristle damping. Together the
+   elements hold a little more than the level, below which the deflection would grow without bound. */
+#define USE                                                                     \
+    KIND  (feedforward)                                                         \
+    MODELS(GMS)                                                                 \
+    TUNED (mass, 0)                                                             \
+    TUNED (n, 100)                                                              \
+    TUNED (sigma1, 0)                                                           \
+    TUNED (W[i], (1 + 1e-9) * max(Fs, Fc) * alpha[i] / max(sum(alpha), 1e-300))
 /* clang-format on */
 
 #define SAMPLED

@@ -67,6 +67,16 @@
 #define IN_LOOP             \
     LAW  ()                 \
     RULES(periods_contract)
+
+#define USE            \
+    KIND  (learning)   \
+    PERIOD(N)          \
+    TUNED (N, period)  \
+    TUNED (m, m)       \
+    TUNED (Kp, Kp)     \
+    TUNED (Kd, Kd)     \
+    TUNED (Ki, Ki)     \
+    TUNED (fq, corner)
 /* clang-format on */
 
 #include <stdbool.h>

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from friction_fmus.blocks.identified import Identified, identified
 from friction_fmus.blocks.loop import InLoop, in_loop
 from friction_fmus.blocks.rows import string, words
+from friction_fmus.blocks.use import Use, use_of
 from friction_fmus.errors import FrictionError
 
 
@@ -29,6 +30,8 @@ class About:
         How a friction model is identified.
     in_loop : InLoop
         What it is in a control loop.
+    use : Use or None
+        How a law or controller is used as a compensator; None: the study leaves it out.
     """
 
     portrait: str = ""
@@ -36,6 +39,7 @@ class About:
     needs: Mapping[str, int] = field(default_factory=dict)
     identified: Identified = field(default_factory=Identified)
     in_loop: InLoop = field(default_factory=InLoop)
+    use: Use | None = None
 
 
 def about_c_block(code: str) -> About:
@@ -57,6 +61,7 @@ def about_c_block(code: str) -> About:
         dict(_place(need) for need in words(string(code, "NEEDS"))),
         identified(code),
         in_loop(code),
+        use_of(code),
     )
 
 

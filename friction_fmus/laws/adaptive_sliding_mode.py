@@ -12,6 +12,7 @@ from friction_fmus.law import (
     LENGTH,
     MASS,
     NO_UNIT,
+    REPLACES_SERVO,
     VELOCITY,
     Command,
     Input,
@@ -37,6 +38,7 @@ from friction_fmus.law_parts.observers import adapted, limited
         linear={},
         adapts=("Gamma_c", "Ks + K / phi"),
     ),
+    use=REPLACES_SERVO,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -12,6 +12,7 @@ from friction_fmus.law import (
     LENGTH,
     MASS,
     NO_UNIT,
+    REPLACES_SERVO,
     STIFFNESS,
     VELOCITY,
     Command,
@@ -53,6 +54,7 @@ from friction_fmus.law_parts.observers import limited, relaxed
         adapts=("Gamma0 * max(Fc, Fs)**2 + sigma0 * k0", "Ks"),
         rules=("feeds_stiffness_back",),
     ),
+    use=REPLACES_SERVO,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -17,6 +17,7 @@ from friction_fmus.law import (
     Output,
     Parameter,
     Switch,
+    Use,
     law,
 )
 from friction_fmus.law_parts.feedforward import feedforward
@@ -30,6 +31,7 @@ from friction_fmus.law_parts.feedforward import feedforward
     quotes=("overcompensation", "inertia"),
     needs={"curve ahead": 2},
     loop=Loop(friction=Friction("Fc"), inertia="m"),
+    use=Use("feedforward", models=("Coulomb", "Stribeck"), tuned={"m": "0"}),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

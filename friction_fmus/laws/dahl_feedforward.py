@@ -20,6 +20,7 @@ from friction_fmus.law import (
     Output,
     Parameter,
     State,
+    Use,
     law,
 )
 from friction_fmus.law_parts.feedforward import feedforward, increment, when
@@ -42,6 +43,7 @@ def closed(gap: SX, path: SX, n: SX) -> SX:
     quotes=("overcompensation", "inertia"),
     needs={"presliding ahead": 3},
     loop=Loop(friction=Friction("Fc", "Fs", "Fv"), inertia="m"),
+    use=Use("feedforward", models=("Dahl",), tuned={"m": "0"}),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

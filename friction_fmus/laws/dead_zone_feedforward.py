@@ -18,6 +18,7 @@ from friction_fmus.law import (
     Loop,
     Output,
     Parameter,
+    Use,
     law,
 )
 from friction_fmus.law_parts.feedforward import feedforward
@@ -30,6 +31,11 @@ from friction_fmus.law_parts.feedforward import feedforward
     Ts=1e-3,
     quotes=("overcompensation", "inertia", "loop_poles"),
     loop=Loop(friction=Friction("Fc", "T_dz", "Fv"), inertia="m", amplifies="1 + gain"),
+    use=Use(
+        "feedforward",
+        models=("DeadZoneTorque",),
+        tuned={"m": "0", "DV": "either(DV, max(5 * v_noise, 1e-3 * speed, 1e-9))"},
+    ),
     outputs={
         "u": Output(FORCE, "linear and friction force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

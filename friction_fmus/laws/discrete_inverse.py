@@ -17,6 +17,7 @@ from friction_fmus.law import (
     Size,
     State,
     Switch,
+    Use,
     law,
 )
 
@@ -38,6 +39,7 @@ def square(pair: SX) -> SX:
     portrait="inversion",
     quotes=("preview",),
     loop=Loop(rules=("looks_ahead",)),
+    use=Use("other", never="It inverts a linear plant, and knows no friction."),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "r_now": Output(LENGTH, "what the plant follows: r of preview + 1 samples before"),

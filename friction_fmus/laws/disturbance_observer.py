@@ -20,6 +20,7 @@ from friction_fmus.law import (
     SampleTime,
     State,
     Switch,
+    Use,
     law,
 )
 from friction_fmus.law_parts.estimators import compensation, mean_friction, starts_now
@@ -33,6 +34,7 @@ from friction_fmus.law_parts.estimators import compensation, mean_friction, star
     quotes=("loop_poles", "disturbance_observer"),
     needs={"force and velocity": 1, "uncertain model": 2},
     loop=Loop(linear={}, estimates=True),
+    use=Use("estimator", tuned={"m": "m", "fq": "corner", "second_order": "1"}),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, without the part that f_prev compensates"),

@@ -18,6 +18,7 @@ from friction_fmus.law import (
     Parameter,
     SampleTime,
     State,
+    Use,
     law,
 )
 
@@ -31,6 +32,7 @@ from friction_fmus.law import (
     quotes=("dither_stroke", "dither_frequency"),
     needs={"hunting": 3, "stiction error": 3},
     loop=Loop(rules=("dithers",)),
+    use=Use("dither", tuned={"Ad": "1.5 * level", "frequency": "0.1 / Ts"}),
     outputs={
         "u": Output(FORCE, "f with the dither, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),

@@ -19,6 +19,7 @@ from friction_fmus.law import (
     Output,
     Parameter,
     State,
+    Use,
     law,
 )
 from friction_fmus.law_parts.observers import limited
@@ -32,6 +33,12 @@ from friction_fmus.law_parts.observers import limited
     quotes=("fed_back_stiffness", "overcompensation"),
     needs={"presliding in feedback": 2},
     loop=Loop(friction=Friction("Fc", "Fs", "Fv"), measured=True, at_rest=True, rules=("feeds_stiffness_back",)),
+    use=Use(
+        "model feedback",
+        models=("ElastoPlastic", "LuGre"),
+        renamed={"sigma2": "Fv"},
+        tuned={"elastic": "min(max(either(z_ba, 0.7 * (Fc / sigma0)) / (Fc / sigma0), 0), 0.99)"},
+    ),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

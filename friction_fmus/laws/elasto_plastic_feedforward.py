@@ -24,6 +24,7 @@ from friction_fmus.law import (
     Parameter,
     SampleTime,
     State,
+    Use,
     law,
 )
 from friction_fmus.law_parts.feedforward import at_most, fading, feedforward, increment, relax, when
@@ -81,6 +82,7 @@ def slid(z: SX, u: SX, z_max: SX, z_ba: SX) -> SX:
     quotes=("overcompensation", "inertia"),
     needs={"presliding ahead": 4},
     loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
+    use=Use("feedforward", models=("ElastoPlastic",), tuned={"m": "0"}),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

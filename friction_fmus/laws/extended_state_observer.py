@@ -18,6 +18,7 @@ from friction_fmus.law import (
     Parameter,
     SampleTime,
     State,
+    Use,
     law,
 )
 from friction_fmus.law_parts.observers import limited
@@ -31,6 +32,7 @@ from friction_fmus.law_parts.observers import limited
     quotes=("loop_poles", "disturbance_observer", "break_away"),
     needs={"force and encoder": 2},
     loop=Loop(gains={"Kp": "m * wc**2", "Kd": "2 * m * wc"}, linear={}, estimates=True),
+    use=Use("estimator", tuned={"m": "m", "wo": "observed", "wc": "bandwidth"}, output="F_hat"),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

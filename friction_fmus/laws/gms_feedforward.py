@@ -22,6 +22,7 @@ from friction_fmus.law import (
     Parameter,
     SampleTime,
     State,
+    Use,
     law,
 )
 from friction_fmus.law_parts.feedforward import feedforward, increment, when
@@ -37,6 +38,7 @@ ELEMENTS = 10
     quotes=("overcompensation", "inertia"),
     needs={"presliding ahead": 2, "uncertain model": 1},
     loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
+    use=Use("feedforward", models=("GMS",), tuned={"m": "0"}),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

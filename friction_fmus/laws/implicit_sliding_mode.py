@@ -11,6 +11,7 @@ from friction_fmus.law import (
     LENGTH,
     MASS,
     NO_UNIT,
+    REPLACES_SERVO,
     VELOCITY,
     Command,
     Input,
@@ -33,6 +34,7 @@ from friction_fmus.law_parts.observers import limited
     loop=Loop(
         gains={"Kp": "gain * m / Ts * lam", "Kd": "gain * m / Ts + m * lam"}, linear={}, rules=("covers_friction",)
     ),
+    use=REPLACES_SERVO,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "force of the sliding mode: in sliding, with gain 1, the friction of the last sample"),

@@ -11,6 +11,7 @@ from friction_fmus.law import (
     LENGTH,
     MASS,
     NO_UNIT,
+    REPLACES_SERVO,
     VELOCITY,
     Command,
     Input,
@@ -36,6 +37,7 @@ from friction_fmus.law_parts.observers import limited
         linear={},
         rules=("follows_friction",),
     ),
+    use=REPLACES_SERVO,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

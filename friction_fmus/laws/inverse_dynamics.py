@@ -19,6 +19,7 @@ from friction_fmus.law import (
     Loop,
     Output,
     Parameter,
+    Use,
     law,
 )
 from friction_fmus.law_parts.feedforward import feedforward, when
@@ -32,6 +33,7 @@ from friction_fmus.law_parts.feedforward import feedforward, when
     portrait="inversion",
     quotes=("overcompensation", "inertia"),
     loop=Loop(friction=Friction(viscous="Fv + Fv_load"), inertia="m + m_load"),
+    use=Use("feedforward", models=("Viscous", "Stribeck"), tuned={"m": "0"}),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "viscous friction force; u contains gain F_hat"),

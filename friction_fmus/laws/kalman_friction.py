@@ -18,6 +18,7 @@ from friction_fmus.law import (
     SampleTime,
     State,
     Switch,
+    Use,
     law,
 )
 from friction_fmus.law_parts.estimators import compensation, corrected, starts_now
@@ -31,6 +32,10 @@ from friction_fmus.law_parts.estimators import compensation, corrected, starts_n
     quotes=("loop_poles", "disturbance_observer"),
     needs={"force and encoder": 1},
     loop=Loop(linear={}, estimates=True),
+    use=Use(
+        "estimator",
+        tuned={"m": "m", "x_noise": "x_noise", "v_noise": "v_noise", "F_step": "m * x_noise * Ts * observed**3"},
+    ),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, positive where it opposes a positive velocity"),

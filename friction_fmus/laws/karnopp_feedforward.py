@@ -18,6 +18,7 @@ from friction_fmus.law import (
     Loop,
     Output,
     Parameter,
+    Use,
     law,
 )
 from friction_fmus.law_parts.feedforward import feedforward
@@ -31,6 +32,11 @@ from friction_fmus.law_parts.feedforward import feedforward
     quotes=("overcompensation", "inertia"),
     needs={"curve ahead": 3},
     loop=Loop(friction=Friction("Fc", "Fs", "Fv"), inertia="m"),
+    use=Use(
+        "feedforward",
+        models=("Karnopp", "Stribeck"),
+        tuned={"m": "0", "DV": "either(DV, max(5 * v_noise, 1e-3 * speed, 1e-9))"},
+    ),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -23,6 +23,7 @@ from friction_fmus.law import (
     SampleTime,
     State,
     Switch,
+    Use,
     law,
 )
 from friction_fmus.law_parts.feedforward import fading, feedforward, increment, relax, when
@@ -36,6 +37,7 @@ from friction_fmus.law_parts.feedforward import fading, feedforward, increment, 
     quotes=("overcompensation", "inertia"),
     needs={"presliding ahead": 1, "uncertain model": 3},
     loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
+    use=Use("feedforward", models=("LuGre",), tuned={"m": "0"}),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

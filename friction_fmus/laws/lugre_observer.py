@@ -20,6 +20,7 @@ from friction_fmus.law import (
     Parameter,
     SampleTime,
     State,
+    Use,
     law,
 )
 from friction_fmus.law_parts.observers import acting, limited
@@ -38,6 +39,7 @@ from friction_fmus.law_parts.observers import acting, limited
         at_rest=True,
         rules=("injection_of_error", "feeds_stiffness_back"),
     ),
+    use=Use("model feedback", models=("LuGre",)),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

@@ -12,6 +12,7 @@ from friction_fmus.law import (
     LENGTH,
     MASS,
     NO_UNIT,
+    REPLACES_SERVO,
     STIFFNESS,
     VELOCITY,
     Command,
@@ -33,6 +34,7 @@ from friction_fmus.law import (
     quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "hunting", "dead_band"),
     needs={"hunting": 2},
     loop=Loop(gains={"Kp": "Kp", "Kd": "Kd", "Ki": "Ki", "db": "db", "m": "m"}, linear={"db": 0.0, "v_zc": 0.0}),
+    use=REPLACES_SERVO,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),

@@ -16,6 +16,7 @@ from friction_fmus.law import (
     Parameter,
     SampleTime,
     State,
+    Use,
     law,
 )
 from friction_fmus.law_parts.estimators import compensation, starts_now
@@ -29,6 +30,14 @@ from friction_fmus.law_parts.estimators import compensation, starts_now
     quotes=("loop_poles", "disturbance_observer"),
     needs={"force and velocity": 2, "uncertain model": 4},
     loop=Loop(linear={}, estimates=True),
+    use=Use(
+        "estimator",
+        tuned={
+            "m": "m",
+            "F_size": "max(level, 1e-9)",
+            "v_noise": "max(level, 1e-9) * Ts / m * sqrt(1 / (1 - exp(-2 * pi * corner * Ts)) - 1)",
+        },
+    ),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, positive where it opposes a positive velocity"),

@@ -11,6 +11,7 @@ from friction_fmus.law import (
     LENGTH,
     MASS,
     NO_UNIT,
+    SHAPES_REFERENCE,
     STIFFNESS,
     VELOCITY,
     Command,
@@ -34,6 +35,7 @@ from friction_fmus.law_parts.feedforward import reference_shift, settles_fast, s
     quotes=("prefilter", "prefilter_match"),
     needs={"reference only": 1},
     loop=Loop(shapes=True),
+    use=SHAPES_REFERENCE,
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),

@@ -11,6 +11,7 @@ from friction_fmus.law import (
     LENGTH,
     MASS,
     NO_UNIT,
+    SHAPES_REFERENCE,
     STIFFNESS,
     VELOCITY,
     Command,
@@ -39,6 +40,7 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
     quotes=("prefilter", "prefilter_match"),
     needs={"reference only": 2},
     loop=Loop(shapes=True),
+    use=SHAPES_REFERENCE,
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),

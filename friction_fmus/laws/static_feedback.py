@@ -16,6 +16,7 @@ from friction_fmus.law import (
     Loop,
     Output,
     Parameter,
+    Use,
     law,
 )
 from friction_fmus.law_parts.observers import limited
@@ -29,6 +30,7 @@ from friction_fmus.law_parts.observers import limited
     quotes=("overcompensation",),
     needs={"curve in feedback": 1},
     loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "delta"), measured=True),
+    use=Use("model feedback", models=("Stribeck",), tuned={"vt": "max(2 * max(Fs, Fc) / Kd, 5 * v_noise, 1e-9)"}),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

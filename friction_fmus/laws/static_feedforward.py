@@ -19,6 +19,7 @@ from friction_fmus.law import (
     Output,
     Parameter,
     Switch,
+    Use,
     law,
 )
 from friction_fmus.law_parts.feedforward import feedforward
@@ -32,6 +33,7 @@ from friction_fmus.law_parts.feedforward import feedforward
     quotes=("overcompensation", "inertia"),
     needs={"curve ahead": 1},
     loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "delta"), inertia="m"),
+    use=Use("feedforward", models=("Stribeck",), tuned={"m": "0"}),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),

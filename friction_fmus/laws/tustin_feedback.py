@@ -16,6 +16,7 @@ from friction_fmus.law import (
     Loop,
     Output,
     Parameter,
+    Use,
     law,
 )
 from friction_fmus.law_parts.observers import limited, periodic_table
@@ -31,6 +32,7 @@ POINTS = 16
     quotes=("overcompensation",),
     needs={"curve in feedback": 2, "varying along the axis": 1},
     loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "1"), measured=True),
+    use=Use("model feedback", models=("Tustin", "Stribeck"), tuned={"v_min": "max(5 * v_noise, 1e-3 * speed, 1e-9)"}),
     outputs={
         "u": Output(FORCE, "compensation force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, without cogging; u contains gain F_hat"),
