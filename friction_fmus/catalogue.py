@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -18,6 +19,8 @@ from harness.files import read_source, reason
 KINDS = {"friction": "friction", "plants": "plant", "controllers": "controller", "signals": "signal"}
 """Folder of ``fmu_src`` -> kind of block; laws come from ``friction_fmus/laws``."""
 
+OWN_BLOCKS = "FRICTION_FMUS_BLOCKS"
+"""Environment variable with folders of the user's own blocks, separated as in PATH."""
 
 FEATURES = {
     "presliding": "the contact is elastic before it slides",
@@ -135,16 +138,42 @@ def _read_laws(path: Path) -> list[Block]:
     ]
 
 
-@cache
 def catalogue() -> dict[str, Block]:
-    """All blocks that come with the package, by name, in the order friction, plant, law, controller, signal."""
-    blocks = []
-    for folder, kind in KINDS.items():
-        blocks += [read_c_block(path, kind) for path in sorted((source_folder() / folder).glob("*.c"))]
-    blocks += _read_laws(laws_folder())
+    """Return all blocks by name, in the order friction, plant, law, controller, signal.
+
+    They come with the package, or from the folders that the environment variable ``FRICTION_FMUS_BLOCKS`` names: C
+    files of friction models, law files, and C files of other kinds in the subfolders of `KINDS`.
+
+    Raises
+    ------
+    FrictionError
+        A folder does not exist, a file in it is not a block, or two blocks have the same name.
+    """
+    return _catalogue(os.environ.get(OWN_BLOCKS, ""))
+
+
+@cache
+def _catalogue(own: str) -> dict[str, Block]:
+    blocks = [*_c_blocks(source_folder()), *_read_laws(laws_folder())]
+    for folder in map(Path, filter(None, own.split(os.pathsep))):
+        if not folder.is_dir():
+            raise FrictionError(f"{OWN_BLOCKS} names the folder {folder}, which does not exist; correct it or unset it")
+        blocks += [*_c_blocks(folder), *_read_laws(folder)]
     order = ["friction", "plant", "law", "controller", "signal"]
     blocks.sort(key=lambda block: (order.index(block.kind), block.name))
-    return {block.name: block for block in blocks}
+    found: dict[str, Block] = {}
+    for block in blocks:
+        other = found.setdefault(block.name, block)
+        if other is not block:
+            raise FrictionError(
+                f"Two blocks are called {block.name}: {other.path} and {block.path}; rename one"
+            )
+    return found
+
+
+def _c_blocks(folder: Path) -> list[Block]:
+    kinds = {"": "friction", **KINDS}
+    return [read_c_block(path, kind) for part, kind in kinds.items() for path in sorted((folder / part).glob("*.c"))]
 
 
 def find(model: str | Path) -> Block:
