@@ -165,9 +165,7 @@ def _catalogue(own: str) -> dict[str, Block]:
     for block in blocks:
         other = found.setdefault(block.name, block)
         if other is not block:
-            raise FrictionError(
-                f"Two blocks are called {block.name}: {other.path} and {block.path}; rename one"
-            )
+            raise FrictionError(f"Two blocks are called {block.name}: {other.path} and {block.path}; rename one")
     return found
 
 

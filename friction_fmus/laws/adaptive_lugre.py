@@ -6,18 +6,13 @@ from casadi import SX, fabs, if_else, logic_and
 
 from friction_fmus.expressions import stribeck_level
 from friction_fmus.law import (
-    ACCELERATION,
     DAMPING,
     FORCE,
     LENGTH,
-    MASS,
     NO_UNIT,
     REPLACES_SERVO,
-    STIFFNESS,
-    VELOCITY,
     Command,
     Friction,
-    Input,
     Loop,
     Output,
     Parameter,
@@ -25,6 +20,7 @@ from friction_fmus.law import (
     State,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.observers import adapted, limited, relaxed
 
 
@@ -68,32 +64,32 @@ from friction_fmus.law_parts.observers import adapted, limited, relaxed
     },
 )
 def adaptive_lugre(
-    r: SX = Input(LENGTH, 0.0, "reference position"),
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
-    x: SX = Input(LENGTH, 0.0, "measured position"),
-    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
+    r: SX = variables.R,
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
+    x: SX = variables.X,
+    v: SX = variables.V,
     enable: SX = Command(True, "false: u = 0, F_hat = 0, z = 0 and theta = theta0"),
     reset: SX = Command(False, "true: z = 0 and theta = theta0"),
     z: SX = State(LENGTH, 0.0, "observed mean bristle deflection", nominal=1e-5),
     learned: SX = State(NO_UNIT, 0.0, "theta - theta0"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "moving mass", min=0.0),
-    lam: SX = Parameter("1/s", 63.0, "rate at which the position error falls while s = 0", min=0.0),
+    gain: SX = variables.GAIN,
+    m: SX = variables.MASS_OR_NONE,
+    lam: SX = variables.LAM,
     Ks: SX = Parameter(DAMPING, 127.0, "gain of s", min=0.0),
     Gamma: SX = Parameter("1/(" + FORCE + "." + LENGTH + ")", 2000.0, "speed of adaptation, 0: none", min=0.0),
     theta0: SX = Parameter(NO_UNIT, 1.0, "first theta"),
     theta_min: SX = Parameter(NO_UNIT, 0.0, "lower limit of theta"),
     theta_max: SX = Parameter(NO_UNIT, 10.0, "upper limit of theta"),
-    sigma0: SX = Parameter(STIFFNESS, 1e5, "bristle stiffness", min=1e-9),
-    sigma1: SX = Parameter(DAMPING, 316.22776601683796, "bristle damping", min=0.0),
-    sigma2: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
-    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=1e-9),
-    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=1e-9),
-    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
-    delta: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    sigma0: SX = variables.SIGMA0,
+    sigma1: SX = variables.SIGMA1,
+    sigma2: SX = variables.SIGMA2,
+    Fc: SX = variables.POSITIVE_FC,
+    Fs: SX = variables.POSITIVE_FS,
+    vs: SX = variables.VS,
+    delta: SX = variables.DELTA,
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """Tracking of a reference by a mass whose LuGre friction is known up to the normal force.

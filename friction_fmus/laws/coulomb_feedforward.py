@@ -5,14 +5,9 @@ from __future__ import annotations
 from casadi import SX, if_else, logic_and, sign
 
 from friction_fmus.law import (
-    ACCELERATION,
     FORCE,
-    MASS,
     NO_UNIT,
-    VELOCITY,
-    Command,
     Friction,
-    Input,
     Loop,
     Output,
     Parameter,
@@ -20,6 +15,7 @@ from friction_fmus.law import (
     Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.feedforward import feedforward
 
 
@@ -39,16 +35,16 @@ from friction_fmus.law_parts.feedforward import feedforward
     },
 )
 def coulomb_feedforward(
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
-    enable: SX = Command(True, "false: u = 0 and F_hat = 0"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
-    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0),
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
+    enable: SX = variables.ENABLE,
+    gain: SX = variables.GAIN,
+    m: SX = variables.INERTIA,
+    Fc: SX = variables.FC,
     asymmetric: SX = Switch(False, "rd < 0 has its own parameter, Fc_neg"),
     Fc_neg: SX = Parameter(FORCE, 1.0, "Coulomb friction for rd < 0", min=0.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
     """The force that moves an exactly known mass with Coulomb friction along the reference.
 

@@ -6,15 +6,10 @@ from casadi import SX, fabs, if_else, sign, sqrt
 
 from friction_fmus.expressions import clip, unless_winding_up
 from friction_fmus.law import (
-    ACCELERATION,
     FORCE,
-    LENGTH,
-    MASS,
     NO_UNIT,
     REPLACES_SERVO,
-    VELOCITY,
     Command,
-    Input,
     Loop,
     Output,
     Parameter,
@@ -22,6 +17,7 @@ from friction_fmus.law import (
     State,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.observers import limited
 
 
@@ -45,23 +41,23 @@ from friction_fmus.law_parts.observers import limited
     },
 )
 def implicit_super_twisting(
-    r: SX = Input(LENGTH, 0.0, "reference position"),
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
-    x: SX = Input(LENGTH, 0.0, "measured position"),
-    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
-    f: SX = Input(FORCE, 0.0, "feedforward force, added before the limits", optional=True),
+    r: SX = variables.R,
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
+    x: SX = variables.X,
+    v: SX = variables.V,
+    f: SX = variables.FED_FORWARD,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and w at its start"),
     reset: SX = Command(False, "true: w at its start"),
     w: SX = State(FORCE, 0.0, "friction estimate of the last sample"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "moving mass", min=1e-12),
-    lam: SX = Parameter("1/s", 63.0, "rate at which the position error falls while s = 0", min=0.0),
+    gain: SX = variables.GAIN,
+    m: SX = variables.POSITIVE_MASS,
+    lam: SX = variables.LAM,
     L: SX = Parameter(FORCE + "/s", 500.0, "bound of the rate at which friction changes", min=0.0),
     c1: SX = Parameter(NO_UNIT, 1.5, "gain of the root", min=0.0),
     c2: SX = Parameter(NO_UNIT, 1.1, "gain of the integral, above 1", min=0.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """Sliding mode of second order: a continuous force that follows friction of bounded rate exactly.

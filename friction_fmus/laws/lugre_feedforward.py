@@ -6,17 +6,12 @@ from casadi import SX, fabs, if_else, logic_and, sign
 
 from friction_fmus.expressions import stribeck_level
 from friction_fmus.law import (
-    ACCELERATION,
     DAMPING,
     FORCE,
     LENGTH,
-    MASS,
     NO_UNIT,
-    STIFFNESS,
     VELOCITY,
-    Command,
     Friction,
-    Input,
     Loop,
     Output,
     Parameter,
@@ -26,6 +21,7 @@ from friction_fmus.law import (
     Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.feedforward import fading, feedforward, increment, relax, when
 
 
@@ -46,23 +42,23 @@ from friction_fmus.law_parts.feedforward import fading, feedforward, increment, 
     },
 )
 def lugre_feedforward(
-    r: SX = Input(LENGTH, 0.0, "reference position"),
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
-    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the states at their start"),
-    reset: SX = Command(False, "true: the states at their start"),
+    r: SX = variables.R,
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
+    enable: SX = variables.ENABLE_STATES,
+    reset: SX = variables.RESET,
     z: SX = State(LENGTH, 0.0, "mean bristle deflection", nominal=1e-5),
-    last: SX = State(LENGTH, 0.0, "reference of the sample before"),
-    started: SX = State(NO_UNIT, 0.0, "1 if there was a sample before"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
-    sigma0: SX = Parameter(STIFFNESS, 1e5, "bristle stiffness", min=1e-9),
-    sigma1: SX = Parameter(DAMPING, 316.22776601683796, "bristle damping", min=0.0),
-    sigma2: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
-    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=1e-9),
-    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=1e-9),
-    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
-    delta: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0),
+    last: SX = variables.LAST,
+    started: SX = variables.STARTED,
+    gain: SX = variables.GAIN,
+    m: SX = variables.INERTIA,
+    sigma0: SX = variables.SIGMA0,
+    sigma1: SX = variables.SIGMA1,
+    sigma2: SX = variables.SIGMA2,
+    Fc: SX = variables.POSITIVE_FC,
+    Fs: SX = variables.POSITIVE_FS,
+    vs: SX = variables.VS,
+    delta: SX = variables.DELTA,
     v_d: SX = Parameter(VELOCITY, 0.0, "speed at which the bristle damping fades, 0: never", min=0.0),
     asymmetric: SX = Switch(False, "backward motion has its own parameters, the ones named _neg"),
     sigma2_neg: SX = Parameter(DAMPING, 0.4, "viscous coefficient for rd < 0", min=0.0),
@@ -70,8 +66,8 @@ def lugre_feedforward(
     Fs_neg: SX = Parameter(FORCE, 1.5, "static friction backward", min=1e-9),
     vs_neg: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity backward", min=1e-12),
     delta_neg: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent backward", min=1e-3, max=100.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """The force that moves an exactly known mass with LuGre friction along the reference.

@@ -9,7 +9,6 @@ from friction_fmus.law import (
     DAMPING,
     FORCE,
     LENGTH,
-    MASS,
     NO_UNIT,
     SHAPES_REFERENCE,
     STIFFNESS,
@@ -23,6 +22,7 @@ from friction_fmus.law import (
     State,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.feedforward import at_most, reference_shift, settles_fast, settles_slowly, when
 
 PREVIEW = 4
@@ -64,7 +64,7 @@ def preview_prefilter(
     shift: SX = State(LENGTH, 0.0, "what is added to r_now", nominal=1e-4),
     integral: SX = State(LENGTH + ".s", 0.0, "integral of what was added to r_now", nominal=1e-6),
     gain: SX = Parameter(NO_UNIT, 1.0, "share of the force that is replaced", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    m: SX = variables.INERTIA,
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain of the controller", min=0.0),
     Kd: SX = Parameter(DAMPING, 190.0, "derivative gain of the controller", min=1e-9),
     Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain of the controller, 0: PD", min=0.0),
