@@ -300,7 +300,7 @@ def law(
         def made(wanted: Mapping[str, int]) -> Law:
             declared = resized(_declared(where, equations), sizes or {}, wanted)
             variables = _in_table_order(declared, outputs, Ts)
-            _check_variables(where, variables)
+            _check_variables(where, variables, about)
             return Law(
                 name,
                 summary,
@@ -346,7 +346,7 @@ def _in_table_order(
     return (*inputs, *results, *others, replace(ts, name="Ts", start=float(sample_time)))
 
 
-def _check_variables(where: str, variables: tuple[Variable, ...]) -> None:
+def _check_variables(where: str, variables: tuple[Variable, ...], about: About) -> None:
     if not any(variable.kind is Kind.OUTPUT for variable in variables):
         raise FrictionError(f"{where} has no output; declare one by outputs={{'u': Output(...)}}")
     seen: set[str] = set()
@@ -373,3 +373,7 @@ def _check_variables(where: str, variables: tuple[Variable, ...]) -> None:
                 raise FrictionError(
                     f"{where}: {scalar}_next is the next value of the state {variable.name}; rename that variable"
                 )
+    try:
+        about.check(variable.name for variable in variables)
+    except FrictionError as error:
+        raise FrictionError(f"{where}: {error}") from error

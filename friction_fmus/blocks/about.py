@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from friction_fmus.blocks.arithmetic import names_in
 from friction_fmus.blocks.identified import Identified, identified
 from friction_fmus.blocks.loop import InLoop, in_loop
-from friction_fmus.blocks.rows import string, words
+from friction_fmus.blocks.rows import macro, string, words
 from friction_fmus.blocks.use import Use, use_of
-from friction_fmus.errors import FrictionError
+from friction_fmus.errors import FrictionError, nearest
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,32 @@ class About:
     in_loop: InLoop = field(default_factory=InLoop)
     use: Use | None = None
 
+    @property
+    def reads(self) -> frozenset[str]:
+        """Names of the variables of the block that its expressions read."""
+        texts = [self.identified.size, *self.identified.fits]
+        friction, plant, law = self.in_loop.friction, self.in_loop.plant, self.in_loop.law
+        for part in (friction, law.friction if law is not None else None):
+            texts += vars(part).values() if part is not None else ()
+        if plant is not None:
+            texts += [*plant.forces, *plant.friction, plant.mass, plant.damping, plant.stiffness]
+            texts += [*plant.flexible, plant.belt]
+        for named in (self.in_loop.sensor, self.in_loop.drive, self.in_loop.cogging):
+            texts += vars(named).values() if named is not None else ()
+        if law is not None:
+            texts += [*law.gains.values(), law.inertia, law.amplifies, *law.adapts, *(law.linear or ())]
+        if self.use is not None and not self.use.never:
+            texts += [self.use.output, self.use.period, *self.use.tuned, *self.use.renamed.values()]
+        return frozenset().union(*(names_in(text) for text in texts if text))
+
+    def check(self, variables: Iterable[str]) -> None:
+        """Raise a FrictionError for an expression that reads what is no variable of the block."""
+        known = set(variables)
+        for name in sorted(self.reads - known):
+            raise FrictionError(
+                f"the description of the block reads {name}, which is no variable{nearest(name, known)}"
+            )
+
 
 def about_c_block(code: str) -> About:
     """Return what the macros of a C file say.
@@ -55,7 +83,7 @@ def about_c_block(code: str) -> About:
     FrictionError
         A macro is not understood.
     """
-    return About(
+    about = About(
         string(code, "PORTRAIT"),
         words(string(code, "QUOTES")),
         dict(_place(need) for need in words(string(code, "NEEDS"))),
@@ -63,6 +91,8 @@ def about_c_block(code: str) -> About:
         in_loop(code),
         use_of(code),
     )
+    about.check(re.findall(r"\(\s*(\w+)\s*,", macro(code, "VARIABLES") or ""))
+    return about
 
 
 def _place(need: str) -> tuple[str, int]:

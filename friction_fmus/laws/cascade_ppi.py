@@ -28,7 +28,7 @@ from friction_fmus.law_parts import variables
     source="Jamaludin, Van Brussel, Swevers, IEEE TIE 56(10), 2009",
     Ts=1e-3,
     quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "hunting"),
-    loop=Loop(gains={"Kp": "kv * kp + ki", "Kd": "kv", "Ki": "ki * kp", "db": "db", "m": "m"}, linear={}),
+    loop=Loop(gains={"Kp": "kv * kp + ki", "Kd": "kv", "Ki": "ki * kp", "m": "m"}, linear={}),
     use=REPLACES_SERVO,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),

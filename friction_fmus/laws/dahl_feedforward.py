@@ -38,7 +38,7 @@ def closed(gap: SX, path: SX, n: SX) -> SX:
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
     needs={"presliding ahead": 3},
-    loop=Loop(friction=Friction("Fc", "Fs", "Fv"), inertia="m"),
+    loop=Loop(friction=Friction("Fc", viscous="Fv"), inertia="m"),
     use=Use("feedforward", models=("Dahl",), tuned={"m": "0"}),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),

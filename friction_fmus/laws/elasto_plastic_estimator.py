@@ -32,7 +32,7 @@ from friction_fmus.law_parts.observers import limited
     Ts=1e-3,
     quotes=("fed_back_stiffness", "overcompensation"),
     needs={"presliding in feedback": 2},
-    loop=Loop(friction=Friction("Fc", "Fs", "Fv"), measured=True, at_rest=True, rules=("feeds_stiffness_back",)),
+    loop=Loop(friction=Friction("Fc", viscous="Fv"), measured=True, at_rest=True, rules=("feeds_stiffness_back",)),
     use=Use(
         "model feedback",
         models=("ElastoPlastic", "LuGre"),
