@@ -28,7 +28,7 @@ class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
         """Compile before the files are collected."""
         if version == "editable":
             return
-        from friction_fmus.catalogue import catalogue
+        from friction_fmus.catalogue import OWN_BLOCKS, catalogue
         from harness.native import sources
         from harness.platforms import PLATFORMS, compiled
 
@@ -39,6 +39,7 @@ class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(compiled(platform, sources(), "engine", headers=False))
             added[str(folder / name)] = f"harness/engine/binaries/{name}"
+        os.environ.pop(OWN_BLOCKS, None)  # blocks of whoever builds the wheel do not belong into it
         names, processes, fmus = list(catalogue()), os.cpu_count() or 1, folder / "fmus"
         with ThreadPoolExecutor(processes) as pool:
             list(pool.map(build_fmus, [names[k::processes] for k in range(processes)], [fmus] * processes))

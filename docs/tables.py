@@ -75,6 +75,19 @@ def answering_models(question: Question) -> list[str]:
     ]
 
 
+def choices(need: str) -> list[str]:
+    """The blocks that name a need, in the order of the places that they give themselves."""
+    found = [(block.about.needs[need], block.name) for block in catalogue().values() if need in block.about.needs]
+    return [name for _, name in sorted(found)]
+
+
+def begin(situation: Situation) -> list[str]:
+    """The compensators to begin with."""
+    return [
+        name for name in choices(situation.name) if catalogue()[name].about.needs[situation.name] <= situation.first
+    ]
+
+
 def suited_compensators(situation: Situation) -> list[str]:
     """The compensators that get by with the signals of a situation and carry what is known of the friction."""
     return [
@@ -110,6 +123,11 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
+def bold(names: Iterable[str]) -> str:
+    """Names in bold."""
+    return ", ".join(f"**{name}**" for name in names)
+
+
 def model_link(name: str) -> str:
     """A friction model in docs/models.md."""
     return f"[{name}](models.md#{name.lower()})"
@@ -124,9 +142,9 @@ def motions() -> str:
                 m.amplitude,
                 m.speed,
                 m.reversals,
-                f"**{model_link(m.begin)}**",
+                bold(map(model_link, choices(m.name))),
                 ", ".join(feature for feature in FEATURES if feature in m.shows) or "–",
-                ", ".join(model_link(name) for name in suited_models(m) if name != m.begin),
+                ", ".join(model_link(name) for name in suited_models(m) if name not in choices(m.name)),
             )
             for m in MOTIONS
         ],
@@ -137,7 +155,7 @@ def reasons() -> str:
     """Why these models, by what the scripts found."""
     found: dict[str, list[str]] = {}
     for m in MOTIONS:
-        found.setdefault(m.found, []).append(m.begin)
+        found.setdefault(m.found, []).extend(choices(m.name))
     return "\n".join(f"* **{', '.join(names)}**: {finding(target)}" for target, names in found.items())
 
 
@@ -148,8 +166,8 @@ def questions() -> str:
         [
             (
                 q.need,
-                f"**{model_link(q.begin)}**",
-                ", ".join(model_link(name) for name in answering_models(q) if name != q.begin),
+                bold(map(model_link, choices(q.name))),
+                ", ".join(model_link(name) for name in answering_models(q) if name not in choices(q.name)),
             )
             for q in QUESTIONS
         ],
@@ -161,7 +179,12 @@ def situations() -> str:
     return table(
         ("known and measured", "begin with", "others", "what was found"),
         [
-            (s.known, ", ".join(f"**{name}**" for name in s.begin), ", ".join(s.others) or "–", finding(s.found))
+            (
+                s.known,
+                bold(begin(s)),
+                ", ".join(name for name in choices(s.name) if name not in begin(s)) or "–",
+                finding(s.found),
+            )
             for s in SITUATIONS
         ],
     )

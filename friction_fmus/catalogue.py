@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from friction_fmus.blocks.about import About, about_c_block
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.law_headings import law_paths, read_headings
 from harness.files import read_source, reason
@@ -18,6 +20,9 @@ KINDS = {"friction": "friction", "plants": "plant", "controllers": "controller",
 
 _ORDER = ("friction", "plant", "law", "controller", "signal")
 """Order of the kinds in the catalogue."""
+
+OWN_BLOCKS = "FRICTION_FMUS_BLOCKS"
+"""Environment variable with folders of the user's own blocks, separated as in PATH."""
 
 FEATURES = {
     "presliding": "the contact is elastic before it slides",
@@ -58,6 +63,8 @@ class Block:
         BibTeX entries of its sources.
     status : str
         Where its equations were taken from: their numbers in the source, or that they are from memory.
+    about : About
+        What else its file says of it.
     """
 
     name: str
@@ -70,6 +77,7 @@ class Block:
     features: tuple[str, ...] = ()
     bibtex: tuple[str, ...] = ()
     status: str = ""
+    about: About = field(default_factory=About)
 
     @property
     def origin(self) -> str:
@@ -137,7 +145,15 @@ def read_c_block(path: Path, kind: str) -> Block:
         features=features,
         bibtex=entries,
         status=text("STATUS"),
+        about=_told(path, code),
     )
+
+
+def _told(path: Path, code: str) -> About:
+    try:
+        return about_c_block(code)
+    except FrictionError as error:
+        raise FrictionError(f"{path}: {error}") from error
 
 
 def _read_laws(path: Path) -> list[Block]:
@@ -145,38 +161,60 @@ def _read_laws(path: Path) -> list[Block]:
     from friction_fmus.law_files import discover_laws
 
     return [
-        Block(law.name, "law", law.summary, law.source, law.documentation, law.path, block_source(law))
+        Block(law.name, "law", law.summary, law.source, law.documentation, law.path, block_source(law), about=law.about)
         for law in discover_laws(path)
     ]
 
 
-@cache
 def listing() -> dict[str, Entry]:
-    """Return all blocks that come with the package without translating the laws, in the order of `catalogue`.
+    """Return all blocks by name without translating the laws, in the order of `catalogue`.
 
     Raises
     ------
     FrictionError
-        If a file cannot be read or two blocks have the same name.
+        As of `catalogue`.
     """
-    entries = [
-        Entry(block.name, block.kind, block.summary, block.source, block.path)
-        for folder, kind in KINDS.items()
-        for block in (read_c_block(path, kind) for path in (source_folder() / folder).glob("*.c"))
-    ]
-    for file in law_paths(laws_folder()):
-        entries += [Entry(law.name, "law", law.summary, law.source, law.path) for law in read_headings(file)]
+    return _listing(os.environ.get(OWN_BLOCKS, ""))
+
+
+@cache
+def _listing(own: str) -> dict[str, Entry]:
+    entries = [*_c_entries(source_folder()), *_law_entries(laws_folder())]
+    for folder in map(Path, filter(None, own.split(os.pathsep))):
+        if not folder.is_dir():
+            raise FrictionError(f"{OWN_BLOCKS} names the folder {folder}, which does not exist; correct it or unset it")
+        entries += [*_c_entries(folder), *_law_entries(folder)]
     found: dict[str, Entry] = {}
     for entry in sorted(entries, key=lambda entry: (_ORDER.index(entry.kind), entry.name)):
         other = found.setdefault(entry.name, entry)
         if other is not entry:
-            raise FrictionError(f"Two blocks are called {entry.name}: in {other.path.name} and in {entry.path.name}")
+            raise FrictionError(f"Two blocks are called {entry.name}: {other.path} and {entry.path}; rename one")
     return found
 
 
-@cache
+def _c_entries(folder: Path) -> list[Entry]:
+    kinds = {"": "friction", **KINDS}
+    files = [(path, kind) for part, kind in kinds.items() for path in sorted((folder / part).glob("*.c"))]
+    blocks = [read_c_block(path, kind) for path, kind in files]
+    return [Entry(block.name, block.kind, block.summary, block.source, block.path) for block in blocks]
+
+
+def _law_entries(folder: Path) -> list[Entry]:
+    laws = [law for file in law_paths(folder) for law in read_headings(file)]
+    return [Entry(law.name, "law", law.summary, law.source, law.path) for law in laws]
+
+
 def catalogue() -> dict[str, Block]:
-    """All blocks that come with the package, by name, in the order friction, plant, law, controller, signal."""
+    """Return all blocks by name, in the order friction, plant, law, controller, signal.
+
+    They come with the package, or from the folders that the environment variable ``FRICTION_FMUS_BLOCKS`` names: C
+    files of friction models, law files, and C files of other kinds in the subfolders of `KINDS`.
+
+    Raises
+    ------
+    FrictionError
+        A folder does not exist, a file in it is not a block, or two blocks have the same name.
+    """
     return {name: _read(entry) for name, entry in listing().items()}
 
 

@@ -9,7 +9,7 @@ from itertools import groupby
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
-from friction_fmus.catalogue import FEATURES, Block, library_name, package_text
+from friction_fmus.catalogue import FEATURES, Block, package_text
 from friction_fmus.conditions import quotes
 from friction_fmus.describe import Description
 from friction_fmus.model_description import CAPABILITIES
@@ -55,7 +55,7 @@ def index_page(block: Block, description: Description, figures: Sequence[Figure]
     sections = (
         _behaviour(figures),
         _features(block),
-        _conditions(library_name(block)),
+        _conditions(block),
         _variables(description),
         _terminals(connected),
         _capabilities(description),
@@ -97,9 +97,9 @@ def _features(block: Block) -> str:
     return f"<h2>Features</h2>\n<ul>\n{items}</ul>\n" if items else ""
 
 
-def _conditions(block: str) -> str:
+def _conditions(block: Block) -> str:
     """The conditions under which the block works in a loop, as `friction_fmus.conditions` states them."""
-    items = "".join(f"<li>{escape(text)} (<code>{name}</code>)</li>\n" for name, text in quotes(block))
+    items = "".join(f"<li>{escape(text)} (<code>{name}</code>)</li>\n" for name, text in quotes(block.about.quotes))
     if not items:
         return ""
     return (

@@ -17,16 +17,20 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from casadi import SX, Function, vertcat
+from casadi import Function
 
+from friction_fmus.blocks.about import About
+from friction_fmus.blocks.contact import Friction
+from friction_fmus.blocks.loop import InLoop, Loop
+from friction_fmus.blocks.use import REPLACES_SERVO, SHAPES_REFERENCE, Use
 from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.law_conditions import Conditions, Relation, conditions_of
-from friction_fmus.law_results import scalars
+from friction_fmus.law_results import Equations, function_of
 from friction_fmus.law_sizes import Size, resized, wanted_sizes
 from friction_fmus.law_variables import (
     ACCELERATION,
@@ -68,14 +72,18 @@ __all__ = [
     "LENGTH",
     "MASS",
     "NO_UNIT",
+    "REPLACES_SERVO",
+    "SHAPES_REFERENCE",
     "STIFFNESS",
     "TIME",
     "VECTORS",
     "VELOCITY",
     "Command",
+    "Friction",
     "Input",
     "Kind",
     "Law",
+    "Loop",
     "Output",
     "Parameter",
     "SampleTime",
@@ -83,6 +91,7 @@ __all__ = [
     "State",
     "Switch",
     "Unit",
+    "Use",
     "Variable",
     "law",
 ]
@@ -107,6 +116,8 @@ class Law:
         The file that defines it.
     conditions : Conditions
         What must hold between its parameters.
+    about : About
+        What else its file says of it.
     sizes : mapping of str to Size
         Parameters whose start values decide the length of vectors.
     remade : callable
@@ -121,6 +132,7 @@ class Law:
     function: Function
     path: Path
     conditions: Conditions
+    about: About
     sizes: Mapping[str, Size]
     remade: Callable[[Mapping[str, int]], Law]
 
@@ -218,9 +230,6 @@ def _by_scalar(variables: tuple[Variable, ...]) -> list[Variable]:
     return [variable for variable in variables for _ in variable.starts]
 
 
-Equations = Callable[..., Mapping[str, Any]]
-
-
 def law(
     name: str,
     summary: str,
@@ -230,6 +239,11 @@ def law(
     outputs: Mapping[str, Variable],
     conditions: Mapping[str, Relation] | None = None,
     sizes: Mapping[str, Size] | None = None,
+    portrait: str = "",
+    quotes: Sequence[str] = (),
+    needs: Mapping[str, int] | None = None,
+    loop: Loop | None = None,
+    use: Use | None = None,
 ) -> Callable[[Equations], Law]:
     """Make a function of casadi expressions a `Law`.
 
@@ -249,6 +263,12 @@ def law(
         not exceed u_max need not be said.
     sizes : mapping of str to Size, optional
         Parameters whose start values decide, when the FMU is built, how long vectors of states are.
+    portrait, quotes, needs : optional
+        As in `About`.
+    loop : Loop, optional
+        What the law is in a control loop, for ``friction-fmus doctor``; None: the doctor does not know it.
+    use : Use, optional
+        How ``friction-fmus study`` uses the law; None: the study leaves it out.
 
     Returns
     -------
@@ -261,6 +281,8 @@ def law(
     FrictionError
         In one sentence, whatever is wrong with the law.
     """
+
+    about = About(portrait, tuple(quotes), needs or {}, in_loop=InLoop(law=loop), use=use)
 
     def decorate(equations: Equations) -> Law:
         code = getattr(equations, "__code__", None)
@@ -278,16 +300,17 @@ def law(
         def made(wanted: Mapping[str, int]) -> Law:
             declared = resized(_declared(where, equations), sizes or {}, wanted)
             variables = _in_table_order(declared, outputs, Ts)
-            _check_variables(where, variables)
+            _check_variables(where, variables, about)
             return Law(
                 name,
                 summary,
                 source,
                 documentation,
                 variables,
-                _function(where, name, equations, declared, variables),
+                function_of(where, name, equations, declared, variables),
                 path,
                 conditions_of(where, conditions or {}, variables),
+                about,
                 sizes or {},
                 made,
             )
@@ -323,7 +346,7 @@ def _in_table_order(
     return (*inputs, *results, *others, replace(ts, name="Ts", start=float(sample_time)))
 
 
-def _check_variables(where: str, variables: tuple[Variable, ...]) -> None:
+def _check_variables(where: str, variables: tuple[Variable, ...], about: About) -> None:
     if not any(variable.kind is Kind.OUTPUT for variable in variables):
         raise FrictionError(f"{where} has no output; declare one by outputs={{'u': Output(...)}}")
     seen: set[str] = set()
@@ -350,50 +373,7 @@ def _check_variables(where: str, variables: tuple[Variable, ...]) -> None:
                 raise FrictionError(
                     f"{where}: {scalar}_next is the next value of the state {variable.name}; rename that variable"
                 )
-
-
-def _function(
-    where: str, name: str, equations: Equations, declared: tuple[Variable, ...], variables: tuple[Variable, ...]
-) -> Function:
-    """Call the equations with symbols and check what they return."""
-    given = [variable for variable in variables if variable.kind is not Kind.OUTPUT]
-    elements = {variable.name: [SX.sym(scalar) for scalar in variable.scalars] for variable in given}
-    symbols = {variable.name: vertcat(*elements[variable.name]) for variable in declared}
     try:
-        returned = equations(**symbols)
-    except FrictionError:
-        raise
-    except Exception as error:
-        hint = "; write a decision as if_else(...)" if "truth value" in str(error) else ""
-        reason = (str(error).strip().splitlines() or [""])[-1]
-        raise FrictionError(f"{where}: its equations raise {type(error).__name__}: {reason}{hint}") from error
-    if not isinstance(returned, Mapping):
-        raise FrictionError(f"{where} returns a {type(returned).__name__}; return a dict of outputs and next states")
-
-    results = {
-        variable.name: variable for variable in variables if variable.kind in (Kind.OUTPUT, Kind.STATE, Kind.STATES)
-    }
-    for key in returned:
-        if key not in results:
-            raise FrictionError(
-                f"{where} returns {key!r}, which is neither a declared output nor a state{nearest(str(key), results)}"
-            )
-    expressions, names = [], []
-    for variable in sorted(results.values(), key=lambda v: v.kind is not Kind.OUTPUT):
-        state = variable.kind is not Kind.OUTPUT
-        if variable.name not in returned:
-            what = f"a next value of the state {variable.name}" if state else f"the output {variable.name}"
-            raise FrictionError(f"{where} does not return {what}")
-        expressions += scalars(where, variable, returned[variable.name])
-        names += [f"{scalar}_next" if state else scalar for scalar in variable.scalars]
-
-    arguments = [symbol for variable in given for symbol in elements[variable.name]]
-    labels = [scalar for variable in given for scalar in variable.scalars]
-    # unused arguments stay: a variable that changes nothing is found by the tests of the FMU
-    function = Function(name, arguments, expressions, labels, names, {"allow_free": True})
-    if function.has_free():
-        raise FrictionError(
-            f"{where} uses the symbols {', '.join(function.get_free())}, which are not its variables; "
-            "declare them as arguments"
-        )
-    return function
+        about.check(variable.name for variable in variables)
+    except FrictionError as error:
+        raise FrictionError(f"{where}: {error}") from error

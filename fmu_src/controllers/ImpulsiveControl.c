@@ -35,6 +35,8 @@
 #define MODEL   ImpulsiveControl
 #define SUMMARY "Force pulses for an axis that is stuck off its target"
 #define SOURCE  "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
+#define QUOTES  "pulses"
+#define NEEDS   "stiction error"
 
 /* clang-format off */
 #define VARIABLES                                                                                                \
@@ -63,6 +65,14 @@
     COUNT    (n_pulse, 5,        1,      COUNTS,      "samples of a pulse")                                      \
     PARAMETER(u_min,   FORCE,   -100.0, -INF,   INF,  "lower limit of u")                                        \
     PARAMETER(u_max,   FORCE,    100.0, -INF,   INF,  "upper limit of u")
+
+#define IN_LOOP   \
+    LAW  ()       \
+    RULES(pushes)
+
+#define USE                                                                    \
+    KIND (other)                                                               \
+    NEVER("It pushes an axis that is stuck off its target, not a moving one.")
 /* clang-format on */
 
 #define SAMPLED

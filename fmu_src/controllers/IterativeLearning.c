@@ -37,9 +37,12 @@
    what Q takes away is not learned either: the error of a reversal keeps its sharpest part. fq belongs below the
    frequency up to which m, Kp, Kd, Ki describe the loop. u_min must not exceed u_max. */
 
-#define MODEL   IterativeLearning
-#define SUMMARY "Learns the force of a repeated motion from trial to trial"
-#define SOURCE  "Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984"
+#define MODEL    IterativeLearning
+#define SUMMARY  "Learns the force of a repeated motion from trial to trial"
+#define SOURCE   "Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984"
+#define PORTRAIT "learning"
+#define QUOTES   "contraction"
+#define NEEDS    "trials"
 
 /* clang-format off */
 #define VARIABLES                                                                                                 \
@@ -66,6 +69,14 @@
     PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "its integral gain")                                  \
     PARAMETER(u_min,     FORCE,    -100.0, -INF,  INF,  "lower limit of u and of what is learned")                \
     PARAMETER(u_max,     FORCE,     100.0, -INF,  INF,  "upper limit of u and of what is learned")
+
+#define IN_LOOP            \
+    LAW  ()                \
+    RULES(trials_contract)
+
+#define USE                                                                                         \
+    KIND (learning)                                                                                 \
+    NEVER("It learns from trial to trial, and the study runs the reference once (see procedures).")
 /* clang-format on */
 
 #include "zero_phase.h"

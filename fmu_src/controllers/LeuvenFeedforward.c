@@ -42,6 +42,8 @@
 #define SUMMARY "Feedforward of inertia and of Leuven's friction with its stacks, from the reference"
 #define STATUS  "equations from memory or summaries of the papers"
 #define SOURCE  "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
+#define QUOTES  "overcompensation, inertia"
+#define NEEDS   "presliding ahead: 6"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -83,6 +85,21 @@
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")          \
     PARAMETER (u_min,    FORCE,    -1000.0, -INF, INF, "lower limit of u")                                  \
     PARAMETER (u_max,    FORCE,    1000.0, -INF, INF, "upper limit of u")
+
+#define CONTACT         \
+    COULOMB (Fc)        \
+    STATIC  (Fs)        \
+    STRIBECK(vs, delta) \
+    VISCOUS (sigma2)
+
+#define IN_LOOP   \
+    LAW    ()     \
+    INERTIA(mass)
+
+#define USE             \
+    KIND  (feedforward) \
+    MODELS(Leuven)      \
+    TUNED (mass, 0)
 /* clang-format on */
 
 #include "reversals.h"

@@ -34,6 +34,8 @@
 #define MODEL   LocalFunctionEstimator
 #define SUMMARY "Friction estimated by a polynomial through the last mean forces, and compensated"
 #define SOURCE  "Savitzky, Golay, Analytical Chemistry 36(8), 1964"
+#define QUOTES  "loop_poles, disturbance_observer"
+#define NEEDS   "force and velocity: 3, uncertain model: 5"
 
 /* clang-format off */
 #define VARIABLES                                                                                                    \
@@ -53,6 +55,15 @@
     PARAMETER(m,      MASS,     1.0,    0.0,  INF,  "moving mass")                                                   \
     PARAMETER(u_min,  FORCE,   -100.0, -INF,  INF,  "lower limit of u")                                              \
     PARAMETER(u_max,  FORCE,    100.0, -INF,  INF,  "upper limit of u")
+
+#define IN_LOOP            \
+    LAW   (estimates)      \
+    FILTER(local_function)
+
+#define USE                                              \
+    KIND (estimator)                                     \
+    TUNED(m, m)                                          \
+    TUNED(window, max(3, round(1 / (pi * corner * Ts))))
 /* clang-format on */
 
 #include <stdbool.h>

@@ -37,6 +37,8 @@
 #define SUMMARY "Feedforward of inertia and of the modified Leuven model's friction, from the reference"
 #define STATUS  "equations from memory of the paper"
 #define SOURCE  "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
+#define QUOTES  "overcompensation, inertia"
+#define NEEDS   "presliding ahead: 5"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -79,6 +81,26 @@
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")          \
     PARAMETER (u_min,    FORCE,    -1000.0, -INF, INF, "lower limit of u")                                  \
     PARAMETER (u_max,    FORCE,    1000.0, -INF, INF, "upper limit of u")
+
+#define CONTACT         \
+    COULOMB (Fc)        \
+    STATIC  (Fs)        \
+    STRIBECK(vs, delta) \
+    VISCOUS (sigma2)
+
+#define IN_LOOP   \
+    LAW    ()     \
+    INERTIA(mass)
+
+/* As GMS, whose elements slip one after the other: no other rounding of the transition, no bristle damping. Together the
+   elements hold a little more than the level, below which the deflection would grow without bound. */
+#define USE                                                                     \
+    KIND  (feedforward)                                                         \
+    MODELS(GMS)                                                                 \
+    TUNED (mass, 0)                                                             \
+    TUNED (n, 100)                                                              \
+    TUNED (sigma1, 0)                                                           \
+    TUNED (W[i], (1 + 1e-9) * max(Fs, Fc) * alpha[i] / max(sum(alpha), 1e-300))
 /* clang-format on */
 
 #define SAMPLED

@@ -34,9 +34,12 @@
    Limits: N at most 4096; M is at most N - 2. A period that differs from N Ts spoils the highest harmonics first. Q is
    not 1 at the harmonics near fq: they remain in part. u_min must not exceed u_max. */
 
-#define MODEL   RepetitiveController
-#define SUMMARY "Learns the force against a periodic error while it runs"
-#define SOURCE  "Hara, Yamamoto, Omata, Nakano, IEEE Trans. Automatic Control 33(7), 1988"
+#define MODEL    RepetitiveController
+#define SUMMARY  "Learns the force against a periodic error while it runs"
+#define SOURCE   "Hara, Yamamoto, Omata, Nakano, IEEE Trans. Automatic Control 33(7), 1988"
+#define PORTRAIT "learning"
+#define QUOTES   "contraction"
+#define NEEDS    "periods"
 
 /* clang-format off */
 #define VARIABLES                                                                                                 \
@@ -60,6 +63,20 @@
     PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "its integral gain")                                  \
     PARAMETER(u_min,  FORCE,    -100.0, -INF,  INF, "lower limit of u and of what is learned")                    \
     PARAMETER(u_max,  FORCE,     100.0, -INF,  INF, "upper limit of u and of what is learned")
+
+#define IN_LOOP             \
+    LAW  ()                 \
+    RULES(periods_contract)
+
+#define USE            \
+    KIND  (learning)   \
+    PERIOD(N)          \
+    TUNED (N, period)  \
+    TUNED (m, m)       \
+    TUNED (Kp, Kp)     \
+    TUNED (Kd, Kd)     \
+    TUNED (Ki, Ki)     \
+    TUNED (fq, corner)
 /* clang-format on */
 
 #include <stdbool.h>

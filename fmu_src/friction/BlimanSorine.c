@@ -48,6 +48,8 @@
     PARAMETER(eta,    NO_UNIT,  0.1,  1e-9,  1.0, "path of the fast element over that of the slow one") \
     PARAMETER(eps,    LENGTH,   1e-3, 1e-12, INF, "path constant")                           \
     PARAMETER(Fn0,    "N",      1.0,  1e-12, INF, "normal force at which the parameters hold")
+
+#define IDENTIFIED SLIDING(F_fast, f1)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -36,6 +36,7 @@
 #define SOURCE   "Haessig, Friedland, ASME J. Dynamic Systems, Measurement, and Control 113(3), 1991"
 #define STATUS   "equations as told by Olsson et al. 1998"
 #define FEATURES "presliding, drift-free, random"
+#define NEEDS    "random"
 
 /* clang-format off */
 #define VARIABLES                                                                                            \

@@ -48,6 +48,7 @@
 #define SOURCE   "Burridge, Knopoff, BSSA 57, 1967; Carlson, Langer, Physical Review A 40, 1989"
 #define STATUS   "equations from memory of the papers"
 #define FEATURES "presliding, drift-free, Stribeck, rate dependent, mass inside, random"
+#define PORTRAIT "avalanches"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

@@ -27,6 +27,7 @@
 #define SOURCE   "Coulomb 1785; Olsson and others, European Journal of Control 4(3), 1998"
 #define STATUS   "equations of Olsson et al. 1998, section on static models"
 #define FEATURES "needs force"
+#define NEEDS    "sliding"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -37,6 +38,8 @@
     FLAG     (stuck,                              "at rest and held by friction")                           \
     PARAMETER(Fc,    FORCE,    1.0, 0.0,   INF,   "Coulomb friction at Fn0")                                \
     PARAMETER(Fn0,   "N",      1.0, 1e-12, INF,   "normal force at which the parameters hold")
+
+#define CONTACT COULOMB(Fc)
 /* clang-format on */
 
 #include "block.h"

@@ -41,6 +41,7 @@
 #define SOURCE   "Dahl, The Aerospace Corporation TOR-158(3107-18), 1968; AIAA Journal 14(12), 1976"
 #define STATUS   "equations from memory of the papers, checked against Olsson et al. 1998"
 #define FEATURES "presliding"
+#define NEEDS    "presliding"
 
 /* clang-format off */
 #define VARIABLES                                                                            \
@@ -52,6 +53,14 @@
     PARAMETER(Fc,    FORCE,     1.0,  1e-9,  INF, "Coulomb friction")                        \
     PARAMETER(n,     NO_UNIT,   1.0,  0.0,   100.0, "exponent of the softening, ductile above 1") \
     PARAMETER(Fn0,   "N",       1.0,  1e-12, INF, "normal force at which the parameters hold")
+
+#define CONTACT      \
+    COULOMB  (Fc)    \
+    STIFFNESS(sigma)
+
+#define IDENTIFIED                   \
+    FIT    (sigma, stiffness, small) \
+    SLIDING(z, Fc / sigma)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -41,6 +41,11 @@
     PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                    \
     PARAMETER(DV,    VELOCITY, 1e-3, 0.0,   INF,  "velocity below which the dead zone may hold")            \
     PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force at which the parameters hold")
+
+#define CONTACT   \
+    COULOMB(Fc)   \
+    STATIC (T_dz) \
+    VISCOUS(Fv)
 /* clang-format on */
 
 #include "block.h"

@@ -40,6 +40,7 @@
 #define SOURCE   "Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002"
 #define STATUS   "equations from memory of the papers"
 #define FEATURES "presliding, drift-free, Stribeck, lag, rate dependent"
+#define NEEDS    "held under vibration"
 
 /* clang-format off */
 #define VARIABLES                                                                               \
@@ -58,6 +59,16 @@
     PARAMETER(v_d,    VELOCITY,  0.0,    0.0,   INF, "speed at which the bristle damping fades, 0: never") \
     PARAMETER(z_ba,   LENGTH,    0.7e-5, 0.0,   INF, "break-away deflection, below Fc/sigma0")  \
     PARAMETER(Fn0,    "N",       1.0,    1e-12, INF, "normal force at which the parameters hold")
+
+#define CONTACT               \
+    COULOMB  (Fc)             \
+    STATIC   (Fs)             \
+    STRIBECK (vs, delta)      \
+    VISCOUS  (sigma2)         \
+    STIFFNESS(sigma0)         \
+    DAMPING  (sigma1, sigma2)
+
+#define IDENTIFIED SLIDING(z, Fc / sigma0)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -43,6 +43,7 @@
 #define SOURCE   "Frenkel, Kontorova, Physikalische Zeitschrift der Sowjetunion 13, 1938"
 #define STATUS   "equations from memory of reviews"
 #define FEATURES "presliding, drift-free, rate dependent, needs force, mass inside"
+#define PORTRAIT "depinning"
 
 /* clang-format off */
 #define VARIABLES                                                                                             \

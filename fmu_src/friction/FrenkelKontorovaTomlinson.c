@@ -38,6 +38,7 @@
 #define SOURCE   "Weiss, Elmer, Physical Review B 53, 1996"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free, rate dependent, mass inside"
+#define PORTRAIT "towed_to_and_fro"
 
 /* clang-format off */
 #define VARIABLES                                                                                             \

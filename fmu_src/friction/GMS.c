@@ -47,6 +47,7 @@
 #define SOURCE   "Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free, Stribeck, lag, rate dependent"
+#define NEEDS    "nested and sliding"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -70,6 +71,16 @@
     PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                  \
     PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                \
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")
+
+#define CONTACT                  \
+    COULOMB  (Fc)                \
+    STATIC   (Fs)                \
+    STRIBECK (vs, delta)         \
+    VISCOUS  (sigma2)            \
+    STIFFNESS(sum(k))            \
+    DAMPING  (N * sigma, sigma2)
+
+#define IDENTIFIED METHOD(hysteresis)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -41,6 +41,14 @@
     PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                    \
     PARAMETER(DV,    VELOCITY, 1e-3, 0.0,   INF,  "half width of the band of velocity that counts as rest") \
     PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force at which the parameters hold")
+
+#define CONTACT \
+    COULOMB(Fc) \
+    STATIC (Fs) \
+    VISCOUS(Fv)
+
+/* only the mass beside it fills its dead zone in the velocity */
+#define IDENTIFIED METHOD(none)
 /* clang-format on */
 
 #include "block.h"

@@ -32,6 +32,8 @@
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "drift-free, rate dependent, needs force, mass inside"
+#define PORTRAIT "pushed_mass"
+#define NEEDS    "real stop"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -50,6 +52,15 @@
     PARAMETER   (Fn0,   "N",      1.0,  1e-12, INF, "normal force at which the parameters hold")            \
     FIXED       (x0,    LENGTH,   0.0,  -INF,  INF, "initial position")                                     \
     FIXED       (v0,    VELOCITY, 0.0,  -INF,  INF, "initial velocity")
+
+#define CONTACT \
+    COULOMB(Fc) \
+    STATIC (Fs) \
+    VISCOUS(Fv)
+
+#define IN_LOOP   \
+    FORCES(F_ext) \
+    MASS  (m)
 /* clang-format on */
 
 #define STEPS_BY step

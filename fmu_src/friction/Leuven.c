@@ -69,6 +69,14 @@
     PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                \
     PARAMETER (dead_band, LENGTH,  0.0,   0.0,   INF, "deflection below which a reversal is taken back")    \
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")
+
+#define CONTACT               \
+    COULOMB  (Fc)             \
+    STATIC   (Fs)             \
+    STRIBECK (vs, delta)      \
+    VISCOUS  (sigma2)         \
+    STIFFNESS(A / zc)         \
+    DAMPING  (sigma1, sigma2)
 /* clang-format on */
 
 #include "reversals.h"

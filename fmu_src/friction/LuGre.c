@@ -32,6 +32,7 @@
 #define SOURCE   "Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995"
 #define STATUS   "equations (2), (3) and (5) of the paper; (30) of Olsson et al. 1998 for sigma1(v)"
 #define FEATURES "presliding, Stribeck, lag, rate dependent"
+#define NEEDS    "near presliding, stick-slip, frictional lag, changing normal force"
 
 /* clang-format off */
 #define VARIABLES                                                                                       \
@@ -54,6 +55,16 @@
     PARAMETER(vs_neg,     VELOCITY,  1e-3, 1e-12, INF,       "Stribeck velocity for v < 0")             \
     PARAMETER(delta_neg,  NO_UNIT,   2.0,  1e-3, 100.0,      "Stribeck exponent for v < 0")             \
     PARAMETER(Fn0,        "N",       1.0,  1e-12, INF,       "normal force at which the parameters hold")
+
+#define CONTACT               \
+    COULOMB  (Fc)             \
+    STATIC   (Fs)             \
+    STRIBECK (vs, delta)      \
+    VISCOUS  (sigma2)         \
+    STIFFNESS(sigma0)         \
+    DAMPING  (sigma1, sigma2)
+
+#define IDENTIFIED SLIDING(z, Fc / sigma0)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -33,6 +33,7 @@
 #define SOURCE   "Iwan, Journal of Applied Mechanics 33(4), 1966"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free"
+#define NEEDS    "nested presliding"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -47,6 +48,12 @@
     PARAMETERS(W,        10, FORCE, (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1),                     \
                                    0.0, INF,         "force at which the element slips")                    \
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")
+
+#define CONTACT       \
+    COULOMB  (sum(W)) \
+    STIFFNESS(sum(k))
+
+#define IDENTIFIED METHOD(hysteresis)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -61,6 +61,17 @@
     PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                  \
     PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                \
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")
+
+#define CONTACT               \
+    COULOMB  (Fc)             \
+    STATIC   (Fs)             \
+    STRIBECK (vs, delta)      \
+    VISCOUS  (sigma2)         \
+    STIFFNESS(sum(k))         \
+    DAMPING  (sigma1, sigma2)
+
+/* n and the elements are correlated in a record */
+#define IDENTIFIED METHOD(none)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -57,6 +57,7 @@
 #define SOURCE   "Prandtl, ZAMM 8, 1928; Tomlinson, Philosophical Magazine 7, 1929"
 #define STATUS   "equations from memory of reviews"
 #define FEATURES "presliding, drift-free, rate dependent, mass inside, random"
+#define PORTRAIT "tomlinson"
 
 /* clang-format off */
 #define VARIABLES                                                                                          \

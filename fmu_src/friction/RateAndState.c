@@ -61,6 +61,9 @@
     PARAMETER(sigma_n, FORCE,    1.0,   0.0,   INF,     "normal force that is meant at Fn = Fn0")           \
     SWITCH   (law,     0,                               "law of the age, false: aging law, true: slip law") \
     PARAMETER(Fn0,     FORCE,    1.0,   1e-12, INF,     "value of Fn at which sigma_n holds")
+
+/* only tests with steps of the velocity tell its parameters apart */
+#define IDENTIFIED METHOD(none)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -42,6 +42,8 @@
     PARAMETER(a,      NO_UNIT,   0.5,   0.0,   INF, "static over Coulomb friction, minus 1")   \
     PARAMETER(beta,   DAMPING,   774.6, 0.0,   INF, "damping while stuck")                     \
     PARAMETER(Fn0,    "N",       1.0,   1e-12, INF, "normal force at which the parameters hold")
+
+#define IDENTIFIED SLIDING(z, z0)
 /* clang-format on */
 
 #define STEPS_BY step

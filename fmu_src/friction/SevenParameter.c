@@ -43,6 +43,7 @@
 #define SOURCE   "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
 #define STATUS   "equations (7) to (9) of Olsson et al. 1998"
 #define FEATURES "presliding, drift-free, Stribeck, lag, dwell, rate dependent"
+#define NEEDS    "dwell"
 #define WARNING  "the velocity changed more than 1024 times within tauL, its history is thinned out"
 
 /* clang-format off */
@@ -65,6 +66,14 @@
     PARAMETER(tauL,      TIME,      5e-3, 0.0,   INF,  "delay of the Stribeck effect, frictional lag")      \
     PARAMETER(gamma,     TIME,      1.0,  0.0,   INF,  "dwell time after which static friction has risen by half") \
     PARAMETER(Fn0,       "N",       1.0,  1e-12, INF,  "normal force at which the parameters hold")
+
+#define CONTACT            \
+    COULOMB  (Fc)          \
+    STATIC   (Fc + Fs_inf) \
+    VISCOUS  (Fv)          \
+    STIFFNESS(kt)
+
+#define IDENTIFIED SLIDING(d, Fc / kt)
 /* clang-format on */
 
 enum { PIECES = 1024 };

@@ -27,6 +27,7 @@
 #define SOURCE   "Morin 1833; Olsson and others, European Journal of Control 4(3), 1998, eq. (4)"
 #define STATUS   "equation (4) of Olsson et al. 1998, and the ones before it"
 #define FEATURES "rate dependent, needs force"
+#define NEEDS    "known forces"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -39,6 +40,11 @@
     PARAMETER(Fs,    FORCE,    1.5, 0.0,   INF,   "static friction at Fn0, may be below Fc")                \
     PARAMETER(Fv,    DAMPING,  0.4, 0.0,   INF,   "viscous coefficient")                                    \
     PARAMETER(Fn0,   "N",      1.0, 1e-12, INF,   "normal force at which the parameters hold")
+
+#define CONTACT \
+    COULOMB(Fc) \
+    STATIC (Fs) \
+    VISCOUS(Fv)
 /* clang-format on */
 
 #include "block.h"

@@ -37,6 +37,7 @@
 #define SOURCE   "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
 #define STATUS   "equation (4) of Olsson et al. 1998 for the force at rest"
 #define FEATURES "Stribeck, rate dependent, needs force"
+#define NEEDS    "through rest"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -59,6 +60,12 @@
     PARAMETER(Fv_neg,     DAMPING,  0.4,  0.0,   INF,    "viscous coefficient for v < 0")                   \
     PARAMETER(vs_neg,     VELOCITY, 1e-3, 1e-12, INF,    "Stribeck velocity for v < 0")                     \
     PARAMETER(delta_neg,  NO_UNIT,  2.0,  1e-3,  100.0,  "Stribeck exponent for v < 0")
+
+#define CONTACT                     \
+    COULOMB (Fc)                    \
+    STATIC  (Fs)                    \
+    STRIBECK(vs, delta, shape == 0) \
+    VISCOUS (Fv)
 /* clang-format on */
 
 #include "block.h"

@@ -38,6 +38,7 @@
 #define SOURCE   "Leine, Van Campen, De Kraker, Van den Steen, Nonlinear Dynamics 16, 1998"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "drift-free, Stribeck, rate dependent, mass inside"
+#define PORTRAIT "stick_slip"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

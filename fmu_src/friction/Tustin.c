@@ -42,6 +42,12 @@
     PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                    \
     PARAMETER(vs,    VELOCITY, 1e-3, 1e-12, INF,  "velocity over which stiction falls off")                 \
     PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force at which the parameters hold")
+
+#define CONTACT     \
+    COULOMB (Fc)    \
+    STATIC  (Fs)    \
+    STRIBECK(vs, 1) \
+    VISCOUS (Fv)
 /* clang-format on */
 
 #include "block.h"

@@ -33,6 +33,8 @@
     OUTPUT   (F,       FORCE,                     "friction force, opposes v")             \
     PARAMETER(Fv,      DAMPING,  0.4, 0.0, INF,   "viscous coefficient")                   \
     PARAMETER(delta_v, NO_UNIT,  1.0, 0.0, 100.0, "exponent of the velocity")
+
+#define CONTACT VISCOUS(Fv)
 /* clang-format on */
 
 #include "block.h"

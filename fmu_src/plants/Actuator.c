@@ -24,9 +24,11 @@
    at once if tau = 0 and delay = 0. If more than 1024 changes are on their way the oldest are lost, and the delay is
    shorter than asked for; a warning says so. A change comes out to within 1e-12 of the time and the delay. */
 
-#define MODEL   Actuator
-#define SUMMARY "Delay, force limit and first-order lag of a drive"
-#define SOURCE  "Ellis: Control System Design Guide, 4th ed., 2012"
+#define MODEL    Actuator
+#define SUMMARY  "Delay, force limit and first-order lag of a drive"
+#define SOURCE   "Ellis: Control System Design Guide, 4th ed., 2012"
+#define PORTRAIT "saturation"
+#define QUOTES   "loop_poles, break_away"
 
 /* clang-format off */
 #define VARIABLES                                                                                       \
@@ -39,6 +41,11 @@
     PARAMETER(F_max,     FORCE, 100.0,  -INF,INF, "upper limit")                                        \
     PARAMETER(tau,       TIME,  0.0,    0.0, INF, "time constant of the lag, 0: none")                  \
     FIXED    (delay,     TIME,  0.0,    0.0, INF, "time that u takes to have an effect, 0: none")
+
+#define IN_LOOP         \
+    DRIVE(F_min, F_max) \
+    LAG  (tau)          \
+    DELAY(delay)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -21,9 +21,11 @@
    force over a step: the step has to be short against its own time constants, or the master has to be one that
    iterates. */
 
-#define MODEL   Belt
-#define SUMMARY "Mass on a moving belt, on a spring and a damper to the wall"
-#define SOURCE  "Leine, van Campen, de Kraker, van den Steen, Nonlinear Dynamics 16, 1998"
+#define MODEL    Belt
+#define SUMMARY  "Mass on a moving belt, on a spring and a damper to the wall"
+#define SOURCE   "Leine, van Campen, de Kraker, van den Steen, Nonlinear Dynamics 16, 1998"
+#define PORTRAIT "ride"
+#define QUOTES   "belt"
 
 /* clang-format off */
 #define VARIABLES                                                                                      \
@@ -42,6 +44,14 @@
     PARAMETER   (d,          DAMPING,   0.0, 0.0,   INF, "damping to the wall")                        \
     FIXED       (x0,         LENGTH,    0.0, -INF,  INF, "initial position")                           \
     FIXED       (v0,         VELOCITY,  0.0, -INF,  INF, "initial velocity")
+
+#define IN_LOOP          \
+    FORCES  (F_load)     \
+    FRICTION(F_friction) \
+    MASS    (m)          \
+    DAMPER  (d)          \
+    SPRING  (k)          \
+    BELT    (v_belt)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -17,9 +17,11 @@
    Limits: no force that depends on the current (reluctance ripple), and none at the ends of the magnet track. x that is
    large against the pitch carries its rounding, 1e-16 x. */
 
-#define MODEL   Cogging
-#define SUMMARY "Force by position: harmonics of the magnet pitch, conservative"
-#define SOURCE  "Otten et al., IEEE/ASME Transactions on Mechatronics 2(3), 1997"
+#define MODEL    Cogging
+#define SUMMARY  "Force by position: harmonics of the magnet pitch, conservative"
+#define SOURCE   "Otten et al., IEEE/ASME Transactions on Mechatronics 2(3), 1997"
+#define PORTRAIT "ripple"
+#define QUOTES   "cogging"
 
 /* clang-format off */
 #define VARIABLES                                                                                                    \
@@ -29,6 +31,8 @@
     PARAMETER (pitch,     LENGTH,  0.024,                          1e-9, INF, "length of a period")                  \
     PARAMETERS(amplitude, 6, FORCE, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), -INF, INF, "amplitude of each harmonic, 0: none") \
     PARAMETERS(phase,     6, ANGLE, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), -INF, INF, "phase of each harmonic at x = 0")
+
+#define IN_LOOP COGGING(pitch, amplitude, phase)
 /* clang-format on */
 
 #include "block.h"

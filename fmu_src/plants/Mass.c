@@ -10,9 +10,10 @@
 
    F_ext is what a friction model needs to know at rest. With k = d = 0 the support does not matter. */
 
-#define MODEL   Mass
-#define SUMMARY "Mass with an optional spring and damper to a moving support"
-#define SOURCE  "Newton's second law"
+#define MODEL    Mass
+#define SUMMARY  "Mass with an optional spring and damper to a moving support"
+#define SOURCE   "Newton's second law"
+#define PORTRAIT "push"
 
 /* clang-format off */
 #define VARIABLES                                                                                      \
@@ -31,6 +32,13 @@
     FIXED       (x0,         LENGTH,    0.0, -INF,  INF, "initial position")                           \
     FIXED       (v0,         VELOCITY,  0.0, -INF,  INF, "initial velocity")                           \
     FIXED       (x_support0, LENGTH,    0.0, -INF,  INF, "initial position of the support")
+
+#define IN_LOOP               \
+    FORCES  (F_drive, F_load) \
+    FRICTION(F_friction)      \
+    MASS    (m)               \
+    DAMPER  (d)               \
+    SPRING  (k)
 /* clang-format on */
 
 #define STEPS_BY step

@@ -27,9 +27,11 @@
    1e-16 k x1: 1e-8 N for k = 1e8 N/m at 1 m. A friction that is coupled holds its force over a step: the step has to be
    short against its own time constants, or the master has to be one that iterates. */
 
-#define MODEL   TwoMass
-#define SUMMARY "Flexible drive: motor and load with a spring and a damper between them"
-#define SOURCE  "Munnig Schmidt, Schitter, Rankers, van Eijk: The Design of High Performance Mechatronics, 2020"
+#define MODEL    TwoMass
+#define SUMMARY  "Flexible drive: motor and load with a spring and a damper between them"
+#define SOURCE   "Munnig Schmidt, Schitter, Rankers, van Eijk: The Design of High Performance Mechatronics, 2020"
+#define PORTRAIT "resonance"
+#define QUOTES   "loop_poles"
 
 /* clang-format off */
 #define VARIABLES                                                                                        \
@@ -54,6 +56,12 @@
     FIXED       (v1_0,        VELOCITY,  0.0, -INF,  INF, "initial velocity of the motor")               \
     FIXED       (x2_0,        LENGTH,    0.0, -INF,  INF, "initial position of the load")                \
     FIXED       (v2_0,        VELOCITY,  0.0, -INF,  INF, "initial velocity of the load")
+
+#define IN_LOOP                        \
+    FORCES  (F_drive, F_load)          \
+    FRICTION(F_friction1, F_friction2) \
+    MASS    (m1 + m2)                  \
+    FLEXIBLE(m1, m2, k, d)
 /* clang-format on */
 
 #define STEPS_BY step

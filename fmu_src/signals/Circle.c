@@ -26,9 +26,10 @@
    middle of a motion, a parameter replaces the whole plan, and x and y may jump. The angle of late times carries the
    rounding error of feed t / radius, 1e-16 of it. */
 
-#define MODEL   Circle
-#define SUMMARY "Circle of two axes at constant feed with smooth start and stop"
-#define SOURCE  "ISO 230-4; Biagiotti, Melchiorri: Trajectory Planning for Automatic Machines and Robots, 2008"
+#define MODEL    Circle
+#define SUMMARY  "Circle of two axes at constant feed with smooth start and stop"
+#define SOURCE   "ISO 230-4; Biagiotti, Melchiorri: Trajectory Planning for Automatic Machines and Robots, 2008"
+#define PORTRAIT "circle"
 
 /* clang-format off */
 #define VARIABLES                                                                                            \

@@ -15,9 +15,10 @@
    Limits: v lags by n Ts/2 + tau (a ramp is followed exactly after n samples, or once the low-pass has settled),
    x_mean by (n - 1) Ts/2; with a quantised x, v has steps of quantum / (n Ts). */
 
-#define MODEL   Differentiator
-#define SUMMARY "Sampled velocity estimate: moving average, difference, low-pass"
-#define SOURCE  "Janot, Gautier, Brunot: Data set and reference models of EMPS, 2019"
+#define MODEL    Differentiator
+#define SUMMARY  "Sampled velocity estimate: moving average, difference, low-pass"
+#define SOURCE   "Janot, Gautier, Brunot: Data set and reference models of EMPS, 2019"
+#define PORTRAIT "differentiation"
 
 /* clang-format off */
 #define VARIABLES                                                                                       \
@@ -28,6 +29,10 @@
     COUNT    (window, 2,      1,    LONGEST,    "samples that are averaged")                            \
     FIXED    (v0,     VELOCITY, 0.0, -INF, INF, "velocity before the first sample")                     \
     PARAMETER(tau,    TIME,   0.0,  0.0,  INF,  "time constant of the low-pass, 0: none")
+
+#define IN_LOOP              \
+    SENSOR  ()               \
+    VELOCITY(v, window, tau)
 /* clang-format on */
 
 enum { LONGEST = 64 };

@@ -19,9 +19,11 @@
    hysteresis: a position that rests half way between two counts flickers with its last bit. Within the jitter the
    velocity is taken as constant, an error of a jitter^2 / 2; it has to be short against Ts. */
 
-#define MODEL   Encoder
-#define SUMMARY "Sampled, quantised position with velocity by difference, optionally with jitter"
-#define SOURCE  "Widrow, Kollar, 2008; Brown, Schneider, Mulligan, IEEE TIE 39(1), 1992"
+#define MODEL    Encoder
+#define SUMMARY  "Sampled, quantised position with velocity by difference, optionally with jitter"
+#define SOURCE   "Widrow, Kollar, 2008; Brown, Schneider, Mulligan, IEEE TIE 39(1), 1992"
+#define PORTRAIT "staircase"
+#define QUOTES   "encoder_count, loop_poles"
 
 /* clang-format off */
 #define VARIABLES                                                                                      \
@@ -34,6 +36,11 @@
     PARAMETER(jitter,     TIME,     0.0,  0.0,  INF,   "largest error of a sample time, 0: none")      \
     COUNT    (seed,       1,        0,    COUNTS,      "of the jitter")                                \
     FIXED    (v0,         VELOCITY, 0.0,  -INF, INF,   "v_measured of the first sample")
+
+#define IN_LOOP          \
+    SENSOR  ()           \
+    QUANTUM (q)          \
+    VELOCITY(v_measured)
 /* clang-format on */
 
 #define SAMPLED

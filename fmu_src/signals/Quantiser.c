@@ -7,15 +7,20 @@
    Limits: no saturation, and no hysteresis: a position that rests half way between two multiples flickers with the
    last bit of x. The error is at most q/2. */
 
-#define MODEL   Quantiser
-#define SUMMARY "Rounds to the nearest multiple of a step"
-#define SOURCE  "Widrow, Kollar: Quantization Noise, 2008"
+#define MODEL    Quantiser
+#define SUMMARY  "Rounds to the nearest multiple of a step"
+#define SOURCE   "Widrow, Kollar: Quantization Noise, 2008"
+#define PORTRAIT "staircase"
 
 /* clang-format off */
 #define VARIABLES                                                            \
     INPUT    (x, LENGTH, 0.0,             "value to be measured")            \
     OUTPUT   (y, LENGTH,                  "measured value")                  \
     PARAMETER(q, LENGTH, 1e-6, 0.0, INF,  "step, 0: none, y is x")
+
+#define IN_LOOP \
+    SENSOR ()   \
+    QUANTUM(q)
 /* clang-format on */
 
 #include "block.h"

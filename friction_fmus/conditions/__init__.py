@@ -37,11 +37,10 @@ from .position_loop import (
     steepest_fall,
     stick_slip_free,
 )
-from .quoted import QUOTED, quotes
+from .quoted import quotes
 from .shaking import dither_frequency, dither_stroke, pulses, slide, slide_in_loop
 
 __all__ = [
-    "QUOTED",
     "Between",
     "Condition",
     "DrivenPlant",

@@ -1,7 +1,7 @@
 """Looks for what makes a control loop with friction unstable, hunt, or be simulated wrongly, before it is run.
 
 ``examine`` finds the plants, the friction and the laws of a system and evaluates the conditions of
-`friction_fmus.conditions` that apply; `friction_fmus.doctor.tables` has a row for each block that it knows.
+`friction_fmus.conditions` that apply; the files of the blocks say what each of them is in a loop.
 """
 
 from __future__ import annotations

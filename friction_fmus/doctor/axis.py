@@ -4,69 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
+from friction_fmus.blocks.contact import Contact, Level
 from friction_fmus.conditions import Between, Condition, DrivenPlant, SampledLaw, one_mass, two_masses
 
 Values: TypeAlias = Mapping[str, float]
 """Parameters of a part, and those of its inputs that are constant, by name in SI units."""
-
-
-@dataclass(frozen=True)
-class Level:
-    """Friction in steady sliding in one direction: g(v) = Fc + (Fs - Fc) exp(-(v/vs)^delta), and viscous friction.
-
-    Parameters
-    ----------
-    Fc, Fs, viscous : float
-        Coulomb and static friction [N], viscous friction [N.s/m].
-    vs : float or None
-        Stribeck velocity [m/s]; None: static friction acts at rest only.
-    delta : float
-        Stribeck exponent.
-    """
-
-    Fc: float
-    Fs: float
-    viscous: float = 0.0
-    vs: float | None = None
-    delta: float = 2.0
-
-    def at(self, speeds: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The level g at speeds above 0 [N]."""
-        if self.vs is None:
-            return np.full_like(speeds, self.Fc)
-        power = np.exp(np.minimum(self.delta * np.log(speeds / self.vs), 10.0))  # beyond that the curve has fallen
-        return self.Fc + (self.Fs - self.Fc) * np.exp(-power)
-
-
-@dataclass(frozen=True)
-class Contact:
-    """The friction of an axis.
-
-    Parameters
-    ----------
-    levels : (Level, Level)
-        Forward and backward.
-    stiffness, damping : float
-        Of the contact at rest [N/m, N.s/m], in proportion to the normal force; stiffness 0: rigid.
-    viscous : float
-        Viscous friction that acts at rest, too [N.s/m].
-    """
-
-    levels: tuple[Level, Level]
-    stiffness: float = 0.0
-    damping: float = 0.0
-    viscous: float = 0.0
-
-    def loaded(self, load: float) -> Contact:
-        """The same under another normal force; viscous friction does not depend on it."""
-        forward, backward = (replace(level, Fc=load * level.Fc, Fs=load * level.Fs) for level in self.levels)
-        return Contact((forward, backward), load * self.stiffness, load * self.damping, self.viscous)
 
 
 @dataclass(frozen=True)
@@ -91,32 +36,6 @@ class Gains:
 
 
 @dataclass(frozen=True)
-class Plant:
-    """A mass, maybe with a spring and a damper to the ground, by the names of the block's variables.
-
-    Parameters
-    ----------
-    forces : tuple of str
-        Inputs for applied forces.
-    friction : tuple of str
-        Inputs for friction forces, of which the first that is wired counts; empty if the block holds its own friction.
-    mass : callable
-        Mass [kg] from the values.
-    damping, stiffness : str
-        Parameters; empty where there is none.
-    flexible : bool
-        Whether it is motor and load with a spring between them: m1, m2, k, d.
-    """
-
-    forces: tuple[str, ...]
-    friction: tuple[str, ...]
-    mass: Callable[[Values], float]
-    damping: str = ""
-    stiffness: str = ""
-    flexible: bool = False
-
-
-@dataclass(frozen=True)
 class Law:
     """What the conditions need of a law.
 
@@ -126,34 +45,29 @@ class Law:
         Its position loop from the values.
     levels : callable or None
         The friction that it compensates, forward and backward.
-    measured : bool
-        Whether it computes the friction from the measured velocity, otherwise from the reference.
-    at_rest : bool
-        Whether, from the measured velocity, it also compensates friction at rest.
     inertia : callable or None
         Mass of its inertia feedforward, from the values.
     linear : callable or None
         Its part of the sampled loop, from the values and the sample time; None: it has none.
-    estimates : bool
-        Whether it estimates the force without a friction model, so that the poles of the loop contain the estimator.
-    hunts : bool
-        Whether its integral, if there is one, hunts with static friction.
     amplifies : callable or None
         How many times what comes in at f leaves the law in small movements; None: once.
     rules : tuple of callable
         Conditions of this law alone.
+    measured, at_rest, estimates, hunts, shapes : bool
+        As in `Loop`.
     """
 
     gains: Callable[[Values], Gains] | None = None
     levels: Callable[[Values], tuple[Level, Level]] | None = None
-    measured: bool = False
-    at_rest: bool = False
     inertia: Callable[[Values], float] | None = None
     linear: Callable[[Values, float], SampledLaw] | None = None
-    estimates: bool = False
-    hunts: bool = True
     amplifies: Callable[[Values], float] | None = None
     rules: tuple[Rule, ...] = ()
+    measured: bool = False
+    at_rest: bool = False
+    estimates: bool = False
+    hunts: bool = True
+    shapes: bool = False
 
 
 @dataclass(frozen=True)

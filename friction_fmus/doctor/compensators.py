@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from friction_fmus import conditions
+from friction_fmus.blocks.arithmetic import evaluate
+from friction_fmus.blocks.contact import Level
 from friction_fmus.conditions import Condition
 from friction_fmus.conditions.condition import below, remainder
-from friction_fmus.doctor.axis import Axis, Level, Used
+from friction_fmus.doctor.axis import Axis, Used
 
 
 def share_of(used: Used) -> float:
@@ -63,23 +65,10 @@ def follows_friction(axis: Axis, used: Used) -> Iterator[Condition]:
     yield conditions.super_twisting(used.values["c1"], used.values["c2"])
 
 
-def adapts_normal_force(axis: Axis, used: Used) -> Iterator[Condition]:
-    """AdaptiveLuGre: one factor of the friction."""
-    p = used.values
-    yield conditions.adaptation(p["Gamma"] * max(p["Fc"], p["Fs"]) ** 2, p["Ks"], axis.m, p["Ts"])
-
-
-def adapts_bristles(axis: Axis, used: Used) -> Iterator[Condition]:
-    """ANDFC, at low speed: the factor of the stiffness, and the injection into its observer."""
-    p = used.values
-    rate = p["Gamma0"] * max(p["Fc"], p["Fs"]) ** 2 + p["sigma0"] * p["k0"]
-    yield conditions.adaptation(rate, p["Ks"], axis.m, p["Ts"])
-
-
-def adapts_sliding_mode(axis: Axis, used: Used) -> Iterator[Condition]:
-    """AdaptiveSlidingMode, at low speed: the Coulomb friction, at the edge of the layer in which nothing is adapted."""
-    p = used.values
-    yield conditions.adaptation(p["Gamma_c"], p["Ks"] + p["K"] / p["phi"], axis.m, p["Ts"])
+def adapts(texts: tuple[str, ...], axis: Axis, used: Used) -> Iterator[Condition]:
+    """An adaptation, by expressions of its rate and of the damping that must hold it."""
+    rate, damping = (float(evaluate(text, used.values)) for text in texts)
+    yield conditions.adaptation(rate, damping, axis.m, used.values["Ts"])
 
 
 def looks_ahead(axis: Axis, used: Used) -> Iterator[Condition]:

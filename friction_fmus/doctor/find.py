@@ -4,29 +4,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import astuple, replace
+from typing import NamedTuple
 
+from friction_fmus.blocks.arithmetic import evaluate
+from friction_fmus.blocks.contact import Contact
+from friction_fmus.blocks.loop import InLoop, Plant
 from friction_fmus.catalogue import catalogue
 from friction_fmus.conditions import cogging_slope
-from friction_fmus.doctor.axis import Axis, Contact, Path, Plant, Shaper, Used, Values
-from friction_fmus.doctor.tables import BETWEEN, FRICTION, LAWS, PLANTS, SENSORS
+from friction_fmus.doctor.axis import Axis, Path, Shaper, Used, Values
+from friction_fmus.doctor.known import known_blocks, law_of
 from harness import FmuPart, Part, System, Wire, open_archive
 from harness.errors import StartValueError
 from harness.wire import wire_map
 
 
 def axes(system: System) -> list[Axis]:
-    """The axes of a system that the tables know.
+    """The axes of a system, as far as the blocks are known.
 
     Raises
     ------
     HarnessError
         If an FMU can no longer be read.
     """
-    models = {name: model_of(part) for name, part in system.parts.items()}
+    known = known_blocks()
+    models = {name: model_of(part) or "" for name, part in system.parts.items()}
+    parts = {name: Known(model, known.get(model, InLoop())) for name, model in models.items()}
     drivers = {wire.ends[1]: wire for wire in system.wires}
-    masses = [(name, PLANTS[model]) for name, model in models.items() if model is not None and model in PLANTS]
-    return [_axis(system, models, drivers, name, plant) for name, plant in masses]
+    masses = [(name, part.block.plant) for name, part in parts.items() if part.block.plant is not None]
+    return [_axis(system, parts, drivers, name, plant) for name, plant in masses]
 
 
 def unknown_parts(system: System) -> list[str]:
@@ -41,10 +47,10 @@ def unknown_parts(system: System) -> list[str]:
 
 
 def model_of(part: Part) -> str | None:
-    """Which row of the tables a part is: by its model, its model identifier, or, if it was renamed, its description."""
+    """Which known block a part is: by its model, its model identifier, or, if it was renamed, its description."""
     if not isinstance(part, FmuPart):
         return None
-    known = {*PLANTS, *FRICTION, *LAWS, *SENSORS, *BETWEEN}
+    known = known_blocks()
     description = open_archive(part.path).description
     for name in (part.model, description.coSimulation.modelIdentifier):
         if name in known:
@@ -98,69 +104,90 @@ def gain_of(system: System, wire: Wire) -> float:
 
 
 Drivers = Mapping[tuple[str, str], Wire]
-Models = Mapping[str, str | None]
 
 
-def _axis(system: System, models: Models, drivers: Drivers, name: str, plant: Plant) -> Axis:
+class Known(NamedTuple):
+    """A part of a system: its block, by name and by what that is in a loop; nothing if it is not known."""
+
+    model: str
+    block: InLoop
+
+
+Parts = Mapping[str, Known]
+
+
+def _axis(system: System, parts: Parts, drivers: Drivers, name: str, plant: Plant) -> Axis:
     p = values_of(system, system.parts[name])
-    friction, contact, at_load = _contact(system, models, drivers, name, plant)
-    laws = tuple(_laws(system, models, drivers, name, plant))
+    friction, contact, at_load = _contact(system, parts, drivers, name, plant)
+    laws = tuple(_laws(system, parts, drivers, name, plant))
     damping, stiffness = (p.get(key, 0.0) for key in (plant.damping, plant.stiffness))
     return Axis(
         name,
-        plant.mass(p),
+        float(evaluate(plant.mass, p)),
         damping,
         stiffness,
         friction,
         contact,
         laws,
-        flexible=(p["m1"], p["m2"], p["k"], p["d"]) if plant.flexible else None,
+        flexible=_flexible(plant, p),
         at_load=at_load,
-        cogging=_cogging(system, models, drivers, name, plant),
-        belt=p.get("v_belt"),
-        shapers=tuple(_shapers(system, models, drivers, laws)),
+        cogging=_cogging(system, parts, drivers, name, plant),
+        belt=p.get(plant.belt),
+        shapers=tuple(_shapers(system, parts, drivers, laws)),
     )
 
 
+def _flexible(plant: Plant, p: Values) -> tuple[float, float, float, float] | None:
+    """Masses, stiffness and damping of motor and load."""
+    if not plant.flexible:
+        return None
+    m1, m2, k, d = (p[name] for name in plant.flexible)
+    return m1, m2, k, d
+
+
 def _contact(
-    system: System, models: Models, drivers: Drivers, name: str, plant: Plant
+    system: System, parts: Parts, drivers: Drivers, name: str, plant: Plant
 ) -> tuple[str | None, Contact | None, bool]:
     """The friction on a mass, at the normal force that it has at the start, and whether it is that of the load."""
     wired = [(drivers[name, port], port) for port in plant.friction if (name, port) in drivers]
     for part, port in [(wire.ends[0][0], port) for wire, port in wired] or [(name, "")]:
-        model = models[part]
-        if model is not None and model in FRICTION:
+        friction = parts[part].block.friction
+        if friction is not None:
             p = values_of(system, system.parts[part])
             load = p["Fn"] / p["Fn0"] if "Fn" in p and p.get("Fn0") else 1.0
-            return part, FRICTION[model](p).loaded(max(load, 0.0)), port.endswith("2")
+            return part, friction.contact(p).loaded(max(load, 0.0)), port.endswith("2")
     return None, None, False
 
 
-def _cogging(system: System, models: Models, drivers: Drivers, name: str, plant: Plant) -> tuple[str, float] | None:
+def _cogging(system: System, parts: Parts, drivers: Drivers, name: str, plant: Plant) -> tuple[str, float] | None:
     """A part whose force on the mass depends on its position, and the largest slope of that."""
     for port in plant.forces:
         wire = drivers.get((name, port))
         part = wire.ends[0][0] if wire else ""
-        if wire is not None and models[part] == "Cogging":
+        cogging = parts[part].block.cogging if wire else None
+        if wire is not None and cogging is not None:
             p = values_of(system, system.parts[part])
-            harmonics = [[p[f"{key}[{i}]"] for i in range(1, 7)] for key in ("amplitude", "phase")]
-            return part, gain_of(system, wire) * cogging_slope(p["pitch"], *harmonics)
+            harmonics = [
+                [value for name, value in p.items() if name.startswith(f"{key}[")]
+                for key in (cogging.amplitude, cogging.phase)
+            ]
+            return part, gain_of(system, wire) * cogging_slope(p[cogging.pitch], *harmonics)
     return None
 
 
-def _shapers(system: System, models: Models, drivers: Drivers, laws: Iterable[Used]) -> Iterator[Shaper]:
+def _shapers(system: System, parts: Parts, drivers: Drivers, laws: Iterable[Used]) -> Iterator[Shaper]:
     """The prefilters before the references of laws."""
     seen: set[str] = set()
     for used in laws:
         wires = [drivers[used.part, port] for port in ("r", "rd") if (used.part, port) in drivers]
         for part in [wire.ends[0][0] for wire in wires]:
-            model = models[part]
-            if part not in seen and model in ("Prefilter", "PreviewPrefilter") and used.law.gains is not None:
+            model, block = parts[part]
+            if part not in seen and block.law is not None and block.law.shapes and used.law.gains is not None:
                 seen.add(part)
                 yield Shaper(part, model, values_of(system, system.parts[part]))
 
 
-def _laws(system: System, models: Models, drivers: Drivers, plant: str, names: Plant) -> Iterator[Used]:
+def _laws(system: System, parts: Parts, drivers: Drivers, plant: str, names: Plant) -> Iterator[Used]:
     """The laws upstream of the forces on a plant: through the input f of laws, through all inputs of other parts."""
     waiting = [(drivers[plant, port], 1.0, Path()) for port in names.forces if (plant, port) in drivers]
     seen: set[str] = set()
@@ -168,20 +195,21 @@ def _laws(system: System, models: Models, drivers: Drivers, plant: str, names: P
         wire, beyond, path = waiting.pop(0)
         part = wire.ends[0][0]
         to_force = beyond * gain_of(system, wire)
-        model = models[part]
-        if part in seen or model in PLANTS or model in FRICTION or model == "Cogging":
+        model, block = parts[part]
+        if part in seen or block.plant or block.friction or block.cogging:
             continue
         seen.add(part)
-        law, values = LAWS.get(model or ""), values_of(system, system.parts[part])
+        law, values = law_of(model), values_of(system, system.parts[part])
         if law is not None:
             path = _limited(path, to_force, values.get("u_min", -math.inf), values.get("u_max", math.inf))
-            x, v, measured = _measured(system, models, drivers, plant, part, path)
+            x, v, measured = _measured(system, parts, drivers, plant, part, path)
             yield Used(part, law, values, to_force, x, v, measured)
             if law.amplifies is not None:
                 path = replace(path, amplified=path.amplified * law.amplifies(values))
-        elif model == "Actuator":
-            path = _limited(path, to_force, values["F_min"], values["F_max"])
-            path = replace(path, tau=path.tau + values["tau"], delay=path.delay + values["delay"])
+        elif block.drive is not None:
+            low, high, lag, delay = (float(evaluate(text, values)) for text in astuple(block.drive))
+            path = _limited(path, to_force, low, high)
+            path = replace(path, tau=path.tau + lag, delay=path.delay + delay)
         inputs = [port.name for port in system.parts[part].inputs if law is None or port.name == "f"]
         waiting += [(drivers[part, port], to_force, path) for port in inputs if (part, port) in drivers]
 
@@ -193,18 +221,18 @@ def _limited(path: Path, to_force: float, low: float, high: float) -> Path:
 
 
 def _measured(
-    system: System, models: Models, drivers: Drivers, plant: str, part: str, path: Path
+    system: System, parts: Parts, drivers: Drivers, plant: str, part: str, path: Path
 ) -> tuple[float, float, Path]:
     """Gains of the measurements of a law, through known sensors, and what these do."""
-    x, _, x_port = _traced(system, models, drivers, plant, (part, "x"), path)
-    v, path, v_port = _traced(system, models, drivers, plant, (part, "v"), path)
+    x, _, x_port = _traced(system, parts, drivers, plant, (part, "x"), path)
+    v, path, v_port = _traced(system, parts, drivers, plant, (part, "v"), path)
     if not path.sensor:
-        path = _traced(system, models, drivers, plant, (part, "x"), path)[1]
+        path = _traced(system, parts, drivers, plant, (part, "x"), path)[1]
     return x, v, replace(path, at_load=(x_port.endswith("2"), v_port.endswith("2")))
 
 
 def _traced(
-    system: System, models: Models, drivers: Drivers, plant: str, port: tuple[str, str], path: Path
+    system: System, parts: Parts, drivers: Drivers, plant: str, port: tuple[str, str], path: Path
 ) -> tuple[float, Path, str]:
     """Gain from the plant to an input, with the encoders and differentiators in between, and the output it begins at.
 
@@ -214,16 +242,16 @@ def _traced(
     while wire is not None:
         (source, output), _ = wire.ends
         gain *= gain_of(system, wire)
-        model = models[source]
         if source == plant:
             return gain, path, output
-        if model not in SENSORS:
+        sensor = parts[source].block.sensor
+        if sensor is None:
             return 1.0, path, ""
         p = values_of(system, system.parts[source])
-        path = replace(path, sensor=path.sensor or source, quantum=max(path.quantum, p.get("q", 0.0)))
-        if output == "v_measured" and not path.window:
-            path = replace(path, window=1)
-        elif model == "Differentiator" and output == "v":
-            path = replace(path, window=int(p["window"]), smoothing=p["tau"])
+        quantum = float(evaluate(sensor.quantum, p)) if sensor.quantum else 0.0
+        path = replace(path, sensor=path.sensor or source, quantum=max(path.quantum, quantum))
+        if output == sensor.velocity and not path.window:
+            window, smoothing = evaluate(sensor.window, p), evaluate(sensor.smoothing, p)
+            path = replace(path, window=int(window), smoothing=float(smoothing))
         wire = drivers.get((source, "x"))
     return 1.0, path, ""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from casadi import Function
 
-from friction_fmus.catalogue import laws_folder
+from friction_fmus.catalogue import catalogue
 from friction_fmus.conditions import SampledLaw
 from friction_fmus.law import Kind, Law
 from friction_fmus.law_files import discover_laws
@@ -21,14 +22,10 @@ SETTLED = 500
 
 
 @cache
-def known_laws() -> Mapping[str, Law]:
-    """The laws of the library, by name."""
-    return {law.name: law for law in discover_laws(laws_folder())}
-
-
-@cache
-def _jacobian(name: str) -> Function:
-    return known_laws()[name].function.jacobian()
+def _law(path: Path, name: str) -> tuple[Law, Function]:
+    """Return the law of a file and its Jacobian."""
+    law = next(law for law in discover_laws(path) if law.name == name)
+    return law, law.function.jacobian()
 
 
 def linearised(name: str, values: Mapping[str, float], Ts: float) -> SampledLaw:
@@ -37,7 +34,7 @@ def linearised(name: str, values: Mapping[str, float], Ts: float) -> SampledLaw:
     Parameters
     ----------
     name : str
-        Of a law of the library.
+        Of a law of the catalogue.
     values : mapping
         Its parameters, vectors by element; what is missing has its start value.
     Ts : float
@@ -48,7 +45,7 @@ def linearised(name: str, values: Mapping[str, float], Ts: float) -> SampledLaw:
     SampledLaw
         Without the states that nothing moves, such as the gains of a filter, or that nothing reads.
     """
-    law = known_laws()[name]
+    law, jacobian = _law(catalogue()[name].path, name)
     given = [scalar for variable in law.given for scalar in variable.scalars]
     results = [scalar for variable in law.results for scalar in variable.scalars]
     states = [s for variable in law.select(Kind.STATE, Kind.STATES) for s in variable.scalars]
@@ -67,7 +64,7 @@ def linearised(name: str, values: Mapping[str, float], Ts: float) -> SampledLaw:
         if (np.abs(after - before) <= 1e-12 * np.abs(after)).all():
             break
     now["x"] = -NUDGE
-    blocks = _jacobian(name).call([*(now[key] for key in given), *([0.0] * len(results))])
+    blocks = jacobian.call([*(now[key] for key in given), *([0.0] * len(results))])
     table = np.array([float(block) for block in blocks]).reshape(len(results), len(given))
     row, column = {key: i for i, key in enumerate(results)}, {key: i for i, key in enumerate(given)}
 

@@ -9,10 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from friction_fmus import conditions
+from friction_fmus.blocks.contact import Level
 from friction_fmus.conditions import Condition, DrivenPlant, SampledLaw
 from friction_fmus.conditions.condition import first_largest
 from friction_fmus.conditions.linear import Matrix, spectral_radius
-from friction_fmus.doctor.axis import Axis, Finding, Level, Used
+from friction_fmus.doctor.axis import Axis, Finding, Used
 
 _BUZZ = "around a standstill the contact is a spring, and the loop with it is unstable: the axis buzzes at rest"
 _INVERSE = (

@@ -8,9 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from friction_fmus import conditions
+from friction_fmus.blocks.contact import Level
 from friction_fmus.conditions import Condition
 from friction_fmus.conditions.condition import above
-from friction_fmus.doctor.axis import Axis, Finding, Gains, Level, Used
+from friction_fmus.doctor.axis import Axis, Finding, Gains, Used
 from friction_fmus.doctor.compensators import left_of, share_of
 from friction_fmus.doctor.poles import direct_gains, estimating, examine_poles, falling
 

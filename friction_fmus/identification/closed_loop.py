@@ -204,7 +204,9 @@ def identify_closed_loop(
         train=score(measured, predicted),
         aic=aic,
         bic=bic,
-        weak=weak_parameters(list(estimates), values, errors, correlation, _at_bound(unknowns, values), unseen),
+        weak=weak_parameters(
+            contact, list(estimates), values, errors, correlation, _at_bound(unknowns, values), unseen
+        ),
         warnings=() if fit.converged else ("the search ended by its limit of iterations; give better start values",),
         seconds=opened.seconds + time.perf_counter() - begin,
         simulations=fit.simulations,

@@ -14,7 +14,7 @@ from .errors import FitError
 from .estimate import Estimate
 from .hysteresis import hysteresis_setup
 from .idim import InverseModelSettings
-from .models import HYSTERESIS, ContactModel, contact_model
+from .models import ContactModel, contact_model
 from .pieces import Piece, prepare, signal_of, traits
 from .problem import Problem
 from .record import Array, Record
@@ -157,7 +157,7 @@ def identify(
 
 
 def _method(contact: ContactModel, method: str) -> str:
-    natural = "inverse" if contact.static else "hysteresis" if contact.name in HYSTERESIS else "output-error"
+    natural = "inverse" if contact.static else "hysteresis" if contact.told.method == "hysteresis" else "output-error"
     if method in ("auto", natural):
         return natural
     raise FitError(f"{contact.name} is identified by the method {natural!r}, not by {method!r}; leave method out.")
@@ -248,7 +248,9 @@ def _result(
         validation=None,
         aic=aic,
         bic=bic,
-        weak=weak_parameters(list(parameters), parameters, errors, correlation, _at_bound(problem, found.x), unseen),
+        weak=weak_parameters(
+            contact, list(parameters), parameters, errors, correlation, _at_bound(problem, found.x), unseen
+        ),
         warnings=warnings,
         seconds=0.0,
         simulations=problem.simulations,

@@ -1,18 +1,20 @@
 """Which parameters of a block are identified, where the search starts, and what determines each of them.
 
-Names, units, ranges and start values come from the FMU. Here stands only what they do not say; the blocks of
-this package use one name for one thing, so that one row serves all models.
+Names, units, ranges and start values come from the FMU. The blocks of this package use one name for one thing, so that
+one row serves all models; the file of a block states exceptions and further parameters (`IDENTIFIED`).
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from friction_fmus.blocks.arithmetic import evaluate, names_in
+from friction_fmus.blocks.identified import Fitted, Identified
 from friction_fmus.catalogue import catalogue, find
 from friction_fmus.package import fmu
 from harness import FmuPart, open_archive
@@ -49,76 +51,50 @@ class Traits:
         """Path over which the contact goes from rest to sliding [position]."""
         return self.level / self.stiffness
 
-
-@dataclass(frozen=True)
-class Row:
-    """A parameter name of the blocks: where to start, and what to measure if it is weakly determined."""
-
-    guess: Callable[[Traits], float]
-    measure: str
+    def value(self, expression: str) -> float:
+        """Return the value of an expression of these numbers, as `Fitted.start` has it."""
+        return float(evaluate(expression, {name: getattr(self, name) for name in names_in(expression)}))
 
 
-_SLOW = "slow constant velocities of both directions around it"
-_FAST = "constant velocities up to the largest speed"
-_SLIDING = "sliding at constant velocity in both directions"
-_SMALL = "motions to and fro that are smaller than the presliding distance"
-_SMALL_FAST = "small motions to and fro at a higher frequency"
-_LOOPS = "reversals with many samples over the presliding distance"
-_REST = "break-aways after rests of different length"
-
-ROWS: Mapping[str, Row] = {
-    "M": Row(lambda t: 1.0, "accelerations in both directions"),
-    "OF": Row(lambda t: 0.0, "the same speeds in both directions"),
-    "Fc": Row(lambda t: t.level, _SLIDING),
-    "Fs": Row(lambda t: t.peak, _SLOW),
-    "Fv": Row(lambda t: t.viscous, _FAST),
-    "sigma2": Row(lambda t: t.viscous, _FAST),
-    "vs": Row(lambda t: 0.1 * t.speed, _SLOW),
-    "sigma0": Row(lambda t: t.stiffness, _SMALL),
-    "sigma": Row(lambda t: t.stiffness, _SMALL),
-    "kt": Row(lambda t: t.stiffness, _SMALL),
-    "sigma1": Row(lambda t: t.damping, _SMALL_FAST),
-    "beta": Row(lambda t: t.damping, _SMALL_FAST),
-    "n": Row(lambda t: 1.0, _LOOPS),
-    "z_ba": Row(lambda t: 0.5 * t.distance, _LOOPS),
-    "z0": Row(lambda t: t.distance, _LOOPS),
-    "a": Row(lambda t: 0.1, _SLOW),
-    "f1": Row(lambda t: 1.5 * t.level, _LOOPS),
-    "f2": Row(lambda t: 0.5 * t.level, _LOOPS),
-    "eta": Row(lambda t: 0.3, _LOOPS),
-    "eps": Row(lambda t: t.distance, _LOOPS),
-    "A": Row(lambda t: 2.5 * t.peak, _LOOPS),
-    "zc": Row(lambda t: 2.5 * t.distance, _LOOPS),
-    "Fs_a": Row(lambda t: 0.2 * t.level, _REST),
-    "Fs_inf": Row(lambda t: 0.2 * t.level, _REST),
-    "gamma": Row(lambda t: 1.0, _REST),
-    "tauL": Row(lambda t: 5e-3, "sliding with a velocity that swings about a mean one"),
-    "T_dz": Row(lambda t: t.peak, _SLOW),
-    "C": Row(lambda t: 100.0 * t.level, "sliding with a velocity that swings about a mean one"),
-    "k": Row(lambda t: t.stiffness, _LOOPS),
-    "W": Row(lambda t: t.level, _LOOPS),
-    "alpha": Row(lambda t: 1.0, _LOOPS),
+ROWS: Mapping[str, Fitted] = {
+    "M": Fitted("1", "accelerations"),
+    "OF": Fitted("0", "directions"),
+    "Fc": Fitted("level", "sliding"),
+    "Fs": Fitted("peak", "slow"),
+    "Fv": Fitted("viscous", "fast"),
+    "sigma2": Fitted("viscous", "fast"),
+    "vs": Fitted("0.1 * speed", "slow"),
+    "sigma0": Fitted("stiffness", "small"),
+    "sigma": Fitted("stiffness", "small"),
+    "kt": Fitted("stiffness", "small"),
+    "sigma1": Fitted("damping", "small_fast"),
+    "beta": Fitted("damping", "small_fast"),
+    "n": Fitted("1", "loops"),
+    "z_ba": Fitted("0.5 * distance", "loops"),
+    "z0": Fitted("distance", "loops"),
+    "a": Fitted("0.1", "slow"),
+    "f1": Fitted("1.5 * level", "loops"),
+    "f2": Fitted("0.5 * level", "loops"),
+    "eta": Fitted("0.3", "loops"),
+    "eps": Fitted("distance", "loops"),
+    "A": Fitted("2.5 * peak", "loops"),
+    "zc": Fitted("2.5 * distance", "loops"),
+    "Fs_a": Fitted("0.2 * level", "rest"),
+    "Fs_inf": Fitted("0.2 * level", "rest"),
+    "gamma": Fitted("1", "rest"),
+    "tauL": Fitted("5e-3", "swinging"),
+    "T_dz": Fitted("peak", "slow"),
+    "C": Fitted("100 * level", "swinging"),
+    "k": Fitted("stiffness", "loops"),
+    "W": Fitted("level", "loops"),
+    "alpha": Fitted("1", "loops"),
 }
 """Parameters that are identified, by name; elements of vectors without their number, parameters of v < 0 without
-``_neg``."""
+``_neg``. A block whose parameter of that name is another thing says so in its file."""
 
 HELD = ("delta", "v_d", "delta_v", "gamma", "Fs_a", "tauL", "dead_band", "DV", "offset", "Fn0", "sigma")
 """Parameters that keep their value unless `start` or `bounds` names them: shapes that trade with others, and effects
-that most records do not show. The stiffness of `Dahl` is called sigma, too, and is no such parameter."""
-
-HYSTERESIS = ("MaxwellSlip", "GMS")
-"""Blocks with elements k[i] beside others: least squares on a grid of break-away distances finds them."""
-
-STATE_SCALES: Mapping[str, Callable[[Mapping[str, float]], float]] = {
-    "Dahl": lambda p: p["Fc"] / p["sigma"],
-    "LuGre": lambda p: p["Fc"] / p["sigma0"],
-    "ElastoPlastic": lambda p: p["Fc"] / p["sigma0"],
-    "SevenParameter": lambda p: p["Fc"] / p["kt"],
-    "ResetIntegrator": lambda p: p["z0"],
-    "BlimanSorine": lambda p: p["f1"],
-}
-"""Blocks whose first state, the deflection or force of the contact at the beginning of the record, is identified as
-well -> its size in steady sliding."""
+that most records do not show."""
 
 
 @dataclass(frozen=True)
@@ -161,6 +137,8 @@ class ContactModel:
         Whether it takes the normal force.
     rate_dependent : bool
         Whether it depends on more than the path.
+    told : Identified
+        What its file says of its identification.
     """
 
     name: str
@@ -169,6 +147,7 @@ class ContactModel:
     states: tuple[str, ...]
     loaded: bool
     rate_dependent: bool
+    told: Identified
 
     @property
     def static(self) -> bool:
@@ -178,20 +157,25 @@ class ContactModel:
     @property
     def initial_state(self) -> str | None:
         """The state that is identified with the parameters, if there is one."""
-        return self.states[0] if self.name in STATE_SCALES else None
+        return self.told.state or None
 
     def identified(self, named: set[str], fixed: Mapping[str, float]) -> list[str]:
         """Names of the scalar parameters to identify; `named` are those that start or bounds name."""
         chosen = []
         for name, parameter in self.parameters.items():
             base = name.removesuffix("_neg")
-            held = base in HELD and not (base == "sigma" and self.name == "Dahl")
+            fitted = base in self.told.fits or (base in ROWS and base not in HELD)
             mirrored = name != base and not fixed.get("asymmetric", 0.0)
             if name in fixed or not parameter.real or "[" in name or mirrored:
                 continue
-            if name in named or (base in ROWS and not held):
+            if name in named or fitted:
                 chosen.append(name)
         return chosen
+
+    def fit_of(self, name: str) -> Fitted | None:
+        """Return how a parameter is identified, an element of a vector and a parameter for v < 0 included."""
+        base = name.split("[")[0].removesuffix("_neg")
+        return self.told.fits.get(base, ROWS.get(base))
 
 
 def state_sizes(model: ContactModel, values: Mapping[str, float]) -> dict[str, float]:
@@ -206,8 +190,8 @@ def state_sizes(model: ContactModel, values: Mapping[str, float]) -> dict[str, f
     """
     values = {**{name: parameter.start for name, parameter in model.parameters.items()}, **values}
     if model.initial_state is not None:
-        return {model.initial_state: STATE_SCALES[model.name](values)}
-    if model.name not in HYSTERESIS:
+        return {model.initial_state: float(evaluate(model.told.size, values))}
+    if model.told.method != "hysteresis":
         return {}
     elements = range(1, int(values["N"]) + 1)
     if "alpha[1]" not in values:
@@ -215,16 +199,6 @@ def state_sizes(model: ContactModel, values: Mapping[str, float]) -> dict[str, f
     shares = {i: values[f"alpha[{i}]"] for i in elements}
     level = max(values["Fs"], values["Fc"]) / (sum(shares.values()) or 1.0)
     return {f"Fi[{i}]": level * share for i, share in shares.items()}
-
-
-def row_of(name: str) -> Row | None:
-    """The row of a parameter, of an element of a vector, or of a parameter for v < 0."""
-    return ROWS.get(name.split("[")[0].removesuffix("_neg"))
-
-
-_NOT = ("FrenkelKontorovaTomlinson", "PrandtlTomlinson", "RateAndState", "Karnopp", "ModifiedLeuven")
-"""Blocks without units, with the mass of a tip, with parameters that only tests of their own kind tell apart, or with
-a dead zone in the velocity that only the mass beside it fills."""
 
 
 def identifiable() -> tuple[str, ...]:
@@ -235,7 +209,7 @@ def identifiable() -> tuple[str, ...]:
         if block.kind == "friction"
         and re.search(r"\bINPUT\s*\(v,", block.code)
         and not {"random", "mass inside"} & set(block.features)
-        and block.name not in _NOT
+        and block.about.identified.method != "none"
     )
 
 
@@ -297,5 +271,11 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
         )
     states = tuple(p.name for p in part.parameters if variables[p.name].causality == "local" and p.type == "Real")
     return ContactModel(
-        block.name, path, parameters, states, "Fn" in names, "rate dependent" in block.features or not states
+        block.name,
+        path,
+        parameters,
+        states,
+        "Fn" in names,
+        "rate dependent" in block.features or not states,
+        block.about.identified,
     )

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from .models import ContactModel
 from .record import Array
 from .result import Score
 from .setup import advice
@@ -62,6 +63,7 @@ def criteria(residual: Array, samples: float, parameters: int) -> tuple[float, f
 
 
 def weak_parameters(
+    model: ContactModel,
     names: Sequence[str],
     values: Mapping[str, float],
     errors: Mapping[str, float],
@@ -73,6 +75,8 @@ def weak_parameters(
 
     Parameters
     ----------
+    model : ContactModel
+        The block.
     names : sequence of str
         The parameters, in the order of `correlation`.
     values, errors : mapping of str to float
@@ -103,5 +107,5 @@ def weak_parameters(
         if name not in unseen and others and (strongest := max(others))[0] > TOGETHER:
             reasons.append(f"it is hardly told apart from {strongest[1]} (correlation {strongest[0]:.3f})")
         if reasons:
-            weak[name] = f"{' and '.join(reasons)}; measure {advice(name)}"
+            weak[name] = f"{' and '.join(reasons)}; measure {advice(model, name)}"
     return weak

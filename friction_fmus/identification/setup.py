@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.errors import nearest
 
 from .errors import FitError
-from .models import STATE_SCALES, ContactModel, Traits, row_of
+from .models import ContactModel, Traits
 from .pieces import Piece, inertia_guess
 from .problem import Assemble, Coordinate, States
 from .record import AxisUnits
@@ -116,7 +117,7 @@ def scalar_setup(
     coordinates += surroundings(pieces, traits, wishes)
     if not coordinates:
         raise FitError(f"All parameters of {model.name} are fixed; leave at least one to be identified.")
-    state, scale = model.initial_state, STATE_SCALES.get(model.name)
+    state = model.initial_state
     if state is not None:
         coordinates += [
             Coordinate(state, 1.0, _initial_guess(piece, traits, Fn0), -INITIAL_LIMIT, INITIAL_LIMIT, piece=index)
@@ -126,9 +127,9 @@ def scalar_setup(
     defaults = {name: p.start for name, p in model.parameters.items()} | {k: float(v) for k, v in constants.items()}
 
     def states(parameters: Mapping[str, float], values: Mapping[str, float]) -> dict[str, float]:
-        if state is None or scale is None:
+        if state is None:
             return {}
-        return {state: values[state] * scale({**defaults, **parameters})}
+        return {state: values[state] * float(evaluate(model.told.size, {**defaults, **parameters}))}
 
     unit = {name: p.unit for name, p in model.parameters.items()}
     unit |= {"M": units.inertia, "OF": units.force}
@@ -142,8 +143,8 @@ def coordinate(model: ContactModel, name: str, traits: Traits, wishes: Wishes) -
     parameter = model.parameters[name]
     lower, upper = wishes.bounds.get(name, (parameter.lower, parameter.upper))
     lower, upper = max(lower, parameter.lower), min(upper, parameter.upper)
-    row = row_of(name)
-    guess = wishes.start.get(name, row.guess(traits) if row else parameter.start)
+    fit = model.fit_of(name)
+    guess = wishes.start.get(name, traits.value(fit.start) if fit else parameter.start)
     guess = min(max(guess, lower), upper)
     log = parameter.lower > 0.0
     scale = abs(guess) or abs(parameter.start) or 1.0
@@ -178,7 +179,7 @@ def _initial_guess(piece: Piece, traits: Traits, Fn0: float | None) -> float:
     return min(max(force / traits.level, -1.0), 1.0)
 
 
-def advice(name: str) -> str:
+def advice(model: ContactModel, name: str) -> str:
     """What to measure for a parameter, or for an initial state."""
-    row = row_of(name)
-    return row.measure if row else "sliding in both directions at the beginning of the record"
+    fit = model.fit_of(name)
+    return fit.measure if fit else "sliding in both directions at the beginning of the record"

@@ -6,21 +6,22 @@ from casadi import SX, exp, fabs, if_else, sign
 
 from friction_fmus.expressions import clip
 from friction_fmus.law import (
-    ACCELERATION,
     DAMPING,
     FORCE,
     LENGTH,
     MASS,
     NO_UNIT,
+    REPLACES_SERVO,
     VELOCITY,
     Command,
-    Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
     State,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.observers import adapted, limited
 
 
@@ -29,6 +30,14 @@ from friction_fmus.law_parts.observers import adapted, limited
     "Sliding mode with a boundary layer and adapted static friction",
     source="Slotine, Li: Applied Nonlinear Control, Prentice Hall 1991",
     Ts=1e-3,
+    quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "adaptation"),
+    needs={"changing load": 3},
+    loop=Loop(
+        gains={"Kp": "(Ks + K / phi) * lam", "Kd": "Ks + K / phi + m * lam"},
+        linear={},
+        adapts=("Gamma_c", "Ks + K / phi"),
+    ),
+    use=REPLACES_SERVO,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
@@ -42,18 +51,18 @@ from friction_fmus.law_parts.observers import adapted, limited
     },
 )
 def adaptive_sliding_mode(
-    r: SX = Input(LENGTH, 0.0, "reference position"),
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
-    x: SX = Input(LENGTH, 0.0, "measured position"),
-    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
+    r: SX = variables.R,
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
+    x: SX = variables.X,
+    v: SX = variables.V,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and the estimates at their start"),
     reset: SX = Command(False, "true: the estimates at their start"),
     learned_c: SX = State(FORCE, 0.0, "Fc_hat - Fc0"),
     learned_v: SX = State(DAMPING, 0.0, "Fv_hat - Fv0"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "moving mass", min=0.0),
-    lam: SX = Parameter("1/s", 63.0, "rate at which the position error falls while s = 0", min=0.0),
+    gain: SX = variables.GAIN,
+    m: SX = variables.MASS_OR_NONE,
+    lam: SX = variables.LAM,
     Ks: SX = Parameter(DAMPING, 127.0, "linear gain of s", min=0.0),
     K: SX = Parameter(FORCE, 0.5, "gain of the saturated s", min=0.0),
     phi: SX = Parameter(VELOCITY, 1e-3, "boundary layer: half width of the straight part of sat", min=1e-12),
@@ -64,9 +73,9 @@ def adaptive_sliding_mode(
     Fc_max: SX = Parameter(FORCE, 100.0, "upper limit of Fc_hat, the lower one is 0", min=0.0),
     Fv_max: SX = Parameter(DAMPING, 1000.0, "upper limit of Fv_hat, the lower one is 0", min=0.0),
     excess: SX = Parameter(FORCE, 0.5, "static minus Coulomb friction"),
-    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    vs: SX = variables.VS,
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """Tracking of a reference by sliding mode; Coulomb and viscous friction are learned on the way.

@@ -6,22 +6,20 @@ from casadi import SX, if_else
 
 from friction_fmus.expressions import clip, limits, unless_winding_up
 from friction_fmus.law import (
-    ACCELERATION,
     DAMPING,
     FORCE,
     LENGTH,
-    MASS,
     NO_UNIT,
+    REPLACES_SERVO,
     STIFFNESS,
-    VELOCITY,
-    Command,
-    Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
     State,
     law,
 )
+from friction_fmus.law_parts import variables
 
 
 @law(
@@ -29,27 +27,30 @@ from friction_fmus.law import (
     "Cascade of position P and velocity PI with feedforward, as in servo drives",
     source="Jamaludin, Van Brussel, Swevers, IEEE TIE 56(10), 2009",
     Ts=1e-3,
+    quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "hunting"),
+    loop=Loop(gains={"Kp": "kv * kp + ki", "Kd": "kv", "Ki": "ki * kp", "m": "m"}, linear={}),
+    use=REPLACES_SERVO,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
 def cascade_ppi(
-    r: SX = Input(LENGTH, 0.0, "reference position"),
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
-    x: SX = Input(LENGTH, 0.0, "measured position"),
-    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
-    f: SX = Input(FORCE, 0.0, "feedforward force, added before the limits", optional=True),
-    enable: SX = Command(True, "false: u = 0 and the integral at its start"),
-    reset: SX = Command(False, "true: the integral at its start"),
+    r: SX = variables.R,
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
+    x: SX = variables.X,
+    v: SX = variables.V,
+    f: SX = variables.FED_FORWARD,
+    enable: SX = variables.ENABLE_INTEGRAL,
+    reset: SX = variables.RESET_INTEGRAL,
     integral: SX = State(LENGTH, 0.0, "integral of the velocity error w", nominal=1e-3),
     kp: SX = Parameter("1/s", 30.0, "gain of the position loop", min=0.0),
     kv: SX = Parameter(DAMPING, 190.0, "proportional gain of the velocity loop", min=0.0),
     ki: SX = Parameter(STIFFNESS, 0.0, "integral gain of the velocity loop, 0: P", min=0.0),
-    m: SX = Parameter(MASS, 0.0, "mass of the inertia feedforward, 0: none", min=0.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    m: SX = variables.starting(variables.INERTIA, 0.0),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """Position loop P around a velocity loop PI, with feedforward of velocity and acceleration, sampled every Ts.

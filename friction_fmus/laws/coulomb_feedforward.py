@@ -5,18 +5,17 @@ from __future__ import annotations
 from casadi import SX, if_else, logic_and, sign
 
 from friction_fmus.law import (
-    ACCELERATION,
     FORCE,
-    MASS,
     NO_UNIT,
-    VELOCITY,
-    Command,
-    Input,
+    Friction,
+    Loop,
     Output,
     Parameter,
     Switch,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.feedforward import feedforward
 
 
@@ -25,6 +24,10 @@ from friction_fmus.law_parts.feedforward import feedforward
     "Feedforward of inertia and Coulomb friction computed from the reference",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     Ts=1e-3,
+    quotes=("overcompensation", "inertia"),
+    needs={"curve ahead": 2},
+    loop=Loop(friction=Friction("Fc"), inertia="m"),
+    use=Use("feedforward", models=("Coulomb", "Stribeck"), tuned={"m": "0"}),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
@@ -32,16 +35,16 @@ from friction_fmus.law_parts.feedforward import feedforward
     },
 )
 def coulomb_feedforward(
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
-    enable: SX = Command(True, "false: u = 0 and F_hat = 0"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
-    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0),
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
+    enable: SX = variables.ENABLE,
+    gain: SX = variables.GAIN,
+    m: SX = variables.INERTIA,
+    Fc: SX = variables.FC,
     asymmetric: SX = Switch(False, "rd < 0 has its own parameter, Fc_neg"),
     Fc_neg: SX = Parameter(FORCE, 1.0, "Coulomb friction for rd < 0", min=0.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
     """The force that moves an exactly known mass with Coulomb friction along the reference.
 

@@ -5,21 +5,20 @@ from __future__ import annotations
 from casadi import SX, expm1, fabs, if_else, log1p, logic_and, sign
 
 from friction_fmus.law import (
-    ACCELERATION,
     DAMPING,
     FORCE,
     LENGTH,
-    MASS,
     NO_UNIT,
     STIFFNESS,
-    VELOCITY,
-    Command,
-    Input,
+    Friction,
+    Loop,
     Output,
     Parameter,
     State,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.feedforward import feedforward, increment, when
 
 
@@ -37,6 +36,10 @@ def closed(gap: SX, path: SX, n: SX) -> SX:
     "Feedforward of inertia and Dahl friction computed from the reference",
     source="Lampaert, Swevers, Al-Bender, American Control Conference, 2004; Dahl, AIAA Journal 14(12), 1976",
     Ts=1e-3,
+    quotes=("overcompensation", "inertia"),
+    needs={"presliding ahead": 3},
+    loop=Loop(friction=Friction("Fc", viscous="Fv"), inertia="m"),
+    use=Use("feedforward", models=("Dahl",), tuned={"m": "0"}),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
@@ -45,22 +48,22 @@ def closed(gap: SX, path: SX, n: SX) -> SX:
     },
 )
 def dahl_feedforward(
-    r: SX = Input(LENGTH, 0.0, "reference position"),
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
-    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the states at their start"),
-    reset: SX = Command(False, "true: the states at their start"),
+    r: SX = variables.R,
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
+    enable: SX = variables.ENABLE_STATES,
+    reset: SX = variables.RESET,
     z: SX = State(LENGTH, 0.0, "deflection of the contact", nominal=1e-5),
-    last: SX = State(LENGTH, 0.0, "reference of the sample before"),
-    started: SX = State(NO_UNIT, 0.0, "1 if there was a sample before"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    last: SX = variables.LAST,
+    started: SX = variables.STARTED,
+    gain: SX = variables.GAIN,
+    m: SX = variables.INERTIA,
     sigma: SX = Parameter(STIFFNESS, 1e5, "stiffness at zero force", min=1e-9),
-    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=1e-9),
+    Fc: SX = variables.POSITIVE_FC,
     n: SX = Parameter(NO_UNIT, 1.0, "exponent of the softening, ductile above 1", min=0.0, max=100.0),
     Fv: SX = Parameter(DAMPING, 0.0, "viscous coefficient", min=0.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
     """The force that moves an exactly known mass with Dahl friction along the reference.
 

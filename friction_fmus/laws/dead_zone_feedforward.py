@@ -6,18 +6,18 @@ from casadi import SX, fabs, if_else, logic_or, sign
 
 from friction_fmus.expressions import clip
 from friction_fmus.law import (
-    ACCELERATION,
-    DAMPING,
     FORCE,
-    MASS,
     NO_UNIT,
     VELOCITY,
-    Command,
+    Friction,
     Input,
+    Loop,
     Output,
     Parameter,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.feedforward import feedforward
 
 
@@ -26,6 +26,13 @@ from friction_fmus.law_parts.feedforward import feedforward
     "Feedforward of friction with a dead-zone torque (interpretation)",
     source="Interpretation of a description without an identified source",
     Ts=1e-3,
+    quotes=("overcompensation", "inertia", "loop_poles"),
+    loop=Loop(friction=Friction("Fc", "T_dz", "Fv"), inertia="m", amplifies="1 + gain"),
+    use=Use(
+        "feedforward",
+        models=("DeadZoneTorque",),
+        tuned={"m": "0", "DV": "either(DV, max(5 * v_noise, 1e-3 * speed, 1e-9))"},
+    ),
     outputs={
         "u": Output(FORCE, "linear and friction force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
@@ -33,18 +40,18 @@ from friction_fmus.law_parts.feedforward import feedforward
     },
 )
 def dead_zone_feedforward(
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
     f: SX = Input(FORCE, 0.0, "force of the linear controller", optional=True),
-    enable: SX = Command(True, "false: u = 0 and F_hat = 0"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
-    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0),
+    enable: SX = variables.ENABLE,
+    gain: SX = variables.GAIN,
+    m: SX = variables.INERTIA,
+    Fc: SX = variables.FC,
     T_dz: SX = Parameter(FORCE, 1.5, "force, of a rotating axis torque, up to which friction balances u_lin", min=0.0),
-    Fv: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
+    Fv: SX = variables.FV,
     DV: SX = Parameter(VELOCITY, 1e-3, "velocity below which the dead zone holds", min=0.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
     """Below a small velocity of the reference the force that the linear part wants is added once more, up to T_dz.
 

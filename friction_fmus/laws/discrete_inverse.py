@@ -11,13 +11,16 @@ from friction_fmus.law import (
     NO_UNIT,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     Size,
     State,
     Switch,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 
 LONGEST = 32  # samples of preview, unless more are chosen when the FMU is built
 POLES = 4
@@ -34,6 +37,10 @@ def square(pair: SX) -> SX:
     "Inverse of a sampled plant, zeros outside the unit circle by preview or zero-phase (ZPETC)",
     source="Gross, Tomizuka, Messner, ASME JDSMC 116(1), 1994; Tomizuka, ASME JDSMC 109(1), 1987",
     Ts=1e-3,
+    portrait="inversion",
+    quotes=("preview",),
+    loop=Loop(rules=("looks_ahead",)),
+    use=Use("other", never="It inverts a linear plant, and knows no friction."),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "r_now": Output(LENGTH, "what the plant follows: r of preview + 1 samples before"),
@@ -58,7 +65,7 @@ def discrete_inverse(
     line: SX = State(LENGTH, (0.0,) * (LONGEST + 1), "references of the samples before, the latest first"),
     w: SX = State(LENGTH, (0.0,) * POLES, "previewed references of the samples before, the latest first"),
     force: SX = State(FORCE, (0.0,) * ZEROS, "u before its limits, of the samples before, the latest first"),
-    started: SX = State(NO_UNIT, 0.0, "1 if there was a sample before"),
+    started: SX = variables.STARTED,
     K: SX = Parameter(LENGTH + "/(" + FORCE + ")", 1.25e-7, "gain of the plant", min=1e-30),
     zero: SX = Parameter(NO_UNIT, -5.82842712474619, "zero outside the unit circle, 0: none"),
     pair: SX = Parameter(
@@ -70,8 +77,8 @@ def discrete_inverse(
     a: SX = Parameter(NO_UNIT, (-2.0, 1.0, 0.0, 0.0), "coefficients a1 to a4 of the poles"),
     preview: SX = Parameter(NO_UNIT, 12.0, "samples N of preview", min=1.0, max=float(LONGEST)),
     zero_phase: SX = Switch(False, "ZPETC in place of the truncated series"),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
 ) -> dict[str, SX | list[SX]]:
     """The force that makes the position x of a sampled linear plant follow a reference which is known N samples ahead.
 

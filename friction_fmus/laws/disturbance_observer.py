@@ -9,18 +9,20 @@ from casadi import SX, cos, exp, expm1, if_else, sin
 from friction_fmus.law import (
     FORCE,
     FREQUENCY,
-    MASS,
     NO_UNIT,
     VELOCITY,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
     State,
     Switch,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.estimators import compensation, mean_friction, starts_now
 
 
@@ -29,6 +31,10 @@ from friction_fmus.law_parts.estimators import compensation, mean_friction, star
     "Disturbance observer: inverse model of a mass and a low-pass of order 1 or 2",
     source="Ohnishi, Shibata, Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996",
     Ts=1e-3,
+    quotes=("loop_poles", "disturbance_observer"),
+    needs={"force and velocity": 1, "uncertain model": 2},
+    loop=Loop(linear={}, estimates=True),
+    use=Use("estimator", tuned={"m": "m", "fq": "corner", "second_order": "1"}),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, without the part that f_prev compensates"),
@@ -36,21 +42,21 @@ from friction_fmus.law_parts.estimators import compensation, mean_friction, star
     },
 )
 def disturbance_observer(
-    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
-    u_prev: SX = Input(FORCE, 0.0, "force that was applied since the last sample, after all limits"),
+    v: SX = variables.V,
+    u_prev: SX = variables.U_PREV,
     f_prev: SX = Input(FORCE, 0.0, "part of u_prev that already compensates friction", optional=True),
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and the observer at its start"),
     reset: SX = Command(False, "true: the observer starts anew"),
     d: SX = State(FORCE, 0.0, "estimated disturbance"),
     d_rate: SX = State(FORCE, 0.0, "its time derivative divided by 2 pi fq, of the second order"),
     v_last: SX = State(VELOCITY, 0.0, "velocity of the last sample", nominal=1e-2),
-    running: SX = State(NO_UNIT, 0.0, "1 after the first sample"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "moving mass", min=0.0),
+    running: SX = variables.RUNNING,
+    gain: SX = variables.GAIN,
+    m: SX = variables.MASS_OR_NONE,
     fq: SX = Parameter(FREQUENCY, 30.0, "corner frequency of the low-pass", min=0.0),
     second_order: SX = Switch(False, "low-pass of order 2, damping 1/sqrt(2)"),
-    u_min: SX = Parameter(FORCE, -100.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 100.0, "upper limit of u"),
+    u_min: SX = variables.starting(variables.U_MIN, -100.0),
+    u_max: SX = variables.starting(variables.U_MAX, 100.0),
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """What a mass was kept from by, low-pass filtered.

@@ -13,10 +13,12 @@ from friction_fmus.law import (
     NO_UNIT,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
     State,
+    Use,
     law,
 )
 
@@ -26,6 +28,11 @@ from friction_fmus.law import (
     "Adds a fast oscillation to a force: sine, square or triangle",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     Ts=1e-4,
+    portrait="own_course",
+    quotes=("dither_stroke", "dither_frequency"),
+    needs={"hunting": 3, "stiction error": 3},
+    loop=Loop(rules=("dithers",)),
+    use=Use("dither", tuned={"Ad": "1.5 * level", "frequency": "0.1 / Ts"}),
     outputs={
         "u": Output(FORCE, "f with the dither, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),

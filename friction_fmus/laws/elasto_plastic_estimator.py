@@ -6,19 +6,22 @@ from casadi import SX, exp, fabs, if_else, logic_or, sign
 
 from friction_fmus.expressions import clip
 from friction_fmus.law import (
-    DAMPING,
     FORCE,
     LENGTH,
     NO_UNIT,
     STIFFNESS,
     VELOCITY,
     Command,
+    Friction,
     Input,
+    Loop,
     Output,
     Parameter,
     State,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.observers import limited
 
 
@@ -27,6 +30,15 @@ from friction_fmus.law_parts.observers import limited
     "Feedback of elasto-plastic friction computed from displacements, free of the sample time",
     source="Hayward, Armstrong, Altpeter, Dupont, IEEE TCST 17(3), 2009",
     Ts=1e-3,
+    quotes=("fed_back_stiffness", "overcompensation"),
+    needs={"presliding in feedback": 2},
+    loop=Loop(friction=Friction("Fc", viscous="Fv"), measured=True, at_rest=True, rules=("feeds_stiffness_back",)),
+    use=Use(
+        "model feedback",
+        models=("ElastoPlastic", "LuGre"),
+        renamed={"sigma2": "Fv"},
+        tuned={"elastic": "min(max(either(z_ba, 0.7 * (Fc / sigma0)) / (Fc / sigma0), 0), 0.99)"},
+    ),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
@@ -34,20 +46,20 @@ from friction_fmus.law_parts.observers import limited
     },
 )
 def elasto_plastic_estimator(
-    x: SX = Input(LENGTH, 0.0, "measured position"),
+    x: SX = variables.X,
     v: SX = Input(VELOCITY, 0.0, "measured velocity, for the viscous part only", optional=True),
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and z = 0"),
     reset: SX = Command(False, "true: z = 0"),
-    running: SX = State(NO_UNIT, 0.0, "1 after the first sample"),
+    running: SX = variables.RUNNING,
     x_last: SX = State(LENGTH, 0.0, "position at the last sample", nominal=1e-3),
     z: SX = State(LENGTH, 0.0, "elastic deflection", nominal=1e-5),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    gain: SX = variables.GAIN,
     sigma0: SX = Parameter(STIFFNESS, 1e5, "stiffness of the contact", min=1e-9),
-    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=1e-9),
+    Fc: SX = variables.POSITIVE_FC,
     elastic: SX = Parameter(NO_UNIT, 0.7, "share of Fc up to which the contact is elastic", min=0.0, max=0.999),
-    Fv: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    Fv: SX = variables.FV,
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
     """Presliding and Coulomb friction as a function of the path: neither velocity nor sample time occur.
 

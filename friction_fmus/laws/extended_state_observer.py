@@ -5,20 +5,19 @@ from __future__ import annotations
 from casadi import SX, exp, if_else, logic_or
 
 from friction_fmus.law import (
-    ACCELERATION,
     FORCE,
-    LENGTH,
-    MASS,
     NO_UNIT,
     VELOCITY,
     Command,
-    Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
     State,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.observers import limited
 
 
@@ -27,6 +26,10 @@ from friction_fmus.law_parts.observers import limited
     "Tracking control with friction estimated by an extended-state observer (linear ADRC)",
     source="Gao, American Control Conference, 2003",
     Ts=1e-3,
+    quotes=("loop_poles", "disturbance_observer", "break_away"),
+    needs={"force and encoder": 2},
+    loop=Loop(gains={"Kp": "m * wc**2", "Kd": "2 * m * wc"}, linear={}, estimates=True),
+    use=Use("estimator", tuned={"m": "m", "wo": "observed", "wc": "bandwidth"}, output="F_hat"),
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
@@ -35,23 +38,23 @@ from friction_fmus.law_parts.observers import limited
     },
 )
 def extended_state_observer(
-    r: SX = Input(LENGTH, 0.0, "reference position"),
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
-    x: SX = Input(LENGTH, 0.0, "measured position"),
-    u_prev: SX = Input(FORCE, 0.0, "force that was applied since the last sample, after all limits"),
+    r: SX = variables.R,
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
+    x: SX = variables.X,
+    u_prev: SX = variables.U_PREV,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and the observer at its start"),
     reset: SX = Command(False, "true: the observer starts anew from the measured position"),
-    running: SX = State(NO_UNIT, 0.0, "1 after the first sample"),
-    x_hat: SX = State(LENGTH, 0.0, "estimated position", nominal=1e-3),
-    v_hat: SX = State(VELOCITY, 0.0, "estimated velocity", nominal=1e-2),
+    running: SX = variables.RUNNING,
+    x_hat: SX = variables.X_HAT,
+    v_hat: SX = variables.V_HAT,
     F_est: SX = State(FORCE, 0.0, "estimated friction"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "moving mass", min=1e-12),
+    gain: SX = variables.GAIN,
+    m: SX = variables.POSITIVE_MASS,
     wc: SX = Parameter("rad/s", 63.0, "bandwidth of the controller", min=0.0),
     wo: SX = Parameter("rad/s", 400.0, "bandwidth of the observer", min=0.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """Position control that estimates all unknown forces on a mass as one state, and cancels them.

@@ -6,22 +6,21 @@ from casadi import SX, ceil, exp, fabs, fmin, if_else, logic_and, logic_or
 
 from friction_fmus.expressions import stribeck_level
 from friction_fmus.law import (
-    ACCELERATION,
     DAMPING,
     FORCE,
-    LENGTH,
-    MASS,
     NO_UNIT,
     STIFFNESS,
-    VELOCITY,
-    Command,
+    Friction,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
     State,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.feedforward import feedforward, increment, when
 
 ELEMENTS = 10
@@ -32,6 +31,10 @@ ELEMENTS = 10
     "Feedforward of inertia and generalised Maxwell slip friction computed from the reference",
     source="Lampaert, Swevers, Al-Bender, ACC 2004; Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005",
     Ts=1e-3,
+    quotes=("overcompensation", "inertia"),
+    needs={"presliding ahead": 2, "uncertain model": 1},
+    loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
+    use=Use("feedforward", models=("GMS",), tuned={"m": "0"}),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
@@ -46,19 +49,19 @@ ELEMENTS = 10
     },
 )
 def gms_feedforward(
-    r: SX = Input(LENGTH, 0.0, "reference position"),
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    r: SX = variables.R,
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
     Fn: SX = Input("N", 1.0, "normal force", optional=True),
-    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the states at their start"),
-    reset: SX = Command(False, "true: the states at their start"),
+    enable: SX = variables.ENABLE_STATES,
+    reset: SX = variables.RESET,
     Fi: SX = State(FORCE, (0.0,) * ELEMENTS, "force of the element", nominal=0.1),
     slipping: SX = State(NO_UNIT, (0.0,) * ELEMENTS, "1 if the element slips"),
     way: SX = State(NO_UNIT, 0.0, "sign of the last motion"),
-    last: SX = State(LENGTH, 0.0, "reference of the sample before"),
-    started: SX = State(NO_UNIT, 0.0, "1 if there was a sample before"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    last: SX = variables.LAST,
+    started: SX = variables.STARTED,
+    gain: SX = variables.GAIN,
+    m: SX = variables.INERTIA,
     N: SX = Parameter(NO_UNIT, 10.0, "number of elements that are used", min=1.0, max=float(ELEMENTS)),
     k: SX = Parameter(
         STIFFNESS,
@@ -69,14 +72,14 @@ def gms_feedforward(
     alpha: SX = Parameter(NO_UNIT, (0.1,) * ELEMENTS, "share of the element in the Stribeck level", min=0.0),
     C: SX = Parameter(FORCE + "/s", 100.0, "attraction to the Stribeck level", min=0.0),
     sigma: SX = Parameter(DAMPING, 0.0, "damping of each element", min=0.0),
-    sigma2: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
-    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=1e-9),
-    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=1e-9),
-    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
-    delta: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0),
+    sigma2: SX = variables.SIGMA2,
+    Fc: SX = variables.POSITIVE_FC,
+    Fs: SX = variables.POSITIVE_FS,
+    vs: SX = variables.VS,
+    delta: SX = variables.DELTA,
     Fn0: SX = Parameter("N", 1.0, "normal force at which the parameters hold", min=1e-12),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX | list[SX]]:
     """The force that moves an exactly known mass with generalised Maxwell slip (GMS) friction along the reference.

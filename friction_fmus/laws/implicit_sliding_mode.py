@@ -6,19 +6,16 @@ from casadi import SX
 
 from friction_fmus.expressions import clip
 from friction_fmus.law import (
-    ACCELERATION,
     FORCE,
-    LENGTH,
-    MASS,
     NO_UNIT,
-    VELOCITY,
-    Command,
-    Input,
+    REPLACES_SERVO,
+    Loop,
     Output,
     Parameter,
     SampleTime,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.observers import limited
 
 
@@ -27,6 +24,12 @@ from friction_fmus.law_parts.observers import limited
     "Sliding mode of first order without chattering, by an implicit step",
     source="Acary, Brogliato, Systems and Control Letters 59(5), 2010",
     Ts=1e-3,
+    quotes=("loop_poles", "sliding_gain", "break_away"),
+    needs={"bound only": 1},
+    loop=Loop(
+        gains={"Kp": "gain * m / Ts * lam", "Kd": "gain * m / Ts + m * lam"}, linear={}, rules=("covers_friction",)
+    ),
+    use=REPLACES_SERVO,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "force of the sliding mode: in sliding, with gain 1, the friction of the last sample"),
@@ -34,19 +37,19 @@ from friction_fmus.law_parts.observers import limited
     },
 )
 def implicit_sliding_mode(
-    r: SX = Input(LENGTH, 0.0, "reference position"),
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
-    x: SX = Input(LENGTH, 0.0, "measured position"),
-    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
-    f: SX = Input(FORCE, 0.0, "feedforward force, added before the limits", optional=True),
-    enable: SX = Command(True, "false: u = 0 and F_hat = 0"),
+    r: SX = variables.R,
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
+    x: SX = variables.X,
+    v: SX = variables.V,
+    f: SX = variables.FED_FORWARD,
+    enable: SX = variables.ENABLE,
     gain: SX = Parameter(NO_UNIT, 1.0, "share of the sliding-mode force", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "moving mass", min=0.0),
-    lam: SX = Parameter("1/s", 63.0, "rate at which the position error falls while s = 0", min=0.0),
+    m: SX = variables.MASS_OR_NONE,
+    lam: SX = variables.LAM,
     K: SX = Parameter(FORCE, 5.0, "bound of the sliding-mode force, above the friction that f leaves", min=0.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """Sliding mode whose sign is that of the next sample, which makes it one saturation.

@@ -6,20 +6,18 @@ from casadi import SX, fabs, if_else, sign, sqrt
 
 from friction_fmus.expressions import clip, unless_winding_up
 from friction_fmus.law import (
-    ACCELERATION,
     FORCE,
-    LENGTH,
-    MASS,
     NO_UNIT,
-    VELOCITY,
+    REPLACES_SERVO,
     Command,
-    Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
     State,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.observers import limited
 
 
@@ -28,6 +26,14 @@ from friction_fmus.law_parts.observers import limited
     "Super-twisting sliding mode without chattering, by implicit steps",
     source="Levant, Automatica 34(3), 1998; Brogliato, Polyakov, Efimov, IEEE TAC 65(8), 2020",
     Ts=1e-3,
+    quotes=("loop_poles", "super_twisting", "super_twisting_rate", "break_away"),
+    needs={"bound only": 2},
+    loop=Loop(
+        gains={"Kp": "(1 + gain) * m / Ts * lam", "Kd": "(1 + gain) * m / Ts + m * lam"},
+        linear={},
+        rules=("follows_friction",),
+    ),
+    use=REPLACES_SERVO,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
@@ -35,23 +41,23 @@ from friction_fmus.law_parts.observers import limited
     },
 )
 def implicit_super_twisting(
-    r: SX = Input(LENGTH, 0.0, "reference position"),
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
-    x: SX = Input(LENGTH, 0.0, "measured position"),
-    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
-    f: SX = Input(FORCE, 0.0, "feedforward force, added before the limits", optional=True),
+    r: SX = variables.R,
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
+    x: SX = variables.X,
+    v: SX = variables.V,
+    f: SX = variables.FED_FORWARD,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and w at its start"),
     reset: SX = Command(False, "true: w at its start"),
     w: SX = State(FORCE, 0.0, "friction estimate of the last sample"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "moving mass", min=1e-12),
-    lam: SX = Parameter("1/s", 63.0, "rate at which the position error falls while s = 0", min=0.0),
+    gain: SX = variables.GAIN,
+    m: SX = variables.POSITIVE_MASS,
+    lam: SX = variables.LAM,
     L: SX = Parameter(FORCE + "/s", 500.0, "bound of the rate at which friction changes", min=0.0),
     c1: SX = Parameter(NO_UNIT, 1.5, "gain of the root", min=0.0),
     c2: SX = Parameter(NO_UNIT, 1.1, "gain of the integral, above 1", min=0.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """Sliding mode of second order: a continuous force that follows friction of bounded rate exactly.

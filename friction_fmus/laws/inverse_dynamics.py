@@ -5,7 +5,6 @@ from __future__ import annotations
 from casadi import SX
 
 from friction_fmus.law import (
-    ACCELERATION,
     DAMPING,
     FORCE,
     JERK,
@@ -14,11 +13,15 @@ from friction_fmus.law import (
     NO_UNIT,
     VELOCITY,
     Command,
+    Friction,
     Input,
+    Loop,
     Output,
     Parameter,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.feedforward import feedforward, when
 
 
@@ -27,6 +30,10 @@ from friction_fmus.law_parts.feedforward import feedforward, when
     "Feedforward of inertia, viscous friction and a flexible coupling from the reference",
     source="Boerlage, Tousain, Steinbuch, American Control Conference, 2004 (jerk derivative feedforward)",
     Ts=1e-3,
+    portrait="inversion",
+    quotes=("overcompensation", "inertia"),
+    loop=Loop(friction=Friction(viscous="Fv + Fv_load"), inertia="m + m_load"),
+    use=Use("feedforward", models=("Viscous", "Stribeck"), tuned={"m": "0"}),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "viscous friction force; u contains gain F_hat"),
@@ -36,13 +43,13 @@ from friction_fmus.law_parts.feedforward import feedforward, when
     },
 )
 def inverse_dynamics(
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
     jerk: SX = Input(JERK, 0.0, "third derivative of the reference", optional=True),
     snap: SX = Input(LENGTH + "/s4", 0.0, "fourth derivative of the reference", optional=True),
     r: SX = Input(LENGTH, 0.0, "reference position, for r_motor only", optional=True),
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and r_motor = r"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    gain: SX = variables.GAIN,
     m: SX = Parameter(MASS, 1.0, "mass of the motor, or all mass if compliance is 0", min=0.0),
     m_load: SX = Parameter(MASS, 0.0, "mass of the load", min=0.0),
     Fv: SX = Parameter(DAMPING, 0.4, "viscous coefficient at the motor", min=0.0),
@@ -50,8 +57,8 @@ def inverse_dynamics(
     compliance: SX = Parameter(
         LENGTH + "/(" + FORCE + ")", 0.0, "one over the stiffness of the coupling, 0: rigid", min=0.0
     ),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
     """The force on the motor that moves the load exactly along the reference.
 

@@ -7,18 +7,20 @@ from casadi import SX, if_else
 from friction_fmus.law import (
     FORCE,
     LENGTH,
-    MASS,
     NO_UNIT,
     VELOCITY,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
     State,
     Switch,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.estimators import compensation, corrected, starts_now
 
 
@@ -27,6 +29,13 @@ from friction_fmus.law_parts.estimators import compensation, corrected, starts_n
     "Friction estimated as a random walk by a Kalman filter, and compensated",
     source="Ray, Ramasubramanian, Townsend, Control Engineering Practice 9(2), 2001",
     Ts=1e-3,
+    quotes=("loop_poles", "disturbance_observer"),
+    needs={"force and encoder": 1},
+    loop=Loop(linear={}, estimates=True),
+    use=Use(
+        "estimator",
+        tuned={"m": "m", "x_noise": "x_noise", "v_noise": "v_noise", "F_step": "m * x_noise * Ts * observed**3"},
+    ),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, positive where it opposes a positive velocity"),
@@ -34,13 +43,13 @@ from friction_fmus.law_parts.estimators import compensation, corrected, starts_n
     },
 )
 def kalman_friction(
-    x: SX = Input(LENGTH, 0.0, "measured position"),
+    x: SX = variables.X,
     v: SX = Input(VELOCITY, 0.0, "measured velocity", optional=True),
-    u_prev: SX = Input(FORCE, 0.0, "force that was applied since the last sample, after all limits"),
+    u_prev: SX = variables.U_PREV,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and the filter at its start"),
     reset: SX = Command(False, "true: the filter starts anew from the measured position"),
-    x_hat: SX = State(LENGTH, 0.0, "estimated position", nominal=1e-3),
-    v_hat: SX = State(VELOCITY, 0.0, "estimated velocity", nominal=1e-2),
+    x_hat: SX = variables.X_HAT,
+    v_hat: SX = variables.V_HAT,
     F_walk: SX = State(FORCE, 0.0, "estimated friction force"),
     P11: SX = State(NO_UNIT, 0.0, "variance of the position, of Ts^2/m F_step"),
     P12: SX = State(NO_UNIT, 0.0, "covariance of position and velocity"),
@@ -48,15 +57,15 @@ def kalman_friction(
     P22: SX = State(NO_UNIT, 0.0, "variance of the velocity, of Ts/m F_step"),
     P23: SX = State(NO_UNIT, 0.0, "covariance of velocity and force"),
     P33: SX = State(NO_UNIT, 0.0, "variance of the force, of F_step"),
-    running: SX = State(NO_UNIT, 0.0, "1 after the first sample"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "moving mass", min=1e-12),
+    running: SX = variables.RUNNING,
+    gain: SX = variables.GAIN,
+    m: SX = variables.POSITIVE_MASS,
     x_noise: SX = Parameter(LENGTH, 3e-7, "standard deviation of the measured position", min=1e-15),
     v_noise: SX = Parameter(VELOCITY, 1e-3, "standard deviation of the measured velocity", min=1e-15),
     use_v: SX = Switch(False, "v is measured, too; false: it is used as the start value only"),
     F_step: SX = Parameter(FORCE, 0.03, "standard deviation of the change of friction in a sample", min=1e-12),
-    u_min: SX = Parameter(FORCE, -100.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 100.0, "upper limit of u"),
+    u_min: SX = variables.starting(variables.U_MIN, -100.0),
+    u_max: SX = variables.starting(variables.U_MAX, 100.0),
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """Kalman filter of a mass with an unknown friction force that walks at random.

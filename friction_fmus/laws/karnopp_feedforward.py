@@ -6,18 +6,18 @@ from casadi import SX, fabs, if_else, logic_or, sign
 
 from friction_fmus.expressions import clip
 from friction_fmus.law import (
-    ACCELERATION,
-    DAMPING,
     FORCE,
     MASS,
     NO_UNIT,
     VELOCITY,
-    Command,
-    Input,
+    Friction,
+    Loop,
     Output,
     Parameter,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.feedforward import feedforward
 
 
@@ -26,6 +26,14 @@ from friction_fmus.law_parts.feedforward import feedforward
     "Feedforward of inertia and of Karnopp's friction computed from the reference",
     source="Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985; Johnson, Lorenz, 1992",
     Ts=1e-3,
+    quotes=("overcompensation", "inertia"),
+    needs={"curve ahead": 3},
+    loop=Loop(friction=Friction("Fc", "Fs", "Fv"), inertia="m"),
+    use=Use(
+        "feedforward",
+        models=("Karnopp", "Stribeck"),
+        tuned={"m": "0", "DV": "either(DV, max(5 * v_noise, 1e-3 * speed, 1e-9))"},
+    ),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
@@ -33,17 +41,17 @@ from friction_fmus.law_parts.feedforward import feedforward
     },
 )
 def karnopp_feedforward(
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
-    enable: SX = Command(True, "false: u = 0 and F_hat = 0"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
+    enable: SX = variables.ENABLE,
+    gain: SX = variables.GAIN,
     m: SX = Parameter(MASS, 1.0, "mass, of the inertia feedforward and of the force at rest", min=0.0),
-    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0),
-    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=0.0),
-    Fv: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
+    Fc: SX = variables.FC,
+    Fs: SX = variables.FS,
+    Fv: SX = variables.FV,
     DV: SX = Parameter(VELOCITY, 1e-3, "half width of the band of velocity that counts as rest", min=0.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
     """The inertia force of the reference and the friction that Karnopp's model has along it.
 

@@ -6,20 +6,20 @@ from casadi import SX, fabs, if_else
 
 from friction_fmus.expressions import limits, stribeck_level, unless_winding_up
 from friction_fmus.law import (
-    DAMPING,
     FORCE,
     LENGTH,
     NO_UNIT,
-    STIFFNESS,
-    VELOCITY,
     Command,
-    Input,
+    Friction,
+    Loop,
     Output,
     Parameter,
     SampleTime,
     State,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.observers import acting, limited
 
 
@@ -28,6 +28,15 @@ from friction_fmus.law_parts.observers import acting, limited
     "Feedback of friction from an observed LuGre bristle deflection",
     source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995",
     Ts=1e-3,
+    quotes=("injection", "fed_back_stiffness", "overcompensation", "explicit_observer"),
+    needs={"presliding in feedback": 1, "stiction error": 2},
+    loop=Loop(
+        friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
+        measured=True,
+        at_rest=True,
+        rules=("injection_of_error", "feeds_stiffness_back"),
+    ),
+    use=Use("model feedback", models=("LuGre",)),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
@@ -35,23 +44,23 @@ from friction_fmus.law_parts.observers import acting, limited
     },
 )
 def lugre_observer(
-    r: SX = Input(LENGTH, 0.0, "reference position"),
-    x: SX = Input(LENGTH, 0.0, "measured position"),
-    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
+    r: SX = variables.R,
+    x: SX = variables.X,
+    v: SX = variables.V,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and z at its start"),
     reset: SX = Command(False, "true: z at its start"),
     z: SX = State(LENGTH, 0.0, "observed mean bristle deflection", nominal=1e-5),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    gain: SX = variables.GAIN,
     k: SX = Parameter("1/s", 0.0, "injection of the position error, 0: observer without correction", min=0.0),
-    sigma0: SX = Parameter(STIFFNESS, 1e5, "bristle stiffness", min=1e-9),
-    sigma1: SX = Parameter(DAMPING, 316.22776601683796, "bristle damping", min=0.0),
-    sigma2: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
-    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=1e-9),
-    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=1e-9),
-    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
-    delta: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    sigma0: SX = variables.SIGMA0,
+    sigma1: SX = variables.SIGMA1,
+    sigma2: SX = variables.SIGMA2,
+    Fc: SX = variables.POSITIVE_FC,
+    Fs: SX = variables.POSITIVE_FS,
+    vs: SX = variables.VS,
+    delta: SX = variables.DELTA,
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """Positive feedback of the friction of a LuGre bristle that is observed from the measured velocity.

@@ -6,22 +6,21 @@ from casadi import SX, fabs, if_else, logic_and, logic_or, sign
 
 from friction_fmus.expressions import clip, limits, unless_winding_up
 from friction_fmus.law import (
-    ACCELERATION,
     DAMPING,
     FORCE,
     LENGTH,
-    MASS,
     NO_UNIT,
+    REPLACES_SERVO,
     STIFFNESS,
     VELOCITY,
-    Command,
-    Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
     State,
     law,
 )
+from friction_fmus.law_parts import variables
 
 
 @law(
@@ -29,27 +28,31 @@ from friction_fmus.law import (
     "PID position controller with inertia feedforward, anti-windup, dead-band and integral reset",
     source="Astrom, Hagglund: Advanced PID Control, ISA 2006",
     Ts=1e-3,
+    quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "hunting", "dead_band"),
+    needs={"hunting": 2},
+    loop=Loop(gains={"Kp": "Kp", "Kd": "Kd", "Ki": "Ki", "db": "db", "m": "m"}, linear={"db": 0.0, "v_zc": 0.0}),
+    use=REPLACES_SERVO,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
 def pid(
-    r: SX = Input(LENGTH, 0.0, "reference position"),
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
-    x: SX = Input(LENGTH, 0.0, "measured position"),
-    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
-    f: SX = Input(FORCE, 0.0, "feedforward force, added before the limits", optional=True),
-    enable: SX = Command(True, "false: u = 0 and the integral at its start"),
-    reset: SX = Command(False, "true: the integral at its start"),
+    r: SX = variables.R,
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
+    x: SX = variables.X,
+    v: SX = variables.V,
+    f: SX = variables.FED_FORWARD,
+    enable: SX = variables.ENABLE_INTEGRAL,
+    reset: SX = variables.RESET_INTEGRAL,
     integral: SX = State(LENGTH + ".s", 0.0, "integral of the position error", nominal=1e-4),
     held: SX = State(NO_UNIT, 0.0, "1 while the dead-band holds the integral"),
     side: SX = State(NO_UNIT, 0.0, "sign of the last velocity beyond v_zc"),
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain", min=0.0),
     Kd: SX = Parameter(DAMPING, 190.0, "derivative gain", min=0.0),
     Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain, 0: PD", min=0.0),
-    m: SX = Parameter(MASS, 0.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    m: SX = variables.starting(variables.INERTIA, 0.0),
     db: SX = Parameter(LENGTH, 0.0, "dead-band: error at and below which the integral is held, 0: none", min=0.0),
     db_ratio: SX = Parameter(NO_UNIT, 1.5, "hysteresis: a held integral goes on above db_ratio db", min=1.0),
     reversal: SX = Parameter(
@@ -59,8 +62,8 @@ def pid(
         FORCE, 0.0, "Coulomb friction in the integral, whose sign turns at a reversal, 0: none", min=0.0
     ),
     v_zc: SX = Parameter(VELOCITY, 0.0, "speed beyond which a reversal counts", min=0.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """PID position control with feedforward of the reference acceleration, sampled every Ts.

@@ -6,17 +6,17 @@ from casadi import SX, if_else
 
 from friction_fmus.law import (
     FORCE,
-    MASS,
     NO_UNIT,
     VELOCITY,
     Command,
-    Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
-    State,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.estimators import compensation, starts_now
 
 
@@ -25,6 +25,17 @@ from friction_fmus.law_parts.estimators import compensation, starts_now
     "Friction estimated as the model error of a predictive filter, and compensated",
     source="Crassidis, Markley, Journal of Guidance, Control, and Dynamics 20(3), 1997",
     Ts=1e-3,
+    quotes=("loop_poles", "disturbance_observer"),
+    needs={"force and velocity": 2, "uncertain model": 4},
+    loop=Loop(linear={}, estimates=True),
+    use=Use(
+        "estimator",
+        tuned={
+            "m": "m",
+            "F_size": "max(level, 1e-9)",
+            "v_noise": "max(level, 1e-9) * Ts / m * sqrt(1 / (1 - exp(-2 * pi * corner * Ts)) - 1)",
+        },
+    ),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, positive where it opposes a positive velocity"),
@@ -32,18 +43,18 @@ from friction_fmus.law_parts.estimators import compensation, starts_now
     },
 )
 def predictive_filter(
-    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
-    u_prev: SX = Input(FORCE, 0.0, "force that was applied since the last sample, after all limits"),
+    v: SX = variables.V,
+    u_prev: SX = variables.U_PREV,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and the filter at its start"),
     reset: SX = Command(False, "true: the filter starts anew from the measured velocity"),
-    v_hat: SX = State(VELOCITY, 0.0, "estimated velocity", nominal=1e-2),
-    running: SX = State(NO_UNIT, 0.0, "1 after the first sample"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "moving mass", min=1e-12),
+    v_hat: SX = variables.V_HAT,
+    running: SX = variables.RUNNING,
+    gain: SX = variables.GAIN,
+    m: SX = variables.POSITIVE_MASS,
     v_noise: SX = Parameter(VELOCITY, 1e-3, "standard deviation of the measured velocity, R = v_noise^2", min=0.0),
     F_size: SX = Parameter(FORCE, 0.5, "size of the model error, its weight is W = 1/F_size^2", min=1e-12),
-    u_min: SX = Parameter(FORCE, -100.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 100.0, "upper limit of u"),
+    u_min: SX = variables.starting(variables.U_MIN, -100.0),
+    u_max: SX = variables.starting(variables.U_MAX, 100.0),
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """The friction force that best explains the last sampling interval, weighed against its size.

@@ -5,22 +5,23 @@ from __future__ import annotations
 from casadi import SX, if_else
 
 from friction_fmus.law import (
-    ACCELERATION,
     DAMPING,
     FORCE,
     LENGTH,
-    MASS,
     NO_UNIT,
+    SHAPES_REFERENCE,
     STIFFNESS,
     VELOCITY,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
     State,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.feedforward import reference_shift, settles_fast, settles_slowly, when
 
 
@@ -29,6 +30,11 @@ from friction_fmus.law_parts.feedforward import reference_shift, settles_fast, s
     "Reference that makes a PID controller give a feedforward force: R = 1 + F/C",
     source="Identity C R r = C r + F r",
     Ts=1e-3,
+    portrait="shaping",
+    quotes=("prefilter", "prefilter_match"),
+    needs={"reference only": 1},
+    loop=Loop(shapes=True),
+    use=SHAPES_REFERENCE,
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),
@@ -40,16 +46,16 @@ from friction_fmus.law_parts.feedforward import reference_shift, settles_fast, s
     },
 )
 def prefilter(
-    r: SX = Input(LENGTH, 0.0, "reference position"),
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
+    r: SX = variables.R,
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
     f: SX = Input(FORCE, 0.0, "feedforward force, added to the inertia force", optional=True),
     enable: SX = Command(True, "false: r and rd pass, the states at their start"),
-    reset: SX = Command(False, "true: the states at their start"),
+    reset: SX = variables.RESET,
     shift: SX = State(LENGTH, 0.0, "what is added to r", nominal=1e-4),
     integral: SX = State(LENGTH + ".s", 0.0, "integral of what was added to r", nominal=1e-6),
     gain: SX = Parameter(NO_UNIT, 1.0, "share of the force that is replaced", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    m: SX = variables.INERTIA,
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain of the controller", min=0.0),
     Kd: SX = Parameter(DAMPING, 190.0, "derivative gain of the controller", min=1e-9),
     Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain of the controller, 0: PD", min=0.0),

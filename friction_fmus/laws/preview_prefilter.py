@@ -9,18 +9,20 @@ from friction_fmus.law import (
     DAMPING,
     FORCE,
     LENGTH,
-    MASS,
     NO_UNIT,
+    SHAPES_REFERENCE,
     STIFFNESS,
     VELOCITY,
     Command,
     Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
     State,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.feedforward import at_most, reference_shift, settles_fast, settles_slowly, when
 
 PREVIEW = 4
@@ -34,6 +36,11 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
     "Prefilter R = 1 + F/C that needs the reference position only, four samples early",
     source="Identity C R r = C r + F r; Fornberg, Mathematics of Computation 51(184), 1988 (differences)",
     Ts=1e-3,
+    portrait="shaping",
+    quotes=("prefilter", "prefilter_match"),
+    needs={"reference only": 2},
+    loop=Loop(shapes=True),
+    use=SHAPES_REFERENCE,
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),
@@ -57,7 +64,7 @@ def preview_prefilter(
     shift: SX = State(LENGTH, 0.0, "what is added to r_now", nominal=1e-4),
     integral: SX = State(LENGTH + ".s", 0.0, "integral of what was added to r_now", nominal=1e-6),
     gain: SX = Parameter(NO_UNIT, 1.0, "share of the force that is replaced", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
+    m: SX = variables.INERTIA,
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain of the controller", min=0.0),
     Kd: SX = Parameter(DAMPING, 190.0, "derivative gain of the controller", min=1e-9),
     Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain of the controller, 0: PD", min=0.0),

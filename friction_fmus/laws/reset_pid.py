@@ -6,22 +6,21 @@ from casadi import SX, if_else, sign
 
 from friction_fmus.expressions import clip, limits, unless_winding_up
 from friction_fmus.law import (
-    ACCELERATION,
     DAMPING,
     FORCE,
     LENGTH,
     MASS,
     NO_UNIT,
+    REPLACES_SERVO,
     STIFFNESS,
-    VELOCITY,
-    Command,
-    Input,
+    Loop,
     Output,
     Parameter,
     SampleTime,
     State,
     law,
 )
+from friction_fmus.law_parts import variables
 
 
 @law(
@@ -29,6 +28,11 @@ from friction_fmus.law import (
     "PID whose integral jumps where the error changes sign, against hunting",
     source="This library; the idea from Beerens et al., Automatica 107, 2019",
     Ts=1e-3,
+    portrait="alternating_error",
+    quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away"),
+    needs={"hunting": 1},
+    loop=Loop(gains={"Kp": "Kp", "Kd": "Kd", "Ki": "Ki", "m": "m"}, linear={}, hunts=False),
+    use=REPLACES_SERVO,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
@@ -36,14 +40,14 @@ from friction_fmus.law import (
     },
 )
 def reset_pid(
-    r: SX = Input(LENGTH, 0.0, "reference position"),
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
-    x: SX = Input(LENGTH, 0.0, "measured position"),
-    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
-    f: SX = Input(FORCE, 0.0, "feedforward force, added before the limits", optional=True),
-    enable: SX = Command(True, "false: u = 0 and the integral at its start"),
-    reset: SX = Command(False, "true: the integral at its start"),
+    r: SX = variables.R,
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
+    x: SX = variables.X,
+    v: SX = variables.V,
+    f: SX = variables.FED_FORWARD,
+    enable: SX = variables.ENABLE_INTEGRAL,
+    reset: SX = variables.RESET_INTEGRAL,
     integral: SX = State(LENGTH + ".s", 0.0, "integral of the position error", nominal=1e-4),
     side: SX = State(NO_UNIT, 0.0, "last sign of the position error"),
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain", min=0.0),
@@ -51,9 +55,9 @@ def reset_pid(
     Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain, 0: PD", min=0.0),
     rho: SX = Parameter(NO_UNIT, 0.8, "share of the integral that is turned round in a jump", min=0.0, max=1.0),
     mass: SX = Parameter(MASS, 1.0, "moving mass, for the jump", min=0.0),
-    m: SX = Parameter(MASS, 0.0, "mass of the inertia feedforward, 0: none", min=0.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    m: SX = variables.starting(variables.INERTIA, 0.0),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
     """PID position control with feedforward of the reference acceleration and an integral I that jumps.

@@ -6,16 +6,17 @@ from casadi import SX, fabs
 
 from friction_fmus.expressions import clip, stribeck_level
 from friction_fmus.law import (
-    DAMPING,
     FORCE,
     NO_UNIT,
     VELOCITY,
-    Command,
-    Input,
+    Friction,
+    Loop,
     Output,
     Parameter,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.observers import limited
 
 
@@ -24,6 +25,10 @@ from friction_fmus.law_parts.observers import limited
     "Feedback of Stribeck friction computed from the measured velocity",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     Ts=1e-3,
+    quotes=("overcompensation",),
+    needs={"curve in feedback": 1},
+    loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "delta"), measured=True),
+    use=Use("model feedback", models=("Stribeck",), tuned={"vt": "max(2 * max(Fs, Fc) / Kd, 5 * v_noise, 1e-9)"}),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
@@ -31,17 +36,17 @@ from friction_fmus.law_parts.observers import limited
     },
 )
 def static_feedback(
-    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
-    enable: SX = Command(True, "false: u = 0 and F_hat = 0"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
+    v: SX = variables.V,
+    enable: SX = variables.ENABLE,
+    gain: SX = variables.GAIN,
     vt: SX = Parameter(VELOCITY, 1e-2, "velocity up to which the sign is a straight line", min=1e-12),
-    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0),
-    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=0.0),
-    Fv: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
-    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
-    delta: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    Fc: SX = variables.FC,
+    Fs: SX = variables.FS,
+    Fv: SX = variables.FV,
+    vs: SX = variables.VS,
+    delta: SX = variables.DELTA,
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
     """Positive feedback of the static friction that belongs to the measured velocity.
 

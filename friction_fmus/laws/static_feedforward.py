@@ -6,19 +6,19 @@ from casadi import SX, fabs, if_else, logic_and, sign
 
 from friction_fmus.expressions import stribeck_level
 from friction_fmus.law import (
-    ACCELERATION,
     DAMPING,
     FORCE,
-    MASS,
     NO_UNIT,
     VELOCITY,
-    Command,
-    Input,
+    Friction,
+    Loop,
     Output,
     Parameter,
     Switch,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.feedforward import feedforward
 
 
@@ -27,6 +27,10 @@ from friction_fmus.law_parts.feedforward import feedforward
     "Feedforward of inertia and Stribeck friction computed from the reference",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     Ts=1e-3,
+    quotes=("overcompensation", "inertia"),
+    needs={"curve ahead": 1},
+    loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "delta"), inertia="m"),
+    use=Use("feedforward", models=("Stribeck",), tuned={"m": "0"}),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
@@ -34,16 +38,16 @@ from friction_fmus.law_parts.feedforward import feedforward
     },
 )
 def static_feedforward(
-    rd: SX = Input(VELOCITY, 0.0, "reference velocity"),
-    rdd: SX = Input(ACCELERATION, 0.0, "reference acceleration"),
-    enable: SX = Command(True, "false: u = 0 and F_hat = 0"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0),
-    m: SX = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0),
-    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0),
-    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=0.0),
-    Fv: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
-    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
-    delta: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0),
+    rd: SX = variables.RD,
+    rdd: SX = variables.RDD,
+    enable: SX = variables.ENABLE,
+    gain: SX = variables.GAIN,
+    m: SX = variables.INERTIA,
+    Fc: SX = variables.FC,
+    Fs: SX = variables.FS,
+    Fv: SX = variables.FV,
+    vs: SX = variables.VS,
+    delta: SX = variables.DELTA,
     offset: SX = Parameter(FORCE, 0.0, "constant force at all velocities, also at rest"),
     asymmetric: SX = Switch(False, "rd < 0 has its own parameters, the ones named _neg"),
     Fc_neg: SX = Parameter(FORCE, 1.0, "Coulomb friction for rd < 0", min=0.0),
@@ -51,8 +55,8 @@ def static_feedforward(
     Fv_neg: SX = Parameter(DAMPING, 0.4, "viscous coefficient for rd < 0", min=0.0),
     vs_neg: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity for rd < 0", min=1e-12),
     delta_neg: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent for rd < 0", min=1e-3, max=100.0),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
     """The force that moves an exactly known mass with static friction along the reference.
 

@@ -5,17 +5,18 @@ from __future__ import annotations
 from casadi import SX, exp, fabs, floor, if_else, sign
 
 from friction_fmus.law import (
-    DAMPING,
     FORCE,
     LENGTH,
     NO_UNIT,
     VELOCITY,
-    Command,
-    Input,
+    Friction,
+    Loop,
     Output,
     Parameter,
+    Use,
     law,
 )
+from friction_fmus.law_parts import variables
 from friction_fmus.law_parts.observers import limited, periodic_table
 
 POINTS = 16
@@ -26,6 +27,10 @@ POINTS = 16
     "Feedback of Tustin friction and cogging, both with tables over the position",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     Ts=1e-3,
+    quotes=("overcompensation",),
+    needs={"curve in feedback": 2, "varying along the axis": 1},
+    loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "1"), measured=True),
+    use=Use("model feedback", models=("Tustin", "Stribeck"), tuned={"v_min": "max(5 * v_noise, 1e-3 * speed, 1e-9)"}),
     outputs={
         "u": Output(FORCE, "compensation force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force, without cogging; u contains gain F_hat"),
@@ -33,21 +38,21 @@ POINTS = 16
     },
 )
 def tustin_feedback(
-    x: SX = Input(LENGTH, 0.0, "measured position"),
-    v: SX = Input(VELOCITY, 0.0, "measured velocity"),
-    enable: SX = Command(True, "false: u = 0 and F_hat = 0"),
+    x: SX = variables.X,
+    v: SX = variables.V,
+    enable: SX = variables.ENABLE,
     gain: SX = Parameter(NO_UNIT, 1.0, "share of friction and cogging that is compensated", min=0.0, max=1.0),
     v_min: SX = Parameter(VELOCITY, 1e-3, "speed from which on friction is compensated", min=0.0),
-    Fc: SX = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0),
-    Fs: SX = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=0.0),
-    Fv: SX = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0),
-    vs: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12),
+    Fc: SX = variables.FC,
+    Fs: SX = variables.FS,
+    Fv: SX = variables.FV,
+    vs: SX = variables.VS,
     pitch: SX = Parameter(LENGTH, 0.024, "length after which the tables repeat", min=1e-9),
     x0: SX = Parameter(LENGTH, 0.0, "position of the first point of the tables"),
     level: SX = Parameter(NO_UNIT, (1.0,) * POINTS, "friction at this point, relative to the curve", min=0.0),
     cogging: SX = Parameter(FORCE, (0.0,) * POINTS, "force that holds the axis against cogging at this point"),
-    u_min: SX = Parameter(FORCE, -1000.0, "lower limit of u"),
-    u_max: SX = Parameter(FORCE, 1000.0, "upper limit of u"),
+    u_min: SX = variables.U_MIN,
+    u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
     """Friction of the measured velocity with a level that depends on the position, and the cogging of a linear motor.
 

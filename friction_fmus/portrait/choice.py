@@ -1,50 +1,57 @@
-"""Which experiment shows what a block is: by its name where it needs one of its own, otherwise by its ports."""
+"""Which experiment shows what a block is: the one that its file names, otherwise one that its ports suggest."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
+from typing import Final
 
 from friction_fmus.describe import INPUT
+from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.portrait import control, friction, motion
 from friction_fmus.portrait.course import Bench, Panel
 
 Experiment = Callable[[Bench], tuple[Panel, ...]]
 
-OWN: Mapping[str, Experiment] = MappingProxyType(
-    {
-        "PrandtlTomlinson": friction.tomlinson,
-        "FrenkelKontorova": friction.depinning,
-        "FrenkelKontorovaTomlinson": friction.towed_to_and_fro,
-        "BurridgeKnopoff": friction.avalanches,
-        "KarnoppMass": friction.pushed_mass,
-        "SwitchMass": friction.stick_slip,
-        "Actuator": motion.saturation,
-        "Belt": motion.ride,
-        "Cogging": motion.ripple,
-        "Mass": motion.push,
-        "TwoMass": motion.resonance,
-        "ResetPID": control.alternating_error,
-        "Dither": control.own_course,
-        "DiscreteInverse": control.inversion,
-        "InverseDynamics": control.inversion,
-        "Prefilter": control.shaping,
-        "PreviewPrefilter": control.shaping,
-        "IterativeLearning": control.learning,
-        "RepetitiveController": control.learning,
-        "Circle": motion.circle,
-        "Encoder": motion.staircase,
-        "Quantiser": motion.staircase,
-        "Differentiator": motion.differentiation,
-    }
-)
-"""Block of the library -> its experiment, where the ports do not tell it."""
+EXPERIMENTS: Final[Mapping[str, Experiment]] = {
+    made.__name__: made
+    for made in (
+        friction.tomlinson,
+        friction.depinning,
+        friction.towed_to_and_fro,
+        friction.avalanches,
+        friction.pushed_mass,
+        friction.stick_slip,
+        motion.saturation,
+        motion.ride,
+        motion.ripple,
+        motion.push,
+        motion.resonance,
+        control.alternating_error,
+        control.own_course,
+        control.inversion,
+        control.shaping,
+        control.learning,
+        motion.circle,
+        motion.staircase,
+        motion.differentiation,
+    )
+}
+"""Experiments that the file of a block can name by ``PORTRAIT``, or a law by ``portrait``."""
 
 
 def experiment(bench: Bench) -> Experiment | None:
-    """What to do with a block, None for one that has nothing to show."""
-    if bench.model in OWN:
-        return OWN[bench.model]
+    """Return what to do with a block, None for one that has nothing to show.
+
+    Raises
+    ------
+    FrictionError
+        The file names an experiment that does not exist.
+    """
+    named = bench.portrait
+    if named:
+        if named not in EXPERIMENTS:
+            raise FrictionError(f"There is no portrait {named!r}{nearest(named, EXPERIMENTS)}")
+        return EXPERIMENTS[named]
     by_ports: tuple[tuple[bool, Experiment], ...] = (
         ("v" in bench.inputs and "F" in bench.outputs, friction.friction_panels),
         (bench.has("r", "rd", "x", "u", "F_hat"), control.tracking),

@@ -89,6 +89,7 @@ class Bench:
         """Sort the variables."""
         self._block = block
         self.model = library_name(block)
+        self.portrait = block.about.portrait
         self._description = description
         self._folder = folder
         self.variables: dict[str, Variable] = {v.name: v for v in description.variables}

@@ -256,7 +256,8 @@ def refine(found: Found, measured: Measured) -> Found:
     def step(p: FoundParameter) -> float:
         return 0.02 * level if p.name == "OF" else _STEPS.get(p.name, 0.04) * p.value
 
-    known = contact_model(found.block, ROTARY if measured.task.rotary else LINEAR).parameters
+    contact = contact_model(found.block, ROTARY if measured.task.rotary else LINEAR)
+    known = contact.parameters
 
     def unknown(p: FoundParameter) -> Unknown:
         lower = -np.inf if p.name == "OF" else 1e-3 * p.value
@@ -283,7 +284,7 @@ def refine(found: Found, measured: Measured) -> Found:
             return found
     values = fit.values()
     errors = {name: estimate.standard_error for name, estimate in fit.parameters.items()}
-    weak = weak_parameters(list(values), values, errors, fit.correlation, {}, ())
+    weak = weak_parameters(contact, list(values), values, errors, fit.correlation, {}, ())
 
     def replaced(p: FoundParameter) -> FoundParameter:
         if p.name not in values:

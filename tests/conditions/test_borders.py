@@ -12,14 +12,22 @@ import numpy as np
 import pytest
 
 from friction_fmus import conditions
+from friction_fmus.blocks.contact import Contact, Level
 from friction_fmus.conditions import Condition, SampledLaw, chain, loop_poles, one_mass
 from friction_fmus.conditions.linear import is_stable
-from friction_fmus.doctor.axis import Axis, Contact, Level, Used
+from friction_fmus.doctor.axis import Axis, Law, Used
 from friction_fmus.doctor.compensators import left_of
+from friction_fmus.doctor.known import law_of
 from friction_fmus.doctor.rules import examine_axis
-from friction_fmus.doctor.tables import LAWS
 
 ULPS = (-3, -2, -1, 0, 1, 2, 3)
+
+
+def named(name: str) -> Law:
+    """A law of the catalogue, which the doctor knows."""
+    law = law_of(name)
+    assert law is not None
+    return law
 
 
 def moved(value: float, ulps: int) -> float:
@@ -174,8 +182,8 @@ def test_friction_that_is_compensated_exactly_leaves_none(gains: tuple[float, ..
     """Several observers whose gains add up to 1: no rest of rounding errors sticks, slips or hunts."""
     known = {"Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "delta": 2.0, "sigma0": 1e5, "sigma1": 316.0, "sigma2": 0.4, "k": 0.0}
     level = Level(1.0, 1.5, 0.4, 1e-3)
-    servo = Used("pid", LAWS["PID"], {"Kp": 12e3, "Kd": 190.0, "Ki": 1e5, "m": 0.0, "Ts": 1e-3})
-    laws = [Used(f"law{i}", LAWS["LuGreObserver"], known | {"gain": gain}) for i, gain in enumerate(gains)]
+    servo = Used("pid", named("PID"), {"Kp": 12e3, "Kd": 190.0, "Ki": 1e5, "m": 0.0, "Ts": 1e-3})
+    laws = [Used(f"law{i}", named("LuGreObserver"), known | {"gain": gain}) for i, gain in enumerate(gains)]
     axis = Axis("mass", 1.0, friction="fric", contact=Contact((level, level), 1e5, 316.0), laws=(servo, *laws))
     left = left_of(axis, 0)
     assert (left.Fc, left.Fs, left.viscous) == (0.0, 0.0, 0.0)

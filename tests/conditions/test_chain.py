@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
+from friction_fmus.catalogue import laws_folder
 from friction_fmus.conditions import (
     Between,
     SampledLaw,
@@ -18,9 +19,11 @@ from friction_fmus.conditions import (
     two_masses,
 )
 from friction_fmus.conditions.linear import spectral_radius
-from friction_fmus.doctor.linear import known_laws, linearised, local_function
+from friction_fmus.doctor.linear import linearised, local_function
 from friction_fmus.law import Kind
+from friction_fmus.law_files import discover_laws
 
+KNOWN_LAWS = {law.name: law for law in discover_laws(laws_folder())}
 TS, FINE = 1e-3, 20
 
 
@@ -107,7 +110,7 @@ LAWS: dict[str, dict[str, float | tuple[float, ...]]] = {
 @pytest.mark.parametrize("name", LAWS)
 def test_a_linear_part_answers_a_small_signal_as_the_law_does(name: str) -> None:
     """From the state in which the law has settled, over twenty samples of noise of some picometres."""
-    law, values = known_laws()[name], LAWS[name]
+    law, values = KNOWN_LAWS[name], LAWS[name]
     linear = linearised(name, values, TS)
     inputs = [key for key in ("x", "v", "u_prev") if key in {variable.name for variable in law.given}]
     states = {variable.name: variable.start for variable in law.select(Kind.STATE, Kind.STATES)}

@@ -15,13 +15,14 @@ from stand_ins import stand_in
 
 from friction_fmus import build
 from friction_fmus.__main__ import main
+from friction_fmus.blocks.contact import Contact, Level
 from friction_fmus.catalogue import catalogue, laws_folder
 from friction_fmus.doctor import examine
-from friction_fmus.doctor.axis import Axis, Contact, Level, Used
+from friction_fmus.doctor.axis import Axis, Law, Used
 from friction_fmus.doctor.find import axes
+from friction_fmus.doctor.known import known_blocks, law_of
 from friction_fmus.doctor.learning import butterworth_there_and_back, windowed_sinc
 from friction_fmus.doctor.rules import examine_axis
-from friction_fmus.doctor.tables import FRICTION, LAWS, PLANTS
 from friction_fmus.law_files import discover_laws
 from harness import CallablePart, Experiment, FmuPart, System, Wire
 from harness.errors import StartValueError
@@ -41,6 +42,13 @@ START = {
     "mass.v_support": 0.0,
 }
 STEPS = Experiment(stop=1.0, step=1e-3)
+
+
+def named(name: str) -> Law:
+    """A law of the catalogue, which the doctor knows."""
+    law = law_of(name)
+    assert law is not None
+    return law
 
 
 @pytest.fixture
@@ -141,8 +149,8 @@ def test_feedforward(
 
 
 def test_two_compensators_together_are_too_much(build_fmu: BlockFmu, loop: Callable[..., System]) -> None:
-    observer = Used("observer", LAWS["LuGreObserver"], {"Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "gain": 0.5, "k": 0.0})
-    forward = Used("ff", LAWS["StaticFeedforward"], {"Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "gain": 0.7, "m": 0.0})
+    observer = Used("observer", named("LuGreObserver"), {"Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "gain": 0.5, "k": 0.0})
+    forward = Used("ff", named("StaticFeedforward"), {"Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "gain": 0.7, "m": 0.0})
     level = Level(1.0, 1.5, 0.4, 1e-3)
     axis = Axis("mass", 1.0, friction="fric", contact=Contact((level, level), 1e5, 316.0), laws=(observer, forward))
     (found,) = examine_axis(axis)
@@ -228,7 +236,7 @@ def test_an_adaptive_law_closes_the_position_loop_and_leaves_no_stick_slip() -> 
     level = Level(1.0, 1.5, 0.4, 1e-3)
 
     def examined(**other: float) -> tuple[Used, list[str]]:
-        used = Used("law", LAWS["AdaptiveLuGre"], values | other)
+        used = Used("law", named("AdaptiveLuGre"), values | other)
         axis = Axis("mass", 1.0, friction="fric", contact=Contact((level, level), 1e5, 316.0, 0.4), laws=(used,))
         return used, [found.condition.name for found in examine_axis(axis) if not found.condition.ok]
 
@@ -246,7 +254,7 @@ def test_a_dead_band_narrower_than_a_slip() -> None:
 
     def names(db: float) -> list[str]:
         values = {"Kp": 3.0, "Kd": 600.0, "Ki": 4.0, "m": 0.0, "db": db}
-        axis = Axis("mass", 1.0, friction="fric", contact=contact, laws=(Used("pid", LAWS["PID"], values),))
+        axis = Axis("mass", 1.0, friction="fric", contact=contact, laws=(Used("pid", named("PID"), values),))
         return [found.condition.name for found in examine_axis(axis) if not found.condition.ok]
 
     slip = 0.5 / 3.0  # overdamped: (Fs - Fc)/Kp
@@ -398,12 +406,14 @@ def test_sample_times_of_any_size_are_judged(loop: Callable[..., System]) -> Non
 KNOWN = catalogue()
 
 
-@pytest.mark.parametrize("name", [name for name in FRICTION if name in KNOWN and name not in PLANTS])
+@pytest.mark.parametrize("name", [name for name, block in known_blocks().items() if block.friction and not block.plant])
 def test_rows_of_friction_are_what_the_blocks_do(name: str, build_fmu: BlockFmu) -> None:
     """Stiffness from two small steps at rest, level and viscous friction from fast sliding."""
     path = build_fmu(name)
     start = {v.name: float(v.start) for v in fmpy.read_model_description(str(path)).modelVariables if _number(v.start)}
-    contact = FRICTION[name](start)
+    friction = known_blocks()[name].friction
+    assert friction is not None
+    contact = friction.contact(start)
     level = contact.levels[0]
 
     def force(v: float, step: float, steps: int) -> np.ndarray:
@@ -431,14 +441,14 @@ def _number(text: str | None) -> bool:
 
 
 @pytest.mark.parametrize(
-    "law", [law for law in discover_laws(laws_folder()) if law.name in LAWS], ids=lambda law: law.name
+    "law", [law for law in discover_laws(laws_folder()) if law_of(law.name)], ids=lambda law: law.name
 )
 def test_rows_of_laws_name_their_parameters(law) -> None:  # type: ignore[no-untyped-def]
     """A row reads nothing but what the law has; with the start values its rules can be evaluated."""
     values = {variable.name: float(variable.start) for variable in law.variables if np.isscalar(variable.start)}
-    servo = Used("pid", LAWS["PID"], {"Kp": 12e3, "Kd": 600.0, "Ki": 0.0, "m": 0.0, "Ts": 1e-3})
+    servo = Used("pid", named("PID"), {"Kp": 12e3, "Kd": 600.0, "Ki": 0.0, "m": 0.0, "Ts": 1e-3})
     level = Level(1.0, 1.5, 0.4, 1e-3)
-    used = Used("law", LAWS[law.name], values)
+    used = Used("law", named(law.name), values)
     axis = Axis("mass", 1.0, friction="fric", contact=Contact((level, level), 1e5, 316.0), laws=(servo, used))
     assert list(examine_axis(axis))
     if used.law.gains is not None:

@@ -11,8 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from friction_fmus import build, conditions
+from friction_fmus.catalogue import catalogue, laws_folder
 from friction_fmus.conditions import (
-    QUOTED,
     adaptation,
     belt,
     break_away,
@@ -33,8 +33,11 @@ from friction_fmus.conditions import (
     super_twisting,
     super_twisting_rate,
 )
-from friction_fmus.doctor.linear import known_laws
-from friction_fmus.doctor.tables import BETWEEN, LAWS
+from friction_fmus.doctor.known import known_blocks
+from friction_fmus.errors import FrictionError
+from friction_fmus.law_files import discover_laws
+
+KNOWN_LAWS = {law.name: law for law in discover_laws(laws_folder())}
 
 TS = 1e-3
 
@@ -54,7 +57,7 @@ def test_adaptation_is_what_its_recursion_does(rate: float, Ks: float) -> None:
 @pytest.mark.parametrize("gains", [(12e3, 190.0, 250e3), (12e3, 5.0, 0.0), (12e3, 7.0, 0.0), (30.0, 190.0, 4e6)])
 def test_prefilter_is_what_the_law_does(gains: tuple[float, float, float]) -> None:
     """The shift that a constant force makes stays bounded, or grows without bound."""
-    law, (Kp, Kd, Ki) = known_laws()["Prefilter"], gains
+    law, (Kp, Kd, Ki) = KNOWN_LAWS["Prefilter"], gains
     state = {"shift": 0.0, "integral": 0.0}
     values = {"Kp": Kp, "Kd": Kd, "Ki": Ki, "m": 1.0, "rdd": 1.0}
     largest = []
@@ -141,7 +144,7 @@ def test_preview_is_the_share_that_the_series_leaves() -> None:
 
 def test_super_twisting_follows_a_force_of_the_rate_that_its_gains_cover() -> None:
     """A ramp of the rate L on a free mass: the error stays, or grows without end."""
-    law, L = known_laws()["ImplicitSuperTwisting"], 500.0
+    law, L = KNOWN_LAWS["ImplicitSuperTwisting"], 500.0
     for c2, rate in ((1.1, 1.0), (0.8, 1.0), (0.8, 0.7)):
         x, v, w = 0.0, 0.0, 0.0
         for k in range(3000):
@@ -172,18 +175,20 @@ def test_bounds_of_one_number() -> None:
 
 
 def test_every_law_of_the_doctor_quotes_conditions_that_exist() -> None:
-    known = {*LAWS, *BETWEEN}
-    assert known <= set(QUOTED)
-    for block in QUOTED:
-        for name, text in quotes(block):
+    quoted = {name: quotes(block.about.quotes) for name, block in catalogue().items() if block.about.quotes}
+    acting = {name for name, part in known_blocks().items() if part.law or part.drive or part.cogging}
+    assert acting <= set(quoted)
+    for block in quoted.values():
+        for name, text in block:
             assert callable(getattr(conditions, name))
             assert text.endswith(".")
-    assert quotes("Recorder of a user") == ()
+    with pytest.raises(FrictionError, match="no condition 'ruth' to quote; did you mean routh"):
+        quotes(("ruth",))
 
 
 @pytest.mark.parametrize("name", ["ExtendedStateObserver", "ImpulsiveControl"])
 def test_the_documentation_in_the_fmu_quotes_them(name: str, tmp_path: Path) -> None:
     page = zipfile.ZipFile(build(name, tmp_path)).read("documentation/index.html").decode()
     section = page.split("<h2>Conditions</h2>")[1].split("<h2>Variables</h2>")[0]
-    for function, _ in quotes(name):
+    for function in catalogue()[name].about.quotes:
         assert f"<code>{function}</code>" in section

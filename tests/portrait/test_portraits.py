@@ -14,7 +14,7 @@ import pytest
 from friction_fmus import catalogue
 from friction_fmus.catalogue import find
 from friction_fmus.describe import describe
-from friction_fmus.portrait.choice import OWN, experiment
+from friction_fmus.portrait.choice import EXPERIMENTS, experiment
 from friction_fmus.portrait.course import Bench, Curve, Panel
 from friction_fmus.portrait.drawing import chart, icon, labelled, symbol
 
@@ -112,8 +112,8 @@ def test_signals_and_sensors(panels: Panels) -> None:
     assert abs(np.fft.rfft(ripple.y)).argmax() == 2  # two periods
 
 
-def test_every_named_block_is_there() -> None:
-    assert set(OWN) <= set(catalogue())
+def test_every_experiment_is_named_by_a_block() -> None:
+    assert {block.about.portrait for block in catalogue().values()} - {""} == set(EXPERIMENTS)
 
 
 def test_pictures_do_not_depend_on_the_settings_of_the_user() -> None:

@@ -13,7 +13,7 @@ from friction_fmus.data import load_emps
 from friction_fmus.identification import LINEAR, identifiable
 from friction_fmus.identification.models import contact_model
 from friction_fmus.study import Servo, load_config, run_study
-from friction_fmus.study.compensators import CANDIDATES, Known, candidates, period_of
+from friction_fmus.study.compensators import Known, candidates, compensators, period_of
 from friction_fmus.study.data import LUGRE, build_reference
 from friction_fmus.study.loop import Plant, Task, Trace, closed_loop
 from friction_fmus.study.trial import Bench, high_frequency, judge, off_by, thinned, try_out
@@ -138,14 +138,14 @@ def start_values(name: str) -> dict[str, float]:
     return {parameter.name: parameter.start for parameter in model.parameters.values()}
 
 
-FEEDFORWARDS = [name for name, row in CANDIDATES.items() if row.kind == "feedforward"]
+FEEDFORWARDS = [name for name, row in compensators().items() if row.kind == "feedforward"]
 
 
 @pytest.mark.parametrize("name", FEEDFORWARDS)
 def test_every_feedforward_law_is_tried_with_one_of_its_models(name: str, tmp_path: Path) -> None:
     """Each of its models that can be identified gives its parameters, and the law runs on the axis with them."""
-    models = sorted(set(CANDIDATES[name].models) & set(identifiable()))
-    assert models, f"{name} needs {CANDIDATES[name].models}, none of which a study identifies"
+    models = sorted(set(compensators()[name].models) & set(identifiable()))
+    assert models, f"{name} needs {compensators()[name].models}, none of which a study identifies"
     for model in models:
         (choice,) = candidates([name], Known(SERVO, PLANT, {model: start_values(model)}))
         assert choice.placed is not None, choice.reason

@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
+from friction_fmus.catalogue import catalogue
 from friction_fmus.study import ConfigError, Servo, StudyConfig, StudyError, load_config, parse_config, run_study
-from friction_fmus.study.compensators import CANDIDATES, check_names, laws
+from friction_fmus.study.compensators import check_names, compensators
 
 SERVO: dict[str, Any] = {"law": "PID", "Kp": 1e4, "Kd": 100.0, "Ts": 1e-3, "force_limit": 50.0}
 DATA: dict[str, Any] = {"data": {"file": "log.csv"}}
@@ -110,5 +111,5 @@ def test_fewer_than_one_process_are_refused_before_anything_is_done(tmp_path: Pa
 
 
 def test_every_law_has_its_row() -> None:
-    assert set(CANDIDATES) == set(laws())
+    assert set(compensators()) == {b.name for b in catalogue().values() if b.kind in ("law", "controller")}
     check_names("all")

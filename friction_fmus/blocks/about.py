@@ -1,0 +1,103 @@
+"""What a block tells of itself beside its equations, for the page, the doctor, the study and the identification."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from friction_fmus.blocks.arithmetic import names_in
+from friction_fmus.blocks.identified import Identified, identified
+from friction_fmus.blocks.loop import InLoop, in_loop
+from friction_fmus.blocks.rows import macro, string, words
+from friction_fmus.blocks.use import Use, use_of
+from friction_fmus.errors import FrictionError, nearest
+
+
+@dataclass(frozen=True)
+class About:
+    """What the file of a block says of it.
+
+    Attributes
+    ----------
+    portrait : str
+        Name of the experiment that shows what the block does, see `friction_fmus.portrait.choice`; empty: the ports
+        decide.
+    quotes : tuple of str
+        Functions of `friction_fmus.conditions` that the documentation page quotes; the doctor evaluates them where the
+        block is used.
+    needs : mapping of str to int
+        Rows of the decision tables in the documentation that recommend the block -> its place among those recommended.
+    identified : Identified
+        How a friction model is identified.
+    in_loop : InLoop
+        What it is in a control loop.
+    use : Use or None
+        How a law or controller is used as a compensator; None: the study leaves it out.
+    """
+
+    portrait: str = ""
+    quotes: tuple[str, ...] = ()
+    needs: Mapping[str, int] = field(default_factory=dict)
+    identified: Identified = field(default_factory=Identified)
+    in_loop: InLoop = field(default_factory=InLoop)
+    use: Use | None = None
+
+    @property
+    def reads(self) -> frozenset[str]:
+        """Names of the variables of the block that its expressions read."""
+        texts = [self.identified.size, *self.identified.fits]
+        friction, plant, law = self.in_loop.friction, self.in_loop.plant, self.in_loop.law
+        for part in (friction, law.friction if law is not None else None):
+            texts += vars(part).values() if part is not None else ()
+        if plant is not None:
+            texts += [*plant.forces, *plant.friction, plant.mass, plant.damping, plant.stiffness]
+            texts += [*plant.flexible, plant.belt]
+        for named in (self.in_loop.sensor, self.in_loop.drive, self.in_loop.cogging):
+            texts += vars(named).values() if named is not None else ()
+        if law is not None:
+            texts += [*law.gains.values(), law.inertia, law.amplifies, *law.adapts, *(law.linear or ())]
+        if self.use is not None and not self.use.never:
+            texts += [self.use.output, self.use.period, *self.use.tuned, *self.use.renamed.values()]
+        return frozenset().union(*(names_in(text) for text in texts if text))
+
+    def check(self, variables: Iterable[str]) -> None:
+        """Raise a FrictionError for an expression that reads what is no variable of the block."""
+        known = set(variables)
+        for name in sorted(self.reads - known):
+            raise FrictionError(
+                f"the description of the block reads {name}, which is no variable{nearest(name, known)}"
+            )
+
+
+def about_c_block(code: str) -> About:
+    """Return what the macros of a C file say.
+
+    Parameters
+    ----------
+    code : str
+        The source.
+
+    Raises
+    ------
+    FrictionError
+        A macro is not understood.
+    """
+    about = About(
+        string(code, "PORTRAIT"),
+        words(string(code, "QUOTES")),
+        dict(_place(need) for need in words(string(code, "NEEDS"))),
+        identified(code),
+        in_loop(code),
+        use_of(code),
+    )
+    about.check(re.findall(r"\(\s*(\w+)\s*,", macro(code, "VARIABLES") or ""))
+    return about
+
+
+def _place(need: str) -> tuple[str, int]:
+    """Return the name and the place of ``name: place``; the first place if none is given."""
+    name, colon, place = need.partition(":")
+    if colon and not place.strip().isdigit():
+        raise FrictionError(f"NEEDS names the place {place.strip()!r} of {name}; give a number")
+    return name.strip(), int(place) if colon else 1

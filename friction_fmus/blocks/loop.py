@@ -1,0 +1,214 @@
+"""What the doctor needs of a block in a control loop: as plant, sensor, drive or law."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from friction_fmus.blocks.arithmetic import names_in
+from friction_fmus.blocks.contact import Friction, friction_of
+from friction_fmus.blocks.rows import table
+from friction_fmus.errors import FrictionError
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A mass, maybe with a spring and a damper to the ground, by the names of the block's variables.
+
+    Attributes
+    ----------
+    forces : tuple of str
+        Inputs for applied forces.
+    friction : tuple of str
+        Inputs for friction forces, of which the first that is wired counts; empty if the block holds its own friction.
+    mass : str
+        Mass [kg], an expression of the parameters.
+    damping, stiffness : str
+        Parameters; empty where there is none.
+    flexible : tuple of str
+        Where it is motor and load with a spring between them: both masses, stiffness and damping; else empty.
+    belt : str
+        Parameter with the speed of the ground; empty where it rests.
+    """
+
+    forces: tuple[str, ...]
+    friction: tuple[str, ...]
+    mass: str
+    damping: str = ""
+    stiffness: str = ""
+    flexible: tuple[str, ...] = ()
+    belt: str = ""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A block between a plant and its laws that measures or estimates.
+
+    Attributes
+    ----------
+    quantum : str
+        Step of the measured position, an expression; empty: none.
+    velocity, window, smoothing : str
+        Output with a velocity from differences of positions, their distance in samples, and the time constant of a
+        filter behind that.
+    """
+
+    quantum: str = ""
+    velocity: str = ""
+    window: str = "1"
+    smoothing: str = "0"
+
+
+@dataclass(frozen=True)
+class Drive:
+    """An actuator: expressions of its limits [N], time constant and delay [s]."""
+
+    low: str
+    high: str
+    lag: str = "0"
+    delay: str = "0"
+
+
+@dataclass(frozen=True)
+class Cogging:
+    """A force that depends on position: parameter of the pitch, vectors of amplitudes and phases of the harmonics."""
+
+    pitch: str
+    amplitude: str
+    phase: str
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A law or controller in a control loop; texts are expressions of its parameters.
+
+    Attributes
+    ----------
+    gains : mapping of str to str
+        Its position loop as PID: Kp, Kd, and if there are Ki, db (error up to which the integral is held) and m (mass
+        of its inertia feedforward). Empty: it closes no position loop.
+    friction : Friction or None
+        The friction that it compensates.
+    measured : bool
+        Whether it computes the friction from the measured velocity, otherwise from the reference.
+    at_rest : bool
+        Whether, from the measured velocity, it also compensates friction at rest.
+    inertia : str
+        Mass of an inertia feedforward for another law's position loop; empty: none.
+    linear : mapping of str to float or None
+        Values of parameters with which its equations are linearised for the poles of the loop; None: it has no part in
+        them.
+    filter : str
+        For a controller in C instead: a function of `friction_fmus.doctor.linear` that gives its part of the loop.
+    estimates : bool
+        Whether it estimates the force without a friction model, so that the poles of the loop contain the estimator.
+    hunts : bool
+        Whether its integral, if there is one, hunts with static friction.
+    amplifies : str
+        How many times what comes in at f leaves the law in small movements; empty: once.
+    adapts : tuple of str
+        Rate of an adaptation [N/m] and the damping [N.s/m] that must hold it; empty: it adapts nothing.
+    rules : tuple of str
+        Further conditions, by name of the rule, see `friction_fmus.doctor.known`.
+    shapes : bool
+        Whether it shapes the reference of a law, by the inverse of the gains Kp, Kd, Ki that it has as parameters.
+    """
+
+    gains: Mapping[str, str] = field(default_factory=dict)
+    friction: Friction | None = None
+    measured: bool = False
+    at_rest: bool = False
+    inertia: str = ""
+    linear: Mapping[str, float] | None = None
+    filter: str = ""
+    estimates: bool = False
+    hunts: bool = True
+    amplifies: str = ""
+    adapts: tuple[str, ...] = ()
+    rules: tuple[str, ...] = ()
+    shapes: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what is no expression."""
+        for text in (*self.gains.values(), self.inertia, self.amplifies, *self.adapts):
+            if text:
+                names_in(text)
+
+
+@dataclass(frozen=True)
+class InLoop:
+    """What a block is in a control loop: at most one of these, beside a friction of its own.
+
+    Attributes
+    ----------
+    friction : Friction or None
+        Of a friction model, or of a plant that holds its own friction.
+    plant, sensor, drive, cogging, law : optional
+        What else it is.
+    """
+
+    friction: Friction | None = None
+    plant: Plant | None = None
+    sensor: Sensor | None = None
+    drive: Drive | None = None
+    cogging: Cogging | None = None
+    law: Loop | None = None
+
+    @property
+    def known(self) -> bool:
+        """Whether the doctor knows the block."""
+        return any(part is not None for part in vars(self).values())
+
+
+_KINDS = (
+    *("FORCES", "FRICTION", "MASS", "DAMPER", "SPRING", "FLEXIBLE", "BELT"),
+    *("SENSOR", "QUANTUM", "VELOCITY", "DRIVE", "LAG", "DELAY", "COGGING"),
+    *("LAW", "INERTIA", "FILTER", "RULES"),
+)
+
+
+def in_loop(code: str) -> InLoop:
+    """Return what the macros CONTACT and IN_LOOP of a C file say.
+
+    Raises
+    ------
+    FrictionError
+        A row is not understood.
+    """
+    friction = friction_of(code)
+    rows = dict(table(code, "IN_LOOP", _KINDS))
+    try:
+        if "MASS" in rows:
+            return InLoop(friction, plant=_plant(rows))
+        if "SENSOR" in rows:
+            return InLoop(sensor=Sensor(*rows.get("QUANTUM", ("",)), *rows.get("VELOCITY", ())))
+        if "DRIVE" in rows:
+            return InLoop(drive=Drive(*rows["DRIVE"], *rows.get("LAG", ("0",)), *rows.get("DELAY", ("0",))))
+        if "COGGING" in rows:
+            return InLoop(cogging=Cogging(*rows["COGGING"]))
+        if "LAW" in rows:
+            return InLoop(law=_law(rows, friction))
+    except (TypeError, ValueError) as error:
+        raise FrictionError(f"IN_LOOP has a row with too few or too many arguments: {rows}") from error
+    if rows:
+        raise FrictionError("IN_LOOP lacks a row MASS, SENSOR, DRIVE, COGGING or LAW that says what the block is")
+    return InLoop(friction)
+
+
+Rows = Mapping[str, tuple[str, ...]]
+
+
+def _plant(rows: Rows) -> Plant:
+    (mass,), (damper,), (spring,), (belt,) = (rows.get(key, ("",)) for key in ("MASS", "DAMPER", "SPRING", "BELT"))
+    return Plant(rows["FORCES"], rows.get("FRICTION", ()), mass, damper, spring, rows.get("FLEXIBLE", ()), belt)
+
+
+def _law(rows: Rows, friction: Friction | None) -> Loop:
+    (inertia,), (linear,) = (rows.get(key, ("",)) for key in ("INERTIA", "FILTER"))
+    return Loop(
+        friction=friction,
+        inertia=inertia,
+        filter=linear,
+        estimates="estimates" in rows["LAW"],
+        rules=rows.get("RULES", ()),
+    )

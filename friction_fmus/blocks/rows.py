@@ -1,0 +1,82 @@
+"""Macros of a block's C file that are tables for readers other than the compiler: ``COULOMB(Fc) STATIC(Fs) ...``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from friction_fmus.errors import FrictionError, nearest
+
+
+def macro(code: str, name: str) -> str | None:
+    """Return the text of a macro without its line continuations; None if the code does not define it."""
+    found = re.search(rf"^#define\s+{name}\b((?:.*\\\n)*.*)$", code, re.M)
+    return " ".join(line.rstrip("\\").strip() for line in found[1].splitlines()).strip() if found else None
+
+
+def string(code: str, name: str) -> str:
+    """Return the string that a macro is, empty if there is none; adjacent literals are joined."""
+    parts = re.findall(r'"((?:[^"\\]|\\.)*)"', macro(code, name) or "")
+    return re.sub(r"\\(.)", r"\1", "".join(parts))
+
+
+def words(text: str) -> tuple[str, ...]:
+    """Return the parts of a text between commas."""
+    return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
+def table(code: str, name: str, known: tuple[str, ...]) -> list[tuple[str, tuple[str, ...]]]:
+    """Return the rows of a macro: the kind of each and its arguments.
+
+    Parameters
+    ----------
+    code : str
+        Source of the block.
+    name : str
+        Name of the macro.
+    known : tuple of str
+        Kinds of rows that there are.
+
+    Raises
+    ------
+    FrictionError
+        A row is of another kind, or there is text that is no row.
+    """
+    rows = []
+    rest = macro(code, name) or ""
+    while rest:
+        match = re.match(r"([A-Z_]+)\s*\(", rest)
+        if match is None:
+            raise FrictionError(f"{name} has {rest!r} where a row such as {known[0]}(...) should begin")
+        if match[1] not in known:
+            raise FrictionError(
+                f"{name} has no rows {match[1]}{nearest(match[1], known)}; there are {', '.join(known)}"
+            )
+        end = _end(rest, match.end(), name)
+        rows.append((match[1], tuple(_arguments(rest[match.end() : end]))))
+        rest = rest[end + 1 :].strip()
+    return rows
+
+
+def _end(text: str, begin: int, name: str) -> int:
+    """Return the place of the parenthesis that closes the one before `begin`."""
+    depth, quoted = 1, False
+    for place in range(begin, len(text)):
+        quoted ^= text[place] == '"'
+        depth += 0 if quoted else (text[place] == "(") - (text[place] == ")")
+        if depth == 0:
+            return place
+    raise FrictionError(f"{name} lacks a closing parenthesis after {text[:begin]!r}")
+
+
+def _arguments(text: str) -> Iterator[str]:
+    """Yield what stands between the commas outside of parentheses and strings; string literals without quotes."""
+    depth, quoted, begin = 0, False, 0
+    for place, letter in enumerate(f"{text},"):
+        quoted ^= letter == '"'
+        depth += 0 if quoted else (letter in "([") - (letter in ")]")
+        if letter == "," and depth == 0 and not quoted:
+            argument = text[begin:place].strip()
+            begin = place + 1
+            if argument:
+                yield re.sub(r'"\s*"', "", argument).strip('"')
