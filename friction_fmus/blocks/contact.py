@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from friction_fmus.blocks.arithmetic import Numbers, evaluate, is_known, names_in
 from friction_fmus.blocks.rows import table
 from friction_fmus.errors import FrictionError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,9 @@ class Level:
     delta: float = 2.0
 
     def at(self, speeds: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The level g at speeds above 0 [N]."""
+        """Return the level g at speeds above 0 [N]."""
+        import numpy as np  # not at the top: every command reads blocks, and few compute
+
         if self.vs is None:
             return np.full_like(speeds, self.Fc)
         power = np.exp(np.minimum(self.delta * np.log(speeds / self.vs), 10.0))  # beyond that the curve has fallen
