@@ -28,7 +28,7 @@ class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
         """Compile before the files are collected."""
         if version == "editable":
             return
-        from friction_fmus.catalogue import OWN_BLOCKS, catalogue
+        from friction_fmus.blocks.catalogue import OWN_BLOCKS, catalogue
         from harness.native import sources
         from harness.platforms import PLATFORMS, compiled
 

@@ -16,7 +16,7 @@ import numpy as np
 from friction_fmus import build
 from friction_fmus.codegen.layout import INPUTS, STATES, Export
 from friction_fmus.codegen.sources import header, implementation
-from friction_fmus.law import BOOLEANS, VECTORS, Kind, Law, Variable
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, Variable
 from harness.toolchain import FLAGS, compiler, header_folder
 
 Columns = Mapping[str, np.ndarray]

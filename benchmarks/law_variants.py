@@ -9,10 +9,10 @@ import casadi
 from casadi import MX, exp, expm1, fabs, if_else
 
 from benchmarks.law_runs import LawC
-from friction_fmus import branches
 from friction_fmus.codegen.export import make_export
 from friction_fmus.codegen.layout import Export
-from friction_fmus.law import BOOLEANS, Law
+from friction_fmus.lawkit.emit import branches
+from friction_fmus.lawkit.law import BOOLEANS, Law
 
 CURVE = "stribeck_level({0}, Fc, Fs, vs, delta)"
 PLAIN_CURVE = "(Fc + (Fs - Fc) * casadi.exp(-(({0} / vs) ** delta)))"

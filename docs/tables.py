@@ -12,11 +12,21 @@ from pathlib import Path
 
 from needs import KNOWLEDGE, MEASURED, MOTIONS, QUESTIONS, REFERENCE, SITUATIONS, SWITCHES, Motion, Question, Situation
 
-from friction_fmus.catalogue import FEATURES, Block, catalogue
-from friction_fmus.describe import BOOLEAN, FIXED, INPUT, OUTPUT, PARAMETER, STATE, STATE_OUTPUT, Description, Variable
-from friction_fmus.model_description import CAPABILITIES, ROLE
-from friction_fmus.notes import paragraphs
-from friction_fmus.package import describe_block
+from friction_fmus.blocks.catalogue import FEATURES, Block, catalogue
+from friction_fmus.blocks.comment import paragraphs
+from friction_fmus.blocks.probe import (
+    BOOLEAN,
+    FIXED,
+    INPUT,
+    OUTPUT,
+    PARAMETER,
+    STATE,
+    STATE_OUTPUT,
+    Description,
+    Variable,
+)
+from friction_fmus.fmi.model_description import CAPABILITIES, ROLE
+from friction_fmus.fmi.package import describe_block
 
 DOCS = Path(__file__).parent
 

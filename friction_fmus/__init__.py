@@ -3,20 +3,20 @@
 from typing import TYPE_CHECKING
 
 from friction_fmus import harness
-from friction_fmus.catalogue import Block, catalogue, find
+from friction_fmus.blocks.catalogue import Block, catalogue, find
 from friction_fmus.errors import BuildError, FrictionError, UnknownNameError
 from friction_fmus.version import VERSION
 from harness.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from friction_fmus.fmi.package import build, build_record, fmu
     from friction_fmus.identification import identify
-    from friction_fmus.package import build, build_record, fmu
 else:
     __getattr__, __dir__ = lazy_names(
         __name__,
         {
             "friction_fmus.identification": ["identify"],
-            "friction_fmus.package": ["build", "build_record", "fmu"],
+            "friction_fmus.fmi.package": ["build", "build_record", "fmu"],
         },
     )
 

@@ -17,7 +17,7 @@ import pytest
 from rich.console import Console
 
 from friction_fmus import build, fmu
-from friction_fmus.catalogue import catalogue
+from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.cli import commands
 from friction_fmus.cli.console import RunBar
 from friction_fmus.cli.main import main, parser

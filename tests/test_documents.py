@@ -16,10 +16,10 @@ import pytest
 
 from friction_fmus import build, fmu
 from friction_fmus.__main__ import main
-from friction_fmus.catalogue import Block, catalogue
-from friction_fmus.documentation import notes_as_html
-from friction_fmus.models_page import models_page
-from friction_fmus.notes import paragraphs
+from friction_fmus.blocks.catalogue import Block, catalogue
+from friction_fmus.blocks.comment import paragraphs
+from friction_fmus.fmi.documentation import notes_as_html
+from friction_fmus.fmi.models_page import models_page
 from harness import DropOut, System
 
 ROOT = Path(__file__).parent.parent
@@ -238,7 +238,7 @@ def test_changelog_names_every_block() -> None:
 
 def test_page_of_models_is_what_the_blocks_say() -> None:
     page = (ROOT / "docs" / "models.md").read_text(encoding="utf-8")
-    assert page == models_page(), "run `python -m friction_fmus.models_page > docs/models.md`"
+    assert page == models_page(), "run `python -m friction_fmus.fmi.models_page > docs/models.md`"
 
 
 @pytest.mark.parametrize("block", FRICTION, ids=lambda block: block.name)

@@ -13,13 +13,13 @@ import pytest
 
 from friction_fmus import build
 from friction_fmus.__main__ import main
-from friction_fmus.catalogue import OWN_BLOCKS, catalogue
+from friction_fmus.blocks.catalogue import OWN_BLOCKS, catalogue
 from friction_fmus.check import check
 from friction_fmus.codegen.export import export_law
 from friction_fmus.doctor import examine, unknown_parts
 from friction_fmus.errors import FrictionError
+from friction_fmus.fmi.models_page import models_page
 from friction_fmus.identification import identifiable
-from friction_fmus.models_page import models_page
 from friction_fmus.study.config import load_config
 from friction_fmus.study.study import run_study
 from harness import System
@@ -77,7 +77,7 @@ LAW = '''\
 
 from casadi import SX, tanh
 
-from friction_fmus.law import (
+from friction_fmus.lawkit.law import (
     ACCELERATION,
     DAMPING,
     FORCE,

@@ -19,8 +19,8 @@ import pytest
 from lxml import etree, html
 
 from friction_fmus import fmu
-from friction_fmus.catalogue import catalogue
-from friction_fmus.describe import OUTPUT, PARAMETER
+from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.blocks.probe import OUTPUT, PARAMETER
 from harness.platforms import NATIVE
 
 ROOT = Path(__file__).parent.parent

@@ -15,9 +15,9 @@ import friction_fmus
 import friction_fmus.harness
 import harness
 import harness.results
-from friction_fmus.catalogue import Entry, catalogue, listing
-from friction_fmus.law_files import discover_laws
-from friction_fmus.law_headings import law_paths, read_headings
+from friction_fmus.blocks.catalogue import Entry, catalogue, listing
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.headings import law_paths, read_headings
 
 ROOT = Path(__file__).parent.parent
 COMMANDS = sorted(path.stem for path in (ROOT / "friction_fmus" / "cli" / "commands").glob("[!_]*.py"))
@@ -53,7 +53,9 @@ def started(*arguments: str) -> tuple[set[str], float]:
 def test_help_imports_no_library_and_no_block(arguments: list[str]) -> None:
     modules, _ = started(*arguments, "--help")
     assert modules & SLOW == set()
-    assert {name for name in modules if name.startswith(("friction_fmus.law.", "friction_fmus.package"))} == set()
+    assert {
+        name for name in modules if name.startswith(("friction_fmus.lawkit.law.", "friction_fmus.fmi.package"))
+    } == set()
 
 
 def test_list_imports_only_what_draws_the_table() -> None:
@@ -139,7 +141,7 @@ def test_the_list_is_that_of_the_catalogue() -> None:
 
 
 LAW = '''
-from friction_fmus.law import FORCE, Output, law
+from friction_fmus.lawkit.law import FORCE, Output, law
 {before}
 
 @law({arguments}, Ts=1e-3, outputs={{"u": Output(FORCE, "force")}})

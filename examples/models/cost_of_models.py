@@ -25,8 +25,8 @@ from fmpy import read_model_description
 
 from _common import BLACK, BLUE, along, command_line, panels, save
 from friction_fmus import build
-from friction_fmus.catalogue import laws_folder
-from friction_fmus.law_files import discover_laws
+from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.lawkit.files import discover_laws
 
 BLOCKS = ("Coulomb", "Stribeck", "Dahl", "LuGre", "ElastoPlastic", "Leuven", "GMS")
 LAWS = ("CoulombFeedforward", "StaticFeedforward", "DahlFeedforward", "LuGreFeedforward", "GMSFeedforward")

@@ -21,7 +21,7 @@ class About:
     Attributes
     ----------
     portrait : str
-        Name of the experiment that shows what the block does, see `friction_fmus.portrait.choice`; empty: the ports
+        Name of the experiment that shows what the block does, see `friction_fmus.fmi.portrait.choice`; empty: the ports
         decide.
     quotes : tuple of str
         Functions of `friction_fmus.conditions` that the documentation page quotes; the doctor evaluates them where the

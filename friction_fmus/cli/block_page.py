@@ -8,10 +8,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from friction_fmus.catalogue import FEATURES, Block
-from friction_fmus.describe import Description
-from friction_fmus.notes import INDENT, Paragraph, paragraphs
-from friction_fmus.variable_table import Entry, variable_groups
+from friction_fmus.blocks.catalogue import FEATURES, Block
+from friction_fmus.blocks.comment import INDENT, Paragraph, paragraphs
+from friction_fmus.blocks.probe import Description
+from friction_fmus.blocks.variable_table import Entry, variable_groups
 
 WIDE = 100
 """Columns from which the table of variables has room for their ranges."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from friction_fmus.package import fmu
+from friction_fmus.fmi.package import fmu
 from harness import System
 
 

@@ -7,16 +7,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-from friction_fmus.catalogue import find
+from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.cost import COMPILER, CORES, Cost, measure, missing
 from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.readme import readme
 from friction_fmus.codegen.sources import example, header, implementation
-from friction_fmus.emit import DOUBLE, FLOAT
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
-from friction_fmus.law import BOOLEANS, VECTORS, Law
-from friction_fmus.law_files import discover_laws
-from friction_fmus.law_variables import check_identifier
+from friction_fmus.lawkit.declarations import check_identifier
+from friction_fmus.lawkit.emit.c_text import DOUBLE, FLOAT
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Law
 from harness.atomic import atomic_path
 
 

@@ -9,12 +9,12 @@ from functools import cached_property
 
 from casadi import Function
 
-from friction_fmus.emit import DOUBLE, Kernel, Lows, Real, kernel
-from friction_fmus.expression_graph import LIBM, graph
-from friction_fmus.law import ANGLE, BOOLEANS, LENGTH, NO_UNIT, VECTORS, Kind, Law, Variable
-from friction_fmus.law_conditions import PARAMETERS
-from friction_fmus.law_variables import FAULT
-from friction_fmus.pairs import Weight, positions, rounded
+from friction_fmus.lawkit.conditions import PARAMETERS
+from friction_fmus.lawkit.declarations import FAULT
+from friction_fmus.lawkit.emit.c_text import DOUBLE, Kernel, Lows, Real, kernel
+from friction_fmus.lawkit.emit.graph import LIBM, graph
+from friction_fmus.lawkit.emit.pairs import Weight, positions, rounded
+from friction_fmus.lawkit.law import ANGLE, BOOLEANS, LENGTH, NO_UNIT, VECTORS, Kind, Law, Variable
 
 INPUTS = (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND)
 STATES = (Kind.STATE, Kind.STATES)

@@ -10,7 +10,7 @@ import numpy as np
 
 from friction_fmus.codegen.layout import INPUTS, Export
 from friction_fmus.codegen.sources import number, unit_text
-from friction_fmus.law import BOOLEANS, Variable
+from friction_fmus.lawkit.law import BOOLEANS, Variable
 
 _SIZES = {"m": 1e-3, "m/s": 1e-2, "m/s2": 1.0, "rad": 1e-3, "rad/s": 1e-2}
 """Size of the samples by unit: where friction and control are neither at rest nor saturated."""

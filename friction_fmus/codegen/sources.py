@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from friction_fmus.catalogue import source_folder
+from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.codegen.layout import Export
-from friction_fmus.emit import Real
-from friction_fmus.law import BOOLEANS, Kind, Variable
-from friction_fmus.law_conditions import PARAMETERS
+from friction_fmus.lawkit.conditions import PARAMETERS
+from friction_fmus.lawkit.emit.c_text import Real
+from friction_fmus.lawkit.law import BOOLEANS, Kind, Variable
 from friction_fmus.version import VERSION
 
 _C89 = {

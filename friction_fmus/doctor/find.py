@@ -8,9 +8,9 @@ from dataclasses import astuple, replace
 from typing import NamedTuple
 
 from friction_fmus.blocks.arithmetic import evaluate
+from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.blocks.contact import Contact
 from friction_fmus.blocks.loop import InLoop, Plant
-from friction_fmus.catalogue import catalogue
 from friction_fmus.conditions import cogging_slope
 from friction_fmus.doctor.axis import Axis, Path, Shaper, Used, Values
 from friction_fmus.doctor.known import known_blocks, law_of

@@ -7,8 +7,8 @@ from functools import partial
 from typing import Final, TypeVar
 
 from friction_fmus.blocks.arithmetic import evaluate, is_known
+from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.blocks.loop import InLoop, Loop
-from friction_fmus.catalogue import catalogue
 from friction_fmus.conditions import SampledLaw
 from friction_fmus.doctor import compensators, learning
 from friction_fmus.doctor.axis import Gains, Law, Rule, Values

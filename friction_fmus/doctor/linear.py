@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from casadi import Function
 
-from friction_fmus.catalogue import catalogue
+from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.conditions import SampledLaw
-from friction_fmus.law import Kind, Law
-from friction_fmus.law_files import discover_laws
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import Kind, Law
 
 NUDGE = 1e-15
 """Position error about which a law is linearised [m]: not 0, where the root of a super-twisting law has no slope."""

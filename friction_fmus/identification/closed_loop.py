@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from friction_fmus.data import MeasuredAxis
-from friction_fmus.package import build_record
+from friction_fmus.fmi.package import build_record
 from friction_fmus.study.config import Servo
 from friction_fmus.study.loop import Plant, Task, closed_loop, run_loop, typed
 from harness import System

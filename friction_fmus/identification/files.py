@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from friction_fmus.package import build
+from friction_fmus.fmi.package import build
 from harness import Parameter, ParameterSet, write_ssv
 
 from .models import contact_model

@@ -17,7 +17,7 @@ import scipy.linalg
 import scipy.optimize
 from threadpoolctl import threadpool_limits
 
-from friction_fmus.package import fmu
+from friction_fmus.fmi.package import fmu
 
 from .drives import driven
 from .errors import ExcitationError

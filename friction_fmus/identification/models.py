@@ -14,9 +14,9 @@ from functools import cache
 from pathlib import Path
 
 from friction_fmus.blocks.arithmetic import evaluate, names_in
+from friction_fmus.blocks.catalogue import catalogue, find
 from friction_fmus.blocks.identified import Fitted, Identified
-from friction_fmus.catalogue import catalogue, find
-from friction_fmus.package import fmu
+from friction_fmus.fmi.package import fmu
 from harness import FmuPart, open_archive
 
 from .errors import IdentificationError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from friction_fmus.units import everyday_unit
+from friction_fmus.fmi.units import everyday_unit
 from harness.units import BASE_SYMBOLS, LONGEST_UNIT, BaseUnit, parse_unit
 
 from .errors import RecordError

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_and
 
-from friction_fmus.expressions import stribeck_level
-from friction_fmus.law import (
+from friction_fmus.lawkit.expressions import stribeck_level
+from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
     LENGTH,
@@ -20,8 +20,8 @@ from friction_fmus.law import (
     State,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.observers import adapted, limited, relaxed
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.observers import adapted, limited, relaxed
 
 
 @law(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, if_else, logic_and, sign
 
-from friction_fmus.law import (
+from friction_fmus.lawkit.law import (
     FORCE,
     NO_UNIT,
     Friction,
@@ -15,8 +15,8 @@ from friction_fmus.law import (
     Use,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.feedforward import feedforward
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.feedforward import feedforward
 
 
 @law(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, expm1, fabs, if_else, log1p, logic_and, sign
 
-from friction_fmus.law import (
+from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
     LENGTH,
@@ -18,8 +18,8 @@ from friction_fmus.law import (
     Use,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.feedforward import feedforward, increment, when
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.feedforward import feedforward, increment, when
 
 
 def closed(gap: SX, path: SX, n: SX) -> SX:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from casadi import SX, floor, if_else, logic_and, logic_not, logic_or
 
-from friction_fmus.expressions import clip, limits
-from friction_fmus.law import (
+from friction_fmus.lawkit.expressions import clip, limits
+from friction_fmus.lawkit.law import (
     FORCE,
     LENGTH,
     NO_UNIT,
@@ -20,7 +20,7 @@ from friction_fmus.law import (
     Use,
     law,
 )
-from friction_fmus.law_parts import variables
+from friction_fmus.lawkit.parts import variables
 
 LONGEST = 32  # samples of preview, unless more are chosen when the FMU is built
 POLES = 4

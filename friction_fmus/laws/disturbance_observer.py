@@ -6,7 +6,7 @@ from math import pi, sqrt
 
 from casadi import SX, cos, exp, expm1, if_else, sin
 
-from friction_fmus.law import (
+from friction_fmus.lawkit.law import (
     FORCE,
     FREQUENCY,
     NO_UNIT,
@@ -22,8 +22,8 @@ from friction_fmus.law import (
     Use,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.estimators import compensation, mean_friction, starts_now
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.estimators import compensation, mean_friction, starts_now
 
 
 @law(

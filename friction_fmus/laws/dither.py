@@ -6,8 +6,8 @@ from math import pi
 
 from casadi import SX, fabs, floor, if_else, sin
 
-from friction_fmus.expressions import clip, limits
-from friction_fmus.law import (
+from friction_fmus.lawkit.expressions import clip, limits
+from friction_fmus.lawkit.law import (
     FORCE,
     FREQUENCY,
     NO_UNIT,

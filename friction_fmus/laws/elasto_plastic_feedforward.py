@@ -6,8 +6,8 @@ import math
 
 from casadi import SX, atan2, cos, expm1, fabs, if_else, log1p, logic_and, sign, sin
 
-from friction_fmus.expressions import stribeck_level
-from friction_fmus.law import (
+from friction_fmus.lawkit.expressions import stribeck_level
+from friction_fmus.lawkit.law import (
     FORCE,
     LENGTH,
     NO_UNIT,
@@ -21,8 +21,8 @@ from friction_fmus.law import (
     Use,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.feedforward import at_most, fading, feedforward, increment, relax, when
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.feedforward import at_most, fading, feedforward, increment, relax, when
 
 
 def approach(y: SX, k: SX, p: SX) -> SX:

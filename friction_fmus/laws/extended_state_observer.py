@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, exp, if_else, logic_or
 
-from friction_fmus.law import (
+from friction_fmus.lawkit.law import (
     FORCE,
     NO_UNIT,
     VELOCITY,
@@ -17,8 +17,8 @@ from friction_fmus.law import (
     Use,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.observers import limited
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.observers import limited
 
 
 @law(

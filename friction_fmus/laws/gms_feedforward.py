@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from casadi import SX, ceil, exp, fabs, fmin, if_else, logic_and, logic_or
 
-from friction_fmus.expressions import stribeck_level
-from friction_fmus.law import (
+from friction_fmus.lawkit.expressions import stribeck_level
+from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
     NO_UNIT,
@@ -20,8 +20,8 @@ from friction_fmus.law import (
     Use,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.feedforward import feedforward, increment, when
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.feedforward import feedforward, increment, when
 
 ELEMENTS = 10
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from casadi import SX
 
-from friction_fmus.expressions import clip
-from friction_fmus.law import (
+from friction_fmus.lawkit.expressions import clip
+from friction_fmus.lawkit.law import (
     FORCE,
     NO_UNIT,
     REPLACES_SERVO,
@@ -15,8 +15,8 @@ from friction_fmus.law import (
     SampleTime,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.observers import limited
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.observers import limited
 
 
 @law(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, sign, sqrt
 
-from friction_fmus.expressions import clip, unless_winding_up
-from friction_fmus.law import (
+from friction_fmus.lawkit.expressions import clip, unless_winding_up
+from friction_fmus.lawkit.law import (
     FORCE,
     NO_UNIT,
     REPLACES_SERVO,
@@ -17,8 +17,8 @@ from friction_fmus.law import (
     State,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.observers import limited
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.observers import limited
 
 
 @law(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX
 
-from friction_fmus.law import (
+from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
     JERK,
@@ -21,8 +21,8 @@ from friction_fmus.law import (
     Use,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.feedforward import feedforward, when
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.feedforward import feedforward, when
 
 
 @law(

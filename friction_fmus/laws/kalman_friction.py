@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, if_else
 
-from friction_fmus.law import (
+from friction_fmus.lawkit.law import (
     FORCE,
     LENGTH,
     NO_UNIT,
@@ -20,8 +20,8 @@ from friction_fmus.law import (
     Use,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.estimators import compensation, corrected, starts_now
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.estimators import compensation, corrected, starts_now
 
 
 @law(

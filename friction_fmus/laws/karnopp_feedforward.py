@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_or, sign
 
-from friction_fmus.expressions import clip
-from friction_fmus.law import (
+from friction_fmus.lawkit.expressions import clip
+from friction_fmus.lawkit.law import (
     FORCE,
     MASS,
     NO_UNIT,
@@ -17,8 +17,8 @@ from friction_fmus.law import (
     Use,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.feedforward import feedforward
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.feedforward import feedforward
 
 
 @law(

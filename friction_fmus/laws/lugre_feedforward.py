@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_and, sign
 
-from friction_fmus.expressions import stribeck_level
-from friction_fmus.law import (
+from friction_fmus.lawkit.expressions import stribeck_level
+from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
     LENGTH,
@@ -21,8 +21,8 @@ from friction_fmus.law import (
     Use,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.feedforward import fading, feedforward, increment, relax, when
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.feedforward import fading, feedforward, increment, relax, when
 
 
 @law(

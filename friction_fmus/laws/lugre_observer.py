@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else
 
-from friction_fmus.expressions import limits, stribeck_level, unless_winding_up
-from friction_fmus.law import (
+from friction_fmus.lawkit.expressions import limits, stribeck_level, unless_winding_up
+from friction_fmus.lawkit.law import (
     FORCE,
     LENGTH,
     NO_UNIT,
@@ -19,8 +19,8 @@ from friction_fmus.law import (
     Use,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.observers import acting, limited
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.observers import acting, limited
 
 
 @law(

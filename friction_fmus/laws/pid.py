@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_and, logic_or, sign
 
-from friction_fmus.expressions import clip, limits, unless_winding_up
-from friction_fmus.law import (
+from friction_fmus.lawkit.expressions import clip, limits, unless_winding_up
+from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
     LENGTH,
@@ -20,7 +20,7 @@ from friction_fmus.law import (
     State,
     law,
 )
-from friction_fmus.law_parts import variables
+from friction_fmus.lawkit.parts import variables
 
 
 @law(

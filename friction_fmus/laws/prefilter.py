@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, if_else
 
-from friction_fmus.law import (
+from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
     LENGTH,
@@ -21,8 +21,8 @@ from friction_fmus.law import (
     State,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.feedforward import reference_shift, settles_fast, settles_slowly, when
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.feedforward import reference_shift, settles_fast, settles_slowly, when
 
 
 @law(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, if_else, logic_or
 
-from friction_fmus.law import (
+from friction_fmus.lawkit.law import (
     ACCELERATION,
     DAMPING,
     FORCE,
@@ -22,8 +22,8 @@ from friction_fmus.law import (
     State,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.feedforward import at_most, reference_shift, settles_fast, settles_slowly, when
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.feedforward import at_most, reference_shift, settles_fast, settles_slowly, when
 
 PREVIEW = 4
 # weights of f(j) - f(-j) and of f(j) - 2 f(0) + f(-j), j = 1 ... 4

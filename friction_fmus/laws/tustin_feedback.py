@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, exp, fabs, floor, if_else, sign
 
-from friction_fmus.law import (
+from friction_fmus.lawkit.law import (
     FORCE,
     LENGTH,
     NO_UNIT,
@@ -16,8 +16,8 @@ from friction_fmus.law import (
     Use,
     law,
 )
-from friction_fmus.law_parts import variables
-from friction_fmus.law_parts.observers import limited, periodic_table
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.observers import limited, periodic_table
 
 POINTS = 16
 

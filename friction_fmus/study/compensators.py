@@ -13,8 +13,8 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in
+from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.blocks.use import KINDS, Use
-from friction_fmus.catalogue import catalogue
 from friction_fmus.errors import nearest
 from friction_fmus.identification import Array
 from harness import FmuPart, open_archive

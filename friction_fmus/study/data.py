@@ -12,9 +12,9 @@ from typing import Final, Literal
 import numpy as np
 
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
+from friction_fmus.fmi.package import build_record
 from friction_fmus.identification import ROTARY, Array, Record, filtered_motion, read_mapping, read_measurement
 from friction_fmus.identification.pieces import default_settings
-from friction_fmus.package import build_record
 
 from .config import ConfigError, Servo, StudyConfig
 from .loop import Plant, Task, closed_loop, run_loop

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final, Literal
 
-from friction_fmus.catalogue import find
+from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.export import export_law
-from friction_fmus.package import build
+from friction_fmus.fmi.package import build
 from harness import FmuPart, Parameter, ParameterSet, open_archive, write_ssv
 
 from .compensators import Choice

@@ -22,7 +22,7 @@ from typing import Any, Final, TypeVar, Union, get_args, get_origin, get_type_hi
 import numpy as np
 
 import harness
-from friction_fmus.catalogue import source_folder
+from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.version import VERSION
 from harness.cache import keep, kept
 

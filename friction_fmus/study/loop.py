@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
+from friction_fmus.fmi.package import fmu
 from friction_fmus.identification import Array
-from friction_fmus.package import fmu
 from harness import Experiment, FmuPart, Part, System, Wire
 
 from .config import Servo

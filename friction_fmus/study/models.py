@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.catalogue import find
+from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import (
     LINEAR,

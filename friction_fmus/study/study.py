@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.catalogue import catalogue
+from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import filtered_motion, identifiable

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fmi.instance import Instance, load
 
-from friction_fmus.catalogue import Block, catalogue
+from friction_fmus.blocks.catalogue import Block, catalogue
 
 CONTACTS = [b for b in catalogue().values() if b.kind == "friction" and "mass inside" not in b.features]
 LEGS = (2.1e-5, -3.17e-5, 1.23e-5, -0.53e-5, 2.07e-4)

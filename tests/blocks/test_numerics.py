@@ -8,7 +8,7 @@ from collections import Counter
 from pathlib import Path
 
 from friction_fmus import build
-from friction_fmus.catalogue import source_folder
+from friction_fmus.blocks.catalogue import source_folder
 
 NUMERICS = source_folder() / "numerics"
 C_FILES = sorted(source_folder().rglob("*.[ch]"))

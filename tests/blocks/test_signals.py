@@ -20,7 +20,7 @@ from scipy.optimize import linprog
 from scipy.signal import lfilter
 
 from friction_fmus import build_record
-from friction_fmus.catalogue import source_folder
+from friction_fmus.blocks.catalogue import source_folder
 
 Array = NDArray[np.float64]
 Load = Callable[..., "Block"]

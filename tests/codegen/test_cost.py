@@ -15,7 +15,7 @@ on_target = pytest.mark.skipif(bool(cost.missing()), reason=f"{' and '.join(cost
 
 STRAIGHT = """
 from casadi import SX
-from friction_fmus.law import *
+from friction_fmus.lawkit.law import *
 
 @law("Straight", "No branch but the guard", source="none", Ts=1e-3, outputs={"u": Output(FORCE, "sum")})
 def straight(

@@ -14,11 +14,11 @@ from pathlib import Path
 import pytest
 
 from friction_fmus.__main__ import main
-from friction_fmus.catalogue import laws_folder
+from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen import CORES, cost, export, export_law, measure
 from friction_fmus.codegen.export import make_export
 from friction_fmus.errors import FrictionError, UnknownNameError
-from friction_fmus.law_files import discover_laws
+from friction_fmus.lawkit.files import discover_laws
 
 LAWS = [law.name for law in discover_laws(laws_folder())]
 WARNINGS = ["-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Wstrict-prototypes", "-Wmissing-prototypes"]
@@ -26,7 +26,7 @@ COMPILERS = {"zig": [sys.executable, "-m", "ziglang", "cc"]} | ({"gcc": ["gcc"]}
 
 ELEMENTS = """
 from casadi import SX
-from friction_fmus.law import *
+from friction_fmus.lawkit.law import *
 
 @law("Elements", "Elements */ in a comment", source="none", Ts=1e-3, outputs={"u": Output(FORCE, "sum")},
      conditions={"k[1] > k[2]": lambda k: k[0] > k[1]})

@@ -18,13 +18,13 @@ from casadi import SX, Function, sqrt
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.law_runs import LawC, compile_, rows_of
-from friction_fmus.catalogue import laws_folder
+from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen.export import make_export
 from friction_fmus.codegen.readme import ACCURACY, TRAVEL, readme
-from friction_fmus.expression_graph import graph
-from friction_fmus.expressions import stribeck_level
-from friction_fmus.law import Kind
-from friction_fmus.law_files import discover_laws
+from friction_fmus.lawkit.emit.graph import graph
+from friction_fmus.lawkit.expressions import stribeck_level
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import Kind
 
 N = 4_000
 Ts = 1e-3
@@ -84,7 +84,7 @@ def test_no_law_rounds_an_absolute_position(name: str) -> None:
 
 ROUNDS = """
 from casadi import SX, sin
-from friction_fmus.law import *
+from friction_fmus.lawkit.law import *
 
 @law("Rounds", "Sine of the position", source="none", Ts=1e-3, outputs={"u": Output(FORCE, "force")})
 def rounds(x: SX = Input(LENGTH, 0.5, "position"), k: SX = Parameter("1/m", 5.0, "wave number")) -> dict[str, SX]:

@@ -8,7 +8,7 @@ from friction_fmus import build
 
 _TEXT = '''"""A stand-in."""
 
-from friction_fmus.law import Input, Output, Parameter, SampleTime, law
+from friction_fmus.lawkit.law import Input, Output, Parameter, SampleTime, law
 
 
 @law("{name}", "Stand-in", source="tests", Ts=1e-3, outputs={{"u": Output("N", "force")}})

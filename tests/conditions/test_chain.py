@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
-from friction_fmus.catalogue import laws_folder
+from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.conditions import (
     Between,
     SampledLaw,
@@ -20,8 +20,8 @@ from friction_fmus.conditions import (
 )
 from friction_fmus.conditions.linear import spectral_radius
 from friction_fmus.doctor.linear import linearised, local_function
-from friction_fmus.law import Kind
-from friction_fmus.law_files import discover_laws
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import Kind
 
 KNOWN_LAWS = {law.name: law for law in discover_laws(laws_folder())}
 TS, FINE = 1e-3, 20

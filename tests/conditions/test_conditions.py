@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
-from friction_fmus.catalogue import laws_folder
+from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.conditions import (
     Condition,
     closed_loop,
@@ -36,7 +36,7 @@ from friction_fmus.conditions import (
     steepest_fall,
     stick_slip_free,
 )
-from friction_fmus.law_files import discover_laws
+from friction_fmus.lawkit.files import discover_laws
 
 
 def discretised(m: float, damping: float, stiffness: float, Ts: float) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from friction_fmus import build, conditions
-from friction_fmus.catalogue import catalogue, laws_folder
+from friction_fmus.blocks.catalogue import catalogue, laws_folder
 from friction_fmus.conditions import (
     adaptation,
     belt,
@@ -35,7 +35,7 @@ from friction_fmus.conditions import (
 )
 from friction_fmus.doctor.known import known_blocks
 from friction_fmus.errors import FrictionError
-from friction_fmus.law_files import discover_laws
+from friction_fmus.lawkit.files import discover_laws
 
 KNOWN_LAWS = {law.name: law for law in discover_laws(laws_folder())}
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from friction_fmus.catalogue import catalogue
+from friction_fmus.blocks.catalogue import catalogue
 from harness import FmuPart, Result, System
 
 BuildFmu = Callable[..., Path]

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from friction_fmus.__main__ import main
-from friction_fmus.catalogue import catalogue
+from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.identification import FitError, Identification, compare_models, identify, read_measurement
 from friction_fmus.identification.survey import Task, _side_by_side
 from harness import open_archive, read_ssv

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from casadi import Function
 
-from friction_fmus.catalogue import source_folder
-from friction_fmus.emit import DOUBLE, Real, kernel
+from friction_fmus.blocks.catalogue import source_folder
+from friction_fmus.lawkit.emit.c_text import DOUBLE, Real, kernel
 from harness.toolchain import header_folder
 
 FLAGS = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from friction_fmus.law import BOOLEANS, Law
+from friction_fmus.lawkit.law import BOOLEANS, Law
 
 
 def random_arguments(law: Law, n: int, seed: int) -> np.ndarray:

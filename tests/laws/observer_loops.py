@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from friction_fmus.law import Kind, Law
+from friction_fmus.lawkit.law import Kind, Law
 from harness import FmuPart, Part, Result, System
 
 BuildFmu = Callable[..., Path]

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from observer_loops import P95, follow, rms_error, run
 
-from friction_fmus.catalogue import laws_folder
-from friction_fmus.law_files import discover_laws
+from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.lawkit.files import discover_laws
 from harness import Result, SeriesPart
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}

@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from friction_fmus.catalogue import find, laws_folder
-from friction_fmus.describe import FIXED, PARAMETER
+from friction_fmus.blocks.catalogue import find, laws_folder
+from friction_fmus.blocks.probe import FIXED, PARAMETER
 from friction_fmus.errors import FrictionError
-from friction_fmus.law import Law
-from friction_fmus.law_conditions import PARAMETERS
-from friction_fmus.law_files import discover_laws
-from friction_fmus.package import describe_block
+from friction_fmus.fmi.package import describe_block
+from friction_fmus.lawkit.conditions import PARAMETERS
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import Law
 from friction_fmus.procedures import ilc
 from friction_fmus.study.config import GAINS, Servo, parse_config
 

@@ -12,8 +12,8 @@ import pytest
 from observer_loops import follow, rms_error, run
 from scipy.integrate import solve_ivp
 
-from friction_fmus.catalogue import laws_folder
-from friction_fmus.law_files import discover_laws
+from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.lawkit.files import discover_laws
 
 LAW = next(law for law in discover_laws(laws_folder()) if law.name == "ElastoPlasticEstimator")
 BuildFmu = Callable[..., Path]

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from laws.draws import random_arguments
 
-from friction_fmus.catalogue import laws_folder
-from friction_fmus.emit import DOUBLE, FLOAT, kernel
+from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.errors import FrictionError
-from friction_fmus.expression_graph import OPERATIONS, graph
-from friction_fmus.law import Kind
-from friction_fmus.law_block import block_source
-from friction_fmus.law_files import discover_laws
+from friction_fmus.lawkit.block import block_source
+from friction_fmus.lawkit.emit.c_text import DOUBLE, FLOAT, kernel
+from friction_fmus.lawkit.emit.graph import OPERATIONS, graph
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import Kind
 
 LAWS = discover_laws(laws_folder())
 
@@ -283,8 +283,8 @@ def test_constants_beyond_float_are_refused():
 def texts_of_another_process():
     paths = [str(law.path) for law in LAWS]
     script = (
-        "import json\nfrom friction_fmus.law_block import block_source\n"
-        "from friction_fmus.law_files import discover_laws\n"
+        "import json\nfrom friction_fmus.lawkit.block import block_source\n"
+        "from friction_fmus.lawkit.files import discover_laws\n"
         f"print(json.dumps({{path: block_source(discover_laws(path)[0]) for path in {paths!r}}}))"
     )
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

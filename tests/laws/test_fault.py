@@ -11,9 +11,9 @@ import pytest
 from fmi.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, load, signals
 
 from friction_fmus import build
-from friction_fmus.catalogue import catalogue, laws_folder
+from friction_fmus.blocks.catalogue import catalogue, laws_folder
 from friction_fmus.errors import FrictionError
-from friction_fmus.law_files import discover_laws
+from friction_fmus.lawkit.files import discover_laws
 from harness import CallablePart, FmuPart, System, Wire
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
@@ -153,7 +153,7 @@ def test_limits_in_the_wrong_order_are_refused(name: str, build_fmu: Callable[..
 
 LAW = """
 from casadi import SX
-from friction_fmus.law import *
+from friction_fmus.lawkit.law import *
 
 @law("Notch", "Two frequencies", source="none", Ts=1e-3, outputs={"u": Output(FORCE, "sum")}, CONDITIONS)
 def notch(

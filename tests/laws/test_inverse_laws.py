@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from friction_fmus.catalogue import laws_folder
-from friction_fmus.law import VECTORS, Kind, Law
-from friction_fmus.law_files import discover_laws
+from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import VECTORS, Kind, Law
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 INVERSE, DISCRETE, PREFILTER, PREVIEW = (

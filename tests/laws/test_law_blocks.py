@@ -8,17 +8,17 @@ import re
 import numpy as np
 import pytest
 
-from friction_fmus.catalogue import laws_folder
-from friction_fmus.describe import describe
-from friction_fmus.law import BOOLEANS, VECTORS, Kind, Law, Unit, Variable
-from friction_fmus.law_block import block_source
-from friction_fmus.law_files import discover_laws
-from friction_fmus.units import base_unit
+from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.blocks.probe import describe
+from friction_fmus.fmi.units import base_unit
+from friction_fmus.lawkit.block import block_source
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, Unit, Variable
 
 LAWS = discover_laws(laws_folder())
 VECTOR_LAW = '''
 from casadi import SX, dot, if_else
-from friction_fmus.law import *
+from friction_fmus.lawkit.law import *
 
 @law("Elements", 'Sum of "elements" \\\\ why??)', source="none", Ts=1e-3, outputs={"u": Output(FORCE, "sum")})
 def elements(

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from friction_fmus.catalogue import find
+from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import FrictionError
-from friction_fmus.law import DAMPING, FORCE, LENGTH, Kind, Output
-from friction_fmus.law_files import discover_laws
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import DAMPING, FORCE, LENGTH, Kind, Output
 
 GOOD = '''
 from casadi import SX
-from friction_fmus.law import *
+from friction_fmus.lawkit.law import *
 
 @law("P", "Proportional controller", source="textbook", Ts=1e-3, outputs={"u": Output(FORCE, "control force")})
 def p(

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from observer_loops import P95, follow, rms_error, run
 from scipy.linalg import expm
 
-from friction_fmus.catalogue import laws_folder
-from friction_fmus.law import Law
-from friction_fmus.law_files import discover_laws
+from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import Law
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 STATIC, LUGRE = LAWS["StaticFeedback"], LAWS["LuGreObserver"]

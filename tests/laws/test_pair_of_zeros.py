@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from friction_fmus.catalogue import laws_folder
-from friction_fmus.law import Kind
-from friction_fmus.law_files import discover_laws
+from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import Kind
 
 (LAW,) = (law for law in discover_laws(laws_folder()) if law.name == "DiscreteInverse")
 INNER, POLES = (-0.3, 0.5), (0.9, -0.4, 0.2, 0.1)

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from friction_fmus.catalogue import laws_folder
-from friction_fmus.law import Kind
-from friction_fmus.law_files import discover_laws
+from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import Kind
 from harness import FmuPart, System
 
 PID = next(law for law in discover_laws(laws_folder()) if law.name == "PID")

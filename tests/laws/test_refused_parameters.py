@@ -12,8 +12,8 @@ from fmi.instance import ERROR, OK, Instance, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from friction_fmus.catalogue import laws_folder
-from friction_fmus.law_files import discover_laws
+from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.lawkit.files import discover_laws
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 PAIR = {"zero": 0.0, "pair[1]": 0.6, "pair[2]": 0.9}

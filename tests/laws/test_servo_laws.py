@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from friction_fmus.catalogue import laws_folder
-from friction_fmus.law import Kind, Law
-from friction_fmus.law_files import discover_laws
+from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import Kind, Law
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 PID, CASCADE, STATIC = LAWS["PID"], LAWS["CascadePPI"], LAWS["StaticFeedforward"]

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from observer_loops import follow, rms_error, run
 
-from friction_fmus.catalogue import laws_folder
-from friction_fmus.law import Law
-from friction_fmus.law_files import discover_laws
+from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import Law
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 FIRST, SECOND = LAWS["ImplicitSlidingMode"], LAWS["ImplicitSuperTwisting"]

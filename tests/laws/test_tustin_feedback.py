@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from observer_loops import follow
 
-from friction_fmus.catalogue import laws_folder
-from friction_fmus.law_files import discover_laws
+from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.lawkit.files import discover_laws
 from harness import CallablePart, Port, Result, SeriesPart
 
 LAW = next(law for law in discover_laws(laws_folder()) if law.name == "TustinFeedback")

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 from fmi.instance import Instance, Library, load, signals
 
-from friction_fmus.catalogue import catalogue, laws_folder
-from friction_fmus.law import Kind
-from friction_fmus.law_files import discover_laws
+from friction_fmus.blocks.catalogue import catalogue, laws_folder
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import Kind
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 BLOCKS = [block.name for block in catalogue().values() if block.kind in ("law", "controller")]

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from friction_fmus import catalogue
-from friction_fmus.catalogue import find
-from friction_fmus.describe import describe
-from friction_fmus.portrait.choice import EXPERIMENTS, experiment
-from friction_fmus.portrait.course import Bench, Curve, Panel
-from friction_fmus.portrait.drawing import chart, icon, labelled, symbol
+from friction_fmus.blocks.catalogue import find
+from friction_fmus.blocks.probe import describe
+from friction_fmus.fmi.portrait.choice import EXPERIMENTS, experiment
+from friction_fmus.fmi.portrait.course import Bench, Curve, Panel
+from friction_fmus.fmi.portrait.drawing import chart, icon, labelled, symbol
 
 Panels = Callable[..., tuple[Panel, ...]]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from friction_fmus.catalogue import catalogue
+from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.errors import FrictionError
 from friction_fmus.procedures import separate
 

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from friction_fmus import fmu
-from friction_fmus.catalogue import catalogue
+from friction_fmus.blocks.catalogue import catalogue
 from harness import FmuPart, HarnessError, StartValueError, System, Wire, open_archive
 
 MODELS = [block.name for block in catalogue().values() if block.kind == "friction"]

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from friction_fmus.catalogue import catalogue
+from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.study import ConfigError, Servo, StudyConfig, StudyError, load_config, parse_config, run_study
 from friction_fmus.study.compensators import check_names, compensators
 

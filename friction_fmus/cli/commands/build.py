@@ -41,9 +41,9 @@ def run(options: argparse.Namespace) -> None:
     FrictionError
         If the options contradict each other.
     """
-    from friction_fmus.catalogue import listing
+    from friction_fmus.blocks.catalogue import listing
     from friction_fmus.cli.console import progress_bar
-    from friction_fmus.package import build
+    from friction_fmus.fmi.package import build
     from harness.platforms import select
 
     if options.all == bool(options.names):

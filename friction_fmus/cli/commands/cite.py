@@ -21,7 +21,7 @@ def run(options: argparse.Namespace) -> None:
     FrictionError
         If the block has none.
     """
-    from friction_fmus.catalogue import find
+    from friction_fmus.blocks.catalogue import find
 
     block = find(options.name)
     if not block.bibtex:

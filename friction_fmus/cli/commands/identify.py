@@ -118,7 +118,7 @@ def parse_fixed(text: str) -> tuple[str, float | bool]:
 
 def _models(names: Sequence[str]) -> list[str]:
     """The models that are asked for, each once."""
-    from friction_fmus.catalogue import find
+    from friction_fmus.blocks.catalogue import find
     from friction_fmus.identification import identifiable
 
     if "all" in names:

@@ -13,7 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print a table, or JSON."""
-    from friction_fmus.catalogue import listing
+    from friction_fmus.blocks.catalogue import listing
 
     if options.json:
         fields = ("name", "kind", "summary", "source")

@@ -14,10 +14,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print the page."""
-    from friction_fmus.catalogue import find
+    from friction_fmus.blocks.catalogue import find
     from friction_fmus.cli.block_page import show_block
     from friction_fmus.cli.console import console
-    from friction_fmus.package import describe_block
+    from friction_fmus.fmi.package import describe_block
 
     block = find(options.name)
     show_block(console, block, describe_block(block))

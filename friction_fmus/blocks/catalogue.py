@@ -1,0 +1,278 @@
+"""What there is to build: one C file per block, one Python file per law, found by directory."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from friction_fmus.blocks.about import About, about_c_block
+from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.lawkit.headings import law_paths, read_headings
+from harness.files import read_source, reason
+
+PACKAGE = Path(__file__).parents[1]
+
+KINDS = {"friction": "friction", "plants": "plant", "controllers": "controller", "signals": "signal"}
+"""Folder of ``fmu_src`` -> kind of block; laws come from ``friction_fmus/laws``."""
+
+_ORDER = ("friction", "plant", "law", "controller", "signal")
+"""Order of the kinds in the catalogue."""
+
+OWN_BLOCKS = "FRICTION_FMUS_BLOCKS"
+"""Environment variable with folders of the user's own blocks, separated as in PATH."""
+
+FEATURES = {
+    "presliding": "the contact is elastic before it slides",
+    "nonlocal memory": "inner hysteresis loops close and leave the outer ones as they were",
+    "drift-free": "no creep under a bias with small vibrations",
+    "Stribeck": "friction falls with speed where sliding begins",
+    "lag": "friction follows changes of the speed late",
+    "dwell": "static friction grows with the time at rest",
+    "rate dependent": "the force depends on how fast a path is gone",
+    "needs force": "an input takes the other forces on the mass, which decide at rest",
+    "mass inside": "it contains the mass that it moves",
+    "random": "random numbers, the same for the same seed",
+}
+"""What a friction model can show, in the order of the table in docs/models.md -> what that means."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block that can become an FMU.
+
+    Attributes
+    ----------
+    name : str
+        Model identifier.
+    kind : str
+        friction, plant, law, controller or signal.
+    summary, source : str
+        One line each: what it is, where it comes from.
+    notes : str
+        The documentation page as plain text; indented paragraphs are equations.
+    path : Path
+        The one file that defines it.
+    code : str
+        Its C source.
+    features : tuple of str
+        What the friction model shows, of `FEATURES`.
+    bibtex : tuple of str
+        BibTeX entries of its sources.
+    status : str
+        Where its equations were taken from: their numbers in the source, or that they are from memory.
+    about : About
+        What else its file says of it.
+    """
+
+    name: str
+    kind: str
+    summary: str
+    source: str
+    notes: str
+    path: Path
+    code: str
+    features: tuple[str, ...] = ()
+    bibtex: tuple[str, ...] = ()
+    status: str = ""
+    about: About = field(default_factory=About)
+
+    @property
+    def origin(self) -> str:
+        """Return the source and, if it is known, where the equations were taken from."""
+        return f"{self.source}; {self.status}" if self.status else self.source
+
+
+class Entry(NamedTuple):
+    """What a list shows of a block; the names are those of `Block`."""
+
+    name: str
+    kind: str
+    summary: str
+    source: str
+    path: Path
+
+
+def source_folder() -> Path:
+    """The folder of the C sources: inside an installed package, beside it in a checkout."""
+    inside = PACKAGE / "fmu_src"
+    return inside if inside.is_dir() else PACKAGE.parent / "fmu_src"
+
+
+def package_text(name: str) -> str:
+    """The text of ``LICENSE`` or ``CHANGELOG.md``: inside an installed package, beside it in a checkout."""
+    inside = PACKAGE / name
+    return (inside if inside.is_file() else PACKAGE.parent / name).read_text(encoding="utf-8")
+
+
+def laws_folder() -> Path:
+    """The folder of the laws that come with the package."""
+    return PACKAGE / "laws"
+
+
+def read_c_block(path: Path, kind: str) -> Block:
+    """A block from its C file.
+
+    Raises
+    ------
+    FrictionError
+        If the file lacks ``MODEL`` or ``VARIABLES`` and so is not a block.
+    """
+    try:
+        code = read_source(path)
+    except (OSError, ValueError) as error:
+        raise FrictionError(f"{path} cannot be read as C ({reason(error)}); give a text in UTF-8") from error
+    name = re.search(r"^#define\s+MODEL\s+(\w+)\s*$", code, re.M)
+    if not name or not re.search(r"^#define\s+VARIABLES\b", code, re.M):
+        raise FrictionError(f"{path} is not a block: it needs `#define MODEL name` and `#define VARIABLES`")
+    notes = re.match(r"\s*/\*(.*?)\*/", code, re.S)
+
+    def text(macro: str) -> str:
+        found = re.search(rf'^#define\s+{macro}\s+"(.*)"\s*$', code, re.M)
+        return found.group(1) if found else ""
+
+    lines = notes.group(1).splitlines() if notes else []
+    page = "\n".join(line.removeprefix("   ").rstrip() for line in lines).strip()
+    features = tuple(part.strip() for part in text("FEATURES").split(",") if part.strip())
+    if unknown := set(features) - set(FEATURES):
+        raise FrictionError(f"{path} names the feature {unknown.pop()!r}; known are {', '.join(FEATURES)}")
+    found = re.findall(r"/\*\s*(@\w+\{.*?\})\s*\*/", code, re.S)
+    entries = tuple("\n  ".join(line.strip() for line in entry.splitlines()) for entry in found)
+    return Block(
+        *(name.group(1), kind, text("SUMMARY"), text("SOURCE"), page, path, code),
+        features=features,
+        bibtex=entries,
+        status=text("STATUS"),
+        about=_told(path, code),
+    )
+
+
+def _told(path: Path, code: str) -> About:
+    try:
+        return about_c_block(code)
+    except FrictionError as error:
+        raise FrictionError(f"{path}: {error}") from error
+
+
+def _read_laws(path: Path) -> list[Block]:
+    from friction_fmus.lawkit.block import block_source
+    from friction_fmus.lawkit.files import discover_laws
+
+    return [
+        Block(law.name, "law", law.summary, law.source, law.documentation, law.path, block_source(law), about=law.about)
+        for law in discover_laws(path)
+    ]
+
+
+def listing() -> dict[str, Entry]:
+    """Return all blocks by name without translating the laws, in the order of `catalogue`.
+
+    Raises
+    ------
+    FrictionError
+        As of `catalogue`.
+    """
+    return _listing(os.environ.get(OWN_BLOCKS, ""))
+
+
+@cache
+def _listing(own: str) -> dict[str, Entry]:
+    entries = [*_c_entries(source_folder()), *_law_entries(laws_folder())]
+    for folder in map(Path, filter(None, own.split(os.pathsep))):
+        if not folder.is_dir():
+            raise FrictionError(f"{OWN_BLOCKS} names the folder {folder}, which does not exist; correct it or unset it")
+        entries += [*_c_entries(folder), *_law_entries(folder)]
+    found: dict[str, Entry] = {}
+    for entry in sorted(entries, key=lambda entry: (_ORDER.index(entry.kind), entry.name)):
+        other = found.setdefault(entry.name, entry)
+        if other is not entry:
+            raise FrictionError(f"Two blocks are called {entry.name}: {other.path} and {entry.path}; rename one")
+    return found
+
+
+def _c_entries(folder: Path) -> list[Entry]:
+    kinds = {"": "friction", **KINDS}
+    files = [(path, kind) for part, kind in kinds.items() for path in sorted((folder / part).glob("*.c"))]
+    blocks = [read_c_block(path, kind) for path, kind in files]
+    return [Entry(block.name, block.kind, block.summary, block.source, block.path) for block in blocks]
+
+
+def _law_entries(folder: Path) -> list[Entry]:
+    laws = [law for file in law_paths(folder) for law in read_headings(file)]
+    return [Entry(law.name, "law", law.summary, law.source, law.path) for law in laws]
+
+
+def catalogue() -> dict[str, Block]:
+    """Return all blocks by name, in the order friction, plant, law, controller, signal.
+
+    They come with the package, or from the folders that the environment variable ``FRICTION_FMUS_BLOCKS`` names: C
+    files of friction models, law files, and C files of other kinds in the subfolders of `KINDS`.
+
+    Raises
+    ------
+    FrictionError
+        A folder does not exist, a file in it is not a block, or two blocks have the same name.
+    """
+    return {name: _read(entry) for name, entry in listing().items()}
+
+
+@cache
+def _read(entry: Entry) -> Block:
+    if entry.kind == "law":
+        return next(block for block in _read_laws(entry.path) if block.name == entry.name)
+    return read_c_block(entry.path, entry.kind)
+
+
+def find(model: str | Path) -> Block:
+    """The block of that name, or of a ``.c`` or law ``.py`` file of the user's.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such block; the message names the nearest.
+    FrictionError
+        If the file is not a block.
+    """
+    known = listing()
+    if str(model) in known:
+        return _read(known[str(model)])
+    path = Path(model)
+    if path.suffix not in (".c", ".py"):
+        raise UnknownNameError(
+            f"There is no model {str(model)!r}{nearest(str(model), known)} (`friction-fmus list` shows them all)"
+        )
+    if not path.is_file():
+        raise UnknownNameError(f"There is no file {path}; give the path of a block's .c file or a law's .py file")
+    if path.suffix == ".c":
+        return read_c_block(path, "friction")
+    laws = _read_laws(path)
+    if len(laws) != 1:
+        raise FrictionError(f"{path} defines {len(laws)} laws; a law file defines exactly one with @law")
+    return laws[0]
+
+
+def with_room(block: Block, start: Mapping[str, Any]) -> Block:
+    """The block, if it is a law with the vectors that these start values need.
+
+    Raises
+    ------
+    FrictionError
+        A start value is above the largest size, or not a whole number.
+    """
+    if block.kind != "law" or not start:
+        return block
+    from friction_fmus.lawkit.block import block_source
+    from friction_fmus.lawkit.files import discover_laws
+
+    law = next(law for law in discover_laws(block.path) if law.name == block.name)
+    grown = law.with_room(start)
+    return block if grown is law else replace(block, code=block_source(grown))
+
+
+def library_name(block: Block) -> str:
+    """The name in the catalogue of a block that may have another name by now; empty for a block of the user's."""
+    return next((known.name for known in listing().values() if known.path == block.path), "")

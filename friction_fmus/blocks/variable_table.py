@@ -1,0 +1,92 @@
+"""A block's variables for people to read: in groups, vectors as one row."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from itertools import groupby
+
+from friction_fmus.blocks.probe import (
+    BOOLEAN,
+    DERIVATIVE,
+    FIXED,
+    INPUT,
+    INTEGER,
+    LOCAL,
+    OUTPUT,
+    PARAMETER,
+    STATE,
+    STATE_OUTPUT,
+    Description,
+    Variable,
+)
+
+GROUPS = {
+    "Inputs": (INPUT,),
+    "Outputs": (OUTPUT, STATE_OUTPUT),
+    "Inner values": (STATE, LOCAL, DERIVATIVE),
+    "Parameters": (PARAMETER,),
+    "Fixed parameters": (FIXED,),
+}
+"""Title of a group -> the roles in it; fixed parameters cannot be changed during a run."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A variable, or the elements of a vector.
+
+    Attributes
+    ----------
+    name, unit, text : str
+        Name (``k[1...10]`` for a vector), unit or type, and what it is.
+    starts : tuple of str
+        Start values, one if they are all the same, none of what is computed.
+    limits : str
+        Range of the values that are accepted, empty if all are.
+    """
+
+    name: str
+    unit: str
+    text: str
+    starts: tuple[str, ...]
+    limits: str
+
+
+def variable_groups(description: Description) -> dict[str, tuple[Entry, ...]]:
+    """The groups that are not empty, in the order of `GROUPS`."""
+    groups = {}
+    for title, roles in GROUPS.items():
+        members = [v for role in roles for v in description.variables if v.role == role]
+        if entries := tuple(_entry(list(same)) for _, same in groupby(members, _vector)):
+            groups[title] = entries
+    return groups
+
+
+def _vector(v: Variable) -> str:
+    """The name without the number of the element."""
+    return re.sub(r"\[\d+\]", "[]", v.name)
+
+
+def _entry(elements: list[Variable]) -> Entry:
+    first, last = elements[0], elements[-1]
+    name = first.name
+    if last is not first:
+        name = re.sub(r"\[1\]", f"[1...{len(elements)}]", name)
+    given = first.role in (INPUT, PARAMETER, FIXED, STATE)
+    starts = tuple(_value(v.start, v.type) for v in elements) if given else ()
+    low, high = (_value(limit, first.type) if math.isfinite(limit) else "" for limit in (first.min, first.max))
+    limits = f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}" if high else ""
+    return Entry(
+        name,
+        {INTEGER: "Integer", BOOLEAN: "Boolean"}.get(first.type, first.unit),
+        first.text,
+        starts[:1] if len(set(starts)) == 1 else starts,
+        limits if given and first.type != BOOLEAN else "",
+    )
+
+
+def _value(value: float, type_: int) -> str:
+    if type_ == BOOLEAN:
+        return "true" if value else "false"
+    return str(int(value)) if type_ == INTEGER else f"{value:g}"

@@ -1,0 +1,1 @@
+"""FMUs of blocks: description, documentation, portraits, package."""

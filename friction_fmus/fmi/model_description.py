@@ -1,0 +1,190 @@
+"""modelDescription.xml of a block (FMI 2.0.5, section 2.2), written from what the binary says of itself."""
+
+from __future__ import annotations
+
+import math
+
+from lxml import etree
+
+from friction_fmus.blocks.catalogue import Block
+from friction_fmus.blocks.probe import (
+    BOOLEAN,
+    DERIVATIVE,
+    FIXED,
+    INPUT,
+    INTEGER,
+    LOCAL,
+    OUTPUT,
+    PARAMETER,
+    STATE,
+    STATE_OUTPUT,
+    TIME,
+    Description,
+    Variable,
+)
+from friction_fmus.fmi.units import DISPLAY_UNITS, QUANTITIES, base_unit
+from friction_fmus.version import VERSION, build_time
+
+ROLE = {  # role -> causality, variability of a Real in a continuous block, initial
+    TIME: ("independent", "continuous", None),
+    INPUT: ("input", "continuous", None),
+    OUTPUT: ("output", "continuous", "calculated"),
+    LOCAL: ("local", "continuous", "calculated"),
+    PARAMETER: ("parameter", "tunable", "exact"),
+    FIXED: ("parameter", "fixed", "exact"),
+    STATE: ("local", "continuous", "exact"),
+    STATE_OUTPUT: ("output", "continuous", "calculated"),
+    DERIVATIVE: ("local", "continuous", "calculated"),
+}
+"""What the XML says of each role."""
+
+CAPABILITIES = {
+    "canHandleVariableCommunicationStepSize": ("true", "Communication steps of any length, also varying ones."),
+    "canInterpolateInputs": ("true", "Inputs may have a derivative: they are then linear in time over a step."),
+    "maxOutputDerivativeOrder": ("1", "First time derivatives of the outputs at the end of a step."),
+    "canNotUseMemoryManagementFunctions": ("true", "Several instances in one process; no memory is taken in a step."),
+    "canGetAndSetFMUstate": ("true", "The state can be saved and restored: steps can be repeated."),
+    "canSerializeFMUstate": ("true", "The saved state is bytes that a file can keep."),
+    "providesDirectionalDerivative": ("true", "Directional derivatives, for masters that solve implicitly."),
+}
+"""Attribute of CoSimulation -> its value, and what it means for a user."""
+
+LOG_CATEGORIES = {
+    "logStatusWarning": "what is unusual but does not stop the simulation",
+    "logStatusDiscard": "refused values and steps",
+    "logStatusError": "calls that are not allowed",
+    "logEvents": "events inside the model",
+    "logAll": "all messages",
+}
+"""As in fmi2.h."""
+
+
+def model_description(block: Block, description: Description, identifier: str) -> bytes:
+    """The XML file.
+
+    Parameters
+    ----------
+    block : Block
+        Texts about the model.
+    description : Description
+        Read from its binary.
+    identifier : str
+        Model identifier.
+
+    Returns
+    -------
+    bytes
+        UTF-8, byte-identical for the same block.
+    """
+    variables = description.variables
+    index = {v.reference: i for i, v in enumerate(variables, start=1)}
+    root = etree.Element(
+        "fmiModelDescription",
+        fmiVersion="2.0",
+        modelName=identifier,
+        guid=description.guid,
+        description=f"{block.summary} ({block.source})",
+        author="friction-fmus developers",
+        version=VERSION,
+        copyright="Copyright (c) 2026 friction-fmus developers",
+        license="MIT",
+        generationTool=f"friction-fmus {VERSION}",
+        generationDateAndTime=build_time(),
+        variableNamingConvention="structured",
+    )
+    simulation = etree.SubElement(
+        root,
+        "CoSimulation",
+        {"modelIdentifier": identifier, **{name: value for name, (value, _) in CAPABILITIES.items()}},
+    )
+    etree.SubElement(etree.SubElement(simulation, "SourceFiles"), "File", name=f"{identifier}.c")
+    units = list(dict.fromkeys(v.unit for v in variables if v.unit))
+    _unit_definitions(root, units)
+    _type_definitions(root, units)
+    categories = etree.SubElement(root, "LogCategories")
+    for name, text in LOG_CATEGORIES.items():
+        etree.SubElement(categories, "Category", name=name, description=text)
+    etree.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", tolerance="1e-10", stepSize="0.001")
+
+    model_variables = etree.SubElement(root, "ModelVariables")
+    for v in variables:
+        _scalar_variable(model_variables, v, index, description.sampled)
+
+    structure = etree.SubElement(root, "ModelStructure")
+    outputs = [v for v in variables if v.role in (OUTPUT, STATE_OUTPUT)]
+    derivatives = [v for v in variables if v.role == DERIVATIVE]
+    _unknowns(structure, "Outputs", outputs, description.dependencies, index)
+    _unknowns(structure, "Derivatives", derivatives, description.dependencies, index)
+    initial = sorted((*outputs, *derivatives), key=lambda v: index[v.reference])
+    _unknowns(structure, "InitialUnknowns", initial, description.initial_dependencies, index)
+    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+
+
+def _number(value: float) -> str:
+    return repr(value).removesuffix(".0")
+
+
+def _unit_definitions(root: etree._Element, units: list[str]) -> None:
+    definitions = etree.SubElement(root, "UnitDefinitions")
+    for unit in units:
+        element = etree.SubElement(definitions, "Unit", name=unit)
+        base = base_unit(unit)
+        attributes = {name: str(power) for name, power in base.exponents.items()}
+        if base.factor != 1.0:
+            attributes["factor"] = _number(base.factor)
+        etree.SubElement(element, "BaseUnit", attributes)
+        for name, factor in DISPLAY_UNITS.get(unit, ()):
+            etree.SubElement(element, "DisplayUnit", name=name, factor=_number(factor))
+
+
+def _type_definitions(root: etree._Element, units: list[str]) -> None:
+    named = [unit for unit in units if unit in QUANTITIES]
+    if named:
+        definitions = etree.SubElement(root, "TypeDefinitions")
+        for unit in named:
+            simple = etree.SubElement(definitions, "SimpleType", name=QUANTITIES[unit])
+            etree.SubElement(simple, "Real", quantity=QUANTITIES[unit], unit=unit)
+
+
+def _scalar_variable(parent: etree._Element, v: Variable, index: dict[int, int], sampled: bool) -> None:
+    causality, variability, initial = ROLE[v.role]
+    if variability == "continuous" and (v.type != 0 or (sampled and v.role in (OUTPUT, LOCAL, STATE, STATE_OUTPUT))):
+        variability = "discrete"
+    attributes = {"name": v.name, "valueReference": str(v.reference), "description": v.text}
+    attributes |= {"causality": causality, "variability": variability}
+    if initial:
+        attributes["initial"] = initial
+    scalar = etree.SubElement(parent, "ScalarVariable", attributes)
+
+    has_start = v.role in (INPUT, PARAMETER, FIXED, STATE)
+    if v.type == BOOLEAN:
+        etree.SubElement(scalar, "Boolean", {"start": "true" if v.start else "false"} if has_start else {})
+        return
+    convert = (lambda value: str(int(value))) if v.type == INTEGER else _number
+    typed: dict[str, str] = {}
+    if v.unit:
+        typed |= {"declaredType": QUANTITIES[v.unit]} if v.unit in QUANTITIES else {}
+        typed["unit"] = v.unit
+    typed |= {name: convert(value) for name, value in (("min", v.min), ("max", v.max)) if math.isfinite(value)}
+    if v.role in (STATE, STATE_OUTPUT) and v.nominal != 1.0:
+        typed["nominal"] = convert(v.nominal)
+    if has_start:
+        typed["start"] = convert(v.start)
+    if v.role == DERIVATIVE:
+        typed["derivative"] = str(index[v.origin])
+    etree.SubElement(scalar, "Integer" if v.type == INTEGER else "Real", typed)
+
+
+def _unknowns(
+    structure: etree._Element,
+    name: str,
+    unknowns: list[Variable],
+    dependencies: dict[int, tuple[int, ...]],
+    index: dict[int, int],
+) -> None:
+    if unknowns:
+        parent = etree.SubElement(structure, name)
+        for v in unknowns:
+            listed = sorted(index[reference] for reference in dependencies[v.reference])
+            text = " ".join(str(i) for i in listed)
+            etree.SubElement(parent, "Unknown", index=str(index[v.reference]), dependencies=text)

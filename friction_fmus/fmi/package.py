@@ -1,0 +1,261 @@
+"""From the name or file of a block to an FMU: its sources, and the FMU from the cache or built."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from friction_fmus.blocks.catalogue import PACKAGE, Block, find, package_text, source_folder, with_room
+from friction_fmus.blocks.customise import Start, identified, renamed, rotational, with_start_values
+from friction_fmus.blocks.probe import Description, describe
+from friction_fmus.errors import BuildError
+from friction_fmus.version import VERSION, build_time
+from harness import toolchain
+from harness.atomic import atomic_path
+from harness.cache import cached
+from harness.files import read_source, reason
+from harness.platforms import NATIVE, Platform, native_library, select
+
+SHIPPED = PACKAGE / "fmus"
+"""FMUs for all platforms in an installed package; a checkout has none."""
+
+SHARED_FOLDERS = ("", "numerics", "friction")
+"""Folders of ``fmu_src`` whose headers any block may include; in an FMU all sources are in one folder."""
+
+FMI_HEADER = "fmi2Functions.h"
+"""The header of the standard, which importers have and FMUs do not carry."""
+
+
+def build(
+    model: str | Path,
+    out_dir: str | Path,
+    start: Start | None = None,
+    name: str | None = None,
+    files: Mapping[str, str] | None = None,
+    *,
+    domain: Literal["translational", "rotational"] = "translational",
+    platforms: Sequence[str] = ("native",),
+    compiling: Callable[[str, int], None] | None = None,
+) -> Path:
+    """Build one FMU.
+
+    Parameters
+    ----------
+    model : str or Path
+        Name of a block (`friction-fmus list`), or path of a block's ``.c`` or a law's ``.py`` file.
+    out_dir : path-like
+        Folder for ``NAME.fmu``; made if needed.
+    start : mapping of str to number, optional
+        Start values to burn in, in the units of the block.
+    name : str, optional
+        Other model identifier and file name.
+    files : mapping of str to str, optional
+        Further or replaced headers of the block, such as ``series.h`` of `Record`.
+    domain : {"translational", "rotational"}
+        The rotational twin has N.m, rad and kg.m2 for N, m and kg, and the suffix ``Rotational``.
+    platforms : sequence of str
+        Which binaries it gets: ``"native"``, ``"all"`` or names such as ``"win64"``, see `PLATFORMS`.
+    compiling : callable, optional
+        Called with a platform and the number of platforms that are done, before the FMU is compiled for it; for a
+        progress bar. It is not called for an FMU in the cache.
+
+    Returns
+    -------
+    Path
+        The FMU, complete or not there at all.
+
+    Raises
+    ------
+    UnknownNameError, BuildError
+        See their messages.
+    """
+    file, content = _built(model, start, name, files, domain, platforms, compiling)
+    return _write(content, Path(out_dir) / file)
+
+
+def _built(
+    model: str | Path,
+    start: Start | None,
+    name: str | None,
+    files: Mapping[str, str] | None,
+    domain: str,
+    platforms: Sequence[str],
+    compiling: Callable[[str, int], None] | None = None,
+) -> tuple[str, bytes]:
+    """Return the file name of an FMU and its content, from the cache or built."""
+    block = find(model)
+    chosen = select(tuple(platforms))
+    twin = domain == "rotational"
+    plain = not (start or name or files or twin) and tuple(platforms) in (("native",), ("all",))
+    if plain and (shipped := _shipped(model, block)):
+        return shipped.name, shipped.read_bytes()
+    code = with_start_values(with_room(block, start or {}).code, start or {})
+    code = rotational(code) if twin else code
+    identifier = name or block.name + ("Rotational" if twin else "")
+    code = renamed(code, identifier) if name else code
+    block = replace(block, name=identifier, code=code)
+    sources = identified(_sources(block, files or {}), identifier)
+    path = toolchain.cache_folder() / f"{identifier}-{_key(sources, block, chosen)}.fmu"
+
+    def make() -> bytes:
+        from friction_fmus.fmi.contents import (
+            assemble,  # takes several libraries, which an FMU in the cache does not need
+        )
+
+        return assemble(block, sources, chosen, compiling)
+
+    return f"{identifier}.fmu", cached(path, make)
+
+
+def _shipped(model: str | Path, block: Block) -> Path | None:
+    """The FMU of the installed package, if it is one of its blocks that is asked for."""
+    path = SHIPPED / f"{block.name}.fmu"
+    return path if str(model) == block.name and path.is_file() else None
+
+
+def fmu(name: str | Path, domain: Literal["translational", "rotational"] = "translational") -> Path:
+    """Return the FMU of a block with its own start values: that of the installed package, for all platforms.
+
+    Parameters
+    ----------
+    name : str or Path
+        As of `build`. For a file, or in a checkout, the FMU is built, for this machine, and cached.
+    domain : {"translational", "rotational"}
+        As of `build`.
+
+    Returns
+    -------
+    Path
+        The FMU. Copy it before you change it.
+
+    Raises
+    ------
+    UnknownNameError, BuildError
+        See their messages.
+    """
+    if domain == "translational" and (shipped := _shipped(name, find(name))):
+        return shipped
+    file, content = _built(name, None, None, None, domain, ("native",))
+    # a folder for each content: another version of this package may use the same cache
+    return _write(content, toolchain.cache_folder() / "models" / hashlib.sha256(content).hexdigest()[:16] / file)
+
+
+def describe_block(block: Block) -> Description:
+    """Compiles a block and reads its variables.
+
+    Raises
+    ------
+    BuildError
+        If it does not compile.
+    """
+    from friction_fmus.fmi.contents import computed
+
+    library = native_library(identified(_sources(block, {}), block.name), block.name)
+    return describe(library, computed(block))
+
+
+def build_record(
+    times: ArrayLike,
+    r: ArrayLike,
+    rd: ArrayLike,
+    rdd: ArrayLike,
+    out_dir: str | Path,
+    name: str = "Record",
+    *,
+    domain: Literal["translational", "rotational"] = "translational",
+) -> Path:
+    """Builds a `Record` FMU that plays a measured or computed reference.
+
+    Parameters
+    ----------
+    times, r, rd, rdd : array_like, shape (n,)
+        Strictly increasing times [s], position [m], velocity [m/s], acceleration [m/s2].
+    out_dir : path-like
+        Folder for the FMU.
+    name : str
+        Model identifier.
+    domain : {"translational", "rotational"}
+        The rotational twin has rad for m.
+
+    Raises
+    ------
+    BuildError
+        If lengths differ, values are not finite or times do not increase.
+    """
+    columns = [np.asarray(column, dtype=float) for column in (times, r, rd, rdd)]
+    if len({column.shape for column in columns}) != 1 or columns[0].ndim != 1 or columns[0].size < 2:
+        raise BuildError("A record needs times, r, rd and rdd as vectors of one length, at least 2")
+    table = np.column_stack(columns)
+    if not np.isfinite(table).all() or not (np.diff(columns[0]) > 0.0).all():
+        raise BuildError("A record needs finite values at strictly increasing times; sort it and drop the gaps")
+    rows = "".join("    {" + ", ".join(repr(float(value)) for value in row) + "},\n" for row in table)
+    text = f"/* t [s], r [m], rd [m/s], rdd [m/s2] */\nstatic const double series[][4] = {{\n{rows}}};\n"
+    return build("Record", out_dir, name=name, files={"series.h": text}, domain=domain)
+
+
+def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:
+    """Return file name -> text: the block and all headers that it includes, directly or through others."""
+    sources = {f"{block.name}.c": block.code}
+    places = (block.path.parent, *(source_folder() / folder for folder in SHARED_FOLDERS))
+    pending = [(block.path, block.code)]
+    while pending:
+        includer, text = pending.pop()
+        for header in re.findall(r'^#include\s+"([^"]+)"', text, re.M):
+            if header in sources or header == FMI_HEADER:
+                continue
+            given = header in files
+            found = None if given else next((p / header for p in places if (p / header).is_file()), None)
+            if found is None and not given:
+                raise BuildError(f"{includer} includes {header!r}, which is neither beside it nor in fmu_src")
+            sources[header] = files[header] if found is None else _header(found)
+            pending.append((Path(header), sources[header]))
+    return sources
+
+
+def _header(path: Path) -> str:
+    try:
+        return read_source(path)
+    except (OSError, ValueError) as error:
+        raise BuildError(f"{path} cannot be read as C ({reason(error)}); give a text in UTF-8") from error
+
+
+def _key(sources: Mapping[str, str], block: Block, platforms: Sequence[Platform]) -> str:
+    """Hash of all that decides the bytes of the FMU."""
+    digest = hashlib.sha256()
+    texts = [
+        VERSION,
+        build_time(),
+        *(toolchain.identity(target) for platform in (NATIVE, *platforms) for target in platform.targets),
+        *(platform.folder for platform in platforms),
+        *(version(library) for library in ("fmpy", "matplotlib")),
+        package_text("CHANGELOG.md"),
+        block.kind,
+        block.summary,
+        block.source,
+    ]
+    for text in (*texts, block.notes, *_package(), *(part for item in sorted(sources.items()) for part in item)):
+        digest.update(text.encode() + b"\0")
+    return digest.hexdigest()[:24]
+
+
+@cache
+def _package() -> tuple[str, ...]:
+    """The texts of the modules that make the FMU, and of those that they quote."""
+    return tuple(path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py")))
+
+
+def _write(content: bytes, target: Path) -> Path:
+    """Writes a file that is complete or absent; makes its folder."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_path(target) as temporary:
+        temporary.write_bytes(content)
+    return target

@@ -1,0 +1,74 @@
+"""What a block looks like: curves of that very block, run from its binary, as icon and as figures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from fmpy.fmi1 import FMICallException
+
+from friction_fmus.blocks.catalogue import Block
+from friction_fmus.blocks.probe import Description
+from friction_fmus.fmi.portrait.choice import experiment
+from friction_fmus.fmi.portrait.course import Bench, Panel
+from friction_fmus.fmi.portrait.drawing import Image, chart, icon, labelled, terminal_icon
+
+__all__ = ["Figure", "Image", "Portrait", "portray", "terminal_icon"]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the documentation.
+
+    Attributes
+    ----------
+    svg : bytes
+        The file.
+    caption, alternative : str
+        What was done to the block; what the picture shows, for those who cannot see it.
+    """
+
+    svg: bytes
+    caption: str
+    alternative: str
+
+
+@dataclass(frozen=True)
+class Portrait:
+    """Icon and figures of a block; no figures of one that refuses to run with its start values."""
+
+    icon: Image
+    figures: tuple[Figure, ...]
+
+
+def portray(block: Block, description: Description, folder: Path) -> Portrait:
+    """Runs a block and draws what it does.
+
+    Parameters
+    ----------
+    block, description : Block, Description
+        What it is.
+    folder : Path
+        Unzipped FMU with a binary for this platform.
+    """
+    bench = Bench(block, description, folder)
+    panels = _panels(bench)
+    figures = tuple(
+        Figure(chart(panel, block.name), panel.caption, f"{labelled(panel.y)} over {labelled(panel.x)}")
+        for panel in panels
+    )
+    return Portrait(icon(block.name, block.kind, bench.model, panels), figures)
+
+
+def _panels(bench: Bench) -> tuple[Panel, ...]:
+    """What the experiment gives; nothing if the block refuses its start values or gives no numbers."""
+    chosen = experiment(bench)
+    if chosen is None:
+        return ()
+    try:
+        panels = chosen(bench)
+    except FMICallException:
+        return ()
+    finite = all(np.isfinite([curve.x, curve.y]).all() for panel in panels for curve in panel.curves)
+    return panels if finite else ()

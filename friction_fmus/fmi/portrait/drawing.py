@@ -1,0 +1,223 @@
+"""Icons and figures: matplotlib, with the same bytes for the same curves."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
+from typing import Any
+
+import matplotlib as mpl
+import matplotlib.style
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
+
+from friction_fmus.fmi.portrait.course import Curve, Panel
+from friction_fmus.fmi.portrait.schematic import SCHEMATICS
+
+COLOURS: Mapping[str, str] = MappingProxyType(
+    {"friction": "#1f4e79", "plant": "#3d5a3d", "law": "#5b3a75", "controller": "#5b3a75", "signal": "#7a4a12"}
+)
+"""Kind of block -> colour of its frame and curve."""
+
+SECOND, ASIDE = "#d9730d", "#9aa3ad"
+"""Colours of the loop beside a curve, and of what goes into a block."""
+
+SYMBOLS: Mapping[str, str] = MappingProxyType(
+    {
+        "time": "t",
+        "displacement": "x",
+        "F_hat": r"\hat{F}",
+        "F_drive": "F",
+        "x_measured": r"\hat{x}",
+        "r_out": "r",
+        "rd": "v",
+        "v1": "v",
+        "v_est": "v",
+    }
+)
+"""Variable -> letter on the axis of an icon; another one that is one letter stands for itself."""
+
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+SIZE = 2.0
+"""Side of an icon [inch]."""
+DPI = 100
+WIDTH, HEIGHT = 152.0, 116.0
+"""Room for the curves in an icon whose side is 200."""
+STYLE = {"svg.hashsalt": "friction-fmus", "svg.fonttype": "path", "path.simplify_threshold": 0.2}
+
+
+@dataclass(frozen=True)
+class Image:
+    """A picture as pixels and as vectors.
+
+    Attributes
+    ----------
+    png, svg : bytes
+        The files.
+    """
+
+    png: bytes
+    svg: bytes
+
+
+#: Matplotlib's settings are those of the whole process, and threads may build blocks side by side.
+_STYLED = threading.Lock()
+
+
+@contextmanager
+def _plain_style(**other: str) -> Iterator[None]:
+    """Matplotlib as it comes, whatever the user has set."""
+    with _STYLED, mpl.style.context(["default", STYLE | other]):
+        yield
+
+
+def _svg(figure: Figure, title: str) -> bytes:
+    """The figure without a date, without the address of a document type, and with paths to a hundredth of a point."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="svg", metadata={"Title": title, "Date": None, "Creator": None})
+    text = re.sub(rb"<!DOCTYPE.*?>\n", b"", stream.getvalue(), flags=re.S)
+    return re.sub(rb' d="[^"]*"', lambda path: re.sub(rb"(\.\d\d)\d+", rb"\1", path.group()), text)
+
+
+def _png(figure: Figure) -> bytes:
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", metadata={"Software": None})
+    return stream.getvalue()
+
+
+def icon(name: str, kind: str, model: str, panels: Sequence[Panel]) -> Image:
+    """The icon of a block, without its name, which tools write below it.
+
+    Parameters
+    ----------
+    name, kind : str
+        Of the block.
+    model : str
+        Its name in the library; some of the plants are drawn as schematics.
+    panels : sequence of Panel
+        Its curves; with none there is the frame alone.
+    """
+    colour = COLOURS[kind]
+    with _plain_style():
+        figure = Figure(figsize=(SIZE, SIZE), dpi=DPI)
+        figure.patch.set_alpha(0.0)
+        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(-100, 100), ylim=(-100, 100))
+        axes.set_axis_off()
+        shape = "round,pad=0,rounding_size=14"
+        frame = FancyBboxPatch((-96, -96), 192, 192, shape, facecolor="#fbfcfd", edgecolor=colour, linewidth=4.0)
+        axes.add_patch(frame)
+        if model in SCHEMATICS:
+            SCHEMATICS[model](axes, colour)
+        else:
+            _trace(axes, panels, colour)
+        return Image(_png(figure), _svg(figure, name))
+
+
+def _trace(axes: Any, panels: Sequence[Panel], colour: str) -> None:
+    """The curves in the frame, each panel with its own abscissa, and letters on the axes."""
+    if not panels:
+        return
+    low, high = _range([column for panel in panels for column in _columns(panel)[1]])
+    for panel, own in zip(panels, (colour, SECOND), strict=False):
+        left, right = _range(_columns(panel)[0])
+        width = HEIGHT if panel.equal else WIDTH
+
+        def place(
+            curve: Curve, middle: float = (left + right) / 2.0, scale: float = width / (right - left)
+        ) -> tuple[Any, Any]:
+            return scale * (curve.x - middle), HEIGHT * (curve.y - low) / (high - low) - 0.53 * HEIGHT
+
+        if panel is panels[0]:
+            zero = Curve(np.clip(np.zeros(1), left, right), np.clip(np.zeros(1), low, high))
+            (x,), (y,) = place(zero)
+            axes.plot([-84, 84], [y, y], color="#c3cad1", lw=2.0)
+            axes.plot([x, x], [-70, 66], color="#c3cad1", lw=2.0)
+        for curve in (curve for curve in panel.curves if not curve.detail):
+            x_points, y_points = place(curve)
+            line = {"color": ASIDE, "lw": 2.6} if curve.aside else {"color": own, "lw": 4.2}
+            axes.plot(x_points, y_points, solid_joinstyle="round", solid_capstyle="round", **line)
+    letters = (symbol(panels[0].y[0]), symbol(panels[0].x[0]))
+    font = {"fontsize": 19, "color": "#222222", "math_fontfamily": "dejavuserif"}
+    axes.text(-84, 75, letters[0], ha="left", va="center", **font)
+    axes.text(84, -80, letters[1], ha="right", va="center", **font)
+    if len(panels) > 1:
+        axes.text(-84, -80, symbol(panels[1].x[0]), ha="left", va="center", **(font | {"color": SECOND}))
+
+
+def _range(columns: Sequence[Any]) -> tuple[float, float]:
+    """The range of values, not empty."""
+    low, high = min(float(c.min()) for c in columns), max(float(c.max()) for c in columns)
+    return (low, high) if high > low else (low - 1.0, high + 1.0)
+
+
+def symbol(name: str) -> str:
+    """The letter of a variable as mathematics; nothing for one that has none."""
+    letter = SYMBOLS.get(name, name if len(name) == 1 else "")
+    return f"${letter}$" if letter else ""
+
+
+def chart(panel: Panel, title: str) -> bytes:
+    """A panel with axes and units, as SVG for the documentation."""
+    with _plain_style(**{"svg.fonttype": "none"}):  # text that can be read out and searched
+        figure = Figure(figsize=(4.2, 3.0))
+        axes = figure.add_axes((0.16, 0.16, 0.8, 0.79))
+        x_power, y_power = (_power(_range(columns)) for columns in _columns(panel))
+        for curve in panel.curves:
+            colour = ASIDE if curve.aside else COLOURS["friction"]
+            x, y = curve.x / 10.0**x_power, curve.y / 10.0**y_power
+            axes.plot(x, y, color=colour, lw=1.6, label=curve.label)
+        axes.set_xlabel(labelled(panel.x, x_power))
+        axes.set_ylabel(labelled(panel.y, y_power))
+        axes.locator_params(nbins=6)
+        axes.grid(color="#e3e7ea", lw=0.8)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+        if panel.equal:
+            axes.set_aspect("equal", adjustable="datalim")
+        if any(curve.label for curve in panel.curves):
+            axes.legend(frameon=False)
+        return _svg(figure, title)
+
+
+def _columns(panel: Panel) -> tuple[list[Any], list[Any]]:
+    return [curve.x for curve in panel.curves], [curve.y for curve in panel.curves]
+
+
+def _power(limits: tuple[float, float]) -> int:
+    """Power of ten, a multiple of three, that is taken out of the numbers on an axis; 0 for handy ones."""
+    largest = max(map(abs, limits))
+    return 0 if 0.02 <= largest < 1e4 else 3 * math.floor(math.log10(largest) / 3.0)
+
+
+def labelled(axis: tuple[str, str], power: int = 0) -> str:
+    """Name and unit of an axis, as in ``F [N]`` or ``v [10⁻³ m/s]``."""
+    name, unit = axis
+    scale = f"10{str(power).translate(RAISED)}" if power else ""
+    factor = f"{scale} {unit}".strip()
+    return f"{name} [{factor}]" if factor else name
+
+
+@cache
+def terminal_icon(shape: str) -> Image:
+    """A terminal: ``square`` for translation, ``circle`` for rotation, ``triangle`` for signals."""
+    shapes = {
+        "square": Rectangle((12, 12), 76, 76, facecolor="#007f00", edgecolor="#004c00", linewidth=2.0),
+        "circle": Circle((50, 50), 38, facecolor="#959595", edgecolor="#404040", linewidth=2.0),
+        "triangle": Polygon([(12, 12), (88, 50), (12, 88)], facecolor="#00007f", edgecolor="#00004c", linewidth=2.0),
+    }
+    with _plain_style():
+        figure = Figure(figsize=(0.4, 0.4), dpi=DPI)
+        figure.patch.set_alpha(0.0)
+        axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0, 100), ylim=(0, 100))
+        axes.set_axis_off()
+        axes.add_patch(shapes[shape])
+        return Image(_png(figure), _svg(figure, shape))

@@ -1,0 +1,146 @@
+"""Friction models: the curve of steady sliding, the loop before sliding, and what the chains and masses do."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from friction_fmus.fmi.portrait.course import Bench, Curve, Panel, Vector
+
+SPEEDS = ("vs", "DV", "vt")
+"""Parameters that say where friction changes with speed."""
+
+SHARE = 0.9
+"""Part of the largest friction at which a contact counts as about to slide."""
+
+
+def friction_panels(bench: Bench) -> tuple[Panel, ...]:
+    """Friction over steady velocities, and over a path before sliding if the contact is elastic."""
+    peak = 4.0 * speed_scale(bench)
+    reach = _elastic_reach(bench, peak / 100.0)
+    panels = [_sliding(bench, peak, reach or 0.0)]
+    if reach is not None:
+        panels.append(_loop(bench, peak / 100.0, 2.2 * reach))
+    return tuple(panels)
+
+
+def speed_scale(bench: Bench) -> float:
+    """Speed around which friction changes, by the start values."""
+    return max((bench.start(name, 1e-3) for name in SPEEDS if name in bench.variables), default=1e-3)
+
+
+def _elastic_reach(bench: Bench, speed: float) -> float | None:
+    """Path from rest to `SHARE` of the largest friction, None if it is there at once."""
+    times = np.concatenate([[0.0], np.geomspace(1e-4, 1e3, 141)])
+    (force,) = bench.run(times, _moving(bench, np.full(times.size, speed)), ["F"])
+    level = SHARE * np.abs(force).max()
+    first = int(np.argmax(np.abs(force) >= level))
+    return float(speed * times[first]) if first > 2 else None
+
+
+def _moving(bench: Bench, velocity: Vector) -> dict[str, Vector]:
+    """The inputs of a motion; where other forces matter at rest they are large enough to break away."""
+    forces = [
+        v.start for v in bench.variables.values() if v.unit == bench.variables["F"].unit and math.isfinite(v.start)
+    ]
+    return {"v": velocity, "F_ext": 10.0 * max(map(abs, forces), default=1.0) * np.sign(velocity)}
+
+
+def _sliding(bench: Bench, peak: float, reach: float) -> Panel:
+    """Each velocity is held until the contact has slid many times its elastic path; then the mean of some samples."""
+    samples, speeds = 6, peak * np.linspace(0.0, 1.0, 49)[1:] ** 2
+    halves = []
+    for sign in (-1.0, 1.0):
+        held = np.repeat(speeds[::-1], samples)
+        durations = 10.0 * reach / held + 1e-3
+        times = np.concatenate([[0.0], np.cumsum(durations)])
+        velocity = sign * np.append(held, held[-1])
+        (force,) = bench.run(times, _moving(bench, velocity), ["F"])
+        halves.append(force[1:].reshape(-1, samples)[:, 2:].mean(axis=1))
+    speed = np.concatenate([-speeds[::-1], speeds])
+    return Panel(
+        (Curve(speed, np.concatenate([halves[0], halves[1][::-1]])),),
+        bench.axis("v"),
+        bench.axis("F"),
+        "Friction of steady sliding: each velocity is held until the force has settled.",
+    )
+
+
+def _loop(bench: Bench, speed: float, amplitude: float) -> Panel:
+    """A slow path to and fro, then one with a smaller loop within; the first approach is left out."""
+    turns = amplitude * np.array([0.0, 1.0, -1.0, 1.0, 0.5, 0.9, -1.0])
+    path = np.concatenate([np.linspace(a, b, 60, endpoint=False) for a, b in pairwise(turns)])
+    path = np.append(path, turns[-1])
+    steps = np.diff(path)
+    times = np.concatenate([[0.0], np.cumsum(np.abs(steps) / speed)])
+    velocity = np.append(np.sign(steps) * speed, 0.0)
+    (force,) = bench.run(times, _moving(bench, velocity), ["F"])
+    return Panel(
+        (Curve(path[60:181], force[60:181]), Curve(path[180:], force[180:], detail=True)),
+        ("displacement", _path_unit(bench)),
+        bench.axis("F"),
+        "Friction before sliding: a slow motion to and fro with a smaller loop within the large one.",
+    )
+
+
+def _path_unit(bench: Bench) -> str:
+    return {"m/s": "m", "rad/s": "rad"}.get(bench.variables["v"].unit, "")
+
+
+def towed(bench: Bench, speed: float, length: float) -> tuple[Panel, ...]:
+    """Friction of a model that is towed steadily over a length."""
+    path = np.linspace(0.0, length, 601)
+    (force,) = bench.run(path / speed, {"v": np.full(path.size, speed)}, ["F"])
+    caption = f"Friction while the driver moves steadily at {speed:g} {bench.variables['v'].unit}".rstrip()
+    return (Panel((Curve(path, force),), ("displacement", _path_unit(bench)), bench.axis("F"), f"{caption}."),)
+
+
+def towed_to_and_fro(bench: Bench) -> tuple[Panel, ...]:
+    """The loop of a chain whose slider moves by some periods of the substrate."""
+    return (_loop(bench, 0.05, 2.0),)
+
+
+def tomlinson(bench: Bench) -> tuple[Panel, ...]:
+    """The saw-tooth of a tip that jumps from one well to the next."""
+    period = bench.start("a", 1.0)
+    return towed(bench, 0.02 * period * math.sqrt(bench.start("k", 1.0) / bench.start("m", 1.0)), 4.0 * period)
+
+
+def avalanches(bench: Bench) -> tuple[Panel, ...]:
+    """Loading by the driver and avalanches of slip, over time."""
+    times = np.linspace(0.0, 4.0 / bench.start("nu", 0.01), 601)
+    (force,) = bench.run(times, {}, ["F"])
+    caption = "Friction while the driver loads the chain: avalanches unload it."
+    return (Panel((Curve(times, force),), ("time", ""), bench.axis("F"), caption),)
+
+
+def depinning(bench: Bench) -> tuple[Panel, ...]:
+    """Velocity of a chain while the force on it rises and falls."""
+    peak = bench.start("K", 1.0) / (2.0 * math.pi)
+    force = peak * (1.0 - np.abs(np.linspace(-1.0, 1.0, 161)))
+    times = np.linspace(0.0, 800.0, force.size)
+    (velocity,) = bench.run(times, {"F_drive": force}, ["v"])
+    caption = "Velocity while the driving force rises slowly and falls again: at rest below the static friction."
+    return (Panel((Curve(force, velocity),), bench.axis("F_drive"), bench.axis("v"), caption),)
+
+
+def pushed_mass(bench: Bench) -> tuple[Panel, ...]:
+    """Friction over velocity of a mass that a slow sinusoidal force moves."""
+    peak, mass = 2.5 * max(bench.start("Fc", 1.0), bench.start("Fs", 1.0)), bench.start("m", 1.0)
+    period = math.sqrt(mass * 10.0 * bench.start("DV", 1e-3) / peak) * 10.0
+    times = np.linspace(0.0, 2.0 * period, 1201)
+    push = peak * np.sin(2.0 * math.pi * times / period)
+    velocity, force = bench.run(times, {"F_ext": push}, ["v", "F"])
+    caption = "Friction of the mass while a sinusoidal force pushes it to and fro."
+    return (Panel((Curve(velocity[600:], force[600:]),), bench.axis("v"), bench.axis("F"), caption),)
+
+
+def stick_slip(bench: Bench) -> tuple[Panel, ...]:
+    """The limit cycle of a mass on a belt: it rides, slips, and is caught."""
+    period = 2.0 * math.pi * math.sqrt(bench.start("m", 1.0) / bench.start("k", 1.0))
+    times = np.linspace(0.0, 6.0 * period, 1801)
+    position, velocity = bench.run(times, {"v_belt": np.full(times.size, 0.2)}, ["x", "v"])
+    caption = "Stick-slip of the mass on the belt: it rides with the belt, slips back, and is caught."
+    return (Panel((Curve(position[900:], velocity[900:]),), bench.axis("x"), bench.axis("v"), caption),)

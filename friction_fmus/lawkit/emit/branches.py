@@ -1,0 +1,217 @@
+"""Which operations are computed in which branch: what only one side of a decision needs is computed on that side."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from friction_fmus.lawkit.emit.graph import CALLS, Node
+
+DECIDES = ("SELECT", "IF_ELSE_ZERO")
+PAYS = 6
+"""Number of operations that a branch must spare, else both sides are computed."""
+
+_ITSELF = -1  # in place of a group of selects
+_CALL = 10  # operations that a call of the C library takes the time of
+
+
+@dataclass(frozen=True)
+class Decision:
+    """An ``if`` with all that depends on its condition.
+
+    Attributes
+    ----------
+    condition : int
+        The node that is tested.
+    selects : tuple of int
+        The nodes that take one of two values by it.
+    sides : tuple of Block
+        What is computed before they take the first, and the second.
+    """
+
+    condition: int
+    selects: tuple[int, ...]
+    sides: tuple[Block, Block]
+
+
+Block = tuple["int | Decision", ...]
+"""Nodes and decisions in the order in which they are computed."""
+
+
+class _Edge(NamedTuple):
+    """One side of a decision, and which group of the selects of its condition takes it."""
+
+    condition: int
+    side: int
+    group: int
+
+
+_Path = tuple[_Edge, ...]
+
+
+class _CircleError(Exception):
+    """Selects of one condition depend on each other: they cannot all join."""
+
+    def __init__(self, conditions: Sequence[int]) -> None:
+        self.conditions = conditions
+
+
+def plan(nodes: Sequence[Node], results: Iterable[int]) -> Block:
+    """The operations that the results need, in an order of computation.
+
+    Parameters
+    ----------
+    nodes : sequence of Node
+        All operations, arguments before what uses them.
+    results : iterable of int
+        Which of them are the results.
+
+    Returns
+    -------
+    Block
+        Without constants and arguments of the function.
+    """
+    wanted = tuple(results)
+    order = _needed(nodes, wanted)
+    groups: dict[int, int] = {}
+    tried: dict[int, int] = {}  # condition -> how often its selects were parted
+    while True:
+        try:
+            return _Scheduler(nodes, _paths(nodes, order, wanted, groups), groups).block(())
+        except _CircleError as circle:
+            condition = min(circle.conditions, key=lambda condition: tried.get(condition, 0))
+            tried[condition] = tried.get(condition, 0) + 1
+            groups |= _parted(nodes, order, condition, singly=tried[condition] > 1)
+
+
+def _parted(nodes: Sequence[Node], order: Sequence[int], condition: int, *, singly: bool) -> dict[int, int]:
+    """Groups of the selects of a condition: by how many of them each depends on in a row, or a group for each."""
+    depth: dict[int, int] = {}
+    groups: dict[int, int] = {}
+    for number in order:
+        depth[number] = max((depth[argument] for argument in nodes[number].arguments), default=0)
+        if nodes[number].operation in DECIDES and nodes[number].arguments[0] == condition:
+            groups[number] = number if singly else depth[number]
+            depth[number] += 1
+    return groups
+
+
+def _needed(nodes: Sequence[Node], results: Iterable[int]) -> list[int]:
+    found = set(results)
+    for number in range(len(nodes) - 1, -1, -1):
+        if number in found:
+            found.update(nodes[number].arguments)
+    return sorted(found)
+
+
+def _edge(nodes: Sequence[Node], number: int, side: int, groups: Mapping[int, int]) -> _Edge:
+    return _Edge(nodes[number].arguments[0], side, groups.get(number, 0))
+
+
+def _paths(
+    nodes: Sequence[Node], order: Sequence[int], results: Sequence[int], groups: Mapping[int, int]
+) -> dict[int, _Path]:
+    """What must be decided, and how, for a node to be needed, the outermost decision first."""
+    paths: dict[int, _Path] = dict.fromkeys(results, ())
+    for number in reversed(order):
+        node = nodes[number]
+        for position, argument in enumerate(node.arguments):
+            path = paths[number]
+            if node.operation in DECIDES and position > 0:
+                path = (*path, _edge(nodes, number, position, groups))
+            paths[argument] = _common(paths.get(argument, path), path)
+    spared: dict[tuple[int, int], int] = {}
+    for number in order:
+        operation = nodes[number].operation
+        if operation not in ("CONST", "INPUT"):
+            for condition, _, group in paths[number]:
+                weight = _CALL if operation in CALLS else 1
+                spared[condition, group] = spared.get((condition, group), 0) + weight
+    return {
+        number: tuple(edge for edge in paths[number] if spared.get((edge.condition, edge.group), 0) >= PAYS)
+        for number in order
+        if nodes[number].operation not in ("CONST", "INPUT")
+    }
+
+
+def _common(first: _Path, second: _Path) -> _Path:
+    """What both begin with."""
+    same = 0
+    while same < min(len(first), len(second)) and first[same] == second[same]:
+        same += 1
+    return first[:same]
+
+
+class _Scheduler:
+    """Orders the nodes of a block; decisions of one condition become one where nothing stands between them."""
+
+    def __init__(self, nodes: Sequence[Node], paths: dict[int, _Path], groups: Mapping[int, int]) -> None:
+        self._nodes = nodes
+        self._paths = paths
+        self._groups = groups
+        self._within: dict[_Path, list[int]] = {}
+        for number, path in paths.items():
+            for length in range(len(path) + 1):
+                self._within.setdefault(path[:length], []).append(number)
+
+    def block(self, path: _Path) -> Block:
+        """The block behind these decisions."""
+        units: dict[tuple[int, int], list[int]] = {}  # (condition, group) -> selects
+        owner: dict[int, tuple[int, int]] = {}  # node -> unit in which it is computed; (node, -1) is the node itself
+        for number in self._within.get(path, ()):
+            own = self._paths[number] == path
+            key = (number, _ITSELF)
+            if own and self._nodes[number].operation in DECIDES:
+                edge = _edge(self._nodes, number, 1, self._groups)
+                if any((*path, edge._replace(side=side)) in self._within for side in (1, 2)):
+                    key = (edge.condition, edge.group)
+                    units.setdefault(key, []).append(number)
+            elif not own:
+                edge = self._paths[number][len(path)]
+                key = (edge.condition, edge.group)
+            owner[number] = key
+
+        selects = {number for members in units.values() for number in members}
+        waits: dict[tuple[int, int], set[tuple[int, int]]] = {key: set() for key in owner.values()}
+        last: dict[tuple[int, int], int] = {}
+        for number, key in owner.items():
+            arguments = [argument for argument in self._nodes[number].arguments if argument in owner]
+            if any(owner[argument] == key and argument in selects for argument in arguments):
+                raise _CircleError([key[0]])
+            waits[key] |= {owner[argument] for argument in arguments} - {key}
+            last[key] = max(last.get(key, -1), number)
+        ordered = _ordered(waits, last)
+        if len(ordered) < len(waits):
+            raise _CircleError([key[0] for key in waits if key not in ordered and key[1] != _ITSELF])
+        items: list[int | Decision] = []
+        for condition, group in ordered:
+            if group == _ITSELF:
+                items.append(condition)
+            else:
+                first, second = (self.block((*path, _Edge(condition, side, group))) for side in (1, 2))
+                items.append(Decision(condition, tuple(units[condition, group]), (first, second)))
+        return tuple(items)
+
+
+def _ordered(
+    waits: dict[tuple[int, int], set[tuple[int, int]]], last: dict[tuple[int, int], int]
+) -> list[tuple[int, int]]:
+    """Units in an order in which none waits for a later one; those in a circle are left out."""
+    users: dict[tuple[int, int], list[tuple[int, int]]] = {key: [] for key in waits}
+    for key, others in waits.items():
+        for other in others:
+            users[other].append(key)
+    count = {key: len(others) for key, others in waits.items()}
+    ready = [(last[key], key) for key in waits if count[key] == 0]
+    heapq.heapify(ready)
+    found = []
+    while ready:
+        _, key = heapq.heappop(ready)
+        found.append(key)
+        for user in users[key]:
+            count[user] -= 1
+            if count[user] == 0:
+                heapq.heappush(ready, (last[user], user))
+    return found

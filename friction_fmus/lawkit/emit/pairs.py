@@ -1,0 +1,338 @@
+"""Absolute positions in single precision: pairs of floats, so that small motions far from zero keep their digits.
+
+A float has a resolution of 60 nm at 1 m, which would be all that is left of a difference of two positions. So what
+contains an absolute position is computed as the sum of two floats, ``high`` and ``low``, by exact sums and products
+(Dekker, Numerische Mathematik 18, 1971; Knuth, The Art of Computer Programming 2, 4.2.2). A difference of two positions
+is one float again. `positions` finds what must be a pair, `split` writes the pairs as operations on floats.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+from friction_fmus.lawkit.emit.graph import COMPARE, Node
+
+SUMS = {"ADD": 1.0, "SUB": -1.0}
+
+
+class Weight(NamedTuple):
+    """How often a value contains the distance of the axis from zero.
+
+    A reference has 1, the difference of two references has none and is a small number. The factors are operations on
+    values that are known at run time only.
+    """
+
+    number: float
+    factors: tuple[tuple[str, int], ...] = ()
+
+
+def positions(
+    nodes: Sequence[Node],
+    results: Sequence[int],
+    inputs: Iterable[int],
+    parameters: Iterable[int],
+    states: Mapping[int, int],
+    outputs: Iterable[int],
+) -> tuple[dict[int, Weight], set[int]]:
+    """Find the arguments and results that must be pairs.
+
+    Parameters
+    ----------
+    nodes : sequence of Node
+        The operations of a function, arguments before what uses them.
+    results : sequence of int
+        Which of them are the results.
+    inputs : iterable of int
+        Numbers of the arguments that are absolute positions.
+    parameters : iterable of int
+        Numbers of the arguments that are lengths or pure numbers; one becomes a pair if a position is added to it,
+        multiplied or divided by it, as the rounding of it would move the axis.
+    states : mapping of int to int
+        Number of a result that may be an absolute position -> number of the argument with the value before.
+    outputs : iterable of int
+        Numbers of the other results that may be absolute positions.
+
+    Returns
+    -------
+    tuple of dict of int to Weight and set of int
+        Arguments by number, and numbers of results.
+    """
+    allowed, wide = set(parameters), dict.fromkeys(inputs, Weight(1.0))
+    # first the states that hold a position itself: until they are known, any difference to them seems to be absolute
+    for kept in ((Weight(1.0),), None):
+        while True:
+            weights = _weights(nodes, wide)
+            found = {states[i]: Weight(1.0) for i in states if _among(weights[results[i]], kept)}
+            if not kept:
+                found |= {i: _of_parameter(i) for i in _operands(nodes, weights, allowed)}
+            if found.keys() <= wide.keys():
+                break
+            wide |= found
+    written = {i for i in states if states[i] in wide} | {i for i in outputs if weights[results[i]]}
+    needed = _needed(nodes, weights, {results[i] for i in written})
+    read = {_argument(node) for node, weight in zip(nodes, needed, strict=True) if weight}
+    return {argument: weight for argument, weight in wide.items() if argument in read}, written
+
+
+def _needed(nodes: Sequence[Node], weights: Sequence[Weight | None], written: set[int]) -> list[Weight | None]:
+    """The weights of the nodes whose digits are needed: for a difference of positions, or as a position."""
+    needed = set(written)
+    for number in range(len(nodes) - 1, -1, -1):
+        operation = nodes[number].operation
+        wide = [argument for argument in nodes[number].arguments if weights[argument]]
+        differs = operation == "FLOOR" or (operation in (*SUMS, *COMPARE) and len(wide) == 2)
+        if differs or (weights[number] and number in needed):
+            needed.update(wide)
+    return [weight if number in needed else None for number, weight in enumerate(weights)]
+
+
+def _of_parameter(argument: int) -> Weight:
+    """What does not cancel against the position."""
+    return Weight(1.0, (("PARAMETER", argument),))
+
+
+def _among(weight: Weight | None, kept: tuple[Weight, ...] | None) -> bool:
+    return weight is not None if kept is None else weight in kept
+
+
+def _operands(nodes: Sequence[Node], weights: Sequence[Weight | None], allowed: set[int]) -> set[int]:
+    """The arguments, of those allowed, with which a pair is added, multiplied or divided."""
+    found = set()
+    for node in nodes:
+        if node.operation in (*SUMS, "MUL", "DIV"):
+            one, two = node.arguments
+            found |= {_argument(nodes[a]) for a, b in ((one, two), (two, one)) if weights[b] and not weights[a]}
+    return found & allowed
+
+
+def _argument(node: Node) -> int:
+    return int(node.value) if node.operation == "INPUT" else -1
+
+
+def _weights(nodes: Sequence[Node], wide: Mapping[int, Weight]) -> list[Weight | None]:
+    """The weight of every node; None for a value that is a float."""
+    found: list[Weight | None] = []
+    for number, node in enumerate(nodes):
+        if node.operation == "INPUT":
+            found.append(wide.get(int(node.value)))
+        else:
+            found.append(_weight(number, node, nodes, [found[argument] for argument in node.arguments]))
+    return found
+
+
+def _weight(number: int, node: Node, nodes: Sequence[Node], given: list[Weight | None]) -> Weight | None:
+    operation = node.operation
+    if operation in SUMS:
+        return _sum(number, SUMS[operation], *given)
+    if operation in ("MUL", "DIV") and (given[0] or (given[1] and operation == "MUL")):
+        return _product(number, node, nodes, given)
+    if operation in ("NEG", "TWICE") and given[0]:
+        return given[0]._replace(number=given[0].number * (2.0 if operation == "TWICE" else -1.0))
+    if operation == "FLOOR":
+        return given[0]
+    return next(filter(None, given[1:]), None) if operation in ("SELECT", "IF_ELSE_ZERO") else None
+
+
+def _sum(number: int, sign: float, one: Weight | None, two: Weight | None) -> Weight | None:
+    if one is None or two is None:
+        return one or (two and two._replace(number=sign * two.number))
+    if one.factors != two.factors:
+        return Weight(1.0, (("SUM", number),))
+    total = one.number + sign * two.number
+    return one._replace(number=total) if total else None
+
+
+def _product(number: int, node: Node, nodes: Sequence[Node], given: list[Weight | None]) -> Weight | None:
+    place = 0 if given[0] else 1
+    weight, other = given[place] or Weight(1.0), node.arguments[1 - place]
+    if nodes[other].operation == "CONST":
+        constant = nodes[other].value
+        total = weight.number * constant if node.operation == "MUL" else weight.number / constant
+        return weight._replace(number=total) if total else None
+    if node.operation == "MUL" and given[1 - place]:
+        return Weight(1.0, (("PRODUCT", number),))
+    return weight._replace(factors=tuple(sorted((*weight.factors, (node.operation, other)))))
+
+
+def rounded(nodes: Sequence[Node], wide: Mapping[int, Weight]) -> set[str]:
+    """The operations that are given a pair as one float; arguments as of `split`."""
+    weights = _weights(nodes, wide)
+    return {
+        node.operation
+        for number, node in enumerate(nodes)
+        if node.operation not in (*SUMS, *COMPARE)
+        and not weights[number]
+        and any(weights[argument] for argument in node.arguments)
+    }
+
+
+def split(
+    nodes: Sequence[Node],
+    results: Sequence[int],
+    wide: Mapping[int, Weight],
+    reads: Mapping[int, int],
+    writes: Iterable[int],
+) -> tuple[list[Node], list[int]]:
+    """Write the pairs as operations on floats.
+
+    Parameters
+    ----------
+    nodes, results
+        As of `positions`.
+    wide : mapping of int to Weight
+        Arguments that are pairs, as `positions` finds them.
+    reads : mapping of int to int
+        Number of an argument that is a pair -> number of the argument that is its lower part.
+    writes : iterable of int
+        Numbers of the results that are pairs.
+
+    Returns
+    -------
+    tuple of list of Node and list of int
+        The same for floats; behind the results there are the lower parts of those that are pairs.
+    """
+    written = list(writes)
+    weights = _needed(nodes, _weights(nodes, wide), {results[i] for i in written})
+    writer = _Splitter(nodes, weights, reads)
+    for number in range(len(nodes)):
+        writer.write(number)
+    highs = [writer.pairs[number][0] for number in results]
+    return writer.nodes, highs + [writer.low(results[i]) for i in written]
+
+
+Pair = tuple[int, int | None]
+"""Nodes of the upper and of the lower part; None: the lower part is 0."""
+
+
+class _Splitter:
+    """Writes node by node."""
+
+    def __init__(self, given: Sequence[Node], weights: Sequence[Weight | None], reads: Mapping[int, int]) -> None:
+        self.nodes: list[Node] = []
+        self.pairs: list[Pair] = []
+        self._given = given
+        self._weights = weights
+        self._reads = reads
+        self._numbers: dict[tuple[str, tuple[int, ...], bytes], int] = {}
+
+    def write(self, number: int) -> None:
+        """The next node."""
+        node = self._given[number]
+        parts = [self.pairs[argument] for argument in node.arguments]
+        wide = [self._weights[argument] is not None for argument in node.arguments]
+        if node.operation == "INPUT" and int(node.value) in self._reads:
+            low = self._node("INPUT", value=float(self._reads[int(node.value)]))
+            self.pairs.append((self._node("INPUT", value=node.value), low))
+        elif not any(wide):
+            self.pairs.append((self._node(node.operation, *(high for high, _ in parts), value=node.value), None))
+        elif self._weights[number]:
+            self.pairs.append(self._pair(node, parts))
+        else:
+            self.pairs.append((self._float(node, parts), None))
+
+    def low(self, number: int) -> int:
+        """The lower part of a node of those given."""
+        low = self.pairs[number][1]
+        return self._node("CONST", value=0.0) if low is None else low
+
+    def _float(self, node: Node, parts: Sequence[Pair]) -> int:
+        """A float of pairs: sums and decisions see both parts, everything else the upper one."""
+        if node.operation in SUMS:
+            return self._difference(node.operation, *parts)
+        if node.operation in COMPARE:
+            return self._node(node.operation, self._difference("SUB", *parts), self._node("CONST", value=0.0))
+        return self._node(node.operation, *(high for high, _ in parts))
+
+    def _difference(self, operation: str, one: Pair, two: Pair) -> int:
+        """The upper parts of neighbours have an exact difference."""
+        return self._plus(self._node(operation, one[0], two[0]), self._lower(operation, one[1], two[1]))
+
+    def _pair(self, node: Node, parts: Sequence[Pair]) -> Pair:
+        """A pair of pairs."""
+        operation, one = node.operation, parts[0]
+        if operation in SUMS:
+            return self._sum(operation, self._exact(node.arguments[0]), self._exact(node.arguments[1]))
+        if operation in ("NEG", "TWICE"):
+            return self._node(operation, one[0]), None if one[1] is None else self._node(operation, one[1])
+        if operation == "MUL":
+            return self._product(*parts)
+        if operation == "DIV":
+            return self._quotient(*parts)
+        if operation == "FLOOR":
+            return self._floor(one)
+        return self._select(operation, parts)
+
+    def _exact(self, number: int) -> Pair:
+        """A node; a constant with the digits that a float has not."""
+        node = self._given[number]
+        if node.operation != "CONST":
+            return self.pairs[number]
+        high = struct.unpack("f", struct.pack("f", node.value))[0]
+        rest = node.value - high
+        return self._node("CONST", value=high), self._node("CONST", value=rest) if rest else None
+
+    def _select(self, operation: str, parts: Sequence[Pair]) -> Pair:
+        condition = parts[0][0]
+        lows = [self._node("CONST", value=0.0) if low is None else low for _, low in parts[1:]]
+        return (
+            self._node(operation, condition, *(high for high, _ in parts[1:])),
+            self._node(operation, condition, *lows),
+        )
+
+    def _sum(self, operation: str, one: Pair, two: Pair) -> Pair:
+        """Knuth's exact sum of the upper parts, and the lower ones."""
+        a, b = one[0], two[0]
+        total = self._node(operation, a, b)
+        part = self._node("SUB", total, a)  # of b in the total, or of -b
+        left = self._node("SUB", a, self._node("SUB", total, part))
+        opposite = "SUB" if operation == "ADD" else "ADD"
+        rest = self._node(operation, left, self._node(opposite, b, part))
+        return self._joined(total, self._plus(rest, self._lower(operation, one[1], two[1])))
+
+    def _product(self, one: Pair, two: Pair) -> Pair:
+        """Return the pair of a product; the product of the two lower parts is negligible."""
+        total = self._node("MUL", one[0], two[0])
+        rest = self._node("FMA", one[0], two[0], self._node("NEG", total))
+        for high, low in ((two[0], one[1]), (one[0], two[1])):
+            if low is not None:
+                rest = self._node("ADD", rest, self._node("MUL", high, low))
+        return self._joined(total, rest)
+
+    def _quotient(self, one: Pair, two: Pair) -> Pair:
+        total = self._node("DIV", one[0], two[0])
+        minus = self._node("NEG", total)
+        rest = self._plus(self._node("FMA", minus, two[0], one[0]), one[1])
+        if two[1] is not None:
+            rest = self._node("ADD", rest, self._node("MUL", minus, two[1]))
+        return self._joined(total, self._node("DIV", rest, two[0]))
+
+    def _floor(self, one: Pair) -> Pair:
+        """A whole number may need both parts; the lower one counts if the upper one is whole."""
+        whole = self._node("FLOOR", one[0])
+        if one[1] is None:
+            return whole, None
+        below = self._node("IF_ELSE_ZERO", self._node("EQ", whole, one[0]), self._node("FLOOR", one[1]))
+        return self._joined(whole, below)
+
+    def _joined(self, high: int, low: int) -> Pair:
+        """The same sum with a lower part that is within the rounding of the upper one."""
+        total = self._node("ADD", high, low)
+        return total, self._node("SUB", low, self._node("SUB", total, high))
+
+    def _plus(self, value: int, low: int | None) -> int:
+        return value if low is None else self._node("ADD", value, low)
+
+    def _lower(self, operation: str, one: int | None, two: int | None) -> int | None:
+        if one is None or two is None:
+            return one if two is None else self._node("NEG", two) if operation == "SUB" else two
+        return self._node(operation, one, two)
+
+    def _node(self, operation: str, *arguments: int, value: float = 0.0) -> int:
+        """The number of an operation, which is written once."""
+        key = (operation, arguments, struct.pack("d", value))
+        number = self._numbers.setdefault(key, len(self.nodes))
+        if number == len(self.nodes):
+            self.nodes.append(Node(operation, arguments, value))
+        return number

@@ -1,0 +1,70 @@
+"""Where the sign of a zero can be seen: casadi's sum of both sides of a decision turns -0.0 into 0.0."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Sequence
+
+from friction_fmus.lawkit.emit.graph import COMPARE, CONDITIONS, LOGIC, Node
+
+# results that are never -0.0, whatever the arguments
+_NO_MINUS_ZERO = {"FABS", "SQ", "EXP", "COSH", "HYPOT", "SELECT", *CONDITIONS}
+# the sign of a zero argument changes nothing
+_BLIND = {*COMPARE, *LOGIC, "NOT", "FABS", "SQ", "EXP"}
+# the sign of a zero argument changes at most that of a zero result; so does that of the first argument of DIV
+_PASSES = {"ADD", "SUB", "MUL", "NEG", "TWICE", "FMIN", "FMAX", "SQRT", "EXPM1"}
+
+
+class Zeros:
+    """What is known of the zeros among the values of nodes.
+
+    Parameters
+    ----------
+    nodes : sequence of Node
+        All operations, arguments before what uses them.
+    results : iterable of int
+        Which of them are the results.
+    conditions : collection of int
+        Numbers of the arguments of the function that are truth values.
+    """
+
+    def __init__(self, nodes: Sequence[Node], results: Iterable[int], conditions: Collection[int]) -> None:
+        """Find which zeros are seen in a result."""
+        self._nodes = nodes
+        self._conditions = conditions
+        self._seen = set(results)
+        for number in range(len(nodes) - 1, -1, -1):
+            self._seen.update(self._shown(number))
+
+    def never_minus(self, number: int) -> bool:
+        """Whether a node is never -0.0."""
+        node = self._nodes[number]
+        if node.operation == "CONST":
+            return node.value != 0.0 or math.copysign(1.0, node.value) > 0.0
+        if node.operation == "INPUT":
+            return int(node.value) in self._conditions
+        if node.operation in ("IF_ELSE_ZERO", "SUB"):
+            return self.never_minus(node.arguments[1 if node.operation == "IF_ELSE_ZERO" else 0])
+        if node.operation == "ADD":
+            return any(map(self.never_minus, node.arguments))
+        return node.operation in _NO_MINUS_ZERO
+
+    def becomes_plus(self, select: int, side: int) -> bool:
+        """Whether -0.0 that a select takes on a side must become 0.0."""
+        node = self._nodes[select]
+        return node.operation == "SELECT" and select in self._seen and not self.never_minus(node.arguments[side])
+
+    def _shown(self, number: int) -> list[int]:
+        """The arguments whose sign, if they are zero, can be seen in a result by way of this node."""
+        node, seen = self._nodes[number], number in self._seen
+        if node.operation in _BLIND:
+            return []
+        if node.operation == "IF_ELSE_ZERO":
+            return [node.arguments[1]] if seen else []
+        if node.operation == "SELECT":
+            return [node.arguments[side] for side in (1, 2) if seen and not self.becomes_plus(number, side)]
+        if node.operation in _PASSES:
+            return list(node.arguments) if seen else []
+        if node.operation == "DIV" and not seen:
+            return [node.arguments[1]]
+        return list(node.arguments)

@@ -1,0 +1,75 @@
+"""Laws in files: found by folder, also outside of the package."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from friction_fmus.errors import FrictionError
+from friction_fmus.lawkit.headings import law_paths
+from friction_fmus.lawkit.law import Law
+from harness.files import LARGEST_TEXT, reason, require_regular
+
+
+def discover_laws(path: Path | str) -> list[Law]:
+    """Load the laws of a folder, or of one file.
+
+    Parameters
+    ----------
+    path : path
+        Folder of law files (names that begin with an underscore are left out) or one ``.py`` file; it need not belong
+        to a package.
+
+    Returns
+    -------
+    list of Law
+        In the order of file names, within a file in the order of definition.
+
+    Raises
+    ------
+    FrictionError
+        If a file cannot be loaded or two laws have the same name.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FrictionError(f"There is no law file or folder {path}")
+    files = law_paths(path) if path.is_dir() else [path]
+    found: dict[str, Law] = {}
+    for file in files:
+        for value in vars(_load(file)).values():
+            # a law that is only imported there belongs to its own file
+            if not isinstance(value, Law) or value.path.resolve() != file.resolve():
+                continue
+            other = found.setdefault(value.name, value)
+            if other is not value:
+                raise FrictionError(f"Two laws are called {value.name}: in {other.path.name} and in {file.name}")
+    return list(found.values())
+
+
+def _load(file: Path) -> ModuleType:
+    file = file.resolve()
+    try:
+        require_regular(file, LARGEST_TEXT)
+    except OSError as error:
+        raise FrictionError(f"{file.name} cannot be loaded: {reason(error)}; give a Python file") from error
+    name = f"law_file_{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
+    spec = importlib.util.spec_from_file_location(name, file)
+    if spec is None or spec.loader is None:
+        raise FrictionError(f"{file.name} is not a Python file; a law file ends in .py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses and pickle look their module up
+    bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # a user's folder stays as it is
+    try:
+        spec.loader.exec_module(module)
+    except FrictionError:
+        del sys.modules[name]
+        raise
+    except Exception as error:
+        del sys.modules[name]
+        raise FrictionError(f"{file.name} cannot be loaded: {type(error).__name__}: {error}") from error
+    finally:
+        sys.dont_write_bytecode = bytecode
+    return module

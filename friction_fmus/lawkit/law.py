@@ -1,0 +1,379 @@
+"""Compensator laws: one Python function of casadi expressions is all that is written about a law.
+
+Variables are argument defaults, equations are the body, the docstring is the documentation page::
+
+    @law("P", "Proportional position controller", source="textbook", Ts=1e-3,
+         outputs={"u": Output(FORCE, "control force")})
+    def p(
+        r: SX = Input(LENGTH, 0.0, "reference position"),
+        x: SX = Input(LENGTH, 0.0, "measured position"),
+        Kp: SX = Parameter(STIFFNESS, 100.0, "proportional gain", min=0.0),
+    ) -> dict[str, SX]:
+        \"\"\"Proportional position control: u = Kp (r - x).\"\"\"
+        return {"u": Kp * (r - x)}
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from casadi import Function
+
+from friction_fmus.blocks.about import About
+from friction_fmus.blocks.contact import Friction
+from friction_fmus.blocks.loop import InLoop, Loop
+from friction_fmus.blocks.use import REPLACES_SERVO, SHAPES_REFERENCE, Use
+from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.lawkit.conditions import Conditions, Relation, conditions_of
+from friction_fmus.lawkit.declarations import (
+    ACCELERATION,
+    ANGLE,
+    BOOLEANS,
+    DAMPING,
+    FORCE,
+    FREQUENCY,
+    JERK,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    STIFFNESS,
+    TIME,
+    VECTORS,
+    VELOCITY,
+    Command,
+    Input,
+    Kind,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    Switch,
+    Unit,
+    Variable,
+    check_identifier,
+    check_line,
+)
+from friction_fmus.lawkit.results import Equations, function_of
+from friction_fmus.lawkit.sizes import Size, resized, wanted_sizes
+
+__all__ = [
+    "ACCELERATION",
+    "ANGLE",
+    "BOOLEANS",
+    "DAMPING",
+    "FORCE",
+    "FREQUENCY",
+    "JERK",
+    "LENGTH",
+    "MASS",
+    "NO_UNIT",
+    "REPLACES_SERVO",
+    "SHAPES_REFERENCE",
+    "STIFFNESS",
+    "TIME",
+    "VECTORS",
+    "VELOCITY",
+    "Command",
+    "Friction",
+    "Input",
+    "Kind",
+    "Law",
+    "Loop",
+    "Output",
+    "Parameter",
+    "SampleTime",
+    "Size",
+    "State",
+    "Switch",
+    "Unit",
+    "Use",
+    "Variable",
+    "law",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """A sampled control law.
+
+    Attributes
+    ----------
+    name, summary, source : str
+        Model identifier; what it is and where it comes from, one line each.
+    documentation : str
+        The documentation page as plain text; paragraphs indented by four are equations.
+    variables : tuple of Variable
+        In declaration order, the outputs after the last input, the sample time at the end.
+    function : casadi.Function
+        One sample: scalar SX arguments, the scalars of `given`, to the outputs and then the next states
+        (named ``<state>_next``, of a vector ``<state>_1_next``, ...).
+    path : Path
+        The file that defines it.
+    conditions : Conditions
+        What must hold between its parameters.
+    about : About
+        What else its file says of it.
+    sizes : mapping of str to Size
+        Parameters whose start values decide the length of vectors.
+    remade : callable
+        The law with these parameters fixed to other values.
+    """
+
+    name: str
+    summary: str
+    source: str
+    documentation: str
+    variables: tuple[Variable, ...]
+    function: Function
+    path: Path
+    conditions: Conditions
+    about: About
+    sizes: Mapping[str, Size]
+    remade: Callable[[Mapping[str, int]], Law]
+
+    def with_room(self, start: Mapping[str, Any]) -> Law:
+        """The law whose vectors are long enough for these start values; itself, if its own are.
+
+        Raises
+        ------
+        FrictionError
+            A start value is above the largest size, or not a whole number.
+        """
+        maxima = {variable.name: variable.max for variable in self.variables}
+        wanted = wanted_sizes(self.name, self.sizes, maxima, start)
+        return self.remade(wanted) if wanted else self
+
+    def select(self, *kinds: Kind) -> tuple[Variable, ...]:
+        """The variables of these kinds."""
+        return tuple(variable for variable in self.variables if variable.kind in kinds)
+
+    @property
+    def given(self) -> tuple[Variable, ...]:
+        """What a sample reads, in the order of the function's arguments."""
+        return tuple(variable for variable in self.variables if variable.kind is not Kind.OUTPUT)
+
+    @property
+    def results(self) -> tuple[Variable, ...]:
+        """What a sample writes, in the order of the function's results."""
+        return self.select(Kind.OUTPUT) + self.select(Kind.STATE, Kind.STATES)
+
+    def dependencies(self, result: str) -> tuple[str, ...]:
+        """What an output or the next value of a state is computed from, exactly, decisions included.
+
+        Parameters
+        ----------
+        result : str
+            Name of an output or a state.
+
+        Returns
+        -------
+        tuple of str
+            Names of variables, in the order of `given`.
+        """
+        names = [variable.name for variable in self.results]
+        if result not in names:
+            raise FrictionError(f"{self.name} has no result {result!r}{nearest(result, names)}")
+        owners = [variable.name for variable in _by_scalar(self.given)]
+        columns = [i for i, variable in enumerate(_by_scalar(self.results)) if variable.name == result]
+        used = {
+            owner
+            for i, owner in enumerate(owners)
+            if any(self.function.sparsity_jac(i, column).nnz() for column in columns)
+        }
+        return tuple(variable.name for variable in self.given if variable.name in used)
+
+    def evaluate(self, values: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any]:
+        """One sample, by casadi.
+
+        Parameters
+        ----------
+        values : mapping
+            By variable; what is missing has its start value.
+
+        Returns
+        -------
+        dict of str to float or tuple of float
+            Outputs, and states for the next sample.
+
+        Raises
+        ------
+        FrictionError
+            For a name that the law does not read, or a vector of the wrong length.
+        """
+        known = {variable.name for variable in self.given}
+        for name in values:
+            if name not in known:
+                raise FrictionError(f"{self.name} reads no variable {name!r}{nearest(name, known)}")
+        arguments: list[float] = []
+        for variable in self.given:
+            value = values.get(variable.name, variable.start)
+            elements = value if isinstance(value, tuple) else (value,)
+            if len(elements) != len(variable.starts):
+                raise FrictionError(
+                    f"{self.name}: {variable.name} takes {len(variable.starts)} numbers, not {len(elements)}"
+                )
+            arguments += map(float, elements)
+        found = iter(map(float, self.function.call(arguments)))
+        return {
+            variable.name: tuple(next(found) for _ in variable.starts) if variable.kind in VECTORS else next(found)
+            for variable in self.results
+        }
+
+
+def _by_scalar(variables: tuple[Variable, ...]) -> list[Variable]:
+    """Every variable as often as it has scalars."""
+    return [variable for variable in variables for _ in variable.starts]
+
+
+def law(
+    name: str,
+    summary: str,
+    *,
+    source: str,
+    Ts: float,
+    outputs: Mapping[str, Variable],
+    conditions: Mapping[str, Relation] | None = None,
+    sizes: Mapping[str, Size] | None = None,
+    portrait: str = "",
+    quotes: Sequence[str] = (),
+    needs: Mapping[str, int] | None = None,
+    loop: Loop | None = None,
+    use: Use | None = None,
+) -> Callable[[Equations], Law]:
+    """Make a function of casadi expressions a `Law`.
+
+    Parameters
+    ----------
+    name : str
+        Model identifier of the FMU.
+    summary, source : str
+        What it is and where it comes from (author, journal, year), one line each.
+    Ts : float
+        Start value of the fixed parameter ``Ts``, the sample time, in seconds.
+    outputs : mapping of str to Variable
+        Made by `Output`.
+    conditions : mapping of str to callable, optional
+        Relations without which the law is singular: ``{"w Ts < 2": lambda w, Ts: w * Ts < 2.0}``; the arguments are
+        parameters of these names. Values that violate one are refused, and the message has its text. That u_min must
+        not exceed u_max need not be said.
+    sizes : mapping of str to Size, optional
+        Parameters whose start values decide, when the FMU is built, how long vectors of states are.
+    portrait, quotes, needs : optional
+        As in `About`.
+    loop : Loop, optional
+        What the law is in a control loop, for ``friction-fmus doctor``; None: the doctor does not know it.
+    use : Use, optional
+        How ``friction-fmus study`` uses the law; None: the study leaves it out.
+
+    Returns
+    -------
+    callable
+        Decorator. The function gets an SX for every argument (a Boolean is 0 or 1) and returns a dict with every
+        output and, under the name of the state, the next value of every state.
+
+    Raises
+    ------
+    FrictionError
+        In one sentence, whatever is wrong with the law.
+    """
+
+    about = About(portrait, tuple(quotes), needs or {}, in_loop=InLoop(law=loop), use=use)
+
+    def decorate(equations: Equations) -> Law:
+        code = getattr(equations, "__code__", None)
+        path = Path(code.co_filename) if code else Path()
+        where = f"{path.name}: law {name}"
+        for title, line in (("name", name), ("summary", summary), ("source", source)):
+            check_line(where, title, line)
+        check_identifier(where, "name", name)
+        if not (math.isfinite(Ts) and Ts > 0.0):
+            raise FrictionError(f"{where}: the sample time Ts = {Ts!r} must be positive and finite")
+        documentation = inspect.getdoc(equations) or ""
+        if not documentation:
+            raise FrictionError(f"{where} needs a docstring, it becomes the documentation page")
+
+        def made(wanted: Mapping[str, int]) -> Law:
+            declared = resized(_declared(where, equations), sizes or {}, wanted)
+            variables = _in_table_order(declared, outputs, Ts)
+            _check_variables(where, variables, about)
+            return Law(
+                name,
+                summary,
+                source,
+                documentation,
+                variables,
+                function_of(where, name, equations, declared, variables),
+                path,
+                conditions_of(where, conditions or {}, variables),
+                about,
+                sizes or {},
+                made,
+            )
+
+        return made({})
+
+    return decorate
+
+
+def _declared(where: str, equations: Equations) -> tuple[Variable, ...]:
+    """The arguments of the function as named variables."""
+    declared = []
+    for name, argument in inspect.signature(equations).parameters.items():
+        plain = argument.kind in (argument.POSITIONAL_OR_KEYWORD, argument.KEYWORD_ONLY)
+        if not plain or not isinstance(argument.default, Variable) or argument.default.kind is Kind.OUTPUT:
+            raise FrictionError(
+                f"{where}: the argument {name} needs one of Input(...), Command(...), State(...), Parameter(...), "
+                "Switch(...), SampleTime() as its default"
+            )
+        if (argument.default.kind is Kind.SAMPLE_TIME) != (name == "Ts"):
+            raise FrictionError(f"{where}: the argument Ts, and no other, is declared by SampleTime(), not {name}")
+        declared.append(replace(argument.default, name=name))
+    return tuple(declared)
+
+
+def _in_table_order(
+    declared: tuple[Variable, ...], outputs: Mapping[str, Variable], sample_time: float
+) -> tuple[Variable, ...]:
+    inputs = [variable for variable in declared if variable.kind in (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND)]
+    others = [variable for variable in declared if variable not in inputs and variable.kind is not Kind.SAMPLE_TIME]
+    results = [replace(output, name=name) for name, output in outputs.items()]
+    ts: Variable = SampleTime()
+    return (*inputs, *results, *others, replace(ts, name="Ts", start=float(sample_time)))
+
+
+def _check_variables(where: str, variables: tuple[Variable, ...], about: About) -> None:
+    if not any(variable.kind is Kind.OUTPUT for variable in variables):
+        raise FrictionError(f"{where} has no output; declare one by outputs={{'u': Output(...)}}")
+    seen: set[str] = set()
+    for variable in variables:
+        name = variable.name
+        check_identifier(where, "variable", name)
+        check_line(where, f"description of {name}", variable.text)
+        for scalar in {name, *variable.scalars}:
+            if scalar in seen:
+                raise FrictionError(f"{where}: the name {scalar} is declared twice; rename one of the variables")
+            seen.add(scalar)
+        if not (variable.starts and all(map(math.isfinite, variable.starts))):
+            raise FrictionError(f"{where}: the start value of {name} must be finite, not {variable.start!r}")
+        if not all(variable.min <= start <= variable.max for start in variable.starts):
+            limits = f"[{variable.min:g}, {variable.max:g}]"
+            raise FrictionError(f"{where}: the start value {variable.start!r} of {name} lies outside {limits}")
+        if not (math.isfinite(variable.nominal) and variable.nominal > 0.0):
+            raise FrictionError(f"{where}: the nominal value of {name} must be positive, not {variable.nominal!r}")
+    for variable in variables:
+        if variable.kind not in (Kind.STATE, Kind.STATES):
+            continue
+        for scalar in variable.scalars:
+            if f"{scalar}_next" in seen:
+                raise FrictionError(
+                    f"{where}: {scalar}_next is the next value of the state {variable.name}; rename that variable"
+                )
+    try:
+        about.check(variable.name for variable in variables)
+    except FrictionError as error:
+        raise FrictionError(f"{where}: {error}") from error

@@ -1,0 +1,65 @@
+"""What the estimators of friction without a friction model share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from casadi import SX, if_else, logic_not, logic_or
+
+from friction_fmus.lawkit.expressions import clip, limits
+
+
+def starts_now(reset: SX, running: SX) -> SX:
+    """Whether this sample only takes the measured values over: it is the first one, or reset is true."""
+    return logic_or(reset, logic_not(running))
+
+
+def compensation(estimate: SX, gain: SX, u_min: SX, u_max: SX, enable: SX) -> dict[str, SX]:
+    """The outputs u, F_hat and u_sat that compensate a share of an estimated friction force."""
+    wanted = gain * estimate
+    return {
+        "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
+        "F_hat": if_else(enable, estimate, 0.0),
+        "u_sat": if_else(enable, limits(wanted, u_min, u_max), 0.0),
+    }
+
+
+def mean_friction(force: SX, m: SX, dv: SX, Ts: SX) -> SX:
+    """Mean friction over the last sampling interval, in which the force changed the velocity of a mass by dv."""
+    return force - m * dv / Ts
+
+
+def corrected(
+    mean: Sequence[SX], P: Sequence[Sequence[SX]], units: Sequence[SX], i: int, measured: SX, variance: SX
+) -> tuple[list[SX], list[list[SX]]]:
+    """A Kalman filter's state after the measurement of its element i.
+
+    Parameters
+    ----------
+    mean : sequence of SX
+        The n predicted values.
+    P : sequence of sequences of SX
+        Their covariance as its upper triangle, rows of n, n - 1, ..., 1 elements, each value in its unit.
+    units : sequence of SX
+        The size of one unit of each value.
+    i : int
+        The element that is measured.
+    measured, variance : SX
+        What was measured, and the variance of that in squares of its unit; positive.
+
+    Returns
+    -------
+    tuple
+        Mean and upper triangle of the covariance; the row of the element i is free of cancellation.
+    """
+    n = len(mean)
+    column = [P[min(i, j)][abs(i - j)] for j in range(n)]
+    total = column[i] + variance
+    residual = (measured - mean[i]) / units[i]
+    found = [value + unit * c / total * residual for value, unit, c in zip(mean, units, column, strict=True)]
+    share = variance / total
+    triangle = [
+        [P[j][k - j] * share if i in (j, k) else P[j][k - j] - column[j] / total * column[k] for k in range(j, n)]
+        for j in range(n)
+    ]
+    return found, triangle

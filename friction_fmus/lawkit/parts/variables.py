@@ -1,0 +1,87 @@
+"""Variables that many laws have, each with its unit, start value, text and range: ``rd: SX = variables.RD``.
+
+A law whose variable of that name has another text, start value or range declares it itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from friction_fmus.lawkit.declarations import (
+    ACCELERATION,
+    DAMPING,
+    FORCE,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    STIFFNESS,
+    VELOCITY,
+    Command,
+    Input,
+    Parameter,
+    State,
+)
+
+
+def starting(variable: Any, start: float) -> Any:
+    """Return a variable with another start value.
+
+    Parameters
+    ----------
+    variable : Variable
+        One of this module.
+    start : float
+        Its start value.
+    """
+    return replace(variable, start=start)
+
+
+# ---- signals ---------------------------------------------------------------------------------------------------------
+
+R: Any = Input(LENGTH, 0.0, "reference position")
+RD: Any = Input(VELOCITY, 0.0, "reference velocity")
+RDD: Any = Input(ACCELERATION, 0.0, "reference acceleration")
+X: Any = Input(LENGTH, 0.0, "measured position")
+V: Any = Input(VELOCITY, 0.0, "measured velocity")
+FED_FORWARD: Any = Input(FORCE, 0.0, "feedforward force, added before the limits", optional=True)
+U_PREV: Any = Input(FORCE, 0.0, "force that was applied since the last sample, after all limits")
+
+# ---- commands --------------------------------------------------------------------------------------------------------
+
+ENABLE: Any = Command(True, "false: u = 0 and F_hat = 0")
+ENABLE_STATES: Any = Command(True, "false: u = 0, F_hat = 0 and the states at their start")
+ENABLE_INTEGRAL: Any = Command(True, "false: u = 0 and the integral at its start")
+RESET: Any = Command(False, "true: the states at their start")
+RESET_INTEGRAL: Any = Command(False, "true: the integral at its start")
+
+# ---- states ----------------------------------------------------------------------------------------------------------
+
+LAST: Any = State(LENGTH, 0.0, "reference of the sample before")
+STARTED: Any = State(NO_UNIT, 0.0, "1 if there was a sample before")
+RUNNING: Any = State(NO_UNIT, 0.0, "1 after the first sample")
+X_HAT: Any = State(LENGTH, 0.0, "estimated position", nominal=1e-3)
+V_HAT: Any = State(VELOCITY, 0.0, "estimated velocity", nominal=1e-2)
+
+# ---- limits, share and mass ------------------------------------------------------------------------------------------
+
+GAIN: Any = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0)
+U_MIN: Any = Parameter(FORCE, -1000.0, "lower limit of u")
+U_MAX: Any = Parameter(FORCE, 1000.0, "upper limit of u")
+LAM: Any = Parameter("1/s", 63.0, "rate at which the position error falls while s = 0", min=0.0)
+INERTIA: Any = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0)
+MASS_OR_NONE: Any = Parameter(MASS, 1.0, "moving mass", min=0.0)
+POSITIVE_MASS: Any = Parameter(MASS, 1.0, "moving mass", min=1e-12)
+
+# ---- friction --------------------------------------------------------------------------------------------------------
+
+FC: Any = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0)
+POSITIVE_FC: Any = Parameter(FORCE, 1.0, "Coulomb friction", min=1e-9)
+FS: Any = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=0.0)
+POSITIVE_FS: Any = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=1e-9)
+FV: Any = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0)
+VS: Any = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12)
+DELTA: Any = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0)
+SIGMA0: Any = Parameter(STIFFNESS, 1e5, "bristle stiffness", min=1e-9)
+SIGMA1: Any = Parameter(DAMPING, 316.22776601683796, "bristle damping", min=0.0)
+SIGMA2: Any = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0)

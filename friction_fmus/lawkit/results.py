@@ -1,0 +1,101 @@
+"""The equations of a law as one casadi function, their results as scalar expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from casadi import SX, Function, vertcat
+
+from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.lawkit.declarations import Kind, Variable
+
+Equations = Callable[..., Mapping[str, Any]]
+
+
+def function_of(
+    where: str, name: str, equations: Equations, declared: tuple[Variable, ...], variables: tuple[Variable, ...]
+) -> Function:
+    """Call the equations with symbols and check what they return.
+
+    Parameters
+    ----------
+    where, name : str
+        Beginning of messages, and name of the function.
+    equations : callable
+        What the law's file defines.
+    declared, variables : tuple of Variable
+        Its arguments, and all variables in the order of the block.
+
+    Raises
+    ------
+    FrictionError
+        Says what is wrong with the equations or with what they return.
+    """
+    given = [variable for variable in variables if variable.kind is not Kind.OUTPUT]
+    elements = {variable.name: [SX.sym(scalar) for scalar in variable.scalars] for variable in given}
+    symbols = {variable.name: vertcat(*elements[variable.name]) for variable in declared}
+    try:
+        returned = equations(**symbols)
+    except FrictionError:
+        raise
+    except Exception as error:
+        hint = "; write a decision as if_else(...)" if "truth value" in str(error) else ""
+        reason = (str(error).strip().splitlines() or [""])[-1]
+        raise FrictionError(f"{where}: its equations raise {type(error).__name__}: {reason}{hint}") from error
+    if not isinstance(returned, Mapping):
+        raise FrictionError(f"{where} returns a {type(returned).__name__}; return a dict of outputs and next states")
+
+    results = {
+        variable.name: variable for variable in variables if variable.kind in (Kind.OUTPUT, Kind.STATE, Kind.STATES)
+    }
+    for key in returned:
+        if key not in results:
+            raise FrictionError(
+                f"{where} returns {key!r}, which is neither a declared output nor a state{nearest(str(key), results)}"
+            )
+    expressions, names = [], []
+    for variable in sorted(results.values(), key=lambda v: v.kind is not Kind.OUTPUT):
+        state = variable.kind is not Kind.OUTPUT
+        if variable.name not in returned:
+            what = f"a next value of the state {variable.name}" if state else f"the output {variable.name}"
+            raise FrictionError(f"{where} does not return {what}")
+        expressions += scalars(where, variable, returned[variable.name])
+        names += [f"{scalar}_next" if state else scalar for scalar in variable.scalars]
+
+    arguments = [symbol for variable in given for symbol in elements[variable.name]]
+    labels = [scalar for variable in given for scalar in variable.scalars]
+    # unused arguments stay: a variable that changes nothing is found by the tests of the FMU
+    function = Function(name, arguments, expressions, labels, names, {"allow_free": True})
+    if function.has_free():
+        raise FrictionError(
+            f"{where} uses the symbols {', '.join(function.get_free())}, which are not its variables; "
+            "declare them as arguments"
+        )
+    return function
+
+
+def scalars(where: str, variable: Variable, value: Any) -> list[SX]:
+    """Return what the equations give for a variable, element by element.
+
+    Raises
+    ------
+    FrictionError
+        If it is not an expression of the right size.
+    """
+    if variable.kind is not Kind.STATES:
+        return [_scalar(where, variable.name, value)]
+    elements = list(value) if isinstance(value, list | tuple) else None
+    if elements is None or len(elements) != len(variable.starts):
+        raise FrictionError(f"{where}: return the next {variable.name} as a list of {len(variable.starts)} expressions")
+    return [_scalar(where, scalar, element) for scalar, element in zip(variable.scalars, elements, strict=True)]
+
+
+def _scalar(where: str, name: str, value: Any) -> SX:
+    try:
+        expression = SX(value)
+    except Exception as error:
+        raise FrictionError(f"{where}: {name} is a {type(value).__name__}, not an SX expression") from error
+    if expression.shape != (1, 1):
+        raise FrictionError(f"{where}: {name} has the shape {expression.shape}, a result is one number")
+    return SX(0.0) + expression if expression.nnz() == 0 else expression
