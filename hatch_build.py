@@ -29,7 +29,7 @@ class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
         if version == "editable":
             return
         from friction_fmus.blocks.catalogue import OWN_BLOCKS, catalogue
-        from harness.native import sources
+        from harness.engine.native import sources
         from harness.platforms import PLATFORMS, compiled
 
         folder = Path(self.directory).resolve()

@@ -29,44 +29,44 @@ from harness.masters import masters
 from harness.plot import plot
 
 if TYPE_CHECKING:
-    from harness.archive import open_archive
-    from harness.callable_part import CallablePart
-    from harness.drive import Drive
-    from harness.experiment import Experiment
-    from harness.fmu import FmuPart
-    from harness.manipulator import Bias, Delay, DropOut, Freeze, Manipulator, Noise, Override
-    from harness.part import Calls, Part, Port
-    from harness.plan import Plan
+    from harness.engine.drive import Drive
+    from harness.engine.tap import Progress, Tap
+    from harness.parts.archive import open_archive
+    from harness.parts.callable_part import CallablePart
+    from harness.parts.fmu import FmuPart
+    from harness.parts.part import Calls, Part, Port
+    from harness.parts.series import SeriesPart
     from harness.result import Result, select
     from harness.results import load_result, save_result, to_csv, to_mat, to_netcdf, to_parquet
-    from harness.series import SeriesPart
     from harness.ssp import Parameter, ParameterSet, read_ssv, write_ssv
     from harness.sweeps import grid, latin_hypercube, read_samples, read_sweep, sobol, sweep
-    from harness.system import System
-    from harness.tap import Progress, Tap
+    from harness.system.experiment import Experiment
+    from harness.system.manipulator import Bias, Delay, DropOut, Freeze, Manipulator, Noise, Override
+    from harness.system.plan import Plan
+    from harness.system.system import System
+    from harness.system.wire import Wire
     from harness.units import BaseUnit, parse_unit
-    from harness.wire import Wire
 else:
     __getattr__, __dir__ = lazy_names(
         __name__,
         {
-            "harness.archive": ["open_archive"],
-            "harness.callable_part": ["CallablePart"],
-            "harness.drive": ["Drive"],
-            "harness.experiment": ["Experiment"],
-            "harness.fmu": ["FmuPart"],
-            "harness.manipulator": ["Bias", "Delay", "DropOut", "Freeze", "Manipulator", "Noise", "Override"],
-            "harness.part": ["Calls", "Part", "Port"],
-            "harness.plan": ["Plan"],
+            "harness.parts.archive": ["open_archive"],
+            "harness.parts.callable_part": ["CallablePart"],
+            "harness.engine.drive": ["Drive"],
+            "harness.system.experiment": ["Experiment"],
+            "harness.parts.fmu": ["FmuPart"],
+            "harness.system.manipulator": ["Bias", "Delay", "DropOut", "Freeze", "Manipulator", "Noise", "Override"],
+            "harness.parts.part": ["Calls", "Part", "Port"],
+            "harness.system.plan": ["Plan"],
             "harness.result": ["Result", "select"],
             "harness.results": ["load_result", "save_result", "to_csv", "to_mat", "to_netcdf", "to_parquet"],
-            "harness.series": ["SeriesPart"],
+            "harness.parts.series": ["SeriesPart"],
             "harness.ssp": ["Parameter", "ParameterSet", "read_ssv", "write_ssv"],
             "harness.sweeps": ["grid", "latin_hypercube", "read_samples", "read_sweep", "sobol", "sweep"],
-            "harness.system": ["System"],
-            "harness.tap": ["Progress", "Tap"],
+            "harness.system.system": ["System"],
+            "harness.engine.tap": ["Progress", "Tap"],
             "harness.units": ["BaseUnit", "parse_unit"],
-            "harness.wire": ["Wire"],
+            "harness.system.wire": ["Wire"],
         },
     )
 

@@ -7,8 +7,8 @@ from html import escape
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from harness.part import Part, Port
-    from harness.system import System
+    from harness.parts.part import Part, Port
+    from harness.system.system import System
 
 
 def html_table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -13,7 +13,7 @@ import fmpy
 from harness import toolchain
 from harness.cache import cached
 from harness.errors import BuildError, nearest
-from harness.universal import universal
+from harness.parts.universal import universal
 
 
 class Platform(NamedTuple):

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from harness.errors import UnknownNameError, nearest
-from harness.part import Port, Values
+from harness.parts.part import Port, Values
 from harness.patterns import matching
 
 Result: TypeAlias = xr.Dataset

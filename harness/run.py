@@ -11,24 +11,24 @@ from typing import Final
 
 import numpy as np
 
-from harness.assembly import Assembly
-from harness.checkpoint import read_checkpoint, write_checkpoint
-from harness.coupling import Coupling
+from harness.engine.checkpoint import read_checkpoint, write_checkpoint
+from harness.engine.defect import Coupling
+from harness.engine.line import Extrapolated
+from harness.engine.manipulate import Manipulations
+from harness.engine.native import NOT_CONVERGED, Engine
+from harness.engine.newton import Loops
+from harness.engine.tap import Progress, Reader, Recorder, Tap, tap_reader
 from harness.errors import ExperimentError, HarnessError, Interrupted
-from harness.experiment import Experiment
-from harness.feedthrough import find_feedthrough
-from harness.graph import check_loops
-from harness.guard import Guard
-from harness.initialisation import start_parts
-from harness.layout import find_port, make_plan, recorded_names
-from harness.lines import Extrapolated
-from harness.loops import Loops
-from harness.manipulation import Manipulations
 from harness.masters import find_master
-from harness.native import NOT_CONVERGED, Engine
-from harness.plan import Plan, Program, Schedule
+from harness.parts.feedthrough import find_feedthrough
+from harness.parts.guard import Guard
 from harness.result import Result
-from harness.tap import Progress, Reader, Recorder, Tap, tap_reader
+from harness.system.assembly import Assembly
+from harness.system.experiment import Experiment
+from harness.system.graph import check_loops
+from harness.system.initialisation import start_parts
+from harness.system.layout import find_port, make_plan, recorded_names
+from harness.system.plan import Plan, Program, Schedule
 
 _LOG = logging.getLogger("harness")
 

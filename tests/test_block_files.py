@@ -9,7 +9,7 @@ import pytest
 from friction_fmus.blocks.arithmetic import evaluate, names_in
 from friction_fmus.blocks.catalogue import catalogue, find
 from friction_fmus.blocks.contact import Friction
-from friction_fmus.blocks.rows import string, table
+from friction_fmus.blocks.macros import string, table
 from friction_fmus.errors import FrictionError
 
 LUGRE = catalogue()["LuGre"]

@@ -10,7 +10,7 @@ import numpy as np
 
 from _loop import TS, Array, inputs_of, simulate
 from harness import Result, Wire
-from harness.wire import parse_wire
+from harness.system.wire import parse_wire
 
 Settings = Mapping[str, float]
 Block = tuple[str, Settings]

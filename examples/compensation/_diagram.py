@@ -15,7 +15,7 @@ from matplotlib.patches import Circle, Rectangle
 from _loop import BLACK, LOOP_TOLERANCE, TS
 from friction_fmus import build
 from harness import CallablePart, FmuPart, Part, Result, System, Wire
-from harness.wire import parse_wire
+from harness.system.wire import parse_wire
 
 Point = tuple[float, float]
 RADIUS = 0.2  # of the circles

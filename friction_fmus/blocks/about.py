@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from friction_fmus.blocks.arithmetic import names_in
 from friction_fmus.blocks.identified import Identified, identified
 from friction_fmus.blocks.loop import InLoop, in_loop
-from friction_fmus.blocks.rows import macro, string, words
+from friction_fmus.blocks.macros import macro, string, words
 from friction_fmus.blocks.use import Use, use_of
 from friction_fmus.errors import FrictionError, nearest
 

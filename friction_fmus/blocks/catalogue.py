@@ -202,8 +202,12 @@ def _c_entries(folder: Path) -> list[Entry]:
 
 
 def _law_entries(folder: Path) -> list[Entry]:
-    laws = [law for file in law_paths(folder) for law in read_headings(file)]
-    return [Entry(law.name, "law", law.summary, law.source, law.path) for law in laws]
+    found = []
+    for file in law_paths(folder):
+        headings = read_headings(file)
+        laws = _read_laws(file) if headings is None else headings
+        found += [Entry(law.name, "law", law.summary, law.source, law.path) for law in laws]
+    return found
 
 
 def catalogue() -> dict[str, Block]:

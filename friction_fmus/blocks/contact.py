@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from friction_fmus.blocks.arithmetic import Numbers, evaluate, is_known, names_in
-from friction_fmus.blocks.rows import table
+from friction_fmus.blocks.macros import table
 from friction_fmus.errors import FrictionError
 
 if TYPE_CHECKING:

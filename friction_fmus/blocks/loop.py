@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from friction_fmus.blocks.arithmetic import names_in
 from friction_fmus.blocks.contact import Friction, friction_of
-from friction_fmus.blocks.rows import table
+from friction_fmus.blocks.macros import table
 from friction_fmus.errors import FrictionError
 
 

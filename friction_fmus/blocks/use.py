@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from friction_fmus.blocks.arithmetic import names_in
-from friction_fmus.blocks.rows import table
+from friction_fmus.blocks.macros import table
 from friction_fmus.errors import FrictionError, nearest
 
 KINDS: Final = ("feedforward", "model feedback", "estimator", "dither", "learning", "controller", "other")

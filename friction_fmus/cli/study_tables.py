@@ -7,8 +7,8 @@ from rich.table import Table
 
 from friction_fmus.cli.console import styled
 from friction_fmus.study.ranking import shown
+from friction_fmus.study.records import CompensatorRow, Fit, ModelRow
 from friction_fmus.study.result import StudyResult
-from friction_fmus.study.rows import CompensatorRow, Fit, ModelRow
 
 
 def show_study(console: Console, result: StudyResult) -> None:

@@ -16,7 +16,7 @@ from friction_fmus.doctor.axis import Axis, Path, Shaper, Used, Values
 from friction_fmus.doctor.known import known_blocks, law_of
 from harness import FmuPart, Part, System, Wire, open_archive
 from harness.errors import StartValueError
-from harness.wire import wire_map
+from harness.system.wire import wire_map
 
 
 def axes(system: System) -> list[Axis]:

@@ -8,7 +8,7 @@ from friction_fmus import conditions
 from friction_fmus.doctor.axis import Axis, Finding
 from friction_fmus.doctor.find import values_of
 from harness import Experiment, System
-from harness.graph import stepping_order
+from harness.system.graph import stepping_order
 
 
 def examine_steps(system: System, experiment: Experiment, axes: Sequence[Axis]) -> Iterator[Finding]:

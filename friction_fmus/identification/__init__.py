@@ -1,12 +1,12 @@
 """Identification of an axis: inverse model by linear least squares, closed loop by output error."""
 
-from .errors import ExcitationError, FitError, IdentificationError, RecordError
-from .estimate import Estimate
-from .excitation import examine, examine_pieces
-from .findings import Finding, RecordWarning
-from .grid import HysteresisGrid, identify_hysteresis
-from .identifying import Method, identify
-from .idim import (
+from friction_fmus.identification.errors import ExcitationError, FitError, IdentificationError, RecordError
+from friction_fmus.identification.estimate import Estimate
+from friction_fmus.identification.excitation import examine, examine_pieces
+from friction_fmus.identification.findings import Finding, RecordWarning
+from friction_fmus.identification.grid import HysteresisGrid, identify_hysteresis
+from friction_fmus.identification.identifying import Method, identify
+from friction_fmus.identification.idim import (
     InverseModelFit,
     InverseModelSettings,
     Motion,
@@ -15,14 +15,21 @@ from .idim import (
     identify_inverse_model,
     identify_inverse_stribeck,
 )
-from .mapping import DataMapping, load_mapping, read_mapping, read_windows
-from .models import identifiable
-from .output_error import Mapper, OutputErrorFit, Simulator, Target, Unknown, fit_output_error
-from .presliding import PreslidingFit, identify_presliding
-from .reading import Measurement, read_measurement, read_records
-from .record import LINEAR, ROTARY, Array, AxisUnits, Record
-from .result import Identification, Score
-from .survey import Survey, Task, compare_models
+from friction_fmus.identification.mapping import DataMapping, load_mapping, read_mapping, read_windows
+from friction_fmus.identification.models import identifiable
+from friction_fmus.identification.output_error import (
+    Mapper,
+    OutputErrorFit,
+    Simulator,
+    Target,
+    Unknown,
+    fit_output_error,
+)
+from friction_fmus.identification.presliding import PreslidingFit, identify_presliding
+from friction_fmus.identification.reading import Measurement, read_measurement, read_records
+from friction_fmus.identification.record import LINEAR, ROTARY, Array, AxisUnits, Record
+from friction_fmus.identification.result import Identification, Score
+from friction_fmus.identification.survey import Survey, Task, compare_models
 
 __all__ = [
     "LINEAR",

@@ -10,21 +10,20 @@ from typing import Literal
 
 import numpy as np
 
+from friction_fmus.axis.loop import Plant, Task, closed_loop, run_loop, typed
+from friction_fmus.axis.servo import Servo
 from friction_fmus.data import MeasuredAxis
 from friction_fmus.fmi.package import build_record
-from friction_fmus.study.config import Servo
-from friction_fmus.study.loop import Plant, Task, closed_loop, run_loop, typed
+from friction_fmus.identification.errors import FitError
+from friction_fmus.identification.idim import filtered_motion
+from friction_fmus.identification.models import ContactModel, contact_model, state_sizes
+from friction_fmus.identification.output_error import Mapper, Target, Unknown, fit_output_error
+from friction_fmus.identification.record import ROTARY, Array, Record
+from friction_fmus.identification.result import Identification, Score
+from friction_fmus.identification.scores import criteria, independent_samples, score, weak_parameters
+from friction_fmus.identification.setup import Wishes
 from harness import System
 from harness.scratch import ScratchFolder
-
-from .errors import FitError
-from .idim import filtered_motion
-from .models import ContactModel, contact_model, state_sizes
-from .output_error import Mapper, Target, Unknown, fit_output_error
-from .record import ROTARY, Array, Record
-from .result import Identification, Score
-from .scores import criteria, independent_samples, score, weak_parameters
-from .setup import Wishes
 
 #: Communication step between mass and friction [s] in the fit; the rest of the servo has that of the record.
 FIT_STEP = 2.5e-4

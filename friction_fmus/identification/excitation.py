@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from .findings import Finding
-from .motion import Course, course
-from .record import Array, Record
+from friction_fmus.identification.findings import Finding
+from friction_fmus.identification.motion import Course, course
+from friction_fmus.identification.record import Array, Record
 
 #: How far a contact moves before it slides: an upper value for machines [m], [rad at a radius of 0.1 m].
 PRESLIDING = {"m": 1e-4, "rad": 1e-3}

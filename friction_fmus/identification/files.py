@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from friction_fmus.fmi.package import build
+from friction_fmus.identification.models import contact_model
+from friction_fmus.identification.record import ROTARY
+from friction_fmus.identification.result import Identification
 from harness import Parameter, ParameterSet, write_ssv
-
-from .models import contact_model
-from .record import ROTARY
-from .result import Identification
 
 
 def build_identified(result: Identification, folder: Path, name: str | None) -> Path:

@@ -18,12 +18,11 @@ import scipy.optimize
 from threadpoolctl import threadpool_limits
 
 from friction_fmus.fmi.package import fmu
-
-from .drives import driven
-from .errors import ExcitationError
-from .models import contact_model
-from .pieces import Piece, prepare, signal_of
-from .record import Array, Record
+from friction_fmus.identification.drives import driven
+from friction_fmus.identification.errors import ExcitationError
+from friction_fmus.identification.models import contact_model
+from friction_fmus.identification.record import Array, Record
+from friction_fmus.identification.simulation_data import Piece, prepare, signal_of
 
 #: Elements of the block `MaxwellSlip`.
 BLOCK_ELEMENTS = 10

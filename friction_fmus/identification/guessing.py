@@ -6,10 +6,10 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
-from .errors import RecordError
-from .mapping import Column, DataMapping
-from .quantities import fits, unit_of
-from .tables import Table
+from friction_fmus.identification.errors import RecordError
+from friction_fmus.identification.mapping import Column, DataMapping
+from friction_fmus.identification.quantities import fits, unit_of
+from friction_fmus.identification.tables import Table
 
 #: Headings, in small letters, that mean a role and nothing else.
 NAMES = {

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from .errors import FitError
-from .grid import BEGINNINGS, BLOCK_ELEMENTS, coarse, fit_grid, with_count
-from .models import ContactModel, Traits
-from .pieces import Piece
-from .problem import Coordinate
-from .record import AxisUnits
-from .setup import Setup, Wishes, constants_of, coordinate, surroundings
+from friction_fmus.identification.errors import FitError
+from friction_fmus.identification.grid import BEGINNINGS, BLOCK_ELEMENTS, coarse, fit_grid, with_count
+from friction_fmus.identification.models import ContactModel, Traits
+from friction_fmus.identification.problem import Coordinate
+from friction_fmus.identification.record import AxisUnits
+from friction_fmus.identification.setup import Setup, Wishes, constants_of, coordinate, surroundings
+from friction_fmus.identification.simulation_data import Piece
 
 #: Points of the grid of break-away distances.
 POINTS = 20

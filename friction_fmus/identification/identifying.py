@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from .drives import driven
-from .errors import FitError
-from .estimate import Estimate
-from .hysteresis import hysteresis_setup
-from .idim import InverseModelSettings
-from .models import ContactModel, contact_model
-from .pieces import Piece, prepare, signal_of, traits
-from .problem import Problem
-from .record import Array, Record
-from .result import Identification, Score
-from .scores import criteria, independent_samples, score, weak_parameters
-from .search import Found, Loss, covariance, search
-from .setup import Setup, Wishes, check_wishes, scalar_setup
+from friction_fmus.identification.drives import driven
+from friction_fmus.identification.errors import FitError
+from friction_fmus.identification.estimate import Estimate
+from friction_fmus.identification.hysteresis import hysteresis_setup
+from friction_fmus.identification.idim import InverseModelSettings
+from friction_fmus.identification.models import ContactModel, contact_model
+from friction_fmus.identification.problem import Problem
+from friction_fmus.identification.record import Array, Record
+from friction_fmus.identification.result import Identification, Score
+from friction_fmus.identification.scores import criteria, independent_samples, score, weak_parameters
+from friction_fmus.identification.search import Found, Loss, covariance, search
+from friction_fmus.identification.setup import Setup, Wishes, check_wishes, scalar_setup
+from friction_fmus.identification.simulation_data import Piece, prepare, signal_of, traits
 
 if TYPE_CHECKING:
     from friction_fmus.data import MeasuredAxis
@@ -104,7 +104,10 @@ def identify(
     from friction_fmus.data import MeasuredAxis  # its loaders make records of this package
 
     if isinstance(data, MeasuredAxis):
-        from .closed_loop import identify_closed_loop, validated  # it needs the servo, which needs this package
+        from friction_fmus.identification.closed_loop import (  # it needs the servo, which needs this package
+            identify_closed_loop,
+            validated,
+        )
 
         if method not in ("auto", "closed-loop"):
             raise FitError(

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.signal
 
-from .errors import ExcitationError, FitError, RecordError
-from .estimate import Estimate
-from .rank import not_separated
-from .record import Array, Record
+from friction_fmus.identification.errors import ExcitationError, FitError, RecordError
+from friction_fmus.identification.estimate import Estimate
+from friction_fmus.identification.rank import not_separated
+from friction_fmus.identification.record import Array, Record
 
 
 @dataclass(frozen=True)

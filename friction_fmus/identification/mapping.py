@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from friction_fmus.identification.errors import RecordError
+from friction_fmus.identification.quantities import QUANTITY, fits, parse_quantity, times, unit_of
 from harness.files import reason
 from harness.toml_file import read_toml
 from harness.values import is_line, number, shown
-
-from .errors import RecordError
-from .quantities import QUANTITY, fits, parse_quantity, times, unit_of
 
 ROLES = tuple(QUANTITY)
 WINDOWS = ("train", "validation")

@@ -17,10 +17,9 @@ from friction_fmus.blocks.arithmetic import evaluate, names_in
 from friction_fmus.blocks.catalogue import catalogue, find
 from friction_fmus.blocks.identified import Fitted, Identified
 from friction_fmus.fmi.package import fmu
+from friction_fmus.identification.errors import IdentificationError
+from friction_fmus.identification.record import ROTARY, AxisUnits
 from harness import FmuPart, open_archive
-
-from .errors import IdentificationError
-from .record import ROTARY, AxisUnits
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import butter, find_peaks, sosfiltfilt
 
-from .record import Array, Record
+from friction_fmus.identification.record import Array, Record
 
 #: The position is looked at up to this many times the frequency at which half of its power is below.
 BANDWIDTH = 30.0

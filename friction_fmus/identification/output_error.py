@@ -15,10 +15,10 @@ from typing import Protocol, TypeVar
 import numpy as np
 import scipy.optimize
 
-from .errors import ExcitationError, FitError
-from .estimate import Estimate
-from .rank import not_separated
-from .record import Array
+from friction_fmus.identification.errors import ExcitationError, FitError
+from friction_fmus.identification.estimate import Estimate
+from friction_fmus.identification.rank import not_separated
+from friction_fmus.identification.record import Array
 
 S = TypeVar("S")
 T = TypeVar("T")

@@ -9,10 +9,9 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from friction_fmus.identification.record import Array
+from friction_fmus.identification.result import Identification
 from harness.atomic import atomic_path
-
-from .record import Array
-from .result import Identification
 
 MEASURED, PREDICTED = "#7f8c8d", "#c0392b"
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from .findings import Finding
-from .mapping import Column
-from .record import Array, Record
+from friction_fmus.identification.findings import Finding
+from friction_fmus.identification.mapping import Column
+from friction_fmus.identification.record import Array, Record
 
 #: Largest motion and speed that is taken for that of a machine, by unit of the position.
 LARGEST = {"m": (100.0, 100.0), "rad": (1e6, 1e5)}

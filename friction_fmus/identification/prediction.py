@@ -7,20 +7,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from .drives import driven
-from .models import ContactModel, contact_model, state_sizes
-from .pieces import Piece, prepare
-from .problem import Coordinate, Problem
-from .record import Array, Record
-from .result import Identification
-from .search import search
-from .setup import INITIAL_LIMIT
+from friction_fmus.identification.drives import driven
+from friction_fmus.identification.models import ContactModel, contact_model, state_sizes
+from friction_fmus.identification.problem import Coordinate, Problem
+from friction_fmus.identification.record import Array, Record
+from friction_fmus.identification.result import Identification
+from friction_fmus.identification.search import search
+from friction_fmus.identification.setup import INITIAL_LIMIT
+from friction_fmus.identification.simulation_data import Piece, prepare
 
 
 def predict(result: Identification, record: Record) -> Array:
     """The signal along the motion of a record; see `Identification.predict`."""
     if result.signal == "q":
-        from .closed_loop import axis_response  # it needs the servo, which needs this package
+        from friction_fmus.identification.closed_loop import (
+            axis_response,  # it needs the servo, which needs this package
+        )
 
         return axis_response(result, record)["q"]
     force = result.signal == "force"

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.signal
 
-from .errors import ExcitationError, FitError, RecordError
-from .estimate import Estimate
-from .record import Array, Record
+from friction_fmus.identification.errors import ExcitationError, FitError, RecordError
+from friction_fmus.identification.estimate import Estimate
+from friction_fmus.identification.record import Array, Record
 
 #: Frequencies with less coherence than this are left out: noise, or sliding, outweighs the linear response there.
 COHERENT = 0.9

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from friction_fmus.identification.record import Array
+from friction_fmus.identification.simulation_data import Piece
 from harness import Drive, PartError, StartValueError
-
-from .pieces import Piece
-from .record import Array
 
 #: Step of the differences, in coordinates of the search.
 DIFFERENCE = 1e-4

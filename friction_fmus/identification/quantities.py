@@ -6,10 +6,9 @@ import math
 import re
 
 from friction_fmus.fmi.units import everyday_unit
+from friction_fmus.identification.errors import RecordError
+from friction_fmus.identification.record import LINEAR, ROTARY, AxisUnits
 from harness.units import BASE_SYMBOLS, LONGEST_UNIT, BaseUnit, parse_unit
-
-from .errors import RecordError
-from .record import LINEAR, ROTARY, AxisUnits
 
 QUANTITY = {
     "time": "time",

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .record import Array
+from friction_fmus.identification.record import Array
 
 #: Smallest singular value of columns of length 1 over the largest one from which on they count as independent. It lies
 #: far above rounding errors (1e-15) and those of difference quotients (1e-9), and far below a usable excitation.

@@ -10,15 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from .errors import RecordError
-from .findings import Finding, RecordWarning
-from .guessing import guess_mapping
-from .mapping import Column, DataMapping, combined_unit, load_mapping, read_mapping
-from .plausibility import plausible
-from .quantities import axis_units, factor, parse_quantity, wanted_unit
-from .record import LINEAR, Array, AxisUnits, Record
-from .sampling import SHORTEST, equally_spaced
-from .tables import Table, read_table
+from friction_fmus.identification.errors import RecordError
+from friction_fmus.identification.findings import Finding, RecordWarning
+from friction_fmus.identification.guessing import guess_mapping
+from friction_fmus.identification.mapping import Column, DataMapping, combined_unit, load_mapping, read_mapping
+from friction_fmus.identification.plausibility import plausible
+from friction_fmus.identification.quantities import axis_units, factor, parse_quantity, wanted_unit
+from friction_fmus.identification.record import LINEAR, Array, AxisUnits, Record
+from friction_fmus.identification.sampling import SHORTEST, equally_spaced
+from friction_fmus.identification.table_files import read_table
+from friction_fmus.identification.tables import Table
 
 #: Role in a mapping -> column of a record.
 FIELD = {

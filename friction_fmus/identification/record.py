@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import RecordError
+from friction_fmus.identification.errors import RecordError
 
 Array: TypeAlias = NDArray[np.float64]
 

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from friction_fmus.identification.estimate import Estimate
+from friction_fmus.identification.idim import InverseModelSettings
+from friction_fmus.identification.record import Array, Record
 from friction_fmus.notebook import identification_html, identification_text
-
-from .estimate import Estimate
-from .idim import InverseModelSettings
-from .record import Array, Record
 
 if TYPE_CHECKING:
     from friction_fmus.data import ServoSettings
@@ -155,7 +154,7 @@ class Identification:
         RecordError
             The record lacks the motion, or the normal force where the signal is mu.
         """
-        from .prediction import predict  # which is made of this class
+        from friction_fmus.identification.prediction import predict  # which is made of this class
 
         return predict(self, record)
 
@@ -167,7 +166,7 @@ class Identification:
         RecordError
             The record lacks a column.
         """
-        from .prediction import compare
+        from friction_fmus.identification.prediction import compare
 
         return compare(self, record)
 
@@ -184,7 +183,7 @@ class Identification:
         OutputError
             The file cannot be written.
         """
-        from .picture import draw
+        from friction_fmus.identification.picture import draw
 
         return draw(self, Path(path))
 
@@ -208,7 +207,7 @@ class Identification:
         BuildError
             As of `friction_fmus.build`.
         """
-        from .files import build_identified
+        from friction_fmus.identification.files import build_identified
 
         return build_identified(self, Path(folder), name)
 
@@ -220,6 +219,6 @@ class Identification:
         OutputError
             The file cannot be written.
         """
-        from .files import write_parameters
+        from friction_fmus.identification.files import write_parameters
 
         return write_parameters(self, Path(path))

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from .findings import Finding
-from .record import JITTER, Array
+from friction_fmus.identification.findings import Finding
+from friction_fmus.identification.record import JITTER, Array
 
 #: An interval longer than this many usual ones is a gap: nothing is interpolated across it.
 GAP = 5.0

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .models import ContactModel
-from .record import Array
-from .result import Score
-from .setup import advice
+from friction_fmus.identification.models import ContactModel
+from friction_fmus.identification.record import Array
+from friction_fmus.identification.result import Score
+from friction_fmus.identification.setup import advice
 
 #: Standard error over value from which on a parameter counts as weakly determined.
 WEAK = 0.25

@@ -12,10 +12,10 @@ import scipy.optimize
 import scipy.stats
 from threadpoolctl import threadpool_limits
 
-from .errors import FitError
-from .output_error import score_covariance
-from .problem import Problem
-from .record import Array
+from friction_fmus.identification.errors import FitError
+from friction_fmus.identification.output_error import score_covariance
+from friction_fmus.identification.problem import Problem
+from friction_fmus.identification.record import Array
 
 #: Random points that are looked at for each start of the search after the first one.
 CANDIDATES = 12

@@ -10,12 +10,11 @@ import numpy as np
 
 from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.errors import nearest
-
-from .errors import FitError
-from .models import ContactModel, Traits
-from .pieces import Piece, inertia_guess
-from .problem import Assemble, Coordinate, States
-from .record import AxisUnits
+from friction_fmus.identification.errors import FitError
+from friction_fmus.identification.models import ContactModel, Traits
+from friction_fmus.identification.problem import Assemble, Coordinate, States
+from friction_fmus.identification.record import AxisUnits
+from friction_fmus.identification.simulation_data import Piece, inertia_guess
 
 #: An initial state may exceed the one of steady sliding by this factor.
 INITIAL_LIMIT = 3.0

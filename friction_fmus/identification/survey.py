@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from friction_fmus.errors import FrictionError
+from friction_fmus.identification.errors import FitError
+from friction_fmus.identification.identifying import identify
+from friction_fmus.identification.models import contact_model
+from friction_fmus.identification.record import Record
+from friction_fmus.identification.result import Identification
 from friction_fmus.notebook import survey_html, survey_text
-
-from .errors import FitError
-from .identifying import identify
-from .models import contact_model
-from .record import Record
-from .result import Identification
 
 Told = Callable[[int, int], None]
 

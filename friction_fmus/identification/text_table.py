@@ -14,11 +14,10 @@ from typing import IO
 
 import numpy as np
 
+from friction_fmus.identification.errors import RecordError
+from friction_fmus.identification.findings import Finding
+from friction_fmus.identification.tables import Table, from_arrow
 from harness.files import LARGEST_DATA
-
-from .errors import RecordError
-from .findings import Finding
-from .tables import Table, from_arrow
 
 _COMMENTS = ("#", "%", "//", "!", '"#')
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][-+]?\d+)?|[-+]?(nan|inf(inity)?)|", re.IGNORECASE)
@@ -154,7 +153,7 @@ def _headings(path: Path, above: list[tuple[int, str]], separator: str, width: i
 
 
 def _looks_like_unit(text: str) -> bool:
-    from .quantities import unit_of
+    from friction_fmus.identification.quantities import unit_of
 
     return text in ("", "-") or unit_of(text) is not None
 

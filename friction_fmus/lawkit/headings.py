@@ -30,37 +30,15 @@ def law_paths(folder: Path) -> list[Path]:
     return sorted(file for file in folder.glob("*.py") if not file.name.startswith("_"))
 
 
-def read_headings(file: Path) -> list[Heading]:
-    """Return the headings of the laws in a file.
-
-    A file whose text does not show them, because it computes a name or calls `law` other than as a decorator of a
-    function at module level, is imported instead.
-
-    Parameters
-    ----------
-    file : Path
-        Python file.
+def read_headings(file: Path) -> list[Heading] | None:
+    """Return the headings of the laws in a file, in the order of definition.
 
     Returns
     -------
-    list of Heading
-        In the order of definition.
-
-    Raises
-    ------
-    FrictionError
-        If a file that has to be imported cannot be loaded.
+    list of Heading or None
+        None if the text of the file does not show them, because it computes a name or calls `law` other than as a
+        decorator of a function at module level; the file must then be imported.
     """
-    found = _written(file)
-    if found is None:
-        from friction_fmus.lawkit.files import discover_laws
-
-        found = [Heading(law.name, law.summary, law.source, law.path) for law in discover_laws(file)]
-    return found
-
-
-def _written(file: Path) -> list[Heading] | None:
-    """Return the headings if all of them are literals in the text of the file, otherwise None."""
     try:
         tree = ast.parse(file.read_bytes())
     except (OSError, SyntaxError, ValueError):

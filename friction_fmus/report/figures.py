@@ -13,7 +13,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from friction_fmus.identification import Array
-from friction_fmus.study.rows import Curve
+from friction_fmus.study.records import Curve
 
 from .numbers import number
 

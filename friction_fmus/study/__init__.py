@@ -5,17 +5,18 @@ from typing import TYPE_CHECKING
 from harness.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from friction_fmus.study.config import Compensation, ConfigError, Servo, StudyConfig, load_config, parse_config
+    from friction_fmus.axis.servo import Servo
+    from friction_fmus.study.config import Compensation, ConfigError, StudyConfig, load_config, parse_config
     from friction_fmus.study.result import StudyResult
     from friction_fmus.study.study import StudyError, run_study
 else:
     __getattr__, __dir__ = lazy_names(
         __name__,
         {
+            "friction_fmus.axis.servo": ["Servo"],
             "friction_fmus.study.config": [
                 "Compensation",
                 "ConfigError",
-                "Servo",
                 "StudyConfig",
                 "load_config",
                 "parse_config",

@@ -12,15 +12,15 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from friction_fmus.axis.loop import Placed, Plant, block, typed
+from friction_fmus.axis.servo import Servo
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.blocks.use import KINDS, Use
 from friction_fmus.errors import nearest
 from friction_fmus.identification import Array
+from friction_fmus.study.config import ALL, ConfigError
 from harness import FmuPart, open_archive
-
-from .config import ALL, ConfigError, Servo
-from .loop import Placed, Plant, block, typed
 
 Values: TypeAlias = Mapping[str, float]
 

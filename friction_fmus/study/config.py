@@ -8,13 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.errors import FrictionError, nearest
 from harness.files import reason
 from harness.toml_file import read_toml
 from harness.values import number, shown, texts
-
-GAINS: Final[Mapping[str, tuple[str, ...]]] = {"CascadePPI": ("kp", "kv", "ki"), "PID": ("Kp", "Kd", "Ki")}
-"""Law of the servo -> names of its gains."""
 
 LEFT_OUT: Final[Mapping[str, float]] = {"ki": 0.0}
 """Gain that may be left out -> its value then, which is the start value of the law."""
@@ -35,46 +33,6 @@ _TABLES = ("data", "columns", "windows", "servo", "identify", "compensation")
 
 class ConfigError(FrictionError):
     """A configuration cannot be understood; the message names file, table and key."""
-
-
-@dataclass(frozen=True)
-class Servo:
-    """The servo of an axis: its feedback, its sensor and its limit.
-
-    Attributes
-    ----------
-    law : str
-        "CascadePPI" or "PID".
-    gains : mapping of str to float
-        Its gains, see `GAINS`.
-    Ts : float
-        Sampling period [s].
-    force_limit : float
-        Largest force of either sign [N].
-    window : int
-        The velocity is (x[k] - x[k - window]) / (window Ts).
-    quantum : float
-        Grid of the position measurement [m]; 0: none.
-    velocity_feedforward : bool
-        Whether the measured servo is given the reference velocity.
-    mass : float or None
-        Moved mass [kg], where the record has no drive force to identify it from.
-    """
-
-    law: str
-    gains: Mapping[str, float]
-    Ts: float
-    force_limit: float
-    window: int = 2
-    quantum: float = 0.0
-    velocity_feedforward: bool = False
-    mass: float | None = None
-
-    @property
-    def pid(self) -> tuple[float, float, float]:
-        """The same feedback as PID: Kp [N/m], Kd [N.s/m], Ki [N/(m.s)]."""
-        first, second, third = (self.gains[name] for name in GAINS[self.law])
-        return (first, second, third) if self.law == "PID" else (second * first + third, second, third * first)
 
 
 @dataclass(frozen=True)

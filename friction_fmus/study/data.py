@@ -11,14 +11,14 @@ from typing import Final, Literal
 
 import numpy as np
 
+from friction_fmus.axis.loop import Plant, Task, closed_loop, run_loop
+from friction_fmus.axis.servo import Servo
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.fmi.package import build_record
 from friction_fmus.identification import ROTARY, Array, Record, filtered_motion, read_mapping, read_measurement
-from friction_fmus.identification.pieces import default_settings
-
-from .config import ConfigError, Servo, StudyConfig
-from .loop import Plant, Task, closed_loop, run_loop
-from .models import Measured
+from friction_fmus.identification.simulation_data import default_settings
+from friction_fmus.study.config import ConfigError, StudyConfig
+from friction_fmus.study.models import Measured
 
 TRAIN: Final = 0.6
 """Part of the record, at its beginning, that is fitted where no windows are given; the rest is predicted."""

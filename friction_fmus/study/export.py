@@ -6,16 +6,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final, Literal
 
+from friction_fmus.axis.loop import block, closed_loop, typed, with_gain
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.export import export_law
 from friction_fmus.fmi.package import build
+from friction_fmus.study.compensators import Choice
+from friction_fmus.study.evaluation import Bench
+from friction_fmus.study.models import Found
+from friction_fmus.study.records import WrittenFile
 from harness import FmuPart, Parameter, ParameterSet, open_archive, write_ssv
-
-from .compensators import Choice
-from .loop import block, closed_loop, typed, with_gain
-from .models import Found
-from .rows import WrittenFile
-from .trial import Bench
 
 OWN: Final = "recommended"
 """Folder of what belongs to the recommendation."""

@@ -8,6 +8,8 @@ from typing import Final
 
 import numpy as np
 
+from friction_fmus.axis.loop import Plant, Task, closed_loop, run_loop
+from friction_fmus.axis.servo import Servo
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import (
@@ -25,14 +27,11 @@ from friction_fmus.identification import (
     identify_inverse_model,
 )
 from friction_fmus.identification.models import contact_model
-from friction_fmus.identification.pieces import default_settings
 from friction_fmus.identification.scores import weak_parameters
+from friction_fmus.identification.simulation_data import default_settings
+from friction_fmus.study.evaluation import thinned
+from friction_fmus.study.records import Curve, Fit, FoundParameter, ModelRow
 from harness import HarnessError
-
-from .config import Servo
-from .loop import Plant, Task, closed_loop, run_loop
-from .rows import Curve, Fit, FoundParameter, ModelRow
-from .trial import thinned
 
 ALIKE: Final = 0.05
 """Errors that differ by less count as equal, and the information criterion decides."""

@@ -7,14 +7,13 @@ from typing import Final
 
 import numpy as np
 
+from friction_fmus.axis.loop import block, typed
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion
-from friction_fmus.identification.pieces import default_settings
+from friction_fmus.identification.simulation_data import default_settings
+from friction_fmus.study.evaluation import thinned
+from friction_fmus.study.models import Found
+from friction_fmus.study.records import Curve, Picture
 from harness import Experiment, FmuPart, SeriesPart, System
-
-from .loop import block, typed
-from .models import Found
-from .rows import Curve, Picture
-from .trial import thinned
 
 DRAWN: Final = 4
 """Models that are drawn, the best ones."""

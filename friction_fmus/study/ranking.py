@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from .rows import CompensatorRow, Metrics, Recommendation
+from friction_fmus.study.records import CompensatorRow, Metrics, Recommendation
 
 WORTH: Final = 0.05
 """Least gain, as a share of the error without compensation."""

@@ -13,8 +13,7 @@ from typing import Any
 
 from friction_fmus.identification import AxisUnits
 from friction_fmus.notebook import study_html, study_text
-
-from .rows import (
+from friction_fmus.study.records import (
     CompensatorRow,
     Corner,
     Curve,

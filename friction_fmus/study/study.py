@@ -12,29 +12,28 @@ from typing import Any, Final
 
 import numpy as np
 
+from friction_fmus.axis.loop import Task
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import filtered_motion, identifiable
-from friction_fmus.identification.pieces import default_settings
+from friction_fmus.identification.simulation_data import default_settings
+from friction_fmus.study.compensators import Choice, Known, candidates, check_names, period_of
+from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
+from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
+from friction_fmus.study.evaluation import Bench, Cost, Trial, cost_of, try_out
+from friction_fmus.study.export import OWN, export_models, export_recommended
+from friction_fmus.study.models import INVERSE, Found, identify_model, inverse_model, ranked, refine
+from friction_fmus.study.pictures import over_position, over_velocity, series
+from friction_fmus.study.ranking import extremes, rank, recommend
+from friction_fmus.study.records import CompensatorRow, DoctorRow, Metrics, Recommendation, WrittenFile
+from friction_fmus.study.result import StudyResult
+from friction_fmus.study.steps import KEPT, Job, Store, do, workers
+from friction_fmus.study.summary import Teller, compensator_row, identifier, overview
 from friction_fmus.version import VERSION
 from harness import Progress, System
 from harness.atomic import atomic_path
 from harness.processors import available
-
-from .compensators import Choice, Known, candidates, check_names, period_of
-from .config import ALL, ConfigError, StudyConfig, load_config
-from .data import Data, build_reference, load_data, measured_servo
-from .export import OWN, export_models, export_recommended
-from .jobs import KEPT, Job, Store, do, workers
-from .loop import Task
-from .models import INVERSE, Found, identify_model, inverse_model, ranked, refine
-from .pictures import over_position, over_velocity, series
-from .ranking import extremes, rank, recommend
-from .result import StudyResult
-from .rows import CompensatorRow, DoctorRow, Metrics, Recommendation, WrittenFile
-from .trial import Bench, Cost, Trial, cost_of, try_out
-from .wording import Teller, compensator_row, identifier, overview
 
 CLOSE: Final = 1.5
 """Models whose error is at most so many times the smallest are fitted to the closed loop as well."""

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 from harness.errors import UnknownNameError, nearest
 
 if TYPE_CHECKING:
-    from harness.experiment import Experiment
-    from harness.plan import Plan, Schedule
+    from harness.system.experiment import Experiment
+    from harness.system.plan import Plan, Schedule
 
 Master: TypeAlias = "Callable[[Plan, Experiment], Schedule]"
 

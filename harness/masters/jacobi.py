@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from harness.experiment import Experiment
-from harness.plan import GET, SET, STEP, Plan, Schedule
+from harness.system.experiment import Experiment
+from harness.system.plan import GET, SET, STEP, Plan, Schedule
 
 
 def master(plan: Plan, experiment: Experiment) -> Schedule:

@@ -7,8 +7,8 @@ reads it after it.
 
 from __future__ import annotations
 
-from harness.experiment import LOOP_TOLERANCE, Experiment
-from harness.plan import Plan, Schedule
+from harness.system.experiment import LOOP_TOLERANCE, Experiment
+from harness.system.plan import Plan, Schedule
 
 
 def master(plan: Plan, experiment: Experiment) -> Schedule:

@@ -15,10 +15,10 @@ from typing import Any, Final
 from lxml import etree
 
 from harness.errors import ExperimentError, SystemFileError
-from harness.experiment import Experiment
-from harness.fmu import FmuPart
-from harness.manipulator import manipulator_table, read_manipulator
+from harness.parts.fmu import FmuPart
 from harness.ssp.document import SPACES, sub
+from harness.system.experiment import Experiment
+from harness.system.manipulator import manipulator_table, read_manipulator
 
 #: Types of the annotations, by the prefix of what is in them.
 TYPES: Final = MappingProxyType(

@@ -7,7 +7,7 @@ import logging
 from lxml import etree
 
 from harness.errors import SystemFileError
-from harness.part import StartValue
+from harness.parts.part import StartValue
 from harness.ssp.document import SPACES, SSM, SSV, parse_document
 from harness.ssp.flatten import Network
 from harness.ssp.package import Package

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from harness.errors import SystemFileError, UnitError
-from harness.part import Part, Port
+from harness.parts.part import Part, Port
 from harness.ssp.annotations import read_wire
 from harness.ssp.ssv import Parameter
 from harness.ssp.structure import Edge, Node, Path, Structure
 from harness.ssp.transformation import Linear
 from harness.ssp.units import Signal, known_unit
+from harness.system.wire import Wire
 from harness.units import BaseUnit
-from harness.wire import Wire
 
 
 class Network:

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from harness.errors import SystemFileError
-from harness.fmu import FmuPart
-from harness.part import Part, StartValue
+from harness.parts.fmu import FmuPart
+from harness.parts.part import Part, StartValue
 from harness.ssp.annotations import read_experiment, read_part
 from harness.ssp.bindings import bound_values
 from harness.ssp.document import SSD, parse_document
@@ -16,7 +16,7 @@ from harness.ssp.flatten import Network
 from harness.ssp.package import SSD_NAME, Package, TemporaryFolder, member_name
 from harness.ssp.structure import Structure, read_structure
 from harness.ssp.units import read_units
-from harness.system_file import SystemDescription
+from harness.system.system_file import SystemDescription
 
 _LOG = logging.getLogger("harness")
 

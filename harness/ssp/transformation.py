@@ -9,7 +9,7 @@ from typing import TypeAlias
 from lxml import etree
 
 from harness.errors import StartValueError
-from harness.part import StartValue
+from harness.parts.part import StartValue
 from harness.ssp.document import SPACES
 
 

@@ -8,18 +8,18 @@ from pathlib import Path
 
 from lxml import etree
 
-from harness.assembly import Assembly
 from harness.errors import SystemFileError
-from harness.fmu import FmuPart
-from harness.part import Port, StartValue
+from harness.parts.fmu import FmuPart
+from harness.parts.part import Port, StartValue
 from harness.ssp.annotations import annotate, write_experiment, write_part, write_step
 from harness.ssp.document import SPACES, SSD, TOOL, set_text, sub, to_bytes
 from harness.ssp.package import SSD_NAME, write_package
 from harness.ssp.ssv import Parameter, ParameterSet, ssv_element
 from harness.ssp.structure import FMU_TYPE
 from harness.ssp.units import known_unit, write_units
+from harness.system.assembly import Assembly
+from harness.system.wire import Wire, split_name, wire_map
 from harness.units import BaseUnit, units_agree
-from harness.wire import Wire, split_name, wire_map
 
 #: Name of the parameter set of every component; ecos asks for it.
 SET_NAME = "start"

@@ -14,10 +14,8 @@ from uuid import uuid4
 
 import xarray as xr
 
+from harness.engine.tap import Progress
 from harness.errors import SweepError, nearest
-from harness.experiment import Experiment
-from harness.graph import stepping_order
-from harness.layout import recorded_names
 from harness.scratch import ScratchFolder
 from harness.sweeps.folder import SweepFolder, read_sweep, sole_writer
 from harness.sweeps.identity import description
@@ -26,8 +24,10 @@ from harness.sweeps.pools import Outcomes, Pool, ProcessPool, SerialPool, make_p
 from harness.sweeps.queue import Queue
 from harness.sweeps.samples import Given, Sample, checked_samples, column_types
 from harness.sweeps.worker import SETTINGS, Job, Outcome
-from harness.system import System
-from harness.tap import Progress
+from harness.system.experiment import Experiment
+from harness.system.graph import stepping_order
+from harness.system.layout import recorded_names
+from harness.system.system import System
 
 _MOST_BYTES = 32e6
 """Of the trajectories in one file."""

@@ -16,7 +16,7 @@ import xarray as xr
 
 from harness.atomic import atomic_path
 from harness.errors import OutputError, SweepError
-from harness.part import PortType
+from harness.parts.part import PortType
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Outcome
 

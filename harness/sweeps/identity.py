@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
-from harness.callable_part import CallablePart
-from harness.fmu import FmuPart
-from harness.part import Part
-from harness.series import SeriesPart
+from harness.parts.callable_part import CallablePart
+from harness.parts.fmu import FmuPart
+from harness.parts.part import Part
+from harness.parts.series import SeriesPart
 from harness.sweeps.measures import label
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Job
-from harness.system import System
+from harness.system.system import System
 
 
 def description(system: System, job: Job, samples: Sequence[Sample]) -> dict[str, Any]:

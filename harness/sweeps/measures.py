@@ -10,9 +10,9 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from harness.errors import SweepError, UnknownNameError, nearest
-from harness.layout import recorded_names
-from harness.part import Part, Values
+from harness.parts.part import Part, Values
 from harness.result import Result
+from harness.system.layout import recorded_names
 
 Measure: TypeAlias = Callable[[Result], Mapping[str, float]]
 

@@ -11,12 +11,12 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harness.archive import parse_value
 from harness.errors import SweepError
 from harness.files import read_csv, reason
-from harness.part import PortType, StartValue
+from harness.parts.archive import parse_value
+from harness.parts.part import PortType, StartValue
 from harness.ssp import Parameter, ParameterSet, read_ssv
-from harness.system import System
+from harness.system.system import System
 from harness.values import is_count, shown
 
 Sample: TypeAlias = Mapping[str, StartValue]

@@ -11,14 +11,14 @@ from time import perf_counter
 from typing import Any, Final
 
 from harness.errors import HarnessError, SweepError
-from harness.experiment import Experiment
-from harness.fmu import FmuPart
-from harness.part import StartValue
+from harness.parts.fmu import FmuPart
+from harness.parts.part import StartValue
 from harness.result import Result
 from harness.run import run
 from harness.sweeps.measures import Measure, label
 from harness.sweeps.samples import Sample
-from harness.system import System
+from harness.system.experiment import Experiment
+from harness.system.system import System
 
 SETTINGS: Final = ("start", "stop", "step", "master", "decimate", "tolerance", "extrapolation", "loop_tolerance")
 """Settings of the experiment that can be swept; a start value has a dot in its name."""

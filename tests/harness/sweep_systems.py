@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from harness import CallablePart, Experiment, System
-from harness.part import StartValue
+from harness.parts.part import StartValue
 from harness.result import Result
 
 ONE_TICK = Experiment(stop=1.0, step=1.0)

@@ -15,7 +15,7 @@ import pytest
 from harness_parts import mass
 
 from harness import Bias, CallablePart, Delay, DropOut, ExperimentError, FmuPart, Noise, Result, System
-from harness.wire import Wire
+from harness.system.wire import Wire
 
 BuildFmu = Callable[..., Path]
 MASTERS = ("jacobi", "gauss-seidel", "newton", "adaptive")

@@ -16,7 +16,7 @@ import pytest
 from harness_parts import mass
 
 from harness import Bias, CallablePart, Delay, ExperimentError, HarnessError, Result, SeriesPart, System
-from harness.wire import Wire
+from harness.system.wire import Wire
 
 SETTINGS: dict[str, Any] = {"step": 0.01, "manipulators": (Bias("mass.F", 0.1, start=0.2), Delay("mass.F", 2))}
 

@@ -7,7 +7,7 @@ import pytest
 from harness_parts import bristle, linear, mass, memoryless, plant
 
 from harness import AlgebraicLoopError, CallablePart, ExperimentError, System, UnknownNameError
-from harness.graph import propagation_order, stepping_order
+from harness.system.graph import propagation_order, stepping_order
 
 
 def order(parts: list[CallablePart], wires: list[str]) -> list[str]:

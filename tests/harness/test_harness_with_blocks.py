@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from harness import FmuPart, PartError, System, UnitError
-from harness.graph import stepping_order
+from harness.system.graph import stepping_order
 
 BuildFmu = Callable[..., Path]
 

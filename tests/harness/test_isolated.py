@@ -277,7 +277,7 @@ def test_the_process_ends_with_the_harness(probe: Path, tmp_path: Path) -> None:
         try:
             assert harness.stdout is not None
             harness.stdout.readline()
-            (process,) = (pid for pid in children(harness.pid) if "harness.isolated" in command(pid))
+            (process,) = (pid for pid in children(harness.pid) if "harness.parts.isolated" in command(pid))
             begin = seconds(process)
             while seconds(process) < begin + 0.3:  # in its loop
                 time.sleep(0.05)

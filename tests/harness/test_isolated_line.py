@@ -14,8 +14,8 @@ from types import SimpleNamespace
 import pytest
 
 from harness import FmuError, HarnessError, PartError, StartValueError
-from harness.isolated.line import BYTES, CALL, DONE, FAILED, LOG, Line, as_error, as_plain
-from harness.isolated.process import Process, ProcessError
+from harness.parts.isolated.channel import BYTES, CALL, DONE, FAILED, LOG, Line, as_error, as_plain
+from harness.parts.isolated.process import Process, ProcessError
 
 
 @pytest.fixture

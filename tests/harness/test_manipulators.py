@@ -30,7 +30,7 @@ from harness import (
     WireError,
 )
 from harness.run import Options, run
-from harness.wire import Wire
+from harness.system.wire import Wire
 
 BuildFmu = Callable[..., Path]
 MASTERS = ("jacobi", "gauss-seidel", "newton", "adaptive")

@@ -12,7 +12,7 @@ import pytest
 from ssp_files import NAMESPACES, UNITS, component, connection, inline, pack, parameter_set, real, ssd, system
 
 from harness import StartValueError, System, SystemFileError, UnitError
-from harness.part import StartValue
+from harness.parts.part import StartValue
 from harness.ssp import read_ssp
 
 KILO = '<ssv:Units><ssc:Unit name="kN"><ssc:BaseUnit kg="1" m="1" s="-2" factor="1000"/></ssc:Unit></ssv:Units>'

@@ -21,7 +21,7 @@ import pyarrow.dataset
 import pytest
 from sweep_systems import ONE_TICK, counted, log_of, picky, root
 
-import harness.fmi2
+import harness.parts.fmi2
 from harness import (
     CallablePart,
     Experiment,
@@ -169,13 +169,13 @@ def test_reset_instances_give_what_new_ones_give_to_the_last_bit(
 ) -> None:
     """Friction with random numbers and with stacks of memory, in a loop with a sampled controller."""
     made: list[str] = []
-    instantiate = harness.fmi2.Instance.__init__
+    instantiate = harness.parts.fmi2.Instance.__init__
 
-    def count(self: harness.fmi2.Instance, library: object, archive: object, name: str) -> None:
+    def count(self: harness.parts.fmi2.Instance, library: object, archive: object, name: str) -> None:
         made.append(name)
         instantiate(self, library, archive, name)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(harness.fmi2.Instance, "__init__", count)
+    monkeypatch.setattr(harness.parts.fmi2.Instance, "__init__", count)
     parts = {"profile": "Profile", "pid": "PID", "mass": "Mass", "friction": block}
     wires = [f"profile.{name} -> pid.{name}" for name in ("r", "rd", "rdd")]
     wires += ["mass.x -> pid.x", "mass.v -> pid.v", "pid.u -> mass.F_drive"]
@@ -199,7 +199,7 @@ def test_fmu_that_cannot_be_reset_gets_new_instances(
 ) -> None:
     """fmi2Reset of the probe does nothing and says fmi2OK; an honest FMU would say fmi2Error."""
     if honest:
-        monkeypatch.setattr(harness.fmi2.Instance, "reset", lambda self: False)
+        monkeypatch.setattr(harness.parts.fmi2.Instance, "reset", lambda self: False)
     start = {"p.u": 0.0, "p.n": 4, "p.b": True}
     with System([FmuPart("p", probe)], start=start, experiment=Experiment(stop=2.0, step=0.25)) as system:
         result = sweep(system, grid({"p.u": [1.0, 3.0, -2.0]}), measure="final(p.x)", executor="serial")
@@ -239,7 +239,7 @@ def test_measures_that_fail_or_change_their_names_are_errors_of_their_runs(tmp_p
 
 
 def test_warnings_of_a_run_stand_in_its_row(caplog: pytest.LogCaptureFixture) -> None:
-    """A mass and a spring that exchange stale values blow up: harness.coupling says so once in a run."""
+    """A mass and a spring that exchange stale values blow up: harness.engine.defect says so once in a run."""
     spring = CallablePart(
         "spring", lambda t, u, x: 1e3 * x[0], ["v"], ["F"], advance=lambda t, h, u, x: x + h * u, state=[0.01]
     )

@@ -11,7 +11,7 @@ from friction_fmus.identification.grid import HysteresisGrid, with_count
 from friction_fmus.identification.rank import not_separated
 from friction_fmus.identification.search import Found, covariance
 from friction_fmus.study.ranking import extremes, rank
-from friction_fmus.study.rows import CompensatorRow, Corner, Metrics
+from friction_fmus.study.records import CompensatorRow, Corner, Metrics
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.blocks.catalogue import find, laws_folder
 from friction_fmus.blocks.probe import FIXED, PARAMETER
 from friction_fmus.errors import FrictionError
@@ -16,7 +17,7 @@ from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Law
 from friction_fmus.procedures import ilc
-from friction_fmus.study.config import GAINS, Servo, parse_config
+from friction_fmus.study.config import parse_config
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 SERVO = {"Ts": 1e-3, "force_limit": 10.0}

@@ -15,8 +15,8 @@ import pytest
 from foreign import RUNNERS, drive, missing
 
 from friction_fmus import BuildError, build, catalogue
+from harness.parts.universal import universal
 from harness.platforms import PLATFORMS, select
-from harness.universal import universal
 
 EXPORTS = 34
 """Functions of FMI 2.0 for co-simulation."""

@@ -17,7 +17,7 @@ import pyarrow.parquet  # noqa: F401
 from mutate import BYTES, TEXT, damaged, damaged_archive, members, odd_values, zipped
 
 # all that the commands import on their way, once for all processes
-import friction_fmus.identification.outcome
+import friction_fmus.identification.export
 import friction_fmus.identification.survey
 import friction_fmus.study.study  # noqa: F401
 from friction_fmus.__main__ import main

@@ -15,8 +15,9 @@ import lief
 import pytest
 
 from friction_fmus import build, fmu
-from friction_fmus.study.jobs import KEPT, Store
-from harness import FmuError, FmuPart, System, native
+from friction_fmus.study.steps import KEPT, Store
+from harness import FmuError, FmuPart, System
+from harness.engine import native
 from harness.platforms import PLATFORMS, compiled
 
 ROOT = Path(__file__).parents[2]
@@ -198,7 +199,7 @@ def test_a_truncated_library_beside_it_and_an_isolated_one(build_fmu: Callable[.
 
 @pytest.mark.parametrize("platform", ["linux64", "win64", "darwin64", "aarch64-linux"])
 def test_the_end_of_a_library_is_where_lief_sees_it(tmp_path: Path, platform: str) -> None:
-    from harness.shared_library import missing_bytes
+    from harness.parts.shared_library import missing_bytes
 
     chosen = PLATFORMS[platform]
     content = compiled(chosen, native.sources(), "engine", headers=False)

@@ -12,7 +12,7 @@ from test_odd_values import ROOT, run_cases
 from friction_fmus import BuildError, build
 from friction_fmus.identification import text_table
 from friction_fmus.identification.errors import RecordError
-from friction_fmus.identification.tables import read_table
+from friction_fmus.identification.table_files import read_table
 
 FILES: dict[str, list[str]] = {
     "run {}.toml -o out.csv": ["toml"],

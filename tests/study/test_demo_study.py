@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from friction_fmus.__main__ import main
+from friction_fmus.axis.loop import run_loop
 from friction_fmus.study import StudyResult, run_study
-from friction_fmus.study.jobs import KEPT, rebuild
-from friction_fmus.study.loop import run_loop
+from friction_fmus.study.steps import KEPT, rebuild
 from harness import System
 
 

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from friction_fmus.axis.loop import Plant, Task, Trace, closed_loop
 from friction_fmus.data import load_emps
 from friction_fmus.identification import LINEAR, identifiable
 from friction_fmus.identification.models import contact_model
 from friction_fmus.study import Servo, load_config, run_study
 from friction_fmus.study.compensators import Known, candidates, compensators, period_of
 from friction_fmus.study.data import LUGRE, build_reference
-from friction_fmus.study.loop import Plant, Task, Trace, closed_loop
-from friction_fmus.study.trial import Bench, high_frequency, judge, off_by, thinned, try_out
+from friction_fmus.study.evaluation import Bench, high_frequency, judge, off_by, thinned, try_out
 
 SERVO = Servo("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 0.0}, 1e-3, 20.0)
 PLANT = Plant("LuGre", LUGRE, 1.0, 0.2)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from friction_fmus.study.jobs import Job, Store, do, rebuild
+from friction_fmus.study.steps import Job, Store, do, rebuild
 
 
 @dataclass(frozen=True)

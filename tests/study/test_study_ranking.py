@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from friction_fmus.study.ranking import extremes, rank, recommend, shown
-from friction_fmus.study.rows import CompensatorRow, Corner, Metrics
+from friction_fmus.study.records import CompensatorRow, Corner, Metrics
 
 
 def row(

@@ -68,7 +68,7 @@ def run(options: argparse.Namespace) -> None:
     from friction_fmus.cli.console import RunBar, console, progress_bar, styled
     from friction_fmus.cli.identification_tables import show_data, show_parameters, show_ranking
     from friction_fmus.identification import examine_pieces, read_measurement
-    from friction_fmus.identification.outcome import write_outcome
+    from friction_fmus.identification.export import write_outcome
     from friction_fmus.identification.survey import Task, compare_models
 
     models = _models(options.model)

@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     """
     from friction_fmus.cli.console import RunBar, console, progress_bar
     from friction_fmus.cli.systems import open_system
-    from harness.coupling import inaccurate
+    from harness.engine.defect import inaccurate
 
     if options.output.suffix.lower() not in FORMATS:
         raise FrictionError(f"{options.output} has no known format; end the name in {listed(tuple(FORMATS))}")

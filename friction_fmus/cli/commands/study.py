@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> None:
     from friction_fmus.cli.cluster import connect
     from friction_fmus.cli.console import RunBar, console, progress_bar
     from friction_fmus.cli.study_tables import show_study
-    from friction_fmus.study.jobs import forget
+    from friction_fmus.study.steps import forget
     from friction_fmus.study.study import run_study
 
     if options.fresh:

@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
     from friction_fmus.cli.sweep_bar import SweepBar, sweep_progress
     from friction_fmus.cli.sweep_table import show_sweep
     from friction_fmus.cli.systems import open_system
-    from harness.coupling import WRONG
+    from harness.engine.defect import WRONG
 
     samples = parameter_sets(options)
     with ExitStack() as stack:

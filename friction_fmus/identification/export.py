@@ -1,0 +1,236 @@
+"""The files of an identification: parameters, FMUs, figures, and all numbers as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from friction_fmus.identification.errors import IdentificationError
+from friction_fmus.identification.estimate import Estimate
+from friction_fmus.identification.findings import Finding
+from friction_fmus.identification.models import contact_model
+from friction_fmus.identification.picture import NAMES
+from friction_fmus.identification.reading import Measurement
+from friction_fmus.identification.result import Identification, Score
+from friction_fmus.identification.survey import Survey
+from friction_fmus.study.parameters import Parameter, toml_text
+
+#: Colours that differ in lightness as well (after M. Okabe, K. Ito, 2008).
+COLOURS = ("#0072B2", "#D55E00", "#009E73")
+DASHES = ("solid", "dashed", "dotted")
+
+
+def write_outcome(
+    found: Survey, measurement: Measurement, findings: Sequence[Finding], windows: Mapping[str, Any], out: Path
+) -> list[Path]:
+    """Write all files of a survey; the folder gets all of them or stays as it was.
+
+    Parameters
+    ----------
+    found : Survey
+        The identifications.
+    measurement : Measurement
+        Where the data come from.
+    findings : sequence of Finding
+        What is to be known about the data.
+    windows : mapping
+        The windows ``train`` and ``validation``, as far as there are some.
+    out : Path
+        Folder; made if needed.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    IdentificationError
+        The folder cannot be made.
+    """
+    new = not out.exists()
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise IdentificationError(f"Cannot make the folder {out} ({error.strerror}); give another one.") from error
+    try:
+        # on the same file system, so that the files move into place
+        with tempfile.TemporaryDirectory(prefix=".identify-", dir=out) as scratch:
+            stage = Path(scratch)
+            for result in found.results:
+                result.to_fmu(stage)
+                result.to_ssv(stage / f"{result.model}.ssv")
+                result.plot(stage / f"{result.model}.png")
+            (stage / "parameters.toml").write_text(_toml(found, measurement), encoding="utf-8")
+            content = _json(found, measurement, findings, windows)
+            (stage / "identification.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+            comparison(found).savefig(stage / "comparison.png", dpi=130, metadata={"Software": None})
+            files = sorted(file.name for file in stage.iterdir())
+            for name in files:
+                (stage / name).replace(out / name)
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        raise IdentificationError(f"Cannot write to {out} ({reason}); make room or give another folder.") from error
+    finally:
+        if new and not any(out.iterdir()):
+            out.rmdir()
+    return [out / name for name in files]
+
+
+def comparison(found: Survey) -> Figure:
+    """Errors of all models as bars; the three best beside the measurement, and what they miss."""
+    results = found.results
+    height = 0.6 + 0.28 * len(results)
+    figure = Figure(figsize=(9.0, 5.2 + height), layout="constrained")
+    FigureCanvasAgg(figure)
+    bars, course, errors = figure.subplots(3, 1, height_ratios=(height, 2.6, 1.6))
+    _bars(bars, found)
+    best = results[0]
+    part = _part(best)
+    course.plot(best.t[part], best.measured[part], color="#222222", lw=2.6, label="measured")
+    for result, colour, dashes in zip(results, COLOURS, DASHES, strict=False):
+        inside = (result.t >= best.t[part][0]) & (result.t <= best.t[part][-1])
+        style: dict[str, Any] = {"color": colour, "linestyle": dashes, "lw": 1.3}
+        course.plot(result.t[inside], result.predicted[inside], label=result.model, **style)
+        errors.plot(result.t[inside], result.residuals[inside], **style)
+    unit = "" if best.unit == "1" else f" [{best.unit}]"
+    course.set(
+        ylabel=f"{NAMES.get(best.signal, best.signal)}{unit}", title="The best ones, in a part of the fitted record"
+    )
+    course.tick_params(labelbottom=False)
+    errors.set(xlabel="time [s]", ylabel=f"predicted less\nmeasured{unit}")
+    course.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+    for axes in (bars, course, errors):
+        axes.grid(True, color="#dddddd", lw=0.6)
+        axes.set_axisbelow(True)
+    return figure
+
+
+def _bars(axes: Axes, found: Survey) -> None:
+    """One pair of bars for each model; those far beyond the others are cut, their number tells."""
+    train = [result.train.relative_percent for result in found.results]
+    pairs = [(train, "#999999", "fitted")]
+    if found.ranked_by != "BIC":
+        scores = (result.validation for result in found.results)
+        pairs.append(([score.relative_percent if score else math.nan for score in scores], COLOURS[0], "validation"))
+    every = np.concatenate([values for values, _, _ in pairs])
+    limit = 1.15 * min(float(np.max(every)), 4.0 * float(np.median(every)))
+    rows = np.arange(len(train))
+    for (values, colour, label), side in zip(pairs, (-1, 1) if len(pairs) > 1 else (0,), strict=True):
+        axes.barh(rows + 0.2 * side, values, 0.36, color=colour, label=label)
+        for row, value in zip(rows, values, strict=True):
+            where = (min(value, 0.93 * limit), row + 0.2 * side)
+            box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6} if value > 0.93 * limit else None
+            axes.text(*where, f" {value:.2f}", va="center", fontsize="x-small", bbox=box)
+    axes.set_xlim(0.0, limit)
+    axes.set_yticks(rows, [result.model for result in found.results])
+    axes.invert_yaxis()
+    axes.set_xlabel("rms error [% of the rms of the signal]")
+    axes.set_title(f"Models, the best by {found.ranked_by} at the top")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+
+
+def _part(result: Identification) -> slice:
+    """The samples around the largest change of the measured signal, a tenth of the record."""
+    count = len(result.t)
+    half = max(30, count // 20)
+    width = max(1, count // 200)
+    change = np.abs(result.measured[width:] - result.measured[:-width])
+    centre = int(np.argmax(change[half:-half]) + half) if len(change) > 2 * half else count // 2
+    return slice(max(0, centre - half), centre + half)
+
+
+def _toml(found: Survey, measurement: Measurement) -> str:
+    sets = {}
+    for result in found.results:
+        values = {
+            name: Parameter(e.value, e.unit, _remark(result, name), e.standard_error)
+            for name, e in result.parameters.items()
+        }
+        known = contact_model(result.block, result.records[0].units).parameters
+        units = {**{name: parameter.unit for name, parameter in known.items()}, **_drive_units(result)}
+        fixed = {name: Parameter(value, units[name], "not identified") for name, value in result.fixed.items()}
+        sets[result.model] = values | fixed
+    title = f"Parameters of friction models, identified from {measurement.mapping.name}"
+    return toml_text(title, sets, measurement.mapping.citation)
+
+
+def _drive_units(result: Identification) -> dict[str, str]:
+    units = result.records[0].units
+    return {"M": units.inertia, "OF": units.force}
+
+
+def _remark(result: Identification, name: str) -> str:
+    return f"weakly determined: {result.weak[name]}" if name in result.weak else ""
+
+
+def _json(
+    found: Survey, measurement: Measurement, findings: Sequence[Finding], windows: Mapping[str, Any]
+) -> dict[str, Any]:
+    mapping = measurement.mapping
+    return {
+        "data": {
+            "file": mapping.file.name if mapping.file else "",
+            "name": mapping.name,
+            "citation": mapping.citation,
+            "columns": {role: asdict(column) for role, column in mapping.columns.items()},
+            "windows": {name: list(pair) for name, pair in windows.items()},
+            "pieces": [
+                {"name": r.name, "samples": len(r), "begin": float(r.t[0]), "end": float(r.t[-1]), "Ts": r.Ts}
+                for r in measurement.records
+            ],
+        },
+        "findings": [asdict(finding) for finding in findings],
+        "ranked_by": found.ranked_by,
+        "models": [_result(result) for result in found.results],
+        "failed": dict(found.failed),
+    }
+
+
+def _result(result: Identification) -> dict[str, Any]:
+    return {
+        "model": result.model,
+        "method": result.method,
+        "signal": result.signal,
+        "unit": result.unit,
+        "parameters": {name: _estimate(e) for name, e in result.parameters.items()},
+        "initial": {name: _estimate(e) for name, e in result.initial.items()},
+        "fixed": {name: _finite(value) for name, value in result.fixed.items()},
+        "correlation": {
+            "names": [*result.parameters, *result.initial],
+            "matrix": [[_finite(value) for value in row] for row in result.correlation.tolist()],
+        },
+        "weak": dict(result.weak),
+        "train": _score(result.train),
+        "validation": _score(result.validation) if result.validation else None,
+        "aic": _finite(result.aic),
+        "bic": _finite(result.bic),
+        "standard_errors": result.errors,
+        "warnings": list(result.warnings),
+        "seconds": result.seconds,
+        "simulations": result.simulations,
+    }
+
+
+def _estimate(estimate: Estimate) -> dict[str, Any]:
+    return {"value": _finite(estimate.value), "standard_error": _finite(estimate.standard_error), "unit": estimate.unit}
+
+
+def _score(score: Score) -> dict[str, Any]:
+    return {name: _finite(value) for name, value in asdict(score).items()}
+
+
+def _finite(value: float) -> float | None:
+    """JSON knows no nan."""
+    return value if math.isfinite(value) else None

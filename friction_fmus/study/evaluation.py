@@ -1,0 +1,201 @@
+"""One compensator on the axis: its sweep over the gain, the corners of the mismatch, and what a sample costs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi
+from time import perf_counter
+from typing import Final
+
+import numpy as np
+from scipy import signal
+
+from friction_fmus.axis.loop import Placed, Plant, Task, Trace, block, closed_loop, run_loop, typed, with_gain
+from friction_fmus.axis.servo import Servo
+from friction_fmus.identification import Array
+from friction_fmus.study.records import Corner, Curve, GainPoint, Metrics
+from harness import FmuPart, HarnessError, System
+from harness.parts.part import StartValue
+
+SETTLED: Final = 0.1
+"""Share of a run that is left out of its metrics: at the beginning estimators start and the axis catches up."""
+
+HIGH: Final = 5.0
+"""High-frequency effort begins at so many times the natural frequency of the position loop."""
+
+POINTS: Final = 1500
+"""Of an error over time: pairs of the least and the largest value of an interval."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """Where compensators are compared.
+
+    Attributes
+    ----------
+    servo : Servo
+        Feedback and sensors.
+    plant : Plant
+        The identified axis.
+    task : Task
+        What it is to follow.
+    r : array, shape (samples,)
+        The reference.
+    """
+
+    servo: Servo
+    plant: Plant
+    task: Task
+    r: Array
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What was found for one compensator.
+
+    Attributes
+    ----------
+    gain : float or None
+        The best gain up to 1; None if all runs failed.
+    metrics : Metrics or None
+        At that gain.
+    sweep : tuple of GainPoint
+        Over the gain.
+    corners : tuple of Corner
+        At the best gain.
+    error : Curve or None
+        Reference minus position at the best gain.
+    """
+
+    gain: float | None
+    metrics: Metrics | None
+    sweep: tuple[GainPoint, ...]
+    corners: tuple[Corner, ...]
+    error: Curve | None
+
+
+def try_out(bench: Bench, placed: Placed | None, gains: Sequence[float], mismatch: float) -> Trial:
+    """Co-simulate the axis with one compensator, or without.
+
+    Parameters
+    ----------
+    bench : Bench
+        The axis.
+    placed : Placed or None
+        The compensator.
+    gains : sequence of float
+        Shares of the compensation; without a compensator there is one run.
+    mismatch : float
+        In the corners friction and mass of the plant are 1 - mismatch and 1 + mismatch times what they were.
+    """
+    runs: dict[float, tuple[GainPoint, Array | None]] = {}
+    corners = []
+    with closed_loop(bench.servo, bench.plant, bench.task, placed) as system:
+        for gain in gains if placed else (0.0,):
+            metrics, error, failure = _judged(with_gain(system, gain), bench)
+            runs[gain] = GainPoint(gain, metrics, failure), error
+        sweep = tuple(point for point, _ in runs.values())
+        fit = [(point.metrics.rms, point.gain) for point in sweep if point.metrics is not None and point.gain <= 1.0]
+        if not fit:
+            return Trial(None, None, sweep, (), None)
+        gain = min(fit)[1]
+        best = with_gain(system, gain)
+        for friction in (1.0 - mismatch, 1.0 + mismatch) if mismatch else ():
+            for mass in (1.0 - mismatch, 1.0 + mismatch):
+                metrics, _, failure = _judged(best.with_start(off_by(system, friction, mass)), bench)
+                corners.append(Corner(friction, mass, metrics, failure))
+    point, error = runs[gain]
+    assert error is not None
+    drawn = thinned(bench.servo.Ts * np.arange(float(len(error))), error)
+    return Trial(gain, point.metrics, sweep, tuple(corners), drawn)
+
+
+def off_by(system: System, friction: float, mass: float) -> dict[str, float]:
+    """Start values of the axis with all friction forces, and the mass, that many times as large."""
+    part = system.parts["friction"]
+    forces = [f"friction.{port.name}" for port in part.parameters if port.unit and port.unit[0] == "N"]  # N, N/m, ...
+    scaled = {name: friction * float(value) for name in forces if (value := system.start.get(name)) is not None}
+    return {**scaled, "axis.m": mass * float(system.start["axis.m"])}
+
+
+def _judged(system: System, bench: Bench) -> tuple[Metrics | None, Array | None, str]:
+    """Metrics and error of one run, or why it failed."""
+    try:
+        trace = run_loop(system)
+    except HarnessError as error:
+        return None, None, str(error)
+    return judge(trace, bench)
+
+
+def judge(trace: Trace, bench: Bench) -> tuple[Metrics | None, Array | None, str]:
+    """Metrics and error of a run, or why it failed."""
+    error = bench.r - trace.q
+    if not (np.isfinite(error).all() and np.max(np.abs(error)) <= max(float(np.ptp(bench.r)), 1e-12)):
+        return None, None, "The loop is unstable: the error grows beyond the range of the reference."
+    begin = round(SETTLED * len(error))
+    high = high_frequency(trace.force, bench)
+    metrics = Metrics(
+        rms=_rms(error[begin:]),
+        largest=float(np.max(np.abs(error[begin:]))),
+        effort=_rms(trace.force[begin:]),
+        effort_high=_rms(high[begin:]),
+    )
+    return metrics, error, ""
+
+
+def high_frequency(force: Array, bench: Bench) -> Array:
+    """The part of a force above `HIGH` times the natural frequency of the position loop, without a phase shift."""
+    natural = (bench.servo.pid[0] / bench.plant.mass) ** 0.5 / (2.0 * pi)
+    corner = min(HIGH * natural, 0.25 / bench.servo.Ts)
+    sections = signal.butter(2, corner, "highpass", fs=1.0 / bench.servo.Ts, output="sos")
+    return np.asarray(signal.sosfiltfilt(sections, force), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Time of one sample [ns]."""
+
+    ns: float
+
+
+def cost_of(placed: Placed, Ts: float, rotary: bool, samples: int = 100_000) -> Cost:
+    """Time of one sample of the compensator's FMU in the engine, the best of three; start-up does not count."""
+    part = FmuPart("law", block(placed.model, rotary))
+    start: dict[str, StartValue] = {f"law.{port.name}": 0.01 for port in part.inputs if not port.optional}
+    start |= {f"law.{name}": value for name, value in typed(part, placed.values).items()}
+    with System([part], [], {**start, "law.Ts": Ts}) as system:
+
+        def seconds(count: int) -> float:
+            begin = perf_counter()
+            system.run(stop=count * Ts, step=Ts, decimate=count, record=[f"law.{placed.output}"])
+            return perf_counter() - begin
+
+        short = samples // 10
+        taken = min(seconds(samples) for _ in range(3)) - min(seconds(short) for _ in range(3))
+    return Cost(1e9 * max(taken, 0.0) / (samples - short))
+
+
+def thinned(x: Array, y: Array, points: int = POINTS) -> Curve:
+    """A line with the least and the largest value of each of many intervals, in their order, so that no peak is lost.
+
+    Parameters
+    ----------
+    x, y : array, shape (n,)
+        The line.
+    points : int
+        How many points are left, about.
+    """
+    width = -(-2 * len(y) // points)
+    if width <= 2:
+        return Curve(tuple(x.tolist()), tuple(y.tolist()))
+    kept: list[int] = [0]
+    for begin in range(0, len(y), width):
+        piece = y[begin : begin + width]
+        kept += sorted({begin + int(np.argmin(piece)), begin + int(np.argmax(piece))})
+    places = np.unique([*kept, len(y) - 1])
+    return Curve(tuple(x[places].tolist()), tuple(y[places].tolist()))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

@@ -1,0 +1,1 @@
+"""The native engine: each mechanism in C, and beside it its Python side."""

@@ -1,0 +1,221 @@
+"""Checkpoints: the state of a whole run in a file, from which another process continues it to the last bit."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from harness.atomic import atomic_path
+from harness.errors import ExperimentError
+from harness.files import require_regular
+from harness.parts.fmu import FmuPart
+from harness.parts.part import Part
+from harness.system.assembly import Assembly
+from harness.system.experiment import Experiment
+from harness.system.plan import Plan
+from harness.values import shown
+
+_FORMAT: Final = 2
+_HEADER: Final = "checkpoint.json"
+_HASH: Final = "sha256"
+_LARGEST: Final = 1 << 30
+"""What a checkpoint may unpack to [bytes]."""
+_REMEDY: Final = "give a file that a run has written"
+
+Arrays: TypeAlias = Mapping[str, np.ndarray[Any, Any]]
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A state read from a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    tick : int
+        Number of steps that are done.
+    signals : mapping of str to float
+        Values by "part.port".
+    states : mapping of str to bytes
+        State of each part.
+    memory : mapping of str to (str, tuple of int, bytes)
+        What the master remembers: type, shape and content of each array.
+    """
+
+    path: Path
+    tick: int
+    signals: Mapping[str, float]
+    states: Mapping[str, bytes]
+    memory: Mapping[str, tuple[str, tuple[int, ...], bytes]]
+
+    def restore(self, plan: Plan, memory: Arrays) -> None:
+        """Bring started parts, their values and the memory of the master to this state.
+
+        Raises
+        ------
+        HarnessError
+            If the master remembers other things, before anything is changed, or if a part refuses its state.
+        """
+        saved = {name: self._array(name, array) for name, array in memory.items()}
+        for part in plan.parts:
+            part.deserialise(self.states[part.name])
+        for call in plan.calls:
+            call.get()
+        for name, value in self.signals.items():
+            if name in plan.columns:
+                plan.signals[plan.columns[name]] = value
+        for name, array in memory.items():
+            array[...] = saved[name]
+
+    def _array(self, name: str, like: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        """A saved array, which must be of the type and the shape of the one of this run."""
+        kind, shape, content = self.memory.get(name, ("", (), b""))
+        if (kind, shape, len(content)) != (like.dtype.str, like.shape, like.nbytes):
+            raise ExperimentError(
+                f"{self.path} has another {name} than this run: continue with the same manipulators and options"
+            )
+        return np.frombuffer(content, like.dtype).reshape(like.shape)
+
+
+def write_checkpoint(path: Path, system: Assembly, experiment: Experiment, plan: Plan, memory: Arrays) -> None:
+    """Write the state at the end of a run; the file is replaced only when the new one is complete.
+
+    Raises
+    ------
+    HarnessError
+        If a part cannot put its state into a file.
+    OutputError
+        If the file cannot be written.
+    """
+    header = {
+        "format": _FORMAT,
+        "tick": plan.ticks,
+        "system": identity(system, experiment),
+        "signals": {name: float(plan.signals[index]).hex() for name, index in plan.columns.items()},
+        "memory": {name: [array.dtype.str, list(array.shape)] for name, array in memory.items()},
+    }
+    members = {_HEADER: json.dumps(header, indent=1).encode()}
+    members |= {f"parts/{part.name}": part.serialise() for part in plan.parts}
+    members |= {f"memory/{name}": array.tobytes() for name, array in memory.items()}
+    with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in (*members.items(), (_HASH, _hash(members))):
+            archive.writestr(name, content)
+
+
+def read_checkpoint(path: Path, system: Assembly, experiment: Experiment) -> Checkpoint:
+    """Read the state of a run.
+
+    Raises
+    ------
+    ExperimentError
+        If the file cannot be read or is damaged, or is not of this system and these steps, or lies behind the end of
+        the run.
+    """
+    try:
+        require_regular(path)
+        members = _members(path)
+    except OSError as error:
+        raise ExperimentError(f"cannot read the checkpoint {path}: {error.strerror}; {_REMEDY}") from error
+    except Exception as error:  # zipfile and zlib raise many kinds for a damaged file
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ExperimentError(f"cannot read the checkpoint {path}: {reason}; {_REMEDY}") from error
+    header = _header(path, members)
+    _compare(path, header["system"], identity(system, experiment))
+    tick, signals, memory = header["tick"], header["signals"], header["memory"]
+    if type(tick) is not int or tick < 0:
+        raise _malformed(path, f"the number of steps {shown(tick)}")
+    if tick > experiment.ticks:
+        reached = experiment.start + tick * experiment.step
+        raise ExperimentError(f"{path} is the state at {reached:.12g} s: give a later stop than {experiment.stop:.12g}")
+    try:
+        return Checkpoint(
+            path,
+            tick,
+            {name: float.fromhex(value) for name, value in signals.items()},
+            {name: members[f"parts/{name}"] for name in system.parts},
+            {name: (kind, tuple(shape), members[f"memory/{name}"]) for name, (kind, shape) in memory.items()},
+        )
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
+        raise _malformed(path, f"a state that is not complete ({error})") from error
+
+
+def _members(path: Path) -> dict[str, bytes]:
+    """The members of the file, if they are what was written.
+
+    Raises
+    ------
+    ValueError
+        If they are too large, or do not match their hash; zipfile raises others.
+    """
+    with zipfile.ZipFile(path) as archive:
+        entries = archive.infolist()
+        if sum(entry.file_size for entry in entries) > _LARGEST:
+            raise ValueError(f"it unpacks to more than {_LARGEST} bytes")
+        if _HEADER not in archive.namelist():
+            raise ValueError(f"it has no {_HEADER}")
+        members = {entry.filename: archive.read(entry) for entry in entries}
+    found = members.pop(_HASH, None)
+    if found != _hash(members):
+        raise ValueError("it is damaged, or of an earlier version" if found is None else "it is damaged")
+    return members
+
+
+def _hash(members: Mapping[str, bytes]) -> bytes:
+    """Hash of names and contents."""
+    digest = hashlib.sha256()
+    for name, content in members.items():
+        digest.update(f"{len(name)} {len(content)} {name}".encode() + content)
+    return digest.hexdigest().encode()
+
+
+def _header(path: Path, members: Mapping[str, bytes]) -> dict[str, Any]:
+    """The header, a table with all its entries."""
+    try:
+        header = json.loads(members[_HEADER])
+    except (ValueError, RecursionError) as error:
+        raise _malformed(path, f"a {_HEADER} that is no JSON") from error
+    if not isinstance(header, dict) or header.get("format") != _FORMAT:
+        raise _malformed(path, f"another format than {_FORMAT}")
+    if "tick" not in header or any(not isinstance(header.get(key), dict) for key in ("system", "signals", "memory")):
+        raise _malformed(path, "an incomplete header")
+    return header
+
+
+def _compare(path: Path, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+    """Raise ExperimentError at the first entry in which two systems differ."""
+    for key, value in wanted.items():
+        if found.get(key) != value:
+            raise ExperimentError(
+                f"{path} is the state of a run with other {key}: {shown(found.get(key))} instead of {shown(value)}"
+            )
+
+
+def _malformed(path: Path, what: str) -> ExperimentError:
+    return ExperimentError(f"cannot read the checkpoint {path}: it has {what}; {_REMEDY}")
+
+
+def identity(system: Assembly, experiment: Experiment) -> dict[str, Any]:
+    """What must agree for a state to fit."""
+    wires = [(str(wire), wire.gain, wire.offset, wire.delay) for wire in system.wires]
+    return {
+        "parts": {name: _kind(part) for name, part in system.parts.items()},
+        "wires": [f"{text} * {gain!r} + {offset!r}, delay {delay}" for text, gain, offset, delay in wires],
+        "start": experiment.start,
+        "step": experiment.step,
+        "master": experiment.master,
+        "order": list(experiment.order),
+    }
+
+
+def _kind(part: Part) -> str:
+    # an FMU is the same one in a process of its own
+    kind = FmuPart if isinstance(part, FmuPart) else type(part)
+    return f"{kind.__name__} {part.identity} every {part.every}"

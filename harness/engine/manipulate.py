@@ -1,0 +1,202 @@
+"""Manipulators laid out for a run: at every tick each one changes the gain and the offset of its wire."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from harness.engine.line import fresh_inputs, owners
+from harness.engine.native import Engine, bytes_of
+from harness.errors import ExperimentError
+from harness.parts.part import Values
+from harness.system.manipulator import Bias, Delay, DropOut, Freeze, Manipulator, Noise, Override
+from harness.system.plan import Plan, Schedule, map_of
+
+_POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+_OVERRIDE, _BIAS, _NOISE, _LOSS, _DELAY = range(5)
+_EVER: Final = 2**62
+
+
+class ManipulatorData(ctypes.Structure):
+    """``Manipulator`` of manipulate.h."""
+
+    _fields_ = (
+        *((name, _INT) for name in ("kind", "input", "first", "last")),
+        ("value", _REAL),
+        *((name, _POINTER) for name in ("samples", "past")),
+        *((name, _INT) for name in ("length", "fresh", "every", "phase")),
+        *((name, _REAL) for name in ("gain", "offset", "held")),
+        ("lost", _INT),
+    )
+
+
+@dataclass
+class Manipulation:
+    """One manipulator during a run; its fields are explained in engine/manipulate.h."""
+
+    kind: int
+    input: int
+    first: int
+    last: int
+    value: float
+    samples: Values | None
+    past: Values
+    fresh: bool
+    every: int
+    phase: int
+    gain: float
+    offset: float
+    held: float = 0.0
+    lost: bool = False
+
+    def asks(self, tick: int) -> bool:
+        """Whether the part at the end of the wire fetches its inputs at this tick."""
+        return self.every == 1 or tick % self.every == self.phase
+
+
+class Manipulations:
+    """All manipulators of a run.
+
+    Parameters
+    ----------
+    plan : Plan
+        The started plan; its gains and offsets are changed from tick to tick.
+    schedule : Schedule
+        What the master does.
+    manipulators : sequence of Manipulator
+        Those of the experiment.
+
+    Raises
+    ------
+    ExperimentError
+        If a manipulator names no input at the end of a wire, or would make a fraction of an Integer.
+    """
+
+    def __init__(self, plan: Plan, schedule: Schedule, manipulators: Sequence[Manipulator]) -> None:
+        """Lay them out: first the delays of the wires themselves."""
+        self.plan = plan
+        self.wire_gains, self.wire_offsets = plan.gains.copy(), plan.offsets.copy()
+        fresh = fresh_inputs(plan, schedule)
+        names = list(plan.ports)
+        delays = [Delay(names[i], ticks=int(plan.delays[i])) for i in np.flatnonzero(plan.delays)]
+        self.all = [_lay_out(plan, manipulator, fresh) for manipulator in (*delays, *manipulators)]
+        self.data = (ManipulatorData * len(self.all))()
+
+    def __call__(self, tick: int) -> None:
+        """Set gains and offsets for a tick, as the compiled engine does."""
+        gains, offsets, signals = self.plan.gains, self.plan.offsets, self.plan.signals
+        for m in self.all:
+            gains[m.input], offsets[m.input] = self.wire_gains[m.input], self.wire_offsets[m.input]
+        for m in self.all:
+            active = m.first <= tick < m.last
+            output = float(signals[self.plan.sources[m.input]])
+            gain, offset = float(gains[m.input]), float(offsets[m.input])
+            if m.kind == _LOSS:
+                gain, offset = _lose(m, active, tick, output, gain, offset)
+            if m.kind == _DELAY:
+                m.past[tick % m.past.size] = output
+            if active and m.kind == _BIAS:
+                offset += m.value
+            if active and m.kind == _NOISE and m.samples is not None:
+                offset += m.value * float(m.samples[tick - m.first])
+            if active and m.kind == _DELAY:
+                gain, offset = 0.0, map_of(gain, offset, float(m.past[(tick + 1) % m.past.size]))
+            if active and m.kind == _OVERRIDE:
+                gain, offset = 0.0, m.value
+            gains[m.input], offsets[m.input] = gain, offset
+
+    def memory(self) -> dict[str, np.ndarray[Any, Any]]:
+        """What they remember from step to step, for a checkpoint: views of the data of the engine."""
+        past = {f"past of manipulator {number}": m.past for number, m in enumerate(self.all)}
+        values = bytes_of(self.data).reshape(-1, ctypes.sizeof(ManipulatorData))
+        return {**past, "manipulators": values[:, ManipulatorData.gain.offset :]} if self.all else {}
+
+    def attach(self, engine: Engine) -> None:
+        """Hand the manipulators to the compiled engine."""
+        keep = engine.keep
+        for data, m in zip(self.data, self.all, strict=True):
+            for name in ("kind", "input", "first", "last", "value", "fresh", "every", "phase", "gain", "offset"):
+                setattr(data, name, getattr(m, name))
+            data.samples = keep(m.samples) if m.samples is not None else None
+            data.past, data.length = keep(m.past), m.past.size
+        engine.data.manipulators, engine.data.manipulator_count = ctypes.addressof(self.data), len(self.all)
+        engine.data.wire_gains, engine.data.wire_offsets = keep(self.wire_gains), keep(self.wire_offsets)
+
+
+def _lose(m: Manipulation, active: bool, tick: int, output: float, gain: float, offset: float) -> tuple[float, float]:
+    if not m.lost and (tick == 0 or m.asks(tick - 1)):
+        m.held = map_of(m.gain, m.offset, output if m.fresh else float(m.past[0]))
+    m.past[0] = output
+    if m.asks(tick):
+        m.lost = active and (m.samples is None or float(m.samples[tick - m.first]) < m.value)
+        m.gain, m.offset = gain, offset
+    return (0.0, m.held) if m.lost else (gain, offset)
+
+
+def _lay_out(plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]) -> Manipulation:
+    index = plan.columns.get(manipulator.input, -1)
+    if index not in fresh:
+        raise ExperimentError(f"there is no wire for the {manipulator}: name the input at the end of a wire")
+    if isinstance(manipulator, (Bias, Noise)) and plan.ports[manipulator.input].type != "Real":
+        raise ExperimentError(
+            f"{manipulator.input} is {plan.ports[manipulator.input].type}: a {manipulator.kind} needs a Real"
+        )
+    target = next(part for part in range(len(plan.parts)) if plan.inputs[part, 0] <= index < plan.inputs[part, 1])
+    first, last = _tick(plan, manipulator.start), _tick(plan, manipulator.stop)
+    output = float(plan.signals[plan.sources[index]])
+    ticks = min(last, plan.ticks) - max(first, 0)
+    length, value, samples = 1, 0.0, None
+    match manipulator:
+        case Override() | Bias():
+            kind = _OVERRIDE if isinstance(manipulator, Override) else _BIAS
+            value = manipulator.value
+        case Noise():
+            kind, value = _NOISE, manipulator.sigma
+            samples = _drawn(manipulator, np.random.default_rng(manipulator.seed).standard_normal, ticks)
+        case DropOut():
+            kind, value = _LOSS, manipulator.probability
+            samples = _drawn(manipulator, np.random.default_rng(manipulator.seed).random, ticks)
+        case Freeze():
+            kind = _LOSS
+        case Delay():
+            # the end of a step counts, but for a sample of what moves: that is of the beginning
+            source = plan.parts[owners(plan)[int(plan.sources[index])]]
+            kind, length = _DELAY, manipulator.ticks + (plan.parts[target].sampled and not source.sampled)
+        case _:
+            raise TypeError(manipulator)
+    return Manipulation(
+        kind=kind,
+        input=index,
+        first=max(first, 0),
+        last=last,
+        value=value,
+        samples=samples,
+        past=np.full(length, output),
+        fresh=fresh[index],
+        every=int(plan.every[target]),
+        phase=int(plan.phase[target]),
+        gain=float(plan.gains[index]),
+        offset=float(plan.offsets[index]),
+    )
+
+
+def _drawn(manipulator: Manipulator, draw: Callable[[int], Values], ticks: int) -> Values:
+    """A random number for each tick at which a manipulator is at work."""
+    try:
+        return draw(max(ticks, 0))
+    except (MemoryError, ValueError) as error:
+        raise ExperimentError(
+            f"the {manipulator} needs {ticks} random numbers, more than fit into the memory: give it a shorter span"
+        ) from error
+
+
+def _tick(plan: Plan, time: float) -> int:
+    """The first tick that does not begin before this time, up to a millionth of a tick."""
+    if math.isinf(time):
+        return _EVER if time > 0 else 0
+    return math.ceil(min(max((time - plan.start) / plan.step - 1e-6, 0.0), _EVER))

@@ -1,0 +1,313 @@
+"""The native engine: the plan of a run as C structs, and the compiled loop over them."""
+
+from __future__ import annotations
+
+import ctypes
+import platform
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.errors import HarnessError, PartError, not_whole
+from harness.parts.part import TYPE_ORDER, Native, Values
+from harness.parts.shared_library import missing_bytes
+from harness.platforms import NATIVE, native_library
+from harness.system.plan import GET, SET, STEP, Plan
+from harness.system.wire import split_name
+
+SAVE: Final = 3
+RESTORE: Final = 4
+SWAP: Final = 6
+NOT_WHOLE: Final = 100
+NOT_CONVERGED: Final = 101
+FLOATS_CHANGED: Final = 102
+_TYPES = TYPE_ORDER[:3]
+_CALL = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, ctypes.c_double, ctypes.c_double)
+
+_POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+_FREE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _POINTER)
+
+
+class EnginePart(ctypes.Structure):
+    """``EnginePart`` of engine.h."""
+
+    _fields_ = (
+        ("call", _POINTER),
+        ("component", _POINTER),
+        *((name, _POINTER * 3) for name in ("set", "get")),
+        *((name, _POINTER) for name in ("do_step", "get_state", "set_state", "set_slopes", "state", "other_state")),
+        *((name, _POINTER) for name in ("input_references", "output_references")),
+        *((name, _INT * 4) for name in ("inputs", "outputs")),
+        *((name, _POINTER) for name in ("whole", "orders", "slopes")),
+        *((name, _INT) for name in ("every", "phase")),
+    )
+
+
+class EngineData(ctypes.Structure):
+    """``Engine`` of engine.h."""
+
+    _fields_ = (
+        ("parts", _POINTER),
+        ("part_count", _INT),
+        *((name, _POINTER) for name in ("signals", "sources")),
+        *((name, _POINTER) for name in ("gains", "offsets", "wire_gains", "wire_offsets", "manipulators")),
+        ("manipulator_count", _INT),
+        ("program", _POINTER),
+        ("program_length", _INT),
+        *((name, _REAL) for name in ("start", "step")),
+        *((name, _POINTER) for name in ("rows", "columns")),
+        *((name, _INT) for name in ("width", "decimate", "filled")),
+        ("defects", _POINTER),
+        ("defect_count", _INT),
+        ("pairs", _POINTER),
+        ("pair_count", _INT),
+        *((name, _POINTER) for name in ("lines", "lines_from", "extrapolation", "newton")),
+        *((name, _INT) for name in ("failed_part", "failed_operation", "status", "float_change")),
+        ("failed_time", _REAL),
+    )
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """The compiled engine: the one of the wheel, or one built from the sources and kept in the cache."""
+    folder = Path(__file__).parent
+    shipped = folder / "binaries" / NATIVE.folder / f"engine{NATIVE.suffix}"
+    whole = shipped.is_file() and missing_bytes(shipped) == 0
+    engine = ctypes.CDLL(str(shipped if whole else native_library(sources(), "engine", headers=False)))
+    engine.engine_run.restype = _INT
+    engine.engine_run.argtypes = (_POINTER, _INT, _INT)
+    engine.engine_drive.restype = _INT
+    engine.engine_float_control.restype = ctypes.c_uint32
+    engine.engine_set_float_control.argtypes = (ctypes.c_uint32,)
+    engine.engine_drive.argtypes = (_POINTER, _INT)
+    return engine
+
+
+def sources() -> dict[str, str]:
+    """File name -> text of the engine's C files."""
+    folder = Path(__file__).parent
+    return {path.name: path.read_text(encoding="utf-8") for path in sorted((*folder.glob("*.h"), *folder.glob("*.c")))}
+
+
+def bytes_of(struct: ctypes.Array[Any] | ctypes.Structure) -> NDArray[np.uint8]:
+    """View of a struct or an array of them."""
+    size = ctypes.sizeof(struct)
+    return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_buffer(struct)) if size else np.zeros(0, np.uint8)
+
+
+_FLOATS: Final = (
+    {
+        "the rounding mode": 0x0C006000,
+        "the treatment of tiny numbers as zero": 0x8040,
+        "the precision of the x87 unit": 0x03000000,
+        "the trapping of invalid operations": 0x003F1F80,
+    }
+    if platform.machine().lower() in ("x86_64", "amd64", "i686", "x86")
+    else {"the rounding mode": 0x00C00000, "the treatment of tiny numbers as zero": 0x01080003}
+)
+
+
+def described_floats(changed: int) -> str:
+    """Return in words which bits of floats.h have changed."""
+    words = [name for name, bits in _FLOATS.items() if changed & bits]
+    return " and ".join(words) or "the control of floating-point numbers"
+
+
+class Engine:
+    """A started plan, laid out for the compiled loop.
+
+    Parameters
+    ----------
+    plan : Plan
+        The started plan.
+    program : sequence of (int, int)
+        The operations of an explicit master; empty for an implicit one.
+    rows : float64 array, shape (R, C)
+        Where to record.
+    columns : sequence of int, length C
+        Signals that are recorded.
+    decimate : int
+        Every so many ticks.
+
+    Attributes
+    ----------
+    data : EngineData
+        What the compiled loop works on.
+    """
+
+    def __init__(
+        self, plan: Plan, program: Sequence[tuple[int, int]], rows: Values, columns: Sequence[int], decimate: int
+    ) -> None:
+        """Fill the structs."""
+        self.plan = plan
+        self.error: BaseException | None = None
+        self._kept: list[object] = []
+        self.natives: list[Native | None] = []
+        self.parts = (EnginePart * len(plan.parts))(*(self._part(index) for index in range(len(plan.parts))))
+        data = self.data = EngineData()
+        data.parts = ctypes.addressof(self.parts)
+        data.part_count = len(plan.parts)
+        data.signals, data.sources = self.keep(plan.signals), self.keep(plan.sources)
+        if not plan.plain:
+            data.gains, data.offsets = self.keep(plan.gains), self.keep(plan.offsets)
+        data.program = self.keep(np.array(program, dtype=np.int64).reshape(-1, 2))
+        data.program_length = len(program)
+        data.start, data.step = plan.start, plan.step
+        data.rows, data.columns = self.keep(rows), self.keep(np.array(columns, dtype=np.int64))
+        data.width, data.decimate = len(columns), decimate
+        self._run = library().engine_run
+
+    def run(self, first: int, last: int) -> None:
+        """Run the ticks first, ..., last - 1, without the GIL.
+
+        Raises
+        ------
+        PartError
+            If a part fails; the error knows the time.
+        """
+        done = self._run(ctypes.addressof(self.data), first, last)
+        if done < last:
+            raise self.failure()
+
+    def free_states(self) -> None:
+        """Free the states of FMUs that the loop has saved; the FMUs must still be there."""
+        for part, native in zip(self.parts, self.natives, strict=True):
+            for place in ("state", "other_state"):
+                state = _POINTER(getattr(part, place))
+                if native is not None and state:
+                    _FREE(native.functions["FreeFMUstate"])(native.component, ctypes.byref(state))
+                setattr(part, place, None)
+
+    @contextmanager
+    def interruptible(self) -> Iterator[None]:
+        """Ctrl-C ends the run at the next part in Python, or behind this piece: raised in a callback it would be lost.
+
+        Only the main thread gets it.
+        """
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+
+        def note(_signal: int, _frame: object) -> None:
+            self.error = KeyboardInterrupt()
+
+        before = signal.signal(signal.SIGINT, note)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+        if self.error is not None:
+            raise self.error
+
+    def keep(self, array: np.ndarray[Any, Any]) -> int:
+        """Address of an array that lives as long as the engine."""
+        self._kept.append(array)
+        return array.ctypes.data
+
+    def keep_struct(self, struct: ctypes.Array[Any] | ctypes.Structure) -> int:
+        """Likewise of a struct or an array of them."""
+        self._kept.append(struct)
+        return ctypes.addressof(struct)
+
+    def failure(self) -> BaseException:
+        """The error of the call that failed last."""
+        if self.error is not None:
+            error, self.error = self.error, None
+            if isinstance(error, PartError) and error.time is None:
+                error.time = float(self.data.failed_time)
+            return error
+        data = self.data
+        if data.status == NOT_CONVERGED:
+            return HarnessError("a loop does not converge")
+        if data.status == FLOATS_CHANGED:
+            return self._floats_changed()
+        name, native = self.plan.parts[data.failed_part].name, self.natives[data.failed_part]
+        if data.status == NOT_WHOLE:
+            return not_whole(name, data.failed_time)
+        function = {SET: "fmi2SetReal", STEP: "fmi2DoStep", GET: "fmi2GetReal", SAVE: "fmi2GetFMUstate"}
+        assert native is not None, "a part in Python reports its own errors"
+        label = function.get(data.failed_operation, "fmi2SetFMUstate")
+        failure = native.failure(label, int(data.status), float(data.failed_time))
+        assert isinstance(failure, PartError)
+        return failure
+
+    def _floats_changed(self) -> HarnessError:
+        """The error of a part that changes the results of all others."""
+        data = self.data
+        what = f"it changed {described_floats(data.float_change)} of the whole process, and so the results of all parts"
+        remedy = "run it in a process of its own (isolate = true)"
+        time = float(data.failed_time)
+        if data.failed_part >= 0:
+            return PartError(self.plan.parts[data.failed_part].name, "fmi2DoStep", f"{what}: {remedy}", time)
+        names = [
+            f"'{part.name}'" for part, native in zip(self.plan.parts, self.natives, strict=True) if native is not None
+        ]
+        return HarnessError(f"one of the parts {', '.join(names)} failed behind t = {time:.12g} s: {what}: {remedy}")
+
+    def _part(self, index: int) -> EnginePart:
+        plan, names = self.plan, list(self.plan.ports)
+        ranges = [slice(*plan.inputs[index]), slice(*plan.outputs[index])]
+        inputs, outputs = ([split_name(name)[1] for name in names[ports]] for ports in ranges)
+        native = plan.parts[index].native(inputs, outputs)
+        self.natives.append(native)
+        part = EnginePart()
+        part.every, part.phase = int(plan.every[index]), int(plan.phase[index])
+        for side, block in zip(("inputs", "outputs"), ranges, strict=True):
+            types = [plan.ports[name].type for name in names[block]]
+            places = np.cumsum([block.start, *(types.count(kind) for kind in _TYPES)])
+            setattr(part, side, (_INT * 4)(*(int(place) for place in places)))
+        if native is None:
+            part.call = self._callback(index)
+            return part
+        part.component = native.component
+        at = native.functions
+        part.set = (_POINTER * 3)(*(at[f"Set{kind}"] for kind in _TYPES))
+        part.get = (_POINTER * 3)(*(at[f"Get{kind}"] for kind in _TYPES))
+        part.do_step = at["DoStep"]
+        part.get_state, part.set_state = at["GetFMUstate"], at["SetFMUstate"]
+        part.set_slopes = at["SetRealInputDerivatives"] if native.interpolates else None
+        part.input_references = self.keep(np.array(native.inputs, dtype=np.uint32))
+        part.output_references = self.keep(np.array(native.outputs, dtype=np.uint32))
+        size = max(len(inputs), len(outputs), 1)
+        part.whole = self.keep(np.zeros(size, dtype=np.intc))
+        part.orders = self.keep(np.ones(size, dtype=np.intc))
+        part.slopes = self.keep(np.zeros(size))
+        return part
+
+    def _callback(self, index: int) -> int:
+        """The operations of a part in Python as one C function; its exception is kept and raised after the run."""
+        calls, part = self.plan.calls[index], self.plan.parts[index]
+        state: list[object] = [None, None]
+
+        def save(_t: float, _h: float) -> None:
+            state[0] = part.save(state[0])
+
+        operations: dict[int, Callable[[float, float], None]] = {
+            SET: lambda t, h: calls.set(),
+            STEP: calls.step,
+            GET: lambda t, h: calls.get(),
+            SAVE: save,
+            RESTORE: lambda t, h: part.restore(state[0]),
+            SWAP: lambda t, h: state.reverse(),
+        }
+
+        def call(operation: int, t: float, h: float) -> int:
+            if self.error is not None:
+                return 3
+            try:
+                operations[operation](t, h)
+            except BaseException as error:
+                self.error = error
+                return 3
+            return 0
+
+        function = _CALL(call)
+        self._kept.append(function)
+        return ctypes.cast(function, _POINTER).value or 0

@@ -1,0 +1,227 @@
+"""The loops of an implicit master: which parts are solved together, and for which values."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+from collections.abc import Sequence
+from graphlib import TopologicalSorter
+from typing import Any, Final
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from harness.engine.defect import UNRESOLVED, WRONG
+from harness.engine.line import MovingWire, attach_lines, moves, moving_wires
+from harness.engine.native import Engine, bytes_of
+from harness.errors import ExperimentError
+from harness.system.plan import Plan, Schedule, map_of
+
+_LOG = logging.getLogger("harness")
+_POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+
+
+FINEST: Final = 128.0
+"""Into how many inner steps the master newton divides a step at most, where it is found to be wrong."""
+
+FINEST_ADAPTIVE: Final = 1024.0
+"""The same of the master adaptive."""
+
+HOPELESS: Final = 30.0
+"""Sum of the errors over the size of the value from which on steps are not checked any more, as in step_check.h."""
+
+
+class Moving(ctypes.Structure):
+    """``Moving`` of newton.h."""
+
+    _fields_ = (
+        *((name, _INT) for name in ("inner", "unknown", "from_rest")),
+        *((name, _REAL) for name in ("u0", "q0", "u1", "q1", "scale", "debt", "gain", "offset")),
+    )
+
+
+class Group(ctypes.Structure):
+    """``Group`` of newton.h."""
+
+    _fields_ = tuple((name, _INT) for name in ("first", "count", "is_loop", "unknown", "unknowns"))
+
+
+class StepCheck(ctypes.Structure):
+    """``StepCheck`` of newton.h."""
+
+    _fields_ = (
+        *((name, _INT) for name in ("line", "alarm", "patience", "next", "last", "recurrences", "calm")),
+        *((name, _INT) for name in ("checks", "unresolved", "hopeless")),
+        *((name, _REAL) for name in ("apart", "limit", "time")),
+    )
+
+
+class NewtonData(ctypes.Structure):
+    """``Newton`` of newton.h."""
+
+    _fields_ = (
+        ("groups", _POINTER),
+        ("group_count", _INT),
+        *((name, _POINTER) for name in ("order", "continuous", "moving", "unknowns")),
+        *((name, _POINTER) for name in ("w", "w_last", "trend", "scale", "surprise", "growth", "r", "work", "inverse")),
+        ("most_unknowns", _INT),
+        *((name, _REAL) for name in ("tolerance", "error", "finest")),
+        *((name, _POINTER) for name in ("proposed", "before", "guards", "kept_lines", "kept")),
+        ("worst_residual", _REAL),
+        *((name, _INT) for name in ("jumped", "evaluations", "substeps", "rejected")),
+    )
+
+
+def groups_of(plan: Plan, wires: Sequence[MovingWire]) -> list[list[int]]:
+    """Parts in the order in which they are stepped, those of one loop together."""
+    n = len(plan.parts)
+    links = np.array([(wire.source, wire.target) for wire in wires], dtype=np.int64).reshape(-1, 2)
+    graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(n, n))
+    _, label = connected_components(graph, directed=True, connection="strong")
+    before: dict[int, set[int]] = {}
+    for part in range(n):  # sampled parts in the order of the plan, all of them first
+        before.setdefault(int(label[part]), set())
+    for source, target in links:
+        if label[source] != label[target]:
+            before[int(label[target])].add(int(label[source]))
+    moving = [part for part in range(n) if moves(plan, part)]
+    order = list(TopologicalSorter({int(label[part]): before[int(label[part])] for part in moving}).static_order())
+    still = [part for part in range(n) if not moves(plan, part)]
+    sampled = [[part] for part in still if plan.parts[part].sampled]
+    slow = [[part] for part in still if not plan.parts[part].sampled]
+    return sampled + [[part for part in moving if label[part] == one] for one in order] + slow
+
+
+class Loops:
+    """The data of an implicit master, attached to an engine.
+
+    Parameters
+    ----------
+    engine : Engine
+        The engine that will run it.
+    schedule : Schedule
+        Tolerances.
+
+    Raises
+    ------
+    ExperimentError
+        If a part of a loop cannot be stepped back.
+    """
+
+    def __init__(self, engine: Engine, schedule: Schedule) -> None:
+        """Find the loops and lay them out."""
+        plan = engine.plan
+        wires = moving_wires(plan)
+        groups = groups_of(plan, wires)
+        order = [part for group in groups for part in group]
+        place = {part: index for index, part in enumerate(order)}
+        group_of = {part: number for number, group in enumerate(groups) for part in group}
+        unknowns: list[int] = []
+        numbers: dict[int, int] = {}
+        rows, first = [], 0
+        inner = [wire for wire in wires if group_of[wire.source] == group_of[wire.target]]
+        for number, group in enumerate(groups):
+            mine = [wire for wire in inner if group_of[wire.source] == number]
+            begin = len(unknowns)
+            for wire in mine:
+                if place[wire.source] >= place[wire.target] and wire.output not in numbers:
+                    numbers[wire.output] = len(unknowns)
+                    unknowns.append(wire.output)
+            rows.append(Group(first, len(group), bool(mine), begin, len(unknowns) - begin))
+            first += len(group)
+            if mine:
+                self._check(engine, group)
+        self.groups, self.plan = groups, plan
+        self.unknowns, self.inner, self.wires = unknowns, inner, wires
+        moving = []
+        for wire in wires:
+            back = wire in inner and place[wire.source] >= place[wire.target]
+            gain, offset = float(plan.gains[wire.input]), float(plan.offsets[wire.input])
+            value = map_of(gain, offset, float(plan.signals[wire.output]))
+            unknown = numbers[wire.output] if back else -1
+            sizes = (value, value, value, value, abs(value), 0.0)
+            moving.append(Moving(wire in inner, unknown, value == 0.0, *sizes, gain, offset))
+        attach_lines(engine, wires)
+        most = max([int(row.unknowns) for row in rows], default=0)
+        n = len(unknowns)
+        self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale", "surprise", "growth")}
+        self._memory["w"][:] = self._memory["w_last"][:] = plan.signals[unknowns]
+        self._memory["scale"][:] = np.abs(plan.signals[unknowns])
+        self._memory["inverse"] = np.tile(-np.eye(most), (len(rows), 1))
+        self._memory["proposed"], self._memory["before"] = np.zeros(len(rows)), np.zeros(len(rows))
+        data = self.data = NewtonData()
+        keep = engine.keep
+        places = Moving * max(1, len(moving))
+        self._arrays = ((Group * len(rows))(*rows), places(*moving), (StepCheck * len(rows))(), places())
+        data.groups, data.moving, data.guards, data.kept_lines = (ctypes.addressof(array) for array in self._arrays)
+        data.kept = keep(np.zeros(6 * most + most * most + 2 * len(moving)))
+        data.group_count = len(rows)
+        data.order = keep(np.array(order, dtype=np.int64))
+        data.continuous = keep(np.array([moves(plan, part) for part in range(len(plan.parts))], dtype=np.int64))
+        data.unknowns = keep(np.array(unknowns, dtype=np.int64))
+        for name, array in self._memory.items():
+            setattr(data, name, keep(array))
+        data.r, data.work = keep(np.zeros(n)), keep(np.zeros(6 * most + most * most))
+        data.most_unknowns = most
+        data.tolerance, data.error = schedule.tolerance, schedule.error
+        data.finest = FINEST_ADAPTIVE if schedule.error > 0.0 else FINEST
+        engine.data.newton = ctypes.addressof(data)
+
+    def memory(self) -> dict[str, np.ndarray[Any, Any]]:
+        """What the loops remember from step to step, for a checkpoint: views of the data."""
+        values = bytes_of(self._arrays[1]).reshape(-1, ctypes.sizeof(Moving))
+        guards = bytes_of(self._arrays[2]).reshape(-1, ctypes.sizeof(StepCheck))
+        places = {"moving": values[:, Moving.u0.offset :], "guards": guards[:, StepCheck.alarm.offset :]}
+        return {**self._memory, **places}  # without the places of unknowns and lines
+
+    def report(self) -> dict[str, str | float]:
+        """Warn of the loops that no inner step resolved.
+
+        Returns
+        -------
+        dict
+            Evaluations and inner steps of all loops, how often a step was rolled back and how often one was checked
+            against its halves, and the largest sum of errors that remained, over the size of the value.
+        """
+        data, (_, moving, guards, _) = self.data, self._arrays
+        checks = sum(int(guard.checks) for guard in guards)
+        counts = {"evaluations": data.evaluations, "substeps": data.substeps, "rejected": data.rejected}
+        errors = [line.debt / line.scale if line.debt > 0.0 else 0.0 for line in moving[: len(self.wires)]]
+        for guard in guards:
+            if guard.hopeless:  # checks ended there: the size may since have grown with the error
+                errors[int(guard.line)] = max(errors[int(guard.line)], HOPELESS)
+        worst = max(errors, default=0.0)
+        if worst > UNRESOLVED:
+            wire = self.wires[errors.index(worst)]
+            names = list(self.plan.ports)
+            group = next(number for number, parts in enumerate(self.groups) if wire.target in parts)
+            _LOG.warning(
+                "%s -> %s changes too fast for the step from t = %.6g s on: errors of %.2g of its size in all remain: "
+                "%s; use a shorter step",
+                names[wire.output],
+                names[wire.input],
+                guards[group].time,
+                worst,
+                WRONG,
+            )
+        return {**counts, "checks": checks, "unresolved_error": worst}
+
+    def failure(self, number: int, time: float) -> ExperimentError:
+        """The error of a loop that does not converge."""
+        names = list(self.plan.ports)
+        group = set(self.groups[number])
+        wires = [wire for wire in self.inner if wire.target in group]
+        shown = ", ".join(f"{names[wire.output]} -> {names[wire.input]}" for wire in wires)
+        return ExperimentError(
+            f"the loop {shown} does not converge at t = {time:.12g} s, even over a millionth of the step: its residual "
+            f"is {self.data.worst_residual:.2g} of the size of the values: look for a part whose outputs do not settle"
+        )
+
+    def _check(self, engine: Engine, group: Sequence[int]) -> None:
+        for part in group:
+            if not engine.plan.parts[part].saves:
+                raise ExperimentError(
+                    f"'{engine.plan.parts[part].name}' stands in a loop and cannot save its state: "
+                    "use the master gauss-seidel or jacobi"
+                )

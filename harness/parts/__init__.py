@@ -1,0 +1,1 @@
+"""Parts of a system: FMUs, series, Python functions."""

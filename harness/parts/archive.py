@@ -1,0 +1,200 @@
+"""FMU files: everything that is checked before an FMU is unpacked and loaded."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import fmpy
+from lxml import etree
+
+from harness.errors import FmuError
+from harness.parts.part import Port, PortType, StartValue
+from harness.units import BaseUnit, stated_unit
+from harness.zip_file import NotZipError, ZipError, find_absence, open_zip, read_zip
+
+
+@dataclass(frozen=True)
+class Archive:
+    """A checked FMU file.
+
+    Parameters
+    ----------
+    path : Path
+        The FMU.
+    description : fmpy.model_description.ModelDescription
+        Its modelDescription.xml.
+    ports : mapping of str to Port
+        All variables by name.
+    variables : mapping of str to fmpy.model_description.ModelVariable
+        The same with value references, causality, variability and initial.
+    """
+
+    path: Path
+    description: Any
+    ports: Mapping[str, Port]
+    variables: Mapping[str, Any]
+
+
+def open_archive(path: Path) -> Archive:
+    """Check an FMU file and read its description, without unpacking it.
+
+    Parameters
+    ----------
+    path : Path
+        The FMU.
+
+    Returns
+    -------
+    Archive
+        The description and the variables.
+
+    Raises
+    ------
+    FmuError
+        If the file is missing, not a zip, not an FMU, not FMI 2.0 co-simulation, has no binary for this
+        platform, or has members that cannot be unpacked without harm (see `harness.zip_file`); or if its XML has a
+        DOCTYPE.
+    """
+    members, data = _read_members(path)
+    _refuse_entities(path, data)
+    description = _read_description(path)
+    _check_binary(path, description.coSimulation.modelIdentifier, members)
+    return Archive(
+        path=path,
+        description=description,
+        ports=_ports(path, description),
+        variables={variable.name: variable for variable in description.modelVariables},
+    )
+
+
+def _read_members(path: Path) -> tuple[list[str], bytes]:
+    """Names of the members, and modelDescription.xml."""
+    absence = find_absence(path)
+    if absence is not None:
+        raise FmuError(f"cannot open FMU {path}: {absence}; give the path of an .fmu file")
+    try:
+        with open_zip(path) as archive:
+            if "modelDescription.xml" not in archive.namelist():
+                raise FmuError(f"{path} is not an FMU: it has no modelDescription.xml; export it again as FMI 2.0")
+            return archive.namelist(), _read_xml(archive, path)
+    except NotZipError as fault:
+        raise FmuError(f"{path} is not an FMU: {fault}") from fault
+    except ZipError as fault:
+        raise FmuError(f"cannot open FMU {path}: {fault}") from fault
+    except OSError as error:
+        raise FmuError(f"cannot open FMU {path}: {error.strerror}; give the path of an .fmu file") from error
+
+
+def _read_xml(archive: zipfile.ZipFile, path: Path) -> bytes:
+    try:
+        return read_zip(archive, "modelDescription.xml")
+    except ZipError as error:
+        raise FmuError(f"cannot read modelDescription.xml of {path}: {error}") from error
+
+
+def _refuse_entities(path: Path, data: bytes) -> None:
+    """Entities come in by a DOCTYPE, which no FMU needs; what is not well-formed is for fmpy to say."""
+    try:
+        root = etree.fromstring(data, etree.XMLParser(resolve_entities=False, no_network=True))
+    except (etree.XMLSyntaxError, ValueError):
+        return
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise FmuError(f"modelDescription.xml of {path} has a DOCTYPE, by which entities come in; do not use this file")
+
+
+def parse_value(kind: PortType, text: str) -> StartValue:
+    """A value as it is written in XML."""
+    if kind == "Real":
+        return float(text)
+    if kind == "Integer":
+        return int(text)
+    return text.strip() in {"true", "1"} if kind == "Boolean" else text
+
+
+def _read_description(path: Path) -> Any:
+    try:
+        # Unvalidated: what other importers run must run here; what is needed is checked where it is used.
+        with path.open("rb") as file:  # not the path: fmpy leaves the file open when the XML is broken
+            description = fmpy.read_model_description(file, validate=False)
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise FmuError(f"cannot read modelDescription.xml of {path}: {reason}; give an FMI 2.0 FMU") from error
+    if description.fmiVersion != "2.0":
+        raise FmuError(f"{path} is an FMI {description.fmiVersion} FMU: export it as FMI 2.0 for co-simulation")
+    if description.coSimulation is None:
+        raise FmuError(f"{path} is for model exchange only: export it as FMI 2.0 for co-simulation")
+    return description
+
+
+def _check_binary(path: Path, identifier: str, members: list[str]) -> None:
+    needed = f"binaries/{fmpy.platform}/{identifier}{fmpy.sharedLibraryExtension}"
+    if needed in members:
+        return
+    folders = sorted({PurePosixPath(member).parts[1] for member in members if _is_library(member)})
+    remedy = f"use an FMU built for {fmpy.platform}"
+    if any(member.startswith("sources/") and member.endswith(".c") for member in members):
+        remedy += ", or build it from the sources that it carries"
+    raise FmuError(f"{path} has no binary {needed}, only {', '.join(folders) or 'none at all'}: {remedy}")
+
+
+def _is_library(member: str) -> bool:
+    return member.startswith("binaries/") and PurePosixPath(member).suffix in {".so", ".dll", ".dylib"}
+
+
+def _ports(path: Path, description: Any) -> dict[str, Port]:
+    units = {unit.name: unit.baseUnit for unit in description.unitDefinitions}
+    ports = {}
+    for variable in description.modelVariables:
+        try:
+            ports[variable.name] = _port(variable, units)
+        except (TypeError, ValueError) as error:  # a number that is none, or is missing
+            raise FmuError(f"variable '{variable.name}' of {path} is malformed: {error}; export it again") from error
+    return ports
+
+
+def _port(variable: Any, units: Mapping[str, Any]) -> Port:
+    kind: PortType = "Integer" if variable.type == "Enumeration" else variable.type
+    declared = variable.declaredType
+    unit = variable.unit or (declared.unit if declared is not None else None)
+    base = units.get(unit) if unit else None
+    return Port(
+        name=variable.name,
+        unit=unit,
+        type=kind,
+        start=None if variable.start is None else parse_value(kind, variable.start),
+        description=variable.description or "",
+        base=None if base is None else _base_unit(base),
+        items=tuple((item.name, int(item.value)) for item in (declared.items if declared is not None else ())),
+        limits=(_number(_stated(variable, "min"), -math.inf), _number(_stated(variable, "max"), math.inf)),
+        nominal=_size(_number(_stated(variable, "nominal"), 1.0)),
+        held=variable.variability == "discrete",
+    )
+
+
+def _stated(variable: Any, attribute: str) -> str | None:
+    """An attribute of a variable, or else of its type."""
+    text: str | None = getattr(variable, attribute) or getattr(variable.declaredType, attribute, None)
+    return text
+
+
+def _number(text: str | None, otherwise: float) -> float:
+    """A limit or a size; one that is no number does not keep an FMU from being used."""
+    try:
+        number = float(text or otherwise)
+    except ValueError:
+        return otherwise
+    return otherwise if math.isnan(number) else number
+
+
+def _size(nominal: float) -> float:
+    return abs(nominal) if nominal and math.isfinite(nominal) else 1.0
+
+
+def _base_unit(base: Any) -> BaseUnit:
+    exponents = tuple(int(getattr(base, name)) for name in ("kg", "m", "s", "A", "K", "mol", "cd", "rad"))
+    return stated_unit(exponents, float(base.factor), float(base.offset))

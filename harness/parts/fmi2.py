@@ -1,0 +1,251 @@
+"""One FMI 2.0 co-simulation instance: loaded library, log, and status of every call."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import os
+import threading
+import weakref
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import fmpy
+import fmpy.fmi2
+
+from harness.atomic import FULL
+from harness.errors import FmuError, PartError
+from harness.parts.archive import Archive
+from harness.parts.shared_library import missing_bytes
+from harness.scratch import ScratchFolder
+from harness.zip_file import ZipError, open_zip, unpack_zip
+
+FATAL: Final = 4
+
+_STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
+_LEVEL = (logging.DEBUG, logging.WARNING, logging.WARNING, logging.ERROR, logging.CRITICAL, logging.DEBUG)
+_CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
+
+_NATIVE = (
+    *("SetReal", "SetInteger", "SetBoolean", "GetReal", "GetInteger", "GetBoolean", "DoStep"),
+    *("GetFMUstate", "SetFMUstate", "FreeFMUstate", "SetRealInputDerivatives"),
+)
+
+LOADING = threading.Lock()
+"""The working folder, which fmpy changes while it loads a library, belongs to all threads."""
+
+_POINTER = ctypes.c_void_p
+_REAL = ctypes.c_double
+_INT = ctypes.c_int
+_EXCHANGE = ctypes.CFUNCTYPE(_INT, _POINTER, _POINTER, ctypes.c_size_t, _POINTER)
+_DO_STEP = ctypes.CFUNCTYPE(_INT, _POINTER, _REAL, _REAL, _INT)
+
+
+class Library:
+    """The unpacked FMU with its loaded shared library.
+
+    Each part has its own copy, so that FMUs which keep data in static variables can be used several times.
+
+    Parameters
+    ----------
+    archive : Archive
+        The checked FMU file.
+    name : str
+        Instance name.
+
+    Raises
+    ------
+    FmuError
+        If the archive cannot be unpacked or the library cannot be loaded.
+    """
+
+    def __init__(self, archive: Archive, name: str) -> None:
+        """Unpack and load."""
+        folder = ScratchFolder("harness-")
+        self.folder = Path(folder.name)
+        with LOADING:
+            try:
+                here: Path | None = Path.cwd()
+            except FileNotFoundError:  # it has been removed
+                here = None
+            try:
+                with open_zip(archive.path) as members:
+                    unpack_zip(members, Path(folder.name))
+                _refuse_truncated(Path(folder.name) / "binaries" / fmpy.platform)
+                self.slave = fmpy.fmi2.FMU2Slave(
+                    instanceName=name,
+                    guid=archive.description.guid,
+                    modelIdentifier=archive.description.coSimulation.modelIdentifier,
+                    unzipDirectory=folder.name,
+                )
+            except BaseException as error:
+                folder.cleanup()
+                if not isinstance(error, Exception):
+                    raise
+                if isinstance(error, ZipError):
+                    raise FmuError(f"cannot unpack {archive.path}: {error}") from error
+                if isinstance(error, OSError) and error.errno in FULL:
+                    reason = f"cannot unpack {archive.path} to {folder.name}: {error.strerror}"
+                    raise FmuError(f"{reason}; make room there, or set TMPDIR to another folder") from error
+                reason = " ".join(str(error).split())
+                raise FmuError(f"cannot load {archive.path}: {reason}; export it again for this platform") from error
+            finally:
+                if here is not None:
+                    os.chdir(here)  # fmpy changes to the folder of the library and stays there when loading fails
+        self.set_ = {
+            kind: _pointer(self.slave.dll, f"fmi2Set{kind}", _EXCHANGE) for kind in ("Real", "Integer", "Boolean")
+        }
+        self.get = {
+            kind: _pointer(self.slave.dll, f"fmi2Get{kind}", _EXCHANGE) for kind in ("Real", "Integer", "Boolean")
+        }
+        self.do_step = _pointer(self.slave.dll, "fmi2DoStep", _DO_STEP)
+        self.addresses = {name: _address(self.slave.dll, f"fmi2{name}") for name in _NATIVE}
+        self.close = weakref.finalize(self, _unload, self.slave.dll._handle, folder)
+
+
+def _refuse_truncated(folder: Path) -> None:
+    """Raise ValueError for a library that ends too early: to load it, or one that needs it, would end the process."""
+    for path in sorted(path for path in folder.iterdir() if path.is_file()):
+        missing = missing_bytes(path)
+        if missing:
+            raise ValueError(f"its library {path.name} is truncated, {missing} bytes are missing at the end")
+
+
+def _address(library: Any, function: str) -> int:
+    return ctypes.cast(getattr(library, function), _POINTER).value or 0
+
+
+def _pointer(library: Any, function: str, prototype: Any) -> Callable[..., int]:
+    """A function of the library that takes addresses as integers: twice as fast as converting arrays."""
+    call: Callable[..., int] = prototype(_address(library, function))
+    return call
+
+
+def _unload(handle: int, folder: ScratchFolder) -> None:
+    fmpy.freeLibrary(handle)
+    folder.cleanup()
+
+
+class Instance:
+    """One instance of an FMU, from instantiation to release.
+
+    Parameters
+    ----------
+    library : Library
+        The loaded FMU.
+    archive : Archive
+        Its description.
+    name : str
+        Name of the part: instance name, and name of the logger below ``harness``.
+
+    Raises
+    ------
+    PartError
+        If the FMU cannot be instantiated.
+    """
+
+    def __init__(self, library: Library, archive: Archive, name: str) -> None:
+        """Instantiate with logging on."""
+        self.slave = library.slave
+        self.name = name
+        self.last_message = ""
+        self.running = False
+        self._released = False
+        self._failed = False
+        self._fatal = False
+        self._log = logging.getLogger(f"harness.{name}")
+        callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+        callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(self._logged)
+        callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+        callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+        _format_messages(callbacks)
+        try:
+            self.slave.instantiate(callbacks=callbacks, loggingOn=True)
+        except Exception as error:
+            reason = "it returned no instance and logged " + self._quoted_message()
+            raise PartError(name, "fmi2Instantiate", reason) from error
+        self.component: int = self.slave.component
+        declared = {category.name for category in archive.description.logCategories}
+        self._categories = [category.encode() for category in _CATEGORIES if category in declared]
+        self._choose_categories()
+
+    def call(self, function: str, *arguments: object) -> None:
+        """Call fmi2<function> with the instance as first argument.
+
+        Raises
+        ------
+        PartError
+            If it returns Discard, Error or Fatal.
+        """
+        status: int = getattr(self.slave.dll, f"fmi2{function}")(self.component, *arguments)
+        if status > 1:
+            raise self.failure(f"fmi2{function}", status)
+
+    def failure(self, function: str, status: int, time: float | None = None) -> PartError:
+        """The error for a call that returned more than Warning, with the last log message as reason."""
+        self._failed = True
+        self._fatal = self._fatal or status == FATAL
+        self.running = False
+        label = _STATUS[status] if 0 <= status < len(_STATUS) else f"the illegal status {status}"
+        return PartError(self.name, function, f"it returned {label} and logged {self._quoted_message()}", time)
+
+    def reset(self) -> bool:
+        """Back to what it was when instantiated, with fmi2Reset.
+
+        Returns
+        -------
+        bool
+            False if the FMU cannot, or has failed in the run before: it is then to be released.
+        """
+        if self._failed:
+            return False
+        self.last_message = ""
+        try:
+            if self.running:
+                self.running = False
+                self.call("Terminate")
+            self.call("Reset")
+            self._choose_categories()
+        except PartError:
+            return False
+        return True
+
+    def release(self) -> None:
+        """Free the instance; harmless if done twice."""
+        if self._released:
+            return
+        self._released = True
+        if self._fatal:
+            return  # after Fatal no function may be called any more
+        if self.running:
+            self.slave.dll.fmi2Terminate(self.component)
+        self.slave.dll.fmi2FreeInstance(self.component)
+
+    def _choose_categories(self) -> None:
+        names = self._categories
+        if names:
+            self.call("SetDebugLogging", 1, len(names), (ctypes.c_char_p * len(names))(*names))
+
+    def _quoted_message(self) -> str:
+        return f"'{self.last_message}'" if self.last_message else "nothing"
+
+    def _logged(
+        self, _: object, instance: bytes | None, status: int, category: bytes | None, message: bytes | None
+    ) -> None:
+        text = (message or b"").decode("utf-8", "replace")
+        self.last_message = text
+        known = status if 0 <= status < len(_LEVEL) else 3
+        self._log.log(_LEVEL[known], "%s [%s]", text, (category or b"").decode("utf-8", "replace"))
+
+
+def _format_messages(callbacks: Any) -> None:
+    """Put fmpy's native formatter before the logger: Python cannot take the printf arguments of a message.
+
+    It is not built for every platform; where it is missing, messages keep their format characters.
+    """
+    try:
+        from fmpy.logging import addLoggerProxy
+    except Exception:
+        return
+    addLoggerProxy(ctypes.byref(callbacks))

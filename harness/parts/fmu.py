@@ -1,0 +1,385 @@
+"""Parts that are FMI 2.0 co-simulation FMUs."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from harness.errors import HarnessError, PartError, StartValueError, not_whole
+from harness.parts.archive import Archive, open_archive
+from harness.parts.fmi2 import Instance, Library
+from harness.parts.part import Calls, Native, Part, Port, StartValue, Values
+from harness.values import is_number, shown
+
+LONGEST_TIMEOUT: Final = 1e6
+"""Seconds; more does not fit into the clocks of all systems."""
+
+
+class FmuPart(Part):
+    """A part that is an FMU.
+
+    The file is checked at once; it is unpacked, into a temporary folder, when it is first run.
+
+    Parameters
+    ----------
+    name : str
+        Name within the system.
+    path : path-like
+        The .fmu file.
+    every : int
+        Stepped only every so many ticks.
+    model : str or None
+        The model name under which the file was found, if it was; written to a system file instead of the
+        path.
+    isolate : bool
+        Whether the FMU runs in a process of its own, so that one that crashes, exits or hangs ends its run with a
+        `PartError` and not the program. It protects against accidents, not against malice.
+    timeout : float
+        How long such a process may take for one call [s].
+
+    Attributes
+    ----------
+    keep : object
+        Kept as long as the part: the temporary folder with the file in it, if it is in one.
+    reuse : bool
+        Whether the next run gets the same instance, after fmi2Reset, instead of a new one; false at first.
+
+    Raises
+    ------
+    FmuError
+        If the file cannot be used, see `open_archive`.
+    HarnessError
+        If the timeout is not a positive number.
+    """
+
+    def __new__(
+        cls,
+        name: str,
+        path: str | Path,
+        *,
+        every: int = 1,
+        model: str | None = None,
+        isolate: bool = False,
+        timeout: float = 10.0,
+    ) -> FmuPart:
+        """Make the kind of part that is asked for, as `pathlib.Path` does."""
+        from harness.parts.isolated.part import IsolatedPart  # which is made of this class
+
+        return super().__new__(IsolatedPart if isolate else cls)
+
+    def __init__(
+        self,
+        name: str,
+        path: str | Path,
+        *,
+        every: int = 1,
+        model: str | None = None,
+        isolate: bool = False,
+        timeout: float = 10.0,
+    ) -> None:
+        """Check the file and read its description."""
+        if not (is_number(timeout) and 0.0 < timeout <= LONGEST_TIMEOUT):
+            raise HarnessError(
+                f"the timeout of '{name}' is {shown(timeout)}: "
+                f"give a positive number of seconds, up to {LONGEST_TIMEOUT:.0f}"
+            )
+        self.name = name
+        self.keep: object = None
+        self.isolate = isolate
+        self.timeout = float(timeout)
+        self.path = Path(path)
+        self.model = model
+        self.every = every
+        self.reuse = False
+        self._archive = open_archive(self.path)
+        self._library: Library | None = None
+        self._instance: Instance | None = None
+        self._idle: Instance | None = None
+        self._states: list[_State] = []
+        ports, variables = self._archive.ports, self._archive.variables
+        numeric = [name for name in ports if ports[name].type != "String"]
+        self.inputs = tuple(ports[name] for name in numeric if variables[name].causality == "input")
+        self.outputs = tuple(ports[name] for name in numeric if variables[name].causality == "output")
+        self.parameters = tuple(
+            port for name, port in ports.items() if _is_parameter(variables[name]) or _is_text_input(variables[name])
+        )
+        self.observables = tuple(
+            ports[name] for name in numeric if variables[name].causality not in {"input", "output"}
+        )
+        self.dependencies, self.undeclared = _dependencies(self._archive)
+        self.strict = str(self._archive.description.generationTool or "").startswith("friction-fmus")
+        self.saves = bool(self._archive.description.coSimulation.canGetAndSetFMUstate)
+        self.identity = str(self._archive.description.guid)
+        self.sampled = bool(self.outputs) and all(port.held for port in self.outputs)
+
+    def enter_initialisation(
+        self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
+    ) -> None:
+        """Instantiate or reset the FMU, set its start values and enter initialisation mode."""
+        self.terminate()
+        if self._library is None:
+            self._library = Library(self._archive, self.name)
+        instance = self._instance = self._idle or Instance(self._library, self._archive, self.name)
+        self._idle = None
+        for name, value in values.items():
+            self._set_start(instance, self._archive.ports[name], value)
+        known = math.isfinite(stop)
+        instance.call("SetupExperiment", tolerance is not None, tolerance or 0.0, start, known, stop if known else 0.0)
+        instance.call("EnterInitializationMode")
+
+    def bind(self, inputs: Sequence[str], outputs: Sequence[str], u: Values, y: Values) -> Calls:
+        """Prepare the FMI calls; Reals go straight between the FMU and the signal vector."""
+        library, instance = self._library, self._instance
+        assert library is not None and instance is not None, "bind comes after enter_initialisation"
+        setters = [self._exchange(library.set_, "Set", *block) for block in self._blocks(inputs, u)]
+        getters = [self._exchange(library.get, "Get", *block) for block in self._blocks(outputs, y)]
+        do_step, component = library.do_step, instance.component
+
+        def step(t: float, h: float) -> None:
+            # the last argument, noSetFMUStatePriorToCurrentPoint, is true in all importers that people use
+            status = do_step(component, t, h, 1)
+            if status > 1:
+                raise instance.failure("fmi2DoStep", status, t)
+
+        return Calls(_sequence(setters), step, _sequence(getters))
+
+    def native(self, inputs: Sequence[str], outputs: Sequence[str]) -> Native | None:
+        """The addresses of the instance and of the functions of its library."""
+        assert self._library is not None, "native comes after enter_initialisation"
+        instance, ports, variables = self._started(), self._archive.ports, self._archive.variables
+        flags = self._archive.description.coSimulation
+        return Native(
+            instance.component,
+            self._library.addresses,
+            [variables[name].valueReference for name in inputs],
+            [variables[name].valueReference for name in outputs],
+            [ports[name].type for name in inputs],
+            [ports[name].type for name in outputs],
+            bool(flags.canInterpolateInputs),
+            self.saves,
+            instance.failure,
+        )
+
+    def exit_initialisation(self) -> None:
+        """Leave initialisation mode."""
+        self._started().call("ExitInitializationMode")
+        self._started().running = True
+
+    def save(self, state: object | None = None) -> object:
+        """Copy the state of the FMU with fmi2GetFMUstate."""
+        if not self.saves:
+            raise PartError(self.name, "fmi2GetFMUstate", "this FMU declares that it cannot save its state")
+        if not isinstance(state, _State):
+            state = _State()
+            self._states.append(state)
+        self._started().call("GetFMUstate", ctypes.byref(state.pointer))
+        return state
+
+    def restore(self, state: object) -> None:
+        """Return to a saved state with fmi2SetFMUstate."""
+        assert isinstance(state, _State)
+        if state not in self._states:
+            raise PartError(self.name, "fmi2SetFMUstate", "this state is not of the present run; save it again")
+        self._started().call("SetFMUstate", state.pointer)
+
+    def serialise(self) -> bytes:
+        """The state as fmi2SerializeFMUstate gives it."""
+        if not self._archive.description.coSimulation.canSerializeFMUstate:
+            raise PartError(self.name, "fmi2SerializeFMUstate", "this FMU declares that it cannot do that")
+        instance, state = self._started(), self.save()
+        assert isinstance(state, _State)
+        size = ctypes.c_size_t()
+        instance.call("SerializedFMUstateSize", state.pointer, ctypes.byref(size))
+        data = ctypes.create_string_buffer(size.value)
+        instance.call("SerializeFMUstate", state.pointer, data, size)
+        self._free(state)
+        return data.raw
+
+    def deserialise(self, data: bytes) -> None:
+        """Return to a state that `serialise` gave."""
+        state = _State()
+        self._states.append(state)
+        self._started().call("DeSerializeFMUstate", data, ctypes.c_size_t(len(data)), ctypes.byref(state.pointer))
+        self.restore(state)
+        self._free(state)
+
+    def _free(self, state: _State) -> None:
+        self._started().call("FreeFMUstate", ctypes.byref(state.pointer))
+        self._states.remove(state)
+
+    def terminate(self) -> None:
+        """Free the saved states, and the instance unless the next run is to get it."""
+        if self._instance is not None:
+            for state in self._states:
+                self._instance.slave.dll.fmi2FreeFMUstate(self._instance.component, ctypes.byref(state.pointer))
+            if self.reuse and self._instance.reset():
+                self._idle = self._instance
+            else:
+                self._instance.release()
+        elif self._idle is not None and not self.reuse:
+            self._idle.release()
+            self._idle = None
+        self._states.clear()
+        self._instance = None
+
+    def close(self) -> None:
+        """Free the instance, unload the library and remove the temporary folder."""
+        self.reuse, reuse = False, self.reuse
+        self.terminate()
+        self.reuse = reuse
+        if self._library is not None:
+            self._library.close()
+            self._library = None
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """A part in another process is made anew from the same file."""
+        make = partial(FmuPart, every=self.every, model=self.model, isolate=self.isolate, timeout=self.timeout)
+        return make, (self.name, self.path.absolute())
+
+    @property
+    def folder(self) -> Path | None:
+        """Where it is unpacked to, once it has been run."""
+        return None if self._library is None else self._library.folder
+
+    def _started(self) -> Instance:
+        if self._instance is None:
+            raise HarnessError(f"part '{self.name}' is not running: initialise it first")
+        return self._instance
+
+    def _set_start(self, instance: Instance, port: Port, value: StartValue) -> None:
+        """Set one start value; one call each, so that the message can say which one was refused."""
+        reference = (ctypes.c_uint * 1)(self._archive.variables[port.name].valueReference)
+        try:
+            buffer: Any
+            if port.type == "String":
+                buffer = (ctypes.c_char_p * 1)(_text(value))
+            elif port.type == "Real":
+                buffer = (ctypes.c_double * 1)(float(value))
+            else:
+                buffer = (ctypes.c_int * 1)(_whole(value))
+        except (TypeError, ValueError, OverflowError) as error:
+            raise StartValueError(
+                f"start value {shown(value)} of {self.name}.{port.name} is no {port.type}: give a {port.type}"
+            ) from error
+        try:
+            instance.last_message = ""
+            instance.call(f"Set{port.type}", reference, 1, buffer)
+        except PartError as error:
+            raise StartValueError(
+                f"{self.name} refused the start value {shown(value)} of {port.name}: {error.reason}; "
+                "give a value in the range that its description states"
+            ) from error
+
+    def _blocks(self, names: Sequence[str], values: Values) -> list[tuple[str, list[int], Values]]:
+        """Names and values split by type: (type, value references, view of the values)."""
+        blocks: list[tuple[str, list[int], Values]] = []
+        for index, name in enumerate(names):
+            kind = self._archive.ports[name].type
+            first = index - len(blocks[-1][1]) if blocks and blocks[-1][0] == kind else index
+            references = [self._archive.variables[other].valueReference for other in names[first : index + 1]]
+            blocks = [
+                *(blocks[:-1] if first < index else blocks),
+                (kind, references, values[first : index + 1]),
+            ]
+        return blocks
+
+    def _exchange(
+        self,
+        functions: Mapping[str, Callable[..., int]],
+        verb: str,
+        kind: str,
+        references: list[int],
+        values: Values,
+    ) -> Callable[[], None]:
+        """One prepared fmi2SetXXX or fmi2GetXXX call."""
+        instance = self._started()
+        function, component, count = functions[kind], instance.component, len(references)
+        vrs = (ctypes.c_uint * count)(*references)
+        numbers: Any = (ctypes.c_double if kind == "Real" else ctypes.c_int) * count
+        buffer = numbers.from_buffer(values) if kind == "Real" else numbers()
+        vrs_address, buffer_address = ctypes.addressof(vrs), ctypes.addressof(buffer)
+
+        def exchange() -> None:
+            status = function(component, vrs_address, count, buffer_address)
+            if status > 1:
+                raise instance.failure(f"fmi2{verb}{kind}", status)
+
+        def set_whole() -> None:
+            try:
+                for index in range(count):
+                    buffer[index] = _whole(values[index]) if kind == "Integer" else int(values[index] != 0)
+            except (ValueError, OverflowError) as error:
+                raise not_whole(self.name) from error
+            exchange()
+
+        def get_whole() -> None:
+            exchange()
+            for index in range(count):
+                values[index] = buffer[index]
+
+        # the addresses are plain integers: the arrays must live as long as the function that uses them
+        exchange.arrays = (vrs, buffer, values)  # type: ignore[attr-defined]
+        if kind == "Real":
+            return exchange
+        return set_whole if verb == "Set" else get_whole
+
+
+class _State:
+    """Handle of a saved FMU state."""
+
+    def __init__(self) -> None:
+        self.pointer = ctypes.c_void_p()
+
+
+def _whole(value: StartValue) -> int:
+    """An Integer or Boolean value as an int, refused if it is something else or has more than 32 bit."""
+    if isinstance(value, str) or value != int(value) or not -(1 << 31) <= value < 1 << 31:
+        raise ValueError(value)
+    return int(value)
+
+
+def _text(value: StartValue) -> bytes:
+    """A text as C takes it, refused if it is something else."""
+    if not isinstance(value, str) or "\0" in value:
+        raise ValueError(value)
+    return value.encode()
+
+
+def _sequence(calls: list[Callable[[], None]]) -> Callable[[], None]:
+    """Several calls as one."""
+    if len(calls) == 1:
+        return calls[0]
+
+    def call_all() -> None:
+        for call in calls:
+            call()
+
+    return call_all
+
+
+def _is_parameter(variable: Any) -> bool:
+    """Whether a start value may be set before initialisation (FMI 2.0, 2.2.7), inputs apart."""
+    return variable.causality not in {"input", "independent"} and (
+        variable.variability != "constant" and variable.initial in {"exact", "approx"}
+    )
+
+
+def _is_text_input(variable: Any) -> bool:
+    """Whether this is an input that no wire can carry: it is set once, as a parameter is."""
+    return bool(variable.causality == "input" and variable.type == "String")
+
+
+def _dependencies(archive: Archive) -> tuple[dict[str, frozenset[str]], frozenset[str]]:
+    """Direct feed-through from ModelStructure/Outputs, and the outputs of which that says nothing: of every input."""
+    inputs = frozenset(name for name, variable in archive.variables.items() if variable.causality == "input")
+    stated = {
+        unknown.variable.name: inputs & {variable.name for variable in unknown.dependencies}
+        for unknown in archive.description.outputs
+        if unknown.dependencies is not None
+    }
+    outputs = [name for name, variable in archive.variables.items() if variable.causality == "output"]
+    return {name: stated.get(name, inputs) for name in outputs}, frozenset(outputs) - stated.keys()

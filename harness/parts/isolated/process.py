@@ -1,0 +1,163 @@
+"""The process of an isolated FMU, as the harness sees it."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import socket
+import subprocess
+import sys
+import weakref
+from pathlib import Path
+from time import monotonic
+from typing import Final
+
+from harness.errors import HarnessError
+from harness.parts.isolated.channel import FAILED, LOG, Line, as_error
+from harness.scratch import ScratchFolder
+
+# A Python that starts on a busy machine takes its time, and the FMU has no part in it.
+_START_TIME: Final = 60.0
+
+
+class ProcessError(Exception):
+    """The process is no more; the text says how it ended, as the end of a sentence."""
+
+
+class Process:
+    """A Python process that does for one FMU what it is asked for, see `harness.parts.isolated.host.serve`.
+
+    Parameters
+    ----------
+    name : str
+        Name of the part.
+    path : Path
+        The .fmu file.
+    timeout : float
+        How long it may take to answer [s].
+
+    Attributes
+    ----------
+    folder : Path
+        Temporary folder of both processes, which goes with this one.
+    last_message : str
+        What the FMU logged last, cited when the process dies.
+
+    Raises
+    ------
+    HarnessError
+        If this system has no such processes.
+    ProcessError
+        If the process does not start.
+    """
+
+    def __init__(self, name: str, path: Path, timeout: float) -> None:
+        """Start it and wait until it listens."""
+        if os.name != "posix":
+            raise HarnessError(f"part '{name}' cannot be isolated on {sys.platform}: leave isolate out")
+        folder = ScratchFolder("harness-")
+        self.folder = Path(folder.name)
+        ours, theirs = socket.socketpair()
+        arguments = (theirs.fileno(), name, str(path.absolute()))
+        # not multiprocessing: its new processes run the script of the user once more
+        program = (
+            f"import sys; sys.path[:] = {sys.path!r}; "
+            f"from harness.parts.isolated.host import serve; serve(*{arguments!r})"
+        )
+        with theirs:
+            process = subprocess.Popen(
+                [sys.executable, "-c", program],
+                stdin=subprocess.PIPE,
+                pass_fds=[theirs.fileno()],
+                env=os.environ | {"TMPDIR": folder.name},
+                process_group=0,  # Ctrl-C is for the harness
+            )
+        self.close = weakref.finalize(self, _end, process, ours, folder, timeout)
+        self._process, self._line, self._timeout = process, Line(ours), timeout
+        self.last_message = ""
+        ours.settimeout(_START_TIME)
+        self._answer(_START_TIME)
+        ours.settimeout(timeout)
+
+    def ask(self, kind: int, content: object = None) -> object:
+        """Have something done; see `harness.parts.isolated.channel`.
+
+        Raises
+        ------
+        HarnessError
+            That the process answers with.
+        ProcessError
+            If it does not answer.
+        """
+        try:
+            self._line.ask(kind, content)
+        except OSError:
+            raise ProcessError(self._how_it_ended()) from None
+        return self._answer(self._timeout)
+
+    def _answer(self, timeout: float) -> object:
+        deadline = 0.0
+        try:
+            kind, content = self._line.answered()
+            while kind == LOG:
+                self._log(*map(str, content))
+                deadline = deadline or monotonic() + timeout
+                if monotonic() > deadline:
+                    raise TimeoutError
+                kind, content = self._line.answered()
+            failure = as_error(content) if kind == FAILED else None
+        except TimeoutError:
+            self._kill()
+            raise ProcessError(
+                f"its process gave no answer within {timeout:g} s and was killed{self._said()}"
+            ) from None
+        except (EOFError, OSError):
+            raise ProcessError(self._how_it_ended()) from None
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            self._kill()
+            raise ProcessError(f"its process sent what is no answer and was killed{self._said()}") from None
+        except BaseException:
+            self._kill()  # interrupted in the middle of a message
+            raise
+        if failure is not None:
+            raise failure
+        return content
+
+    def _log(self, logger: str, level: str, text: str) -> None:
+        self.last_message = text
+        logging.getLogger(logger).log(int(level), "%s", text)
+
+    def _said(self) -> str:
+        return f"; it last logged '{self.last_message}'" if self.last_message else ""
+
+    def _kill(self) -> None:
+        self._process.kill()
+        self.close()
+
+    def _how_it_ended(self) -> str:
+        """Signal or status of a process that hung up."""
+        try:
+            status = self._process.wait(5.0)
+        except subprocess.TimeoutExpired:
+            self._kill()
+            return f"its process hung up{self._said()}"
+        self.close()
+        if status >= 0:
+            return f"its process ended with exit status {status}{self._said()}"
+        known = {member.value: member.name for member in signal.Signals}
+        text = f"{known.get(-status, f'signal {-status}')} ({signal.strsignal(-status)})"
+        return f"its process died of {text}{self._said()}"
+
+
+def _end(process: subprocess.Popen[bytes], line: socket.socket, folder: ScratchFolder, timeout: float) -> None:
+    """Hang up, give the process time to free the FMU, and remove what is left of it."""
+    line.close()
+    try:
+        process.wait(timeout)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    assert process.stdin is not None
+    process.stdin.close()
+    folder.cleanup()

@@ -1,0 +1,221 @@
+"""Parts that play back a recorded time series."""
+
+from __future__ import annotations
+
+import math
+import struct
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harness.errors import PartError, SeriesError
+from harness.files import read_csv, reason
+from harness.parts.part import Calls, Part, Port, StartValue, Values
+from harness.result import split_heading, unquoted
+
+
+class SeriesPart(Part):
+    """A part whose outputs are recorded columns.
+
+    Parameters
+    ----------
+    name : str
+        Name within the system.
+    times : array_like, shape (n,)
+        Times of the samples [s], strictly increasing.
+    columns : mapping of str to array_like, shape (n,)
+        One output per column.
+    units : mapping of str to str
+        Units of the columns.
+    interpolation : {"linear", "previous"}
+        Value between two samples: on the straight line, or that of the earlier sample.
+    beyond : {"error", "hold"}
+        What to do when a run goes beyond the record: refuse it, or hold the first or last value.
+    path : Path or None
+        The file from which the series was read, if it was.
+
+    Raises
+    ------
+    SeriesError
+        If times or columns are not finite, not of one length, or the times do not increase.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        times: ArrayLike,
+        columns: Mapping[str, ArrayLike],
+        units: Mapping[str, str] | None = None,
+        *,
+        interpolation: Literal["linear", "previous"] = "linear",
+        beyond: Literal["error", "hold"] = "error",
+        path: Path | None = None,
+    ) -> None:
+        """Check the table."""
+        self.name = name
+        self.path = path
+        self.interpolation = interpolation
+        self.beyond = beyond
+        held = interpolation == "previous"
+        self.outputs = tuple(Port(column, (units or {}).get(column), held=held) for column in columns)
+        self.inputs = ()
+        self.dependencies = {column: frozenset() for column in columns}
+        self._times = np.array(times, dtype=np.float64).reshape(-1)
+        self._values = np.array([np.asarray(column, dtype=np.float64) for column in columns.values()]).T
+        self._check()
+        self._grid: list[float] = self._times.tolist()
+        # A communication point meant to be a sample's time may fall short of it by rounding.
+        self._reach = 1e-9 * max(abs(self._grid[0]), abs(self._grid[-1]), self._grid[-1] - self._grid[0])
+        self._slack = 1e-6 * float(np.diff(self._times).min()) if len(self._grid) > 1 else 0.0
+        self._now = self._grid[0]
+
+    @classmethod
+    def from_csv(
+        cls,
+        name: str,
+        path: str | Path,
+        *,
+        interpolation: Literal["linear", "previous"] = "linear",
+        beyond: Literal["error", "hold"] = "error",
+    ) -> SeriesPart:
+        """Read a series from a CSV file: first column time [s], headings ``name [unit]``.
+
+        Raises
+        ------
+        SeriesError
+            If the file cannot be read as such a table.
+        """
+        path = Path(path)
+        times, columns, units = _read_csv(path)
+        return cls(name, times, columns, units, interpolation=interpolation, beyond=beyond, path=path)
+
+    def content(self) -> bytes:
+        """Names, times and values: what tells one record from another."""
+        names = "\n".join(port.name for port in self.outputs)
+        return names.encode() + self._times.tobytes() + self._values.tobytes()
+
+    def enter_initialisation(
+        self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
+    ) -> None:
+        """Go to the start time; refuse a run that the record does not cover."""
+        first, last = self._grid[0], self._grid[-1]
+        slack = self._reach
+        if self.beyond == "error" and (start < first - slack or (math.isfinite(stop) and stop > last + slack)):
+            raise SeriesError(
+                f"the record '{self.name}' covers {first:.12g} to {last:.12g} s but the run goes "
+                f'from {start:.12g} to {stop:.12g} s: shorten the run or set beyond = "hold"'
+            )
+        self._now = start
+
+    def bind(self, inputs: Sequence[str], outputs: Sequence[str], u: Values, y: Values) -> Calls:
+        """Connect to the signal vector."""
+        names = [port.name for port in self.outputs]
+        rows = np.ascontiguousarray(self._values[:, [names.index(name) for name in outputs]])
+        slopes = np.zeros_like(rows)
+        if self.interpolation == "linear":
+            slopes[:-1] = np.diff(rows, axis=0) / np.diff(self._times)[:, None]
+        grid = self._grid
+        last = len(grid) - 1
+
+        def get() -> None:
+            index = bisect_right(grid, self._now + self._slack) - 1
+            if index < 0 or index >= last:
+                y[:] = rows[0 if index < 0 else last]
+            else:
+                y[:] = rows[index] + (self._now - grid[index]) * slopes[index]
+
+        return Calls(_nothing, self._step, get)
+
+    def exit_initialisation(self) -> None:
+        """Nothing to do."""
+
+    def save(self, state: object | None = None) -> object:
+        """The present time is the whole state."""
+        return self._now
+
+    def restore(self, state: object) -> None:
+        """Return to a saved time."""
+        assert isinstance(state, float)
+        self._now = state
+
+    def serialise(self) -> bytes:
+        """The present time."""
+        return struct.pack("<d", self._now)
+
+    def deserialise(self, data: bytes) -> None:
+        """Go to a time that `serialise` gave."""
+        try:
+            (now,) = struct.unpack("<d", data)
+        except struct.error as error:
+            raise PartError(self.name, "deserialise", f"the state has {len(data)} bytes, another part's") from error
+        if not math.isfinite(now):
+            raise PartError(self.name, "deserialise", f"the state has the time {now}, another part's")
+        self._now = now
+
+    def terminate(self) -> None:
+        """Nothing to do."""
+
+    def _step(self, t: float, h: float) -> None:
+        self._now = t + h
+        if self.beyond == "error" and self._now > self._grid[-1] + self._reach:
+            raise PartError(self.name, "step", f"the record ends at {self._grid[-1]:.12g} s", t)
+
+    def _check(self) -> None:
+        if self.interpolation not in ("linear", "previous"):
+            raise SeriesError(
+                f"the record '{self.name}' has interpolation '{self.interpolation}': use linear or previous"
+            )
+        if self.beyond not in ("error", "hold"):
+            raise SeriesError(f"the record '{self.name}' has beyond '{self.beyond}': use error or hold")
+        if self._times.size == 0 or self._values.size == 0:
+            raise SeriesError(f"the record '{self.name}' is empty: give at least one time and one column")
+        if self._values.shape[0] != self._times.size:
+            raise SeriesError(
+                f"the record '{self.name}' has {self._times.size} times but {self._values.shape[0]} values "
+                "in a column: give columns of one length"
+            )
+        if not (np.isfinite(self._times).all() and np.isfinite(self._values).all()):
+            raise SeriesError(
+                f"the record '{self.name}' contains values that are not finite: remove or repair those rows"
+            )
+        if (np.diff(self._times) <= 0).any():
+            row = int(np.argmax(np.diff(self._times) <= 0)) + 1
+            raise SeriesError(f"the times of the record '{self.name}' do not increase at row {row}: sort the record")
+
+
+def _nothing() -> None:
+    """There are no inputs to set."""
+
+
+def _read_csv(path: Path) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
+    """Times, columns and units of a CSV file."""
+    try:
+        lines = read_csv(path)
+    except (OSError, ValueError) as error:
+        raise SeriesError(f"cannot read the record {path}: {reason(error)}; give a CSV file") from error
+    if len(lines) < 2 or len(lines[0]) < 2:
+        raise SeriesError(
+            f"the record {path} is no table: give a heading, a time column and at least one more, with commas"
+        )
+    names, units = [], {}
+    for heading in lines[0]:
+        name, unit = split_heading(unquoted(heading))
+        names.append(name)
+        if unit:
+            units[name] = unit
+    if names[0].lower() not in {"time", "t"} or units.get(names[0], "s") != "s":
+        raise SeriesError(f"the first column of {path} is '{lines[0][0]}': it must be 'time [s]'")
+    if len(set(names)) < len(names):
+        raise SeriesError(f"two columns of {path} have the same name: rename one")
+    try:
+        table = [[float(text) for text in line] for line in lines[1:]]
+        columns = [list(column) for column in zip(*table, strict=True)]
+    except ValueError as error:
+        raise SeriesError(f"the record {path} has a row that is not all numbers ({error}): repair it") from error
+    if len(columns) != len(names):
+        raise SeriesError(f"the record {path} has {len(names)} headings but {len(columns)} columns: repair the heading")
+    return columns[0], dict(zip(names[1:], columns[1:], strict=True)), units

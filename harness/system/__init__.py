@@ -1,0 +1,1 @@
+"""A system: its parts and connections, and the plan of a run."""

@@ -1,0 +1,44 @@
+"""What a run needs to know of a system, so that the files which run it do not depend on the class."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+from harness.parts.part import Part, StartValue
+from harness.system.experiment import Experiment
+from harness.system.wire import Wire, split_name
+
+
+class Assembly(Protocol):
+    """Parts, the wires between them and their start values; `System` is one."""
+
+    @property
+    def name(self) -> str:
+        """Name of the system."""
+
+    @property
+    def parts(self) -> Mapping[str, Part]:
+        """The parts by name."""
+
+    @property
+    def wires(self) -> Sequence[Wire]:
+        """The wires."""
+
+    @property
+    def start(self) -> Mapping[str, StartValue]:
+        """Start values by "part.variable"."""
+
+    @property
+    def strict(self) -> bool:
+        """Whether every input needs a wire or a value."""
+
+    @property
+    def experiment(self) -> Experiment | None:
+        """How it is run when nothing else is said."""
+
+
+def start_values(system: Assembly, part: str) -> dict[str, StartValue]:
+    """The start values of one part, by variable."""
+    ends = ((split_name(name), value) for name, value in system.start.items())
+    return {port: value for (owner, port), value in ends if owner == part}

@@ -1,0 +1,206 @@
+"""Who depends on whom: algebraic loops and the order in which parts are stepped.
+
+The graph is one of variables, not of parts: an output depends on the outputs wired to those inputs that it
+reads directly. A mass and a friction block drive each other, yet there is no loop, because the velocity of
+the mass is a state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from harness.errors import AlgebraicLoopError
+from harness.parts.part import Part
+from harness.system.wire import Wire
+
+Node = tuple[str, str]  # (part, output)
+Edges = Mapping[Node, Sequence[tuple[Node, Wire]]]
+
+
+def direct_edges(parts: Mapping[str, Part], wires: Iterable[Wire]) -> dict[Node, list[tuple[Node, Wire]]]:
+    """For each output the outputs on which it depends directly, each with the wire in between.
+
+    Parameters
+    ----------
+    parts : mapping of str to Part
+        All parts by name.
+    wires : iterable of Wire
+        The wires to be looked at.
+
+    Returns
+    -------
+    dict
+        (part, output) -> [((part, output), wire), ...].
+    """
+    drivers: dict[Node, tuple[Node, Wire]] = {wire.ends[1]: (wire.ends[0], wire) for wire in wires}
+    return {
+        (name, output.name): [
+            drivers[name, port.name]
+            for port in part.inputs
+            if port.name in part.dependencies[output.name] and (name, port.name) in drivers
+        ]
+        for name, part in parts.items()
+        for output in part.outputs
+    }
+
+
+def find_loop(edges: Edges) -> list[Wire] | None:
+    """Wires of one algebraic loop, each feeding the next, or None where there is none."""
+    done: set[Node] = set()
+    for root in edges:
+        path: list[tuple[Node, Wire | None]] = [(root, None)]
+        pending = [iter(edges[root])]
+        while path:
+            step = next(pending[-1], None)
+            if step is None:
+                done.add(path.pop()[0])
+                pending.pop()
+                continue
+            node, wire = step
+            on_path = [visited for visited, _ in path]
+            if node in on_path:
+                loop = [taken for _, taken in path[on_path.index(node) + 1 :] if taken] + [wire]
+                return loop[::-1]  # the search ran against the direction of the wires
+            if node not in done:
+                path.append((node, wire))
+                pending.append(iter(edges[node]))
+    return None
+
+
+def instantaneous(parts: Mapping[str, Part], wires: Iterable[Wire]) -> list[Wire]:
+    """The wires that can close an algebraic loop.
+
+    A sampled part reads what a continuous one had reached just before the sample (the limit from the left),
+    so a wire from a continuous to a sampled part closes none; neither does a wire with a delay.
+    """
+    return [
+        wire
+        for wire in wires
+        if not wire.delay and (parts[wire.ends[0][0]].sampled or not parts[wire.ends[1][0]].sampled)
+    ]
+
+
+def check_loops(parts: Mapping[str, Part], wires: Sequence[Wire], *, implicit: bool) -> None:
+    """Check that there is no algebraic loop which the master cannot run.
+
+    Parameters
+    ----------
+    parts : mapping of str to Part
+        All parts by name.
+    wires : sequence of Wire
+        All wires.
+    implicit : bool
+        The master solves loops through Real wires between continuous parts that are stepped at every tick.
+
+    Raises
+    ------
+    AlgebraicLoopError
+        With the variables of one loop in the order of the signal flow.
+    """
+    closing = instantaneous(parts, wires)
+    if implicit:
+        closing = [wire for wire in closing if not _solved(parts, wire)]
+    loop = find_loop(direct_edges(parts, closing))
+    if loop:
+        flow = [name for wire in loop for name in (wire.source, wire.target)] + [loop[0].source]
+        solvable = all(parts[wire.ends[0][0]].moves for wire in loop) and any(_solved(parts, wire) for wire in loop)
+        remedy = ", or use newton" if solvable and not implicit else ""
+        raise AlgebraicLoopError(
+            f"algebraic loop: {' -> '.join(flow)}: put a part with a state, a sampled part or a wire with a delay "
+            f"into it{remedy}"
+        )
+
+
+def _solved(parts: Mapping[str, Part], wire: Wire) -> bool:
+    """Whether an implicit master iterates on the value of a wire: a Real one between continuous parts."""
+    target, name = wire.ends[1]
+    real = any(port.name == name and port.type == "Real" for port in parts[target].inputs)
+    return real and all(parts[part].moves for part, _ in wire.ends)
+
+
+def stepping_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[str]:
+    """Names of the parts in the order in which a sequential master steps them.
+
+    Sampled parts come first: they take their sample at the beginning of the step, an estimator before the
+    controller that reads it. Then the continuous ones: a part whose outputs are states (a plant) before the
+    sensors and friction blocks through which its outputs pass directly, so that theirs are right at the end
+    of the step. What runs by itself (a reference, a recorded series) comes last unless something reads it
+    directly, so that plants see its value at the beginning of the step.
+    """
+    sampled = [name for name, part in parts.items() if part.sampled]
+    continuous = [name for name, part in parts.items() if not part.sampled]
+    return _sort(parts, wires, sampled) + _sort(parts, wires, continuous)
+
+
+def propagation_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[str]:
+    """Names of the parts in the order in which values spread at the start time, all in one instant."""
+    return _sort(parts, wires, list(parts))
+
+
+def _sort(parts: Mapping[str, Part], wires: Sequence[Wire], group: list[str]) -> list[str]:
+    """Topological order of a group; parts that are free keep the order in which they were declared."""
+    inner = [wire for wire in wires if wire.ends[0][0] in group and wire.ends[1][0] in group]
+    depth = _depths(_opened(parts, instantaneous(parts, inner)))
+    before: dict[str, set[str]] = {name: set() for name in group}  # through direct dependence: must come before
+    wished: dict[str, set[str]] = {name: set() for name in group}  # drives at all: better before if sampled
+    for wire in inner:
+        (source, _), (target, port) = wire.ends
+        if source == target or wire.delay:
+            continue
+        wished[target].add(source)
+        if any(port in parts[target].dependencies[output] for output in _used(parts[target], wires)):
+            before[target].add(source)
+
+    def urgency(name: str) -> tuple[bool, int]:
+        part = parts[name]
+        waits = bool(wished[name] & set(remaining)) if part.sampled else not part.inputs
+        return waits, group.index(name)
+
+    order: list[str] = []
+    remaining = list(group)
+    while remaining:
+        free = [name for name in remaining if not before[name] & set(remaining)]
+        if free:
+            chosen = min(free, key=urgency)
+        else:
+            # The parts form a ring although the variables do not: begin nearest to a state.
+            chosen = min(
+                remaining,
+                key=lambda name: (
+                    min(depth[name, output] for output in _used(parts[name], wires)),
+                    group.index(name),
+                ),
+            )
+        order.append(chosen)
+        remaining.remove(chosen)
+    return order
+
+
+def _used(part: Part, wires: Sequence[Wire]) -> list[str]:
+    """Outputs that are wired; all of them where none is, because then the part is there to be recorded."""
+    wired = {wire.ends[0][1] for wire in wires if wire.ends[0][0] == part.name}
+    return [port.name for port in part.outputs if port.name in wired] or [port.name for port in part.outputs]
+
+
+def _opened(parts: Mapping[str, Part], wires: Sequence[Wire]) -> Edges:
+    """Direct dependences without the wires that close algebraic loops."""
+    kept = list(wires)
+    while loop := find_loop(direct_edges(parts, kept)):
+        kept.remove(loop[-1])
+    return direct_edges(parts, kept)
+
+
+def _depths(edges: Edges) -> dict[Node, int]:
+    """Number of wires between each output and the farthest state it depends on; the edges have no loop."""
+    depth: dict[Node, int] = {}
+    for root in edges:
+        stack = [root]
+        while stack:
+            node = stack[-1]
+            missing = [source for source, _ in edges[node] if source not in depth]
+            if missing:
+                stack.extend(missing)
+                continue
+            depth[node] = max((depth[source] + 1 for source, _ in edges[node]), default=0)
+            stack.pop()
+    return depth

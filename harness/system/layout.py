@@ -1,0 +1,156 @@
+"""From a system to the plan of a run: which value lives where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from harness.errors import ExperimentError, UnknownNameError, nearest
+from harness.parts.part import TYPE_ORDER, Part, Port
+from harness.patterns import matching
+from harness.system.assembly import Assembly
+from harness.system.experiment import Experiment
+from harness.system.graph import stepping_order
+from harness.system.plan import Plan
+from harness.system.wire import find_part, split_name, wire_map
+
+
+def recorded_names(parts: Mapping[str, Part], patterns: Iterable[str]) -> list[str]:
+    """Names of the variables that patterns stand for.
+
+    Parameters
+    ----------
+    parts : mapping of str to Part
+        All parts by name.
+    patterns : iterable of str
+        ``part.port`` in full, of any readable variable, or with ``*`` and ``?`` for outputs.
+
+    Returns
+    -------
+    list of str
+        Each name once, in the order of parts and ports for a pattern.
+
+    Raises
+    ------
+    UnknownNameError
+        If a pattern stands for nothing.
+    """
+    outputs = [f"{name}.{port.name}" for name, part in parts.items() for port in part.outputs]
+    found: dict[str, None] = {}
+    for pattern in patterns:
+        if "*" in pattern or "?" in pattern:
+            meant = matching(pattern, outputs)
+            if not meant and pattern != "*":
+                raise UnknownNameError(f"no output matches '{pattern}' (in record): {nearest(pattern, outputs)}")
+            found.update(dict.fromkeys(meant))
+        else:
+            find_port(parts, pattern, "record")
+            found[pattern] = None
+    return list(found)
+
+
+def find_port(parts: Mapping[str, Part], dotted: str, context: str) -> Port:
+    """Any readable variable by its full name.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none.
+    """
+    part_name, port_name = split_name(dotted)
+    part = find_part(parts, part_name, context)
+    ports = {port.name: port for port in (*part.inputs, *part.outputs, *part.observables)}
+    if port_name not in ports:
+        raise UnknownNameError(
+            f"'{part_name}' has no variable '{port_name}' (in {context}): {nearest(port_name, ports)}"
+        )
+    return ports[port_name]
+
+
+def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> Plan:
+    """Lay a system out for running.
+
+    Parameters
+    ----------
+    system : Assembly
+        The checked system.
+    experiment : Experiment
+        Times and order.
+    read : sequence of str
+        Names of all variables that something records or taps.
+
+    Returns
+    -------
+    Plan
+        Without calls, because the parts have not been started.
+    """
+    parts = [system.parts[name] for name in _order(system, experiment)]
+    drivers = {wire.target: wire.source for wire in system.wires}
+    wanted = set(read) | set(drivers.values())
+
+    exchanged = [_by_type(p.name, (*p.outputs, *p.observables), wanted) for p in parts]
+    wired = [_by_type(p.name, p.inputs, set(drivers)) for p in parts]
+    constant = [_by_type(p.name, p.inputs, wanted - set(drivers)) for p in parts]
+
+    ports: dict[str, Port] = {}
+    ranges = []
+    for block in (exchanged, wired, constant):
+        for members in block:
+            ranges.append((len(ports), len(ports) + len(members)))
+            ports.update(members)
+    columns = {name: index for index, name in enumerate(ports)}
+    signals = np.zeros(len(ports))
+    for members in constant:
+        for name in members:
+            stated = ports[name].start  # of an optional input that nothing drives
+            signals[columns[name]] = float(system.start.get(name, np.nan if stated is None else stated))
+
+    gains, offsets = np.ones(len(ports)), np.zeros(len(ports))
+    delays = np.zeros(len(ports), dtype=np.int64)
+    for wire in system.wires:
+        target = columns[wire.target]
+        gains[target], offsets[target] = wire_map(wire, ports[wire.source], ports[wire.target])
+        delays[target] = wire.delay
+    plain = not (offsets.any() or delays.any() or experiment.manipulators) and bool((gains == 1.0).all())
+
+    every = np.array([part.every for part in parts], dtype=np.int64).reshape(-1)
+    sampled = np.array([part.sampled for part in parts], dtype=bool).reshape(-1)
+    return Plan(
+        parts=tuple(parts),
+        calls=(),
+        signals=signals,
+        outputs=np.array(ranges[: len(parts)], dtype=np.int64).reshape(-1, 2),
+        inputs=np.array(ranges[len(parts) : 2 * len(parts)], dtype=np.int64).reshape(-1, 2),
+        sources=np.array([columns[drivers.get(name, name)] for name in ports], dtype=np.int64),
+        gains=gains,
+        offsets=offsets,
+        delays=delays,
+        plain=plain,
+        every=every,
+        phase=np.where(sampled, 0, every - 1),
+        columns=columns,
+        ports=ports,
+        start=experiment.start,
+        step=experiment.step,
+        ticks=experiment.ticks,
+    )
+
+
+def _order(system: Assembly, experiment: Experiment) -> list[str]:
+    """Stepping order: the one asked for, or the one found."""
+    if not experiment.order:
+        return stepping_order(system.parts, system.wires)
+    for name in experiment.order:
+        find_part(system.parts, name, "order")
+    if sorted(experiment.order) != sorted(system.parts):
+        missing = sorted(set(system.parts) - set(experiment.order))
+        fault = f"does not name {', '.join(missing)}" if missing else "names a part twice"
+        raise ExperimentError(f"the order {', '.join(experiment.order)} {fault}: name every part exactly once")
+    return list(experiment.order)
+
+
+def _by_type(part: str, ports: Iterable[Port], wanted: set[str]) -> dict[str, Port]:
+    """Those ports of a part that are wanted, Reals first, so that each type is one contiguous range."""
+    named = {f"{part}.{port.name}": port for port in ports if f"{part}.{port.name}" in wanted}
+    return dict(sorted(named.items(), key=lambda item: TYPE_ORDER.index(item[1].type)))

@@ -1,0 +1,262 @@
+"""Systems as TOML files."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+from harness.atomic import atomic_path
+from harness.errors import ExperimentError, SystemFileError, nearest
+from harness.parts.fmu import FmuPart
+from harness.parts.part import Part, StartValue
+from harness.parts.series import SeriesPart
+from harness.system.assembly import Assembly
+from harness.system.experiment import Experiment
+from harness.system.manipulator import manipulator_table, read_manipulator
+from harness.system.wire import Wire, parse_wire, split_name
+from harness.toml_file import read_toml
+from harness.values import flag, number, shown, tables, text, texts, whole
+
+_TOP_KEYS = ("name", "strict", "parts", "wires", "experiment")
+_FMU_KEYS = ("every", "start", "isolate", "timeout")
+_RECORD_KEYS = ("interpolation", "beyond")
+
+# what each key may be: a function that returns None for what it may not, and what to say then; the numbers themselves
+# are checked by what they are given to, also when they come from Python
+_Kinds: TypeAlias = Mapping[str, tuple[Callable[[object], Any], str]]
+_NUMBER, _WHOLE, _TEXT = (number, "a number"), (whole, "a whole number"), (text, "a text on one line")
+_PART_KINDS: Final[_Kinds] = {
+    **dict.fromkeys(("model", "fmu", "record", "interpolation", "beyond"), _TEXT),
+    "every": (whole, "a whole number of ticks"),
+    "isolate": (flag, "true or false"),
+    "timeout": (number, "a number of seconds"),
+}
+_WIRE_KINDS: Final[_Kinds] = {"gain": _NUMBER, "offset": _NUMBER, "delay": _WHOLE}
+_EXPERIMENT_KINDS: Final[_Kinds] = {
+    **dict.fromkeys(("stop", "step", "start", "tolerance", "loop_tolerance"), _NUMBER),
+    **dict.fromkeys(("decimate", "extrapolation"), _WHOLE),
+    **dict.fromkeys(("record", "order"), (texts, "a list of texts")),
+    "master": _TEXT,
+    "manipulators": (tables, "a list of tables"),
+}
+
+
+@dataclass(frozen=True)
+class SystemDescription:
+    """What a system file says: the arguments of System."""
+
+    parts: tuple[Part, ...]
+    wires: tuple[Wire, ...]
+    start: dict[str, StartValue]
+    experiment: Experiment | None
+    name: str
+    strict: bool = False
+
+
+def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDescription:
+    """Read a system file; see `System.from_toml`.
+
+    Raises
+    ------
+    SystemFileError
+        If the file cannot be read or has keys that are not understood.
+    """
+    try:
+        document = read_toml(path)
+    except OSError as error:
+        raise SystemFileError(f"cannot read the system file {path}: {error.strerror}; give an existing file") from error
+    except ValueError as error:
+        raise SystemFileError(f"{path} is not a TOML file: {error}; correct it there") from error
+
+    _check_keys(document, _TOP_KEYS, f"{path}")
+    parts: list[Part] = []
+    start: dict[str, StartValue] = {}
+    try:
+        for name, entry in _table(document, "parts", path).items():
+            if not isinstance(entry, dict):
+                raise SystemFileError(f"part '{name}' in {path} is not a table: write [parts.{name}]")
+            start |= _start_values(name, entry, path)
+            parts.append(_read_part(name, entry, path, resolve))
+        wires = document.get("wires", [])
+        if not isinstance(wires, list):
+            raise SystemFileError(f'wires in {path} is not a list: write wires = ["a.y -> b.u"]')
+        return SystemDescription(
+            parts=tuple(parts),
+            wires=tuple(_read_wire(wire, path) for wire in wires),
+            start=start,
+            experiment=_read_experiment(_table(document, "experiment", path), path)
+            if "experiment" in document
+            else None,
+            name=_take({"name": path.stem, **document}, "name", str(path), text, "a text on one line"),
+            strict=_take({"strict": False, **document}, "strict", str(path), flag, "true or false"),
+        )
+    except BaseException:
+        for part in parts:
+            part.close()
+        raise
+
+
+def write_system(system: Assembly, path: Path) -> None:
+    """Write a system file; see `System.to_toml`."""
+    lines = [f"name = {_literal(system.name)}", *(["strict = true"] if system.strict else []), "wires = ["]
+    lines += [f"    {_wire_literal(wire)}," for wire in system.wires]
+    lines += ["]"]
+    for name, part in system.parts.items():
+        lines += ["", f"[parts.{_key(name)}]", *_part_lines(part, path)]
+        ends = ((split_name(dotted), value) for dotted, value in system.start.items())
+        values = {port: value for (owner, port), value in ends if owner == name}
+        if values:
+            lines += ["", f"[parts.{_key(name)}.start]"]
+            lines += [f"{_key(port)} = {_literal(value)}" for port, value in values.items()]
+    if system.experiment is not None:
+        lines += ["", "[experiment]"]
+        settings = ((key, getattr(system.experiment, key)) for key in _EXPERIMENT_KINDS if key != "manipulators")
+        lines += [f"{key} = {_literal(value)}" for key, value in settings if value not in (None, ())]
+        for manipulator in system.experiment.manipulators:
+            lines += ["", "[[experiment.manipulators]]"]
+            lines += [f"{key} = {_literal(value)}" for key, value in manipulator_table(manipulator).items()]
+    with atomic_path(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _read_part(name: str, entry: Mapping[str, Any], path: Path, resolve: Callable[[str], Path] | None) -> Part:
+    kinds = [kind for kind in ("model", "fmu", "record") if kind in entry]
+    if len(kinds) != 1:
+        raise SystemFileError(
+            f"part '{name}' in {path} has {' and '.join(kinds) or 'no origin'}: give one of model, fmu, record"
+        )
+    kind = kinds[0]
+    where = f"part '{name}' in {path}"
+    _check_keys(entry, (kind, *(_RECORD_KEYS if kind == "record" else _FMU_KEYS)), where)
+    settings = {key: _take(entry, key, where, *_PART_KINDS[key]) for key in entry if key != "start"}
+    origin = settings.pop(kind)
+    try:
+        if kind == "record":
+            return SeriesPart.from_csv(name, path.parent / origin, **settings)
+        if kind == "fmu":
+            return FmuPart(name, path.parent / origin, **settings)
+        if resolve is None:
+            raise SystemFileError(
+                f"{where} names the model '{origin}' but nothing here knows models: give fmu = \"path.fmu\""
+            )
+        return FmuPart(name, resolve(origin), model=origin, **settings)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise SystemFileError(f"{kind} of {where} cannot be used: {reason}; give another one") from error
+
+
+def _read_wire(entry: object, path: Path) -> Wire:
+    """A wire from ``"a.y -> b.u"`` or ``{wire = "a.y -> b.u", gain = 2.0, offset = 1.0, delay = 1}``."""
+    ends = text(entry.get("wire") if isinstance(entry, dict) else entry)
+    if ends is None:
+        raise SystemFileError(
+            f'{shown(entry)} among the wires in {path} is no wire: write "a.y -> b.u" or '
+            '{wire = "a.y -> b.u", gain = 2.0}'
+        )
+    wire = parse_wire(ends)
+    if not isinstance(entry, dict):
+        return wire
+    where = f"the wire {wire} in {path}"
+    _check_keys(entry, ("wire", *_WIRE_KINDS), where)
+    return replace(wire, **{key: _take(entry, key, where, *_WIRE_KINDS[key]) for key in entry if key != "wire"})
+
+
+def _wire_literal(wire: Wire) -> str:
+    plain = Wire(wire.source, wire.target)
+    changed = {key: getattr(wire, key) for key in _WIRE_KINDS if getattr(wire, key) != getattr(plain, key)}
+    return _literal({"wire": str(wire), **changed}) if changed else _literal(str(wire))
+
+
+def _read_experiment(table: Mapping[str, Any], path: Path) -> Experiment:
+    where = f"[experiment] in {path}"
+    _check_keys(table, _EXPERIMENT_KINDS, where)
+    settings = {key: _take(table, key, where, *_EXPERIMENT_KINDS[key]) for key in table}
+    for key in ("stop", "step"):
+        if key not in settings:
+            raise SystemFileError(f"{where} has no {key}: add one, in seconds")
+    try:
+        settings |= {"manipulators": tuple(read_manipulator(item) for item in settings.get("manipulators", ()))}
+    except ExperimentError as error:
+        raise SystemFileError(f"{error} (in {where})") from error
+    return Experiment(**settings)
+
+
+def _take(table: Mapping[str, Any], key: str, where: str, read: Callable[[object], Any], remedy: str) -> Any:
+    """The value of a key, which must be of its kind."""
+    value = read(table[key])
+    if value is None:
+        raise SystemFileError(f"{key} of {where} is {shown(table[key])}: give {remedy}")
+    return value
+
+
+def _table(document: Mapping[str, Any], key: str, path: Path) -> Mapping[str, Any]:
+    table = document.get(key, {})
+    if not isinstance(table, dict):
+        raise SystemFileError(f"{key} in {path} is not a table: write [{key}]")
+    return table
+
+
+def _start_values(part: str, entry: Mapping[str, Any], path: Path) -> dict[str, StartValue]:
+    table = entry.get("start", {})
+    if not isinstance(table, dict):
+        raise SystemFileError(f"start of part '{part}' in {path} is {shown(table)}: write [parts.{part}.start]")
+    for key, value in table.items():
+        if not isinstance(value, (bool, int, float, str)):
+            raise SystemFileError(
+                f"start value {key} of part '{part}' in {path} is {shown(value)}: give a number, a text, true or false"
+            )
+    return {f"{part}.{key}": value for key, value in table.items()}
+
+
+def _check_keys(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
+    for key in table:
+        if key not in known:
+            raise SystemFileError(f"'{key}' means nothing in {where}: {nearest(key, known)}")
+
+
+def _part_lines(part: Part, path: Path) -> list[str]:
+    if isinstance(part, FmuPart):
+        origin = ("model", part.model) if part.model else ("fmu", _relative(part.path, path))
+        every = [f"every = {part.every}"] if part.every != 1 else []
+        isolation = ["isolate = true", f"timeout = {_literal(part.timeout)}"] if part.isolate else []
+        return [f"{origin[0]} = {_literal(origin[1])}", *every, *isolation]
+    if isinstance(part, SeriesPart) and part.path is not None:
+        return [
+            f"record = {_literal(_relative(part.path, path))}",
+            f"interpolation = {_literal(part.interpolation)}",
+            f"beyond = {_literal(part.beyond)}",
+        ]
+    raise SystemFileError(
+        f"part '{part.name}' cannot be written to {path}: only FMUs and recorded files have a place in it"
+    )
+
+
+def _relative(target: Path, path: Path) -> str:
+    try:
+        return Path(os.path.relpath(target, path.parent)).as_posix()
+    except ValueError:  # another drive
+        return target.resolve().as_posix()
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _literal(name)
+
+
+def _literal(value: object) -> str:
+    """A value as TOML writes it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {_literal(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_literal(item) for item in value) + "]"
+    if isinstance(value, float) and math.isinf(value):
+        return "inf" if value > 0 else "-inf"
+    # JSON texts are TOML basic strings once DEL is escaped
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f") if isinstance(value, str) else repr(value)
