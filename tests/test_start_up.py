@@ -15,7 +15,7 @@ import friction_fmus
 import friction_fmus.harness
 import harness
 import harness.results
-from friction_fmus.blocks.catalogue import Entry, catalogue, listing
+from friction_fmus.blocks.catalogue import OWN_BLOCKS, Entry, catalogue, listing
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.headings import law_paths, read_headings
 
@@ -170,15 +170,18 @@ def equations():
     ],
 )
 def test_headings_are_those_of_the_laws(
-    arguments: str, before: str, after: str, names: list[str], tmp_path: Path
+    arguments: str, before: str, after: str, names: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whether they are literals, which are read, or computed, for which the file is imported."""
     path = tmp_path / "some_law.py"
     path.write_text(LAW.format(arguments=arguments, before=before, after=after), encoding="utf-8")
-    headings = read_headings(path)
-    assert [heading.name for heading in headings] == names
+    literal = not (before or after)
+    assert (read_headings(path) is not None) == literal
+    monkeypatch.setenv(OWN_BLOCKS, str(tmp_path))
+    entries = [entry for entry in listing().values() if entry.path == path]
+    assert [entry.name for entry in entries] == names
     laws = [(law.name, law.summary, law.source, law.path) for law in discover_laws(path)]
-    assert [(h.name, h.summary, h.source, h.path) for h in headings] == laws
+    assert sorted((entry.name, entry.summary, entry.source, entry.path) for entry in entries) == sorted(laws)
 
 
 def test_law_files_do_not_begin_with_an_underscore(tmp_path: Path) -> None:

@@ -1,35 +1,83 @@
 """Identification of an axis: inverse model by linear least squares, closed loop by output error."""
 
-from friction_fmus.identification.errors import ExcitationError, FitError, IdentificationError, RecordError
-from friction_fmus.identification.estimate import Estimate
-from friction_fmus.identification.excitation import examine, examine_pieces
-from friction_fmus.identification.findings import Finding, RecordWarning
-from friction_fmus.identification.grid import HysteresisGrid, identify_hysteresis
-from friction_fmus.identification.identifying import Method, identify
-from friction_fmus.identification.idim import (
-    InverseModelFit,
-    InverseModelSettings,
-    Motion,
-    decimate,
-    filtered_motion,
-    identify_inverse_model,
-    identify_inverse_stribeck,
-)
-from friction_fmus.identification.mapping import DataMapping, load_mapping, read_mapping, read_windows
-from friction_fmus.identification.models import identifiable
-from friction_fmus.identification.output_error import (
-    Mapper,
-    OutputErrorFit,
-    Simulator,
-    Target,
-    Unknown,
-    fit_output_error,
-)
-from friction_fmus.identification.presliding import PreslidingFit, identify_presliding
-from friction_fmus.identification.reading import Measurement, read_measurement, read_records
-from friction_fmus.identification.record import LINEAR, ROTARY, Array, AxisUnits, Record
-from friction_fmus.identification.result import Identification, Score
-from friction_fmus.identification.survey import Survey, Task, compare_models
+from typing import TYPE_CHECKING
+
+from harness.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from friction_fmus.identification.errors import ExcitationError, FitError, IdentificationError, RecordError
+    from friction_fmus.identification.estimate import Estimate
+    from friction_fmus.identification.excitation import examine, examine_pieces
+    from friction_fmus.identification.findings import Finding, RecordWarning
+    from friction_fmus.identification.grid import HysteresisGrid, identify_hysteresis
+    from friction_fmus.identification.identifying import Method, identify
+    from friction_fmus.identification.idim import (
+        InverseModelFit,
+        InverseModelSettings,
+        Motion,
+        decimate,
+        filtered_motion,
+        identify_inverse_model,
+        identify_inverse_stribeck,
+    )
+    from friction_fmus.identification.mapping import DataMapping, load_mapping, read_mapping, read_windows
+    from friction_fmus.identification.models import identifiable
+    from friction_fmus.identification.output_error import (
+        Mapper,
+        OutputErrorFit,
+        Simulator,
+        Target,
+        Unknown,
+        fit_output_error,
+    )
+    from friction_fmus.identification.presliding import PreslidingFit, identify_presliding
+    from friction_fmus.identification.reading import Measurement, read_measurement, read_records
+    from friction_fmus.identification.record import LINEAR, ROTARY, Array, AxisUnits, Record
+    from friction_fmus.identification.result import Identification
+    from friction_fmus.identification.scores import Score
+    from friction_fmus.identification.survey import Survey, Task, compare_models
+else:
+    __getattr__, __dir__ = lazy_names(
+        __name__,
+        {
+            "friction_fmus.identification.errors": [
+                "ExcitationError",
+                "FitError",
+                "IdentificationError",
+                "RecordError",
+            ],
+            "friction_fmus.identification.estimate": ["Estimate"],
+            "friction_fmus.identification.excitation": ["examine", "examine_pieces"],
+            "friction_fmus.identification.findings": ["Finding", "RecordWarning"],
+            "friction_fmus.identification.grid": ["HysteresisGrid", "identify_hysteresis"],
+            "friction_fmus.identification.identifying": ["Method", "identify"],
+            "friction_fmus.identification.idim": [
+                "InverseModelFit",
+                "InverseModelSettings",
+                "Motion",
+                "decimate",
+                "filtered_motion",
+                "identify_inverse_model",
+                "identify_inverse_stribeck",
+            ],
+            "friction_fmus.identification.mapping": ["DataMapping", "load_mapping", "read_mapping", "read_windows"],
+            "friction_fmus.identification.models": ["identifiable"],
+            "friction_fmus.identification.output_error": [
+                "Mapper",
+                "OutputErrorFit",
+                "Simulator",
+                "Target",
+                "Unknown",
+                "fit_output_error",
+            ],
+            "friction_fmus.identification.presliding": ["PreslidingFit", "identify_presliding"],
+            "friction_fmus.identification.reading": ["Measurement", "read_measurement", "read_records"],
+            "friction_fmus.identification.record": ["LINEAR", "ROTARY", "Array", "AxisUnits", "Record"],
+            "friction_fmus.identification.result": ["Identification"],
+            "friction_fmus.identification.scores": ["Score"],
+            "friction_fmus.identification.survey": ["Survey", "Task", "compare_models"],
+        },
+    )
 
 __all__ = [
     "LINEAR",

@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -19,11 +19,13 @@ from friction_fmus.identification.idim import filtered_motion
 from friction_fmus.identification.models import ContactModel, contact_model, state_sizes
 from friction_fmus.identification.output_error import Mapper, Target, Unknown, fit_output_error
 from friction_fmus.identification.record import ROTARY, Array, Record
-from friction_fmus.identification.result import Identification, Score
-from friction_fmus.identification.scores import criteria, independent_samples, score, weak_parameters
+from friction_fmus.identification.scores import Score, criteria, independent_samples, score, weak_parameters
 from friction_fmus.identification.setup import Wishes
 from harness import System
 from harness.scratch import ScratchFolder
+
+if TYPE_CHECKING:
+    from friction_fmus.identification.result import Identification
 
 #: Communication step between mass and friction [s] in the fit; the rest of the servo has that of the record.
 FIT_STEP = 2.5e-4

@@ -22,7 +22,8 @@ from friction_fmus.identification.findings import Finding
 from friction_fmus.identification.models import contact_model
 from friction_fmus.identification.picture import NAMES
 from friction_fmus.identification.reading import Measurement
-from friction_fmus.identification.result import Identification, Score
+from friction_fmus.identification.result import Identification
+from friction_fmus.identification.scores import Score
 from friction_fmus.identification.survey import Survey
 from friction_fmus.study.parameters import Parameter, toml_text
 

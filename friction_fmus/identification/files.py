@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from friction_fmus.fmi.package import build
 from friction_fmus.identification.models import contact_model
 from friction_fmus.identification.record import ROTARY
-from friction_fmus.identification.result import Identification
 from harness import Parameter, ParameterSet, write_ssv
+
+if TYPE_CHECKING:
+    from friction_fmus.identification.result import Identification
 
 
 def build_identified(result: Identification, folder: Path, name: str | None) -> Path:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
+from friction_fmus.data import MeasuredAxis
+from friction_fmus.identification.closed_loop import identify_closed_loop, validated
 from friction_fmus.identification.drives import driven
 from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.estimate import Estimate
@@ -17,14 +19,11 @@ from friction_fmus.identification.idim import InverseModelSettings
 from friction_fmus.identification.models import ContactModel, contact_model
 from friction_fmus.identification.problem import Problem
 from friction_fmus.identification.record import Array, Record
-from friction_fmus.identification.result import Identification, Score
-from friction_fmus.identification.scores import criteria, independent_samples, score, weak_parameters
+from friction_fmus.identification.result import Identification
+from friction_fmus.identification.scores import Score, criteria, independent_samples, score, weak_parameters
 from friction_fmus.identification.search import Found, Loss, covariance, search
 from friction_fmus.identification.setup import Setup, Wishes, check_wishes, scalar_setup
 from friction_fmus.identification.simulation_data import Piece, prepare, signal_of, traits
-
-if TYPE_CHECKING:
-    from friction_fmus.data import MeasuredAxis
 
 Method = Literal["auto", "inverse", "output-error", "hysteresis", "closed-loop"]
 
@@ -101,14 +100,8 @@ def identify(
     """
     begin = time.perf_counter()
     wishes = Wishes(dict(fixed or {}), dict(bounds or {}), dict(start or {}))
-    from friction_fmus.data import MeasuredAxis  # its loaders make records of this package
 
     if isinstance(data, MeasuredAxis):
-        from friction_fmus.identification.closed_loop import (  # it needs the servo, which needs this package
-            identify_closed_loop,
-            validated,
-        )
-
         if method not in ("auto", "closed-loop"):
             raise FitError(
                 f"The method for an axis with its servo is 'closed-loop', not {method!r}; or give its record."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
@@ -10,8 +11,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from friction_fmus.identification.record import Array
-from friction_fmus.identification.result import Identification
 from harness.atomic import atomic_path
+
+if TYPE_CHECKING:
+    from friction_fmus.identification.result import Identification
 
 MEASURED, PREDICTED = "#7f8c8d", "#c0392b"
 

@@ -4,26 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from friction_fmus.identification.closed_loop import axis_response
 from friction_fmus.identification.drives import driven
 from friction_fmus.identification.models import ContactModel, contact_model, state_sizes
 from friction_fmus.identification.problem import Coordinate, Problem
 from friction_fmus.identification.record import Array, Record
-from friction_fmus.identification.result import Identification
 from friction_fmus.identification.search import search
 from friction_fmus.identification.setup import INITIAL_LIMIT
 from friction_fmus.identification.simulation_data import Piece, prepare
+
+if TYPE_CHECKING:
+    from friction_fmus.identification.result import Identification
 
 
 def predict(result: Identification, record: Record) -> Array:
     """The signal along the motion of a record; see `Identification.predict`."""
     if result.signal == "q":
-        from friction_fmus.identification.closed_loop import (
-            axis_response,  # it needs the servo, which needs this package
-        )
-
         return axis_response(result, record)["q"]
     force = result.signal == "force"
     known = (record.force if force else record.friction) is not None

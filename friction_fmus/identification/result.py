@@ -8,34 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from friction_fmus.identification.estimate import Estimate
+from friction_fmus.identification.files import build_identified, write_parameters
 from friction_fmus.identification.idim import InverseModelSettings
+from friction_fmus.identification.picture import draw
+from friction_fmus.identification.prediction import compare, predict
 from friction_fmus.identification.record import Array, Record
+from friction_fmus.identification.scores import Score
 from friction_fmus.notebook import identification_html, identification_text
 
 if TYPE_CHECKING:
     from friction_fmus.data import ServoSettings
-
-
-@dataclass(frozen=True)
-class Score:
-    """How well a model reproduces a signal.
-
-    Attributes
-    ----------
-    rms : float
-        Root mean square of simulated minus measured, in the unit of the signal.
-    relative_percent : float
-        The same in percent of the root mean square of the signal.
-    fit_percent : float
-        100 (1 - |simulated - measured| / |measured - mean|): 100 is exact, 0 no better than the mean.
-    samples : int
-        Number of samples.
-    """
-
-    rms: float
-    relative_percent: float
-    fit_percent: float
-    samples: int
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -154,8 +136,6 @@ class Identification:
         RecordError
             The record lacks the motion, or the normal force where the signal is mu.
         """
-        from friction_fmus.identification.prediction import predict  # which is made of this class
-
         return predict(self, record)
 
     def compare(self, record: Record) -> tuple[Array, Array]:
@@ -166,8 +146,6 @@ class Identification:
         RecordError
             The record lacks a column.
         """
-        from friction_fmus.identification.prediction import compare
-
         return compare(self, record)
 
     def plot(self, path: str | Path) -> Path:
@@ -183,8 +161,6 @@ class Identification:
         OutputError
             The file cannot be written.
         """
-        from friction_fmus.identification.picture import draw
-
         return draw(self, Path(path))
 
     def to_fmu(self, folder: str | Path, name: str | None = None) -> Path:
@@ -207,8 +183,6 @@ class Identification:
         BuildError
             As of `friction_fmus.build`.
         """
-        from friction_fmus.identification.files import build_identified
-
         return build_identified(self, Path(folder), name)
 
     def to_ssv(self, path: str | Path) -> Path:
@@ -219,6 +193,4 @@ class Identification:
         OutputError
             The file cannot be written.
         """
-        from friction_fmus.identification.files import write_parameters
-
         return write_parameters(self, Path(path))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from friction_fmus.identification.models import ContactModel
 from friction_fmus.identification.record import Array
-from friction_fmus.identification.result import Score
 from friction_fmus.identification.setup import advice
 
 #: Standard error over value from which on a parameter counts as weakly determined.
@@ -17,6 +17,28 @@ WEAK = 0.25
 
 #: Correlation of two estimates from which on they count as hardly told apart.
 TOGETHER = 0.98
+
+
+@dataclass(frozen=True)
+class Score:
+    """How well a model reproduces a signal.
+
+    Attributes
+    ----------
+    rms : float
+        Root mean square of simulated minus measured, in the unit of the signal.
+    relative_percent : float
+        The same in percent of the root mean square of the signal.
+    fit_percent : float
+        100 (1 - |simulated - measured| / |measured - mean|): 100 is exact, 0 no better than the mean.
+    samples : int
+        Number of samples.
+    """
+
+    rms: float
+    relative_percent: float
+    fit_percent: float
+    samples: int
 
 
 def score(measured: Array, predicted: Array) -> Score:
