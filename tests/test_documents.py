@@ -23,7 +23,7 @@ from friction_fmus.fmi.models_page import models_page
 from harness import DropOut, System
 
 ROOT = Path(__file__).parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 FRICTION = [block for block in catalogue().values() if block.kind == "friction"]
 ADDING = [ROOT / "docs" / "adding-a-model.md", ROOT / "docs" / "adding-a-law.md"]
 TUTORIALS = ["index.md", "first-fmu.md", "which-model.md", "which-compensator.md", "harness-tutorial.md"]
