@@ -39,7 +39,7 @@ class Workshop:
         source = self._folder / f"source{next(self._numbers)}.c"
         source.write_text(text, encoding="utf-8")
         target = source.with_suffix(".so")
-        folders = ["-I", str(source_folder()), "-I", str(header_folder())]
+        folders = [f"-I{folder}" for folder in (source_folder(), source_folder() / "numerics", header_folder())]
         command = [*COMPILERS[self.name], *FLAGS, *flags, *folders, str(source), "-o", str(target), "-lm"]
         run = subprocess.run(command, capture_output=True, text=True, check=False)
         assert run.returncode == 0, run.stderr

@@ -29,7 +29,7 @@ SELECTION = ("LuGre", "GenericAsperity", "Leuven", "Actuator", "PID", "Repetitiv
 """Exact, event-driven and with a stack; a plant with a memory; a law; a controller with a ring."""
 CHAINS = ("BurridgeKnopoff", "FrenkelKontorova", "FrenkelKontorovaTomlinson")
 """Blocks with large local arrays, of which an optimising compiler says most."""
-SECONDS = 5
+SECONDS = 3
 
 needs_clang = pytest.mark.skipif(shutil.which("clang") is None, reason="clang is not installed")
 

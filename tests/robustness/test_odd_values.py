@@ -197,8 +197,8 @@ def test_other_commands_with_system_files(tmp_path: Path, command: str) -> None:
     build("LuGre", tmp_path)
     (tmp_path / "record.csv").write_text("time [s],F [N]\n0,1\n2,1\n")
     rest = {"doctor": [], "sweep": ["--vary", "mass.m=1,2", "--executor", "serial", "-o", "sweep"]}[command]
-    cases = [(label, "odd.toml", text, [command, "odd.toml", *rest]) for label, text in list(systems())[::9]]
-    assert run_cases(tmp_path, cases)["sentences"] > 100
+    cases = [(label, "odd.toml", text, [command, "odd.toml", *rest]) for label, text in list(systems())[:: 9 * EVERY]]
+    assert run_cases(tmp_path, cases)["sentences"] > 0.4 * len(cases)
 
 
 STUDY = """
@@ -351,4 +351,4 @@ def test_parameter_sets_of_sweeps(tmp_path: Path) -> None:
     ):
         table = ["sweep", "system.toml", "--samples", "odd.csv", *own, f"whole{len(cases)}"]
         cases.append((f"the table {text[:30]!r}", "odd.csv", text, table))
-    assert run_cases(tmp_path, cases)["sentences"] > 100
+    assert run_cases(tmp_path, cases)["sentences"] > 0.4 * len(cases)
