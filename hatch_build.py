@@ -29,8 +29,8 @@ class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
         if version == "editable":
             return
         from friction_fmus.blocks.catalogue import OWN_BLOCKS, catalogue
+        from harness.compiling.platforms import PLATFORMS, compiled
         from harness.engine.native import sources
-        from harness.platforms import PLATFORMS, compiled
 
         folder = Path(self.directory).resolve()
         added = build_data["force_include"]

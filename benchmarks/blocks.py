@@ -25,7 +25,7 @@ import numpy as np
 
 from benchmarks.rows import Row, arguments, report
 from friction_fmus import Block, build, catalogue
-from harness.toolchain import FLAGS, compiler, header_folder
+from harness.compiling.toolchain import FLAGS, compiler, header_folder
 
 STEP = 1e-4
 SINGLE_STATE = ("Dahl", "LuGre", "ElastoPlastic", "ResetIntegrator", "RateAndState", "Leuven")

@@ -17,7 +17,7 @@ from friction_fmus import build
 from friction_fmus.codegen.layout import INPUTS, STATES, Export
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, Variable
-from harness.toolchain import FLAGS, compiler, header_folder
+from harness.compiling.toolchain import FLAGS, compiler, header_folder
 
 Columns = Mapping[str, np.ndarray]
 

@@ -16,7 +16,7 @@ from benchmarks.pairs import PAIRS, STEP, Built, Pair, Values
 from benchmarks.peers import PEERS
 from benchmarks.rows import Row
 from harness import Tap
-from harness.toolchain import FLAGS, compiler, header_folder
+from harness.compiling.toolchain import FLAGS, compiler, header_folder
 
 _COUNT, _POINTER = ctypes.c_size_t, ctypes.c_void_p
 

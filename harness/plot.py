@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.atomic import atomic_path
 from harness.errors import OutputError, UnknownNameError, nearest
+from harness.storage.atomic import atomic_path
 
 if TYPE_CHECKING:
     from harness.result import Result

@@ -22,7 +22,7 @@ from friction_fmus.cli import commands
 from friction_fmus.cli.console import RunBar
 from friction_fmus.cli.main import main, parser
 from harness import Parameter, ParameterSet, System, load_result, masters, write_ssv
-from harness.platforms import NATIVE
+from harness.compiling.platforms import NATIVE
 
 ROOT = Path(__file__).parent.parent
 STICK_SLIP = ROOT / "examples" / "stick_slip.toml"

@@ -21,7 +21,7 @@ from lxml import etree, html
 from friction_fmus import fmu
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.blocks.probe import OUTPUT, PARAMETER
-from harness.platforms import NATIVE
+from harness.compiling.platforms import NATIVE
 
 ROOT = Path(__file__).parent.parent
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from friction_fmus import catalogue
-from harness.platforms import PLATFORMS
+from harness.compiling.platforms import PLATFORMS
 
 ROOT = Path(__file__).parents[1]
 

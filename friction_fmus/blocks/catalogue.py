@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from friction_fmus.blocks.about import About, about_c_block
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.lawkit.headings import law_paths, read_headings
-from harness.files import read_source, reason
+from harness.storage.files import read_source, reason
 
 PACKAGE = Path(__file__).parents[1]
 

@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 
 from friction_fmus.check.findings import DESCRIPTION, Fault, Finding, apply, declare, rule
 from harness.parts.shared_library import LONGEST_TABLE, missing_of
-from harness.zip_file import (
+from harness.storage.zip_file import (
     LONGEST,
     ZipError,
     find_clashes,

@@ -21,8 +21,8 @@ from friction_fmus.check.probes.host import CRASHES, PROBES, SEVERAL
 from friction_fmus.check.probes.library import TRACE_SIZE
 from friction_fmus.check.probes.rules import RULES as BINARY_RULES
 from friction_fmus.errors import FrictionError
-from harness.platforms import NATIVE
-from harness.scratch import ScratchFolder
+from harness.compiling.platforms import NATIVE
+from harness.storage.scratch import ScratchFolder
 
 _MODULES: Final = (lifecycle, stepping, surroundings)
 """They add the probes, in this order."""

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from friction_fmus.cli.console import console, styled
 from friction_fmus.identification import Finding, Identification, Measurement, Record
-from friction_fmus.identification.picture import NAMES
+from friction_fmus.identification.plot import NAMES
 from friction_fmus.identification.survey import Survey
 
 

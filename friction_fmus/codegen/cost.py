@@ -15,7 +15,7 @@ from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.program import program, samples
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.errors import FrictionError
-from harness.scratch import ScratchFolder
+from harness.storage.scratch import ScratchFolder
 
 COMPILER = "arm-none-eabi-gcc"
 EMULATOR = "qemu-arm"

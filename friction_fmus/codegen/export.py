@@ -17,7 +17,7 @@ from friction_fmus.lawkit.declarations import check_identifier
 from friction_fmus.lawkit.emit.c_text import DOUBLE, FLOAT
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Law
-from harness.atomic import atomic_path
+from harness.storage.atomic import atomic_path
 
 
 def export_law(

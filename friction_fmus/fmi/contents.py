@@ -16,8 +16,8 @@ from friction_fmus.fmi.model_description import model_description
 from friction_fmus.fmi.portrait import portray, terminal_icon
 from friction_fmus.fmi.terminals import terminals, terminals_and_icons
 from friction_fmus.version import build_time
-from harness.platforms import NATIVE, Platform, compiled
-from harness.scratch import ScratchFolder
+from harness.compiling.platforms import NATIVE, Platform, compiled
+from harness.storage.scratch import ScratchFolder
 
 
 def assemble(

@@ -19,11 +19,11 @@ from friction_fmus.blocks.customise import Start, identified, renamed, rotationa
 from friction_fmus.blocks.probe import Description, describe
 from friction_fmus.errors import BuildError
 from friction_fmus.version import VERSION, build_time
-from harness import toolchain
-from harness.atomic import atomic_path
-from harness.cache import cached
-from harness.files import read_source, reason
-from harness.platforms import NATIVE, Platform, native_library, select
+from harness.compiling import toolchain
+from harness.compiling.platforms import NATIVE, Platform, native_library, select
+from harness.storage.atomic import atomic_path
+from harness.storage.cache import cached
+from harness.storage.files import read_source, reason
 
 SHIPPED = PACKAGE / "fmus"
 """FMUs for all platforms in an installed package; a checkout has none."""

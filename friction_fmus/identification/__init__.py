@@ -5,13 +5,15 @@ from typing import TYPE_CHECKING
 from harness.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from friction_fmus.identification.data.excitation import examine, examine_pieces
+    from friction_fmus.identification.data.findings import Finding, RecordWarning
+    from friction_fmus.identification.data.mapping import DataMapping, load_mapping, read_mapping, read_windows
+    from friction_fmus.identification.data.reading import Measurement, read_measurement, read_records
+    from friction_fmus.identification.data.record import LINEAR, ROTARY, Array, AxisUnits, Record
     from friction_fmus.identification.errors import ExcitationError, FitError, IdentificationError, RecordError
-    from friction_fmus.identification.estimate import Estimate
-    from friction_fmus.identification.excitation import examine, examine_pieces
-    from friction_fmus.identification.findings import Finding, RecordWarning
-    from friction_fmus.identification.grid import HysteresisGrid, identify_hysteresis
-    from friction_fmus.identification.identifying import Method, identify
-    from friction_fmus.identification.idim import (
+    from friction_fmus.identification.fit.estimate import Estimate
+    from friction_fmus.identification.fit.grid import HysteresisGrid, identify_hysteresis
+    from friction_fmus.identification.fit.idim import (
         InverseModelFit,
         InverseModelSettings,
         Motion,
@@ -20,9 +22,8 @@ if TYPE_CHECKING:
         identify_inverse_model,
         identify_inverse_stribeck,
     )
-    from friction_fmus.identification.mapping import DataMapping, load_mapping, read_mapping, read_windows
-    from friction_fmus.identification.models import identifiable
-    from friction_fmus.identification.output_error import (
+    from friction_fmus.identification.fit.models import identifiable
+    from friction_fmus.identification.fit.output_error import (
         Mapper,
         OutputErrorFit,
         Simulator,
@@ -30,11 +31,10 @@ if TYPE_CHECKING:
         Unknown,
         fit_output_error,
     )
-    from friction_fmus.identification.presliding import PreslidingFit, identify_presliding
-    from friction_fmus.identification.reading import Measurement, read_measurement, read_records
-    from friction_fmus.identification.record import LINEAR, ROTARY, Array, AxisUnits, Record
+    from friction_fmus.identification.fit.presliding import PreslidingFit, identify_presliding
+    from friction_fmus.identification.fit.scores import Score
+    from friction_fmus.identification.identifying import Method, identify
     from friction_fmus.identification.result import Identification
-    from friction_fmus.identification.scores import Score
     from friction_fmus.identification.survey import Survey, Task, compare_models
 else:
     __getattr__, __dir__ = lazy_names(
@@ -46,12 +46,12 @@ else:
                 "IdentificationError",
                 "RecordError",
             ],
-            "friction_fmus.identification.estimate": ["Estimate"],
-            "friction_fmus.identification.excitation": ["examine", "examine_pieces"],
-            "friction_fmus.identification.findings": ["Finding", "RecordWarning"],
-            "friction_fmus.identification.grid": ["HysteresisGrid", "identify_hysteresis"],
+            "friction_fmus.identification.fit.estimate": ["Estimate"],
+            "friction_fmus.identification.data.excitation": ["examine", "examine_pieces"],
+            "friction_fmus.identification.data.findings": ["Finding", "RecordWarning"],
+            "friction_fmus.identification.fit.grid": ["HysteresisGrid", "identify_hysteresis"],
             "friction_fmus.identification.identifying": ["Method", "identify"],
-            "friction_fmus.identification.idim": [
+            "friction_fmus.identification.fit.idim": [
                 "InverseModelFit",
                 "InverseModelSettings",
                 "Motion",
@@ -60,9 +60,14 @@ else:
                 "identify_inverse_model",
                 "identify_inverse_stribeck",
             ],
-            "friction_fmus.identification.mapping": ["DataMapping", "load_mapping", "read_mapping", "read_windows"],
-            "friction_fmus.identification.models": ["identifiable"],
-            "friction_fmus.identification.output_error": [
+            "friction_fmus.identification.data.mapping": [
+                "DataMapping",
+                "load_mapping",
+                "read_mapping",
+                "read_windows",
+            ],
+            "friction_fmus.identification.fit.models": ["identifiable"],
+            "friction_fmus.identification.fit.output_error": [
                 "Mapper",
                 "OutputErrorFit",
                 "Simulator",
@@ -70,11 +75,11 @@ else:
                 "Unknown",
                 "fit_output_error",
             ],
-            "friction_fmus.identification.presliding": ["PreslidingFit", "identify_presliding"],
-            "friction_fmus.identification.reading": ["Measurement", "read_measurement", "read_records"],
-            "friction_fmus.identification.record": ["LINEAR", "ROTARY", "Array", "AxisUnits", "Record"],
+            "friction_fmus.identification.fit.presliding": ["PreslidingFit", "identify_presliding"],
+            "friction_fmus.identification.data.reading": ["Measurement", "read_measurement", "read_records"],
+            "friction_fmus.identification.data.record": ["LINEAR", "ROTARY", "Array", "AxisUnits", "Record"],
             "friction_fmus.identification.result": ["Identification"],
-            "friction_fmus.identification.scores": ["Score"],
+            "friction_fmus.identification.fit.scores": ["Score"],
             "friction_fmus.identification.survey": ["Survey", "Task", "compare_models"],
         },
     )

@@ -16,16 +16,16 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from friction_fmus.identification.data.findings import Finding
+from friction_fmus.identification.data.reading import Measurement
 from friction_fmus.identification.errors import IdentificationError
-from friction_fmus.identification.estimate import Estimate
-from friction_fmus.identification.findings import Finding
-from friction_fmus.identification.models import contact_model
-from friction_fmus.identification.picture import NAMES
-from friction_fmus.identification.reading import Measurement
+from friction_fmus.identification.fit.estimate import Estimate
+from friction_fmus.identification.fit.models import contact_model
+from friction_fmus.identification.fit.scores import Score
+from friction_fmus.identification.parameter_files import Parameter, toml_text
+from friction_fmus.identification.plot import NAMES
 from friction_fmus.identification.result import Identification
-from friction_fmus.identification.scores import Score
 from friction_fmus.identification.survey import Survey
-from friction_fmus.study.parameters import Parameter, toml_text
 
 #: Colours that differ in lightness as well (after M. Okabe, K. Ito, 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73")

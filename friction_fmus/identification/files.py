@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from friction_fmus.fmi.package import build
-from friction_fmus.identification.models import contact_model
-from friction_fmus.identification.record import ROTARY
+from friction_fmus.identification.data.record import ROTARY
+from friction_fmus.identification.fit.models import contact_model
 from harness import Parameter, ParameterSet, write_ssv
 
 if TYPE_CHECKING:

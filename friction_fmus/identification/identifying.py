@@ -10,20 +10,20 @@ from typing import Literal
 import numpy as np
 
 from friction_fmus.data import MeasuredAxis
-from friction_fmus.identification.closed_loop import identify_closed_loop, validated
-from friction_fmus.identification.drives import driven
+from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.errors import FitError
-from friction_fmus.identification.estimate import Estimate
-from friction_fmus.identification.hysteresis import hysteresis_setup
-from friction_fmus.identification.idim import InverseModelSettings
-from friction_fmus.identification.models import ContactModel, contact_model
-from friction_fmus.identification.problem import Problem
-from friction_fmus.identification.record import Array, Record
+from friction_fmus.identification.fit.drives import driven
+from friction_fmus.identification.fit.estimate import Estimate
+from friction_fmus.identification.fit.idim import InverseModelSettings
+from friction_fmus.identification.fit.models import ContactModel, contact_model
+from friction_fmus.identification.fit.problem import Problem
+from friction_fmus.identification.fit.scores import Score, criteria, independent_samples, score, weak_parameters
+from friction_fmus.identification.fit.search import Found, Loss, covariance, search
+from friction_fmus.identification.fit.setup import Setup, Wishes, check_wishes, scalar_setup
+from friction_fmus.identification.fit.simulation_data import Piece, prepare, signal_of, traits
+from friction_fmus.identification.methods.closed_loop import identify_closed_loop, validated
+from friction_fmus.identification.methods.hysteresis import hysteresis_setup
 from friction_fmus.identification.result import Identification
-from friction_fmus.identification.scores import Score, criteria, independent_samples, score, weak_parameters
-from friction_fmus.identification.search import Found, Loss, covariance, search
-from friction_fmus.identification.setup import Setup, Wishes, check_wishes, scalar_setup
-from friction_fmus.identification.simulation_data import Piece, prepare, signal_of, traits
 
 Method = Literal["auto", "inverse", "output-error", "hysteresis", "closed-loop"]
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from friction_fmus.identification.estimate import Estimate
+from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.files import build_identified, write_parameters
-from friction_fmus.identification.idim import InverseModelSettings
-from friction_fmus.identification.picture import draw
-from friction_fmus.identification.prediction import compare, predict
-from friction_fmus.identification.record import Array, Record
-from friction_fmus.identification.scores import Score
+from friction_fmus.identification.fit.estimate import Estimate
+from friction_fmus.identification.fit.idim import InverseModelSettings
+from friction_fmus.identification.fit.prediction import compare, predict
+from friction_fmus.identification.fit.scores import Score
+from friction_fmus.identification.plot import draw
 from friction_fmus.notebook import identification_html, identification_text
 
 if TYPE_CHECKING:

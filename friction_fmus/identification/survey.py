@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from friction_fmus.errors import FrictionError
+from friction_fmus.identification.data.record import Record
 from friction_fmus.identification.errors import FitError
+from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.identifying import identify
-from friction_fmus.identification.models import contact_model
-from friction_fmus.identification.record import Record
 from friction_fmus.identification.result import Identification
 from friction_fmus.notebook import survey_html, survey_text
 

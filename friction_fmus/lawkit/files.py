@@ -11,7 +11,7 @@ from types import ModuleType
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.headings import law_paths
 from friction_fmus.lawkit.law import Law
-from harness.files import LARGEST_TEXT, reason, require_regular
+from harness.storage.files import LARGEST_TEXT, reason, require_regular
 
 
 def discover_laws(path: Path | str) -> list[Law]:

@@ -14,7 +14,7 @@ from plotly.offline import get_plotlyjs
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.study.models import ALIKE
 from friction_fmus.study.result import StudyResult
-from harness.atomic import atomic_path
+from harness.storage.atomic import atomic_path
 
 from . import numbers, views
 

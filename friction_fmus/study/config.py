@@ -10,8 +10,8 @@ from typing import Any, Final
 
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.errors import FrictionError, nearest
-from harness.files import reason
-from harness.toml_file import read_toml
+from harness.storage.files import reason
+from harness.storage.toml_file import read_toml
 from harness.values import number, shown, texts
 
 LEFT_OUT: Final[Mapping[str, float]] = {"ki": 0.0}

@@ -16,7 +16,7 @@ from friction_fmus.axis.servo import Servo
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.fmi.package import build_record
 from friction_fmus.identification import ROTARY, Array, Record, filtered_motion, read_mapping, read_measurement
-from friction_fmus.identification.simulation_data import default_settings
+from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.config import ConfigError, StudyConfig
 from friction_fmus.study.models import Measured
 

@@ -26,9 +26,9 @@ from friction_fmus.identification import (
     identify,
     identify_inverse_model,
 )
-from friction_fmus.identification.models import contact_model
-from friction_fmus.identification.scores import weak_parameters
-from friction_fmus.identification.simulation_data import default_settings
+from friction_fmus.identification.fit.models import contact_model
+from friction_fmus.identification.fit.scores import weak_parameters
+from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.evaluation import thinned
 from friction_fmus.study.records import Curve, Fit, FoundParameter, ModelRow
 from harness import HarnessError

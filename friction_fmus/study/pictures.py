@@ -9,7 +9,7 @@ import numpy as np
 
 from friction_fmus.axis.loop import block, typed
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion
-from friction_fmus.identification.simulation_data import default_settings
+from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.evaluation import thinned
 from friction_fmus.study.models import Found
 from friction_fmus.study.records import Curve, Picture

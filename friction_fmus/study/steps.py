@@ -25,7 +25,7 @@ import harness
 from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.study.result import plain
 from friction_fmus.version import VERSION
-from harness.cache import keep, kept
+from harness.storage.cache import keep, kept
 
 T = TypeVar("T")
 

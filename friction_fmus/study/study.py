@@ -17,7 +17,7 @@ from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import filtered_motion, identifiable
-from friction_fmus.identification.simulation_data import default_settings
+from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.compensators import Choice, Known, candidates, check_names, period_of
 from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
@@ -32,8 +32,8 @@ from friction_fmus.study.steps import KEPT, Job, Store, do, workers
 from friction_fmus.study.summary import Teller, compensator_row, identifier, overview
 from friction_fmus.version import VERSION
 from harness import Progress, System
-from harness.atomic import atomic_path
 from harness.processors import available
+from harness.storage.atomic import atomic_path
 
 CLOSE: Final = 1.5
 """Models whose error is at most so many times the smallest are fitted to the closed loop as well."""

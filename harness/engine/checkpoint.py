@@ -12,11 +12,11 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from harness.atomic import atomic_path
 from harness.errors import ExperimentError
-from harness.files import require_regular
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Part
+from harness.storage.atomic import atomic_path
+from harness.storage.files import require_regular
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
 from harness.system.plan import Plan

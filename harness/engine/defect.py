@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from harness.engine.line import MovingWire, fresh_inputs, moving_wires
-from harness.engine.native import Engine, bytes_of
+from harness.engine.native import Engine, bytes_of, mirrors
 from harness.parts.part import Port
 from harness.system.plan import Schedule, map_of
 from harness.units import parse_unit
@@ -48,6 +48,7 @@ def inaccurate(attributes: Mapping[str, object]) -> bool:
     return any(float(str(attributes.get(name, 0.0))) > limit for name, limit in limits.items())
 
 
+@mirrors("Defect")
 class Defect(ctypes.Structure):
     """``Defect`` of engine.h."""
 
@@ -57,6 +58,7 @@ class Defect(ctypes.Structure):
     )
 
 
+@mirrors("Pair")
 class Pair(ctypes.Structure):
     """``Pair`` of engine.h."""
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harness.engine.native import library
+from harness.engine.native import library, mirrors
 from harness.errors import ExperimentError, HarnessError, UnknownNameError
 from harness.parts.fmu import FmuPart
 from harness.parts.guard import Guard
@@ -21,6 +21,7 @@ _FUNCTION = {0: "fmi2SetReal", 1: "fmi2DoStep", 2: "fmi2GetReal", 5: "fmi2SetRea
 """Operation of engine.h -> what was called."""
 
 
+@mirrors("Drive")
 class _DriveData(ctypes.Structure):
     """``Drive`` of drive.h."""
 

@@ -15,6 +15,36 @@
 /* A part has changed the control of floating-point numbers. */
 enum { FLOATS_CHANGED = 102 };
 
+/* The sizes of the structs that Python mirrors, for a check when the library is loaded. */
+static const struct {
+    const char *name;
+    size_t size;
+} STRUCTS[] = {
+    {"Defect", sizeof(Defect)},
+    {"Drive", sizeof(Drive)},
+    {"Engine", sizeof(Engine)},
+    {"EnginePart", sizeof(EnginePart)},
+    {"Extrapolation", sizeof(Extrapolation)},
+    {"Group", sizeof(Group)},
+    {"Line", sizeof(Line)},
+    {"Manipulator", sizeof(Manipulator)},
+    {"Moving", sizeof(Moving)},
+    {"Newton", sizeof(Newton)},
+    {"Pair", sizeof(Pair)},
+    {"StepCheck", sizeof(StepCheck)},
+};
+
+EXPORT int64_t engine_struct_size(const char *name);
+
+/* 0 of a struct that Python does not mirror. */
+int64_t engine_struct_size(const char *name)
+{
+    for (size_t i = 0; i < sizeof STRUCTS / sizeof *STRUCTS; i++)
+        if (strcmp(STRUCTS[i].name, name) == 0)
+            return (int64_t)STRUCTS[i].size;
+    return 0;
+}
+
 /* One operation of an explicit master. */
 static bool operate(Engine *e, int operation, int64_t index, int64_t tick)
 {

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.engine.native import Engine, bytes_of
+from harness.engine.native import Engine, bytes_of, mirrors
 from harness.system.plan import GET, SET, Plan, Schedule
 
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
@@ -33,12 +33,14 @@ class MovingWire:
     target: int
 
 
+@mirrors("Line")
 class Line(ctypes.Structure):
     """``Line`` of line.h."""
 
     _fields_ = (("input", _INT), *((name, _REAL) for name in ("mean", "end")))
 
 
+@mirrors("Extrapolation")
 class Extrapolation(ctypes.Structure):
     """``Extrapolation`` of extrapolate.h."""
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from harness.engine.line import fresh_inputs, owners
-from harness.engine.native import Engine, bytes_of
+from harness.engine.native import Engine, bytes_of, mirrors
 from harness.errors import ExperimentError
 from harness.parts.part import Values
 from harness.system.manipulator import Bias, Delay, DropOut, Freeze, Manipulator, Noise, Override
@@ -22,6 +22,7 @@ _OVERRIDE, _BIAS, _NOISE, _LOSS, _DELAY = range(5)
 _EVER: Final = 2**62
 
 
+@mirrors("Manipulator")
 class ManipulatorData(ctypes.Structure):
     """``Manipulator`` of manipulate.h."""
 

@@ -10,15 +10,15 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.compiling.platforms import NATIVE, native_library
 from harness.errors import HarnessError, PartError, not_whole
 from harness.parts.part import TYPE_ORDER, Native, Values
 from harness.parts.shared_library import missing_bytes
-from harness.platforms import NATIVE, native_library
 from harness.system.plan import GET, SET, STEP, Plan
 from harness.system.wire import split_name
 
@@ -35,6 +35,27 @@ _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 _FREE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _POINTER)
 
 
+_MIRRORS: Final[dict[str, type[ctypes.Structure]]] = {}
+_Struct = TypeVar("_Struct", bound=type[ctypes.Structure])
+
+
+def mirrors(name: str) -> Callable[[_Struct], _Struct]:
+    """Declare that a ctypes structure has the layout of a C struct; its size is checked when the library is loaded.
+
+    Parameters
+    ----------
+    name : str
+        Name of the struct in engine.c.
+    """
+
+    def declared(struct: _Struct) -> _Struct:
+        _MIRRORS[name] = struct
+        return struct
+
+    return declared
+
+
+@mirrors("EnginePart")
 class EnginePart(ctypes.Structure):
     """``EnginePart`` of engine.h."""
 
@@ -50,6 +71,7 @@ class EnginePart(ctypes.Structure):
     )
 
 
+@mirrors("Engine")
 class EngineData(ctypes.Structure):
     """``Engine`` of engine.h."""
 
@@ -87,6 +109,11 @@ def library() -> ctypes.CDLL:
     engine.engine_float_control.restype = ctypes.c_uint32
     engine.engine_set_float_control.argtypes = (ctypes.c_uint32,)
     engine.engine_drive.argtypes = (_POINTER, _INT)
+    engine.engine_struct_size.restype = _INT
+    engine.engine_struct_size.argtypes = (ctypes.c_char_p,)
+    for name, struct in _MIRRORS.items():
+        size = engine.engine_struct_size(name.encode())
+        assert size == ctypes.sizeof(struct), f"{name} has {size} bytes in C and {ctypes.sizeof(struct)} in Python"
     return engine
 
 

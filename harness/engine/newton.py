@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from harness.engine.defect import UNRESOLVED, WRONG
 from harness.engine.line import MovingWire, attach_lines, moves, moving_wires
-from harness.engine.native import Engine, bytes_of
+from harness.engine.native import Engine, bytes_of, mirrors
 from harness.errors import ExperimentError
 from harness.system.plan import Plan, Schedule, map_of
 
@@ -32,6 +32,7 @@ HOPELESS: Final = 30.0
 """Sum of the errors over the size of the value from which on steps are not checked any more, as in step_check.h."""
 
 
+@mirrors("Moving")
 class Moving(ctypes.Structure):
     """``Moving`` of newton.h."""
 
@@ -41,12 +42,14 @@ class Moving(ctypes.Structure):
     )
 
 
+@mirrors("Group")
 class Group(ctypes.Structure):
     """``Group`` of newton.h."""
 
     _fields_ = tuple((name, _INT) for name in ("first", "count", "is_loop", "unknown", "unknowns"))
 
 
+@mirrors("StepCheck")
 class StepCheck(ctypes.Structure):
     """``StepCheck`` of newton.h."""
 
@@ -57,6 +60,7 @@ class StepCheck(ctypes.Structure):
     )
 
 
+@mirrors("Newton")
 class NewtonData(ctypes.Structure):
     """``Newton`` of newton.h."""
 

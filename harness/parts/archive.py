@@ -14,8 +14,8 @@ from lxml import etree
 
 from harness.errors import FmuError
 from harness.parts.part import Port, PortType, StartValue
+from harness.storage.zip_file import NotZipError, ZipError, find_absence, open_zip, read_zip
 from harness.units import BaseUnit, stated_unit
-from harness.zip_file import NotZipError, ZipError, find_absence, open_zip, read_zip
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ def open_archive(path: Path) -> Archive:
     ------
     FmuError
         If the file is missing, not a zip, not an FMU, not FMI 2.0 co-simulation, has no binary for this
-        platform, or has members that cannot be unpacked without harm (see `harness.zip_file`); or if its XML has a
-        DOCTYPE.
+        platform, or has members that cannot be unpacked without harm (see `harness.storage.zip_file`); or if its XML
+        has a DOCTYPE.
     """
     members, data = _read_members(path)
     _refuse_entities(path, data)

@@ -14,12 +14,12 @@ from typing import Any, Final
 import fmpy
 import fmpy.fmi2
 
-from harness.atomic import FULL
 from harness.errors import FmuError, PartError
 from harness.parts.archive import Archive
 from harness.parts.shared_library import missing_bytes
-from harness.scratch import ScratchFolder
-from harness.zip_file import ZipError, open_zip, unpack_zip
+from harness.storage.atomic import FULL
+from harness.storage.scratch import ScratchFolder
+from harness.storage.zip_file import ZipError, open_zip, unpack_zip
 
 FATAL: Final = 4
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harness.errors import PartError, SeriesError
-from harness.files import read_csv, reason
 from harness.parts.part import Calls, Part, Port, StartValue, Values
 from harness.result import split_heading, unquoted
+from harness.storage.files import read_csv, reason
 
 
 class SeriesPart(Part):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from harness.atomic import atomic_path
 from harness.result import Result, heading, quoted, split_heading, unquoted
 from harness.results.table import from_columns
+from harness.storage.atomic import atomic_path
 
 
 def to_csv(result: Result, path: str | Path) -> None:

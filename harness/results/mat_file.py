@@ -22,9 +22,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.atomic import atomic_path
 from harness.result import Result
 from harness.results.table import from_columns
+from harness.storage.atomic import atomic_path
 
 _TYPES: Final = {"i": "Integer", "b": "Boolean"}
 _DTYPES: Final = {"Integer": np.int64, "Boolean": np.bool_}

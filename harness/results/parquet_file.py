@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 from typing import Final
 
-from harness.atomic import atomic_path
 from harness.result import Result
 from harness.results.table import from_columns
+from harness.storage.atomic import atomic_path
 
 _KEPT: Final = ("units", "description")
 _NUMBERS: Final = b"numbers"

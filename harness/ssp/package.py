@@ -12,10 +12,10 @@ from urllib.parse import unquote, urlsplit
 
 from lxml import etree
 
-from harness.atomic import atomic_path
 from harness.errors import OutputError, SystemFileError
-from harness.scratch import ScratchFolder
-from harness.zip_file import (
+from harness.storage.atomic import atomic_path
+from harness.storage.scratch import ScratchFolder
+from harness.storage.zip_file import (
     NotZipError,
     ZipError,
     find_absence,
@@ -44,7 +44,7 @@ class Package:
     ------
     SystemFileError
         If the file is missing, is no such archive, or has members that cannot be unpacked without harm (see
-        `harness.zip_file`).
+        `harness.storage.zip_file`).
     """
 
     def __init__(self, path: Path) -> None:

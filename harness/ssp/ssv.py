@@ -9,13 +9,13 @@ from pathlib import Path
 
 from lxml import etree
 
-from harness.atomic import atomic_path
 from harness.errors import StartValueError, SystemFileError, UnitError, nearest
-from harness.files import LARGEST_DATA, read_regular
 from harness.parts.part import Port, StartValue
 from harness.ssp.document import SPACES, SSV, TOOL, check_element, parse_document, set_text, sub, to_bytes
 from harness.ssp.transformation import Linear, Transformation
 from harness.ssp.units import converted, known_unit, read_units, write_units
+from harness.storage.atomic import atomic_path
+from harness.storage.files import LARGEST_DATA, read_regular
 from harness.units import BaseUnit
 
 #: Media type under which an SSD refers to such a file.

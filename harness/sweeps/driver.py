@@ -16,7 +16,7 @@ import xarray as xr
 
 from harness.engine.tap import Progress
 from harness.errors import SweepError, nearest
-from harness.scratch import ScratchFolder
+from harness.storage.scratch import ScratchFolder
 from harness.sweeps.folder import SweepFolder, read_sweep, sole_writer
 from harness.sweeps.identity import description
 from harness.sweeps.measures import Builtin, Measure, find_measures, label

@@ -14,9 +14,9 @@ import pyarrow.dataset as pds
 import pyarrow.parquet as pq
 import xarray as xr
 
-from harness.atomic import atomic_path
 from harness.errors import OutputError, SweepError
 from harness.parts.part import PortType
+from harness.storage.atomic import atomic_path
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Outcome
 

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harness.errors import SweepError
-from harness.files import read_csv, reason
 from harness.parts.archive import parse_value
 from harness.parts.part import PortType, StartValue
 from harness.ssp import Parameter, ParameterSet, read_ssv
+from harness.storage.files import read_csv, reason
 from harness.system.system import System
 from harness.values import is_count, shown
 

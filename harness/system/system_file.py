@@ -11,16 +11,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from harness.atomic import atomic_path
 from harness.errors import ExperimentError, SystemFileError, nearest
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Part, StartValue
 from harness.parts.series import SeriesPart
+from harness.storage.atomic import atomic_path
+from harness.storage.toml_file import read_toml
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
 from harness.system.manipulator import manipulator_table, read_manipulator
 from harness.system.wire import Wire, parse_wire, split_name
-from harness.toml_file import read_toml
 from harness.values import flag, number, shown, tables, text, texts, whole
 
 _TOP_KEYS = ("name", "strict", "parts", "wires", "experiment")

@@ -7,7 +7,7 @@ import subprocess
 import pytest
 from check.libraries import HERE, Library
 
-from harness import toolchain
+from harness.compiling import toolchain
 
 
 @pytest.fixture(scope="session")

@@ -18,7 +18,7 @@ from fmpy.validation import validate_fmu
 from lxml import etree
 
 from friction_fmus import build, catalogue
-from harness import toolchain
+from harness.compiling import toolchain
 
 PACKAGER = {"block_rows", "block_evaluate"}
 SI = {  # unit -> exponents of kg, m, s, rad

@@ -16,7 +16,7 @@ import pytest
 from fmi.instance import Library, load
 from fmpy.build import build_platform_binary
 
-from harness.toolchain import header_folder
+from harness.compiling.toolchain import header_folder
 
 COMPILERS = {
     "gcc": ["gcc", "-fsyntax-only"],

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from harness import scratch
-from harness.scratch import ScratchFolder
+from harness.storage import scratch
+from harness.storage.scratch import ScratchFolder
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has another kind of lock")
 
@@ -56,7 +56,10 @@ def next_run() -> None:
     ScratchFolder("harness-").cleanup()
 
 
-HERE = "from harness.scratch import ScratchFolder\nfolder = ScratchFolder('harness-')\nopen(folder.name + '/x', 'w')\n"
+HERE = (
+    "from harness.storage.scratch import ScratchFolder\n"
+    "folder = ScratchFolder('harness-')\nopen(folder.name + '/x', 'w')\n"
+)
 
 
 def test_the_folder_of_a_killed_process_goes_and_that_of_a_living_one_stays(temporary: Path) -> None:

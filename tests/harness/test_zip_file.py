@@ -13,7 +13,7 @@ from check.hostile_zips import REFUSED, ZEROS, Spoil, packed, wrong_checksum
 from ssp_files import component, ssd, system
 
 from harness import FmuError, FmuPart, System, SystemFileError
-from harness.zip_file import find_clashes
+from harness.storage.zip_file import find_clashes
 
 CONSTANTS = {"p.u": 3.0, "p.n": 4, "p.b": True}
 Members = dict[str, bytes]

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from friction_fmus.identification import ROTARY, Record, RecordError, examine
-from friction_fmus.identification.excitation import examine_pieces
-from friction_fmus.identification.record import Array
+from friction_fmus.identification.data.excitation import examine_pieces
+from friction_fmus.identification.data.record import Array
 
 TS = 2e-3
 M, FC, FV, STIFFNESS = 5.0, 10.0, 20.0, 1e6

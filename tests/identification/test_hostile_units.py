@@ -20,7 +20,7 @@ from pyarrow import parquet
 from friction_fmus.errors import FrictionError
 from friction_fmus.fmi.units import base_unit
 from friction_fmus.identification import RecordError, read_measurement
-from friction_fmus.identification.quantities import parse_quantity, unit_of
+from friction_fmus.identification.data.quantities import parse_quantity, unit_of
 from harness import BaseUnit
 
 ROOT = Path(__file__).parents[2]

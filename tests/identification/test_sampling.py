@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from friction_fmus.identification import Finding, RecordError, read_measurement
-from friction_fmus.identification.record import Array
+from friction_fmus.identification.data.record import Array
 
 HZ = 5.0
 T = np.arange(1000) * 1e-3

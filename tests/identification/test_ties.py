@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from friction_fmus.identification.grid import HysteresisGrid, with_count
-from friction_fmus.identification.rank import not_separated
-from friction_fmus.identification.search import Found, covariance
+from friction_fmus.identification.fit.grid import HysteresisGrid, with_count
+from friction_fmus.identification.fit.rank import not_separated
+from friction_fmus.identification.fit.search import Found, covariance
 from friction_fmus.study.ranking import extremes, rank
 from friction_fmus.study.records import CompensatorRow, Corner, Metrics
 

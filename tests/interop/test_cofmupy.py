@@ -26,7 +26,7 @@ from interop.importers import (
 )
 from interop.loops import REAL_PARTS, Loop, all_loops, ports, start_value, variables
 
-from harness.toolchain import cache_folder
+from harness.compiling.toolchain import cache_folder
 
 VERSION = "1.0.0"
 

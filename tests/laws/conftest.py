@@ -16,7 +16,7 @@ from casadi import Function
 
 from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.lawkit.emit.c_text import DOUBLE, Real, kernel
-from harness.toolchain import header_folder
+from harness.compiling.toolchain import header_folder
 
 FLAGS = (
     *("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden", "-shared"),

@@ -13,7 +13,7 @@ import fmpy
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.toolchain import compiler, header_folder
+from harness.compiling.toolchain import compiler, header_folder
 
 RUNNERS = {
     "linux64": ("x86_64-linux-gnu.2.17", ()),

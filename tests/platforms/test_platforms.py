@@ -15,8 +15,8 @@ import pytest
 from foreign import RUNNERS, drive, missing
 
 from friction_fmus import BuildError, build, catalogue
+from harness.compiling.platforms import PLATFORMS, select
 from harness.parts.universal import universal
-from harness.platforms import PLATFORMS, select
 
 EXPORTS = 34
 """Functions of FMI 2.0 for co-simulation."""

@@ -22,7 +22,7 @@ from itertools import product
 from pathlib import Path
 
 from friction_fmus import build, catalogue
-from harness.toolchain import header_folder
+from harness.compiling.toolchain import header_folder
 
 HERE = Path(__file__).parent
 TARGETS = ("calls", "state")

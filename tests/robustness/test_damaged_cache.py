@@ -17,8 +17,8 @@ import pytest
 from friction_fmus import build, fmu
 from friction_fmus.study.steps import KEPT, Store
 from harness import FmuError, FmuPart, System
+from harness.compiling.platforms import PLATFORMS, compiled
 from harness.engine import native
-from harness.platforms import PLATFORMS, compiled
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "study"))

@@ -10,9 +10,9 @@ import pytest
 from test_odd_values import ROOT, run_cases
 
 from friction_fmus import BuildError, build
-from friction_fmus.identification import text_table
+from friction_fmus.identification.data import text_table
+from friction_fmus.identification.data.table_files import read_table
 from friction_fmus.identification.errors import RecordError
-from friction_fmus.identification.table_files import read_table
 
 FILES: dict[str, list[str]] = {
     "run {}.toml -o out.csv": ["toml"],

@@ -12,7 +12,7 @@ import pytest
 from friction_fmus.axis.loop import Plant, Task, Trace, closed_loop
 from friction_fmus.data import load_emps
 from friction_fmus.identification import LINEAR, identifiable
-from friction_fmus.identification.models import contact_model
+from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.study import Servo, load_config, run_study
 from friction_fmus.study.compensators import Known, candidates, compensators, period_of
 from friction_fmus.study.data import LUGRE, build_reference

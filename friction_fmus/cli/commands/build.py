@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> None:
     from friction_fmus.blocks.catalogue import listing
     from friction_fmus.cli.console import progress_bar
     from friction_fmus.fmi.package import build
-    from harness.platforms import select
+    from harness.compiling.platforms import select
 
     if options.all == bool(options.names):
         raise FrictionError("Say what to build: names of models (`friction-fmus list` shows them) or --all")

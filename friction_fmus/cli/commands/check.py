@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     from friction_fmus.check import check
     from friction_fmus.check.reports import as_json, as_sarif, as_text, failed, rules_table
     from friction_fmus.cli.console import console, literal_console, progress_bar
-    from harness.atomic import atomic_path
+    from harness.storage.atomic import atomic_path
 
     if options.rules:
         console.print(rules_table())

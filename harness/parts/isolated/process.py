@@ -15,7 +15,7 @@ from typing import Final
 
 from harness.errors import HarnessError
 from harness.parts.isolated.channel import FAILED, LOG, Line, as_error
-from harness.scratch import ScratchFolder
+from harness.storage.scratch import ScratchFolder
 
 # A Python that starts on a busy machine takes its time, and the FMU has no part in it.
 _START_TIME: Final = 60.0

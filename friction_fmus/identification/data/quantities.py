@@ -1,0 +1,93 @@
+"""Units of the columns of a record: what a column is measured in, and what the record wants."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from friction_fmus.fmi.units import everyday_unit
+from friction_fmus.identification.data.record import LINEAR, ROTARY, AxisUnits
+from friction_fmus.identification.errors import RecordError
+from harness.units import BASE_SYMBOLS, LONGEST_UNIT, BaseUnit, parse_unit
+
+QUANTITY = {
+    "time": "time",
+    "position": "position",
+    "velocity": "velocity",
+    "reference": "position",
+    "force": "force",
+    "friction": "force",
+    "normal": "normal",
+}
+"""Role of a column -> physical quantity."""
+
+_LONGEST = 2 * LONGEST_UNIT
+"""Characters of a number with its unit."""
+
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
+
+
+def unit_of(text: str) -> BaseUnit | None:
+    """Base unit of a unit name such as ``mm``, ``N.m``, ``rpm``; None where it is not understood."""
+    known = parse_unit(text)
+    if known is not None or not text.strip():
+        return known
+    rare = everyday_unit(text)
+    return None if rare is None else BaseUnit(tuple(rare.exponents.get(s, 0) for s in BASE_SYMBOLS), rare.factor)
+
+
+def wanted_unit(role: str, units: AxisUnits) -> str:
+    """The unit that the record has for a role, such as ``position``."""
+    return {
+        "time": "s",
+        "position": units.position,
+        "velocity": units.velocity,
+        "force": units.force,
+        "normal": LINEAR.force,
+    }[QUANTITY[role]]
+
+
+def fits(role: str, unit: BaseUnit) -> bool:
+    """Whether a unit is one of the quantity, on a linear or a rotary axis."""
+    return any(unit.exponents == _exponents(wanted_unit(role, units)) for units in (LINEAR, ROTARY))
+
+
+def axis_units(role: str, unit: BaseUnit) -> AxisUnits | None:
+    """The kind of axis that the unit of a position, velocity or reference tells; None for others."""
+    if QUANTITY[role] not in ("position", "velocity"):
+        return None
+    return LINEAR if unit.exponents == _exponents(wanted_unit(role, LINEAR)) else ROTARY
+
+
+def factor(role: str, unit: BaseUnit, units: AxisUnits) -> float | None:
+    """What turns numbers of a unit into those of the record; None where the quantities differ."""
+    return unit.factor if unit.exponents == _exponents(wanted_unit(role, units)) else None
+
+
+def parse_quantity(text: str | float, where: str) -> tuple[float, BaseUnit]:
+    """Number and unit of ``35.15 N/V``; a number alone has the unit 1.
+
+    Raises
+    ------
+    RecordError
+        It is no number with a known unit; `where` begins the sentence.
+    """
+    given = str(text)
+    match = _NUMBER.fullmatch(given) if len(given) <= _LONGEST and not isinstance(text, bool) else None
+    unit = unit_of(match[2] or "1") if match else None
+    if match is None or unit is None or not 0.0 < abs(float(match[1])) < math.inf:
+        raise RecordError(
+            f"{where} is {given[:_LONGEST]!r}, which is no number with a known unit; write it like '35.15 N/V'."
+        )
+    return float(match[1]), unit
+
+
+def times(a: BaseUnit, b: BaseUnit) -> BaseUnit:
+    """Product of two units."""
+    return BaseUnit(tuple(i + j for i, j in zip(a.exponents, b.exponents, strict=True)), a.factor * b.factor)
+
+
+def _exponents(unit: str) -> tuple[int, ...]:
+    known = parse_unit(unit)
+    assert known is not None
+    return known.exponents

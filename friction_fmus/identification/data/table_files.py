@@ -1,0 +1,120 @@
+"""Data files of all formats as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from friction_fmus.identification.data.record import Array
+from friction_fmus.identification.data.tables import Table, from_arrow
+from friction_fmus.identification.data.text_table import read_text
+from friction_fmus.identification.errors import RecordError
+
+
+def read_table(path: Path) -> Table:
+    """Read a data file; the suffix names the format.
+
+    Raises
+    ------
+    RecordError
+        The suffix is unknown, or the file cannot be read.
+    """
+    readers: dict[str, Callable[[Path], Table]] = dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc"), read_text)
+    readers |= {".parquet": _read_parquet, ".pq": _read_parquet, ".mat": _read_mat}
+    suffix = path.suffix.lower()
+    if suffix in (".gz", ".xz") and readers.get(Path(path.stem).suffix.lower()) is read_text:
+        readers[suffix] = read_text
+    if suffix not in readers:
+        raise RecordError(f"{path} has no known format; give a file that ends in {', '.join(readers)} or .toml.")
+    if not path.is_file():
+        raise RecordError(f"There is no data file {path}; give the path of one.")
+    try:
+        return readers[suffix](path)
+    except RecordError:
+        raise
+    except Exception as error:  # the libraries raise whatever they stumble over in a damaged file
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise RecordError(f"{path} cannot be read as a {suffix} file ({reason}); write it again.") from error
+
+
+def _read_parquet(path: Path) -> Table:
+    import pyarrow.parquet as pq
+
+    return from_arrow(path, pq.read_table(path))
+
+
+HDF5: Final = b"\x89HDF\r\n\x1a\n"
+"""How a file of MATLAB 7.3 goes on behind its first 512 bytes, or begins."""
+
+
+def _read_mat(path: Path) -> Table:
+    """A .mat file: of MATLAB up to 7.2 through scipy, of 7.3 through h5py, of Dymola through the harness."""
+    with path.open("rb") as file:
+        beginning = file.read(520)
+    if HDF5 in (beginning[:8], beginning[512:]):
+        return Table(path, _same_length(path, _hdf5(path)))
+    import scipy.io
+
+    content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
+    if "Aclass" in content:
+        return _trajectory(path)
+    return Table(path, _same_length(path, (item for key, value in content.items() for item in _flat(key, value))))
+
+
+def _trajectory(path: Path) -> Table:
+    from harness import load_result
+
+    result = load_result(path)
+    columns = {name: result[name].to_numpy().astype(np.float64) for name in ("time", *map(str, result.data_vars))}
+    return Table(path, columns, {name: result[name].attrs.get("units", "") for name in columns})
+
+
+def _flat(name: str, value: Any) -> Iterator[tuple[str, Array]]:
+    """Vectors of a variable: itself, the columns of a matrix ``a(:,1)``, the members of a structure ``a.b``."""
+    if name.startswith("__"):
+        return
+    if hasattr(value, "_fieldnames"):
+        for member in value._fieldnames:
+            yield from _flat(f"{name}.{member}", getattr(value, member))
+        return
+    array = np.asarray(value)
+    if array.dtype.kind not in "biuf":
+        return
+    if array.ndim == 1:
+        yield name, array.astype(np.float64)
+    elif array.ndim == 2:
+        if 1 in array.shape:
+            yield name, array.ravel().astype(np.float64)
+            return
+        for column in range(array.shape[1]):
+            yield f"{name}(:,{column + 1})", array[:, column].astype(np.float64)
+
+
+def _hdf5(path: Path) -> Iterator[tuple[str, Array]]:
+    import h5py
+
+    def walk(group: Any, prefix: str) -> Iterator[tuple[str, Array]]:
+        for key, value in group.items():
+            if key.startswith("#"):
+                continue
+            if isinstance(value, h5py.Dataset):
+                if value.dtype.kind in "biuf" and "MATLAB_empty" not in value.attrs:
+                    yield from _flat(prefix + key, np.asarray(value[()]).T)  # MATLAB stores columns first
+            else:
+                yield from walk(value, f"{prefix}{key}.")
+
+    with h5py.File(path, "r") as file:
+        yield from walk(file, "")
+
+
+def _same_length(path: Path, vectors: Iterator[tuple[str, Array]]) -> dict[str, Array]:
+    """The vectors of the length that most of them have; scalars and settings are left out."""
+    found = {name: values for name, values in vectors if values.size >= 3}
+    if not found:
+        raise RecordError(f"{path} has no vectors of numbers; save time, position and force as vectors or matrices.")
+    sizes = [values.size for values in found.values()]
+    length = max(set(sizes), key=lambda size: (sizes.count(size), size))
+    return {name: values for name, values in found.items() if values.size == length}

@@ -1,0 +1,87 @@
+"""Named columns of numbers out of a data file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from friction_fmus.identification.data.findings import Finding
+from friction_fmus.identification.data.record import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The columns of a data file.
+
+    Attributes
+    ----------
+    file : Path
+        The file.
+    columns : mapping of str to array
+        Numbers by heading, nan where a cell is empty.
+    units : mapping of str to str
+        Units by heading, as far as the file has them.
+    texts : mapping of str to str
+        Columns that are not numbers -> the first cell that is none, and where it is.
+    lines : array of int, shape (n,), or None
+        Line of the file on which each row stands.
+    findings : tuple of Finding
+        What should be known about the file.
+    """
+
+    file: Path
+    columns: Mapping[str, Array]
+    units: Mapping[str, str] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
+    lines: NDArray[np.int64] | None = None
+    findings: tuple[Finding, ...] = ()
+
+    def place(self, row: int) -> str:
+        """Where a row is, for messages."""
+        return f"line {self.lines[row]}" if self.lines is not None else f"row {row + 1}"
+
+
+def from_arrow(path: Path, table: Any, lines: NDArray[np.int64] | None = None) -> Table:
+    """Columns of a pyarrow table; moments become seconds since the first one."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    columns, units, texts = {}, {}, {}
+    for index, column in enumerate(table.schema):
+        name, values = column.name, table.column(index)
+        if pa.types.is_timestamp(values.type) or pa.types.is_duration(values.type):
+            ticks = values.cast(pa.timestamp("ns") if pa.types.is_timestamp(values.type) else pa.duration("ns"))
+            counts = ticks.cast(pa.int64())
+            columns[name] = _floats(pc.subtract(counts, counts[0])) * 1e-9
+            units[name] = "s"
+        elif pa.types.is_null(values.type):
+            columns[name] = np.full(len(values), np.nan)
+        elif pa.types.is_integer(values.type) or pa.types.is_floating(values.type) or pa.types.is_boolean(values.type):
+            columns[name] = _floats(values)
+            unit = (column.metadata or {}).get(b"units", b"").decode()
+            if unit:
+                units[name] = unit
+        else:
+            cell = next((str(value) for value in values.to_pylist() if value is not None and not _number(value)), "")
+            row = next((i for i, value in enumerate(values.to_pylist()) if value is not None and str(value) == cell), 0)
+            texts[name] = f"{cell!r} in {f'line {lines[row]}' if lines is not None else f'row {row + 1}'}"
+    return Table(path, columns, units, texts, lines)
+
+
+def _number(value: Any) -> bool:
+    try:
+        float(value)
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def _floats(values: Any) -> Array:
+    import pyarrow as pa
+
+    return np.asarray(values.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)

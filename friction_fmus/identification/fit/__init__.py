@@ -1,0 +1,1 @@
+"""Search for parameters: unknowns, simulation, least squares, standard errors."""

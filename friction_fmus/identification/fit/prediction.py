@@ -1,0 +1,77 @@
+"""What an identified model says of another record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from friction_fmus.identification.data.record import Array, Record
+from friction_fmus.identification.fit.drives import driven
+from friction_fmus.identification.fit.models import ContactModel, contact_model, state_sizes
+from friction_fmus.identification.fit.problem import Coordinate, Problem
+from friction_fmus.identification.fit.search import search
+from friction_fmus.identification.fit.setup import INITIAL_LIMIT
+from friction_fmus.identification.fit.simulation_data import Piece, prepare
+from friction_fmus.identification.methods.closed_loop import axis_response
+
+if TYPE_CHECKING:
+    from friction_fmus.identification.result import Identification
+
+
+def predict(result: Identification, record: Record) -> Array:
+    """The signal along the motion of a record; see `Identification.predict`."""
+    if result.signal == "q":
+        return axis_response(result, record)["q"]
+    force = result.signal == "force"
+    known = (record.force if force else record.friction) is not None
+    zero = np.zeros(len(record))
+    filled = record if known else replace(record, force=zero) if force else replace(record, friction=zero)
+    piece, F = _simulated(result, filled, fit=known)
+    values = result.values()
+    if piece.a is None:
+        return piece.predicted(F, 0.0, values.get("OF", 0.0))
+    return F + values.get("M", 0.0) * piece.a + values.get("OF", 0.0)
+
+
+def compare(result: Identification, record: Record) -> tuple[Array, Array]:
+    """Measured and predicted signal; see `Identification.compare`."""
+    if result.signal == "q":
+        return record.column("q"), predict(result, record)
+    piece, F = _simulated(result, record, fit=True)
+    values = result.values()
+    return piece.measured, piece.predicted(F, values.get("M", 0.0), values.get("OF", 0.0))
+
+
+def _simulated(result: Identification, record: Record, fit: bool) -> tuple[Piece, Array]:
+    """The record, and the friction force along its motion from the initial state that suits best."""
+    contact = contact_model(result.block, record.units)
+    piece = prepare(record, contact, result.signal, result.settings)
+    coordinates, sizes = _initial(result, contact, piece)
+    values = {
+        name: contact.parameters[name].typed(value) if name in contact.parameters else value
+        for name, value in result.values().items()
+    }
+
+    def states(_: Mapping[str, float], parts: Mapping[str, float]) -> dict[str, float]:
+        return {name: part * sizes[name] for name, part in parts.items()}
+
+    with driven(contact.path) as drive:
+        problem = Problem(drive, [piece], coordinates, lambda _: {}, states, values)
+        x = problem.start()
+        if coordinates:
+            x = search(problem, "linear", 1).x if fit else 0.0 * x
+        return piece, problem.force(x, 0)
+
+
+def _initial(
+    result: Identification, contact: ContactModel, piece: Piece
+) -> tuple[tuple[Coordinate, ...], dict[str, float]]:
+    """The initial states to fit, begun at the force with which the record does, and their sizes in sliding."""
+    sizes = {name: size for name, size in state_sizes(contact, result.values()).items() if size > 0.0}
+    limit = INITIAL_LIMIT if contact.initial_state else 1.0
+    peak = float(np.max(np.abs(piece.measured))) or 1.0
+    part = 0.99 * float(np.median(piece.measured[:3])) / peak
+    return tuple(Coordinate(name, 1.0, part, -limit, limit, piece=0) for name in sizes), sizes

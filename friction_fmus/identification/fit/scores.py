@@ -1,0 +1,133 @@
+"""How well a prediction fits, and what the data leave open."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from friction_fmus.identification.data.record import Array
+from friction_fmus.identification.fit.models import ContactModel
+from friction_fmus.identification.fit.setup import advice
+
+#: Standard error over value from which on a parameter counts as weakly determined.
+WEAK = 0.25
+
+#: Correlation of two estimates from which on they count as hardly told apart.
+TOGETHER = 0.98
+
+
+@dataclass(frozen=True)
+class Score:
+    """How well a model reproduces a signal.
+
+    Attributes
+    ----------
+    rms : float
+        Root mean square of simulated minus measured, in the unit of the signal.
+    relative_percent : float
+        The same in percent of the root mean square of the signal.
+    fit_percent : float
+        100 (1 - |simulated - measured| / |measured - mean|): 100 is exact, 0 no better than the mean.
+    samples : int
+        Number of samples.
+    """
+
+    rms: float
+    relative_percent: float
+    fit_percent: float
+    samples: int
+
+
+def score(measured: Array, predicted: Array) -> Score:
+    """Compare a prediction with the measurement, both of shape (n,)."""
+    error = predicted - measured
+    rms = float(np.sqrt(np.mean(np.square(error))))
+    size = float(np.sqrt(np.mean(np.square(measured))))
+    spread = float(np.linalg.norm(measured - np.mean(measured)))
+    return Score(
+        rms=rms,
+        relative_percent=100.0 * rms / size if size > 0.0 else math.nan,
+        fit_percent=100.0 * (1.0 - float(np.linalg.norm(error)) / spread) if spread > 0.0 else math.nan,
+        samples=len(measured),
+    )
+
+
+def independent_samples(signals: Sequence[Array]) -> float:
+    """How many independent samples signals are worth: their number over their correlation time.
+
+    Notes
+    -----
+    The correlation time is 1 + 2 (rho_1 + ... + rho_k) up to the first correlation that is not positive. It is that
+    of the measurement, not of the residuals, so that it is the same for all models of one record.
+    """
+    total = 0.0
+    for signal in signals:
+        n, centred = len(signal), signal - np.mean(signal)
+        power = float(centred @ centred)
+        if power == 0.0:
+            total += 1.0
+            continue
+        spectrum = np.abs(np.fft.rfft(centred, 1 << (2 * n - 1).bit_length())) ** 2
+        rho = np.fft.irfft(spectrum)[1:n] / power
+        end = int(np.argmax(rho <= 0.0)) if np.any(rho <= 0.0) else n - 1
+        total += n / (1.0 + 2.0 * float(np.sum(rho[:end])))
+    return max(total, 2.0)
+
+
+def criteria(residual: Array, samples: float, parameters: int) -> tuple[float, float]:
+    """AIC (H. Akaike, 1974) and BIC (G. Schwarz, 1978) for Gaussian residuals on so many independent samples."""
+    variance = max(float(np.mean(np.square(residual))), 1e-300)
+    base, count = samples * math.log(variance), parameters + 1
+    return base + 2.0 * count, base + math.log(samples) * count
+
+
+def weak_parameters(
+    model: ContactModel,
+    names: Sequence[str],
+    values: Mapping[str, float],
+    errors: Mapping[str, float],
+    correlation: Array,
+    at_bound: Mapping[str, float],
+    unseen: Sequence[str],
+) -> dict[str, str]:
+    """Name the parameters that the data hardly determine.
+
+    Parameters
+    ----------
+    model : ContactModel
+        The block.
+    names : sequence of str
+        The parameters, in the order of `correlation`.
+    values, errors : mapping of str to float
+        Estimates and standard errors.
+    correlation : array, shape (p, p)
+        Of the estimates; p may exceed the number of names.
+    at_bound : mapping of str to float
+        Parameters that ended at a bound -> the bound.
+    unseen : sequence of str
+        Parameters that the data do not depend on.
+
+    Returns
+    -------
+    dict of str to str
+        Parameter -> why, and what to measure.
+    """
+    weak = {}
+    for i, name in enumerate(names):
+        reasons = []
+        if name in unseen:
+            reasons.append("the record does not depend on it, it is kept at its start value")
+        elif name in at_bound:
+            reasons.append(f"it ended at its bound {at_bound[name]:.4g}")
+        elif errors[name] > WEAK * abs(values[name]) and name != "OF":
+            percent = 100.0 * errors[name] / abs(values[name]) if values[name] else math.inf
+            reasons.append(f"its standard error is {percent:.0f} % of its value")
+        others = [(abs(correlation[i, j]), names[j]) for j in range(len(names)) if j != i and names[j] not in unseen]
+        if name not in unseen and others and (strongest := max(others))[0] > TOGETHER:
+            reasons.append(f"it is hardly told apart from {strongest[1]} (correlation {strongest[0]:.3f})")
+        if reasons:
+            weak[name] = f"{' and '.join(reasons)}; measure {advice(model, name)}"
+    return weak

@@ -1,0 +1,1 @@
+"""Methods of identification that need more than the common search."""

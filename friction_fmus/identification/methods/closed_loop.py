@@ -1,0 +1,253 @@
+"""Output error on the whole co-simulated axis: servo, mass and friction as FMUs, compared in position."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from friction_fmus.axis.loop import Plant, Task, closed_loop, run_loop, typed
+from friction_fmus.axis.servo import Servo
+from friction_fmus.data import MeasuredAxis
+from friction_fmus.fmi.package import build_record
+from friction_fmus.identification.data.record import ROTARY, Array, Record
+from friction_fmus.identification.errors import FitError
+from friction_fmus.identification.fit.idim import filtered_motion
+from friction_fmus.identification.fit.models import ContactModel, contact_model, state_sizes
+from friction_fmus.identification.fit.output_error import Mapper, Target, Unknown, fit_output_error
+from friction_fmus.identification.fit.scores import Score, criteria, independent_samples, score, weak_parameters
+from friction_fmus.identification.fit.setup import Wishes
+from harness import System
+from harness.storage.scratch import ScratchFolder
+
+if TYPE_CHECKING:
+    from friction_fmus.identification.result import Identification
+
+#: Communication step between mass and friction [s] in the fit; the rest of the servo has that of the record.
+FIT_STEP = 2.5e-4
+
+#: Step of the differences in parts of a parameter: its effect must stand clear of the grid of the encoder.
+STEP = 0.04
+
+#: Position error that counts as one, in parts of the grid of the encoder.
+QUANTA = 20.0
+
+#: Errors of a servo model last for many samples: up to this time they count as correlated [s].
+CORRELATED = 0.2
+
+
+@dataclass(frozen=True)
+class AxisRun:
+    """Simulator of a servo with any friction block, from parameters to the signals at the samples of the record.
+
+    Attributes
+    ----------
+    servo : Servo
+        Feedback and sensors.
+    task : Task
+        The reference, and the state at the beginning.
+    contact : ContactModel
+        The friction block.
+    direction : float
+        Sign of the motion at the beginning, in which the contact slides; 0: at rest.
+    step : float
+        Longest communication step between mass and friction [s].
+    fixed : tuple of (str, float)
+        Parameters that stay as they are.
+    """
+
+    servo: Servo
+    task: Task
+    contact: ContactModel
+    direction: float
+    step: float
+    fixed: tuple[tuple[str, float], ...] = ()
+
+    def __call__(self, parameters: Mapping[str, float]) -> dict[str, Array]:
+        """Return "q" [m] and "force" [N], shape (samples,), for these parameters."""
+        values = {**dict(self.fixed), **parameters}
+        start: dict[str, float | int | bool | str] = {"axis.m": values["M"], "axis.F_load": -values.get("OF", 0.0)}
+        own = {name: value for name, value in values.items() if name in self.contact.parameters}
+        system = self._loaded(Plant(self.contact.name, own, values["M"]))
+        start |= {f"friction.{name}": value for name, value in typed(system.parts["friction"], own).items()}
+        start |= {f"friction.{name}": self.direction * size for name, size in state_sizes(self.contact, values).items()}
+        trace = run_loop(system.with_start(start))
+        return {"q": trace.q, "force": trace.force}
+
+    def _loaded(self, plant: Plant) -> System:
+        key = self.task.reference, self.contact.name
+        if key not in _SYSTEMS:
+            _SYSTEMS.clear()
+            own = {"friction": self.contact.path}
+            _SYSTEMS[key] = closed_loop(self.servo, plant, self.task, fmus=own, longest=self.step)
+        return _SYSTEMS[key]
+
+
+_SYSTEMS: dict[tuple[Path, str], System] = {}
+
+
+def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: float = FIT_STEP) -> AxisRun:
+    """The servo of a measured axis around a friction block.
+
+    Parameters
+    ----------
+    contact : ContactModel
+        The friction.
+    axis : MeasuredAxis
+        Record and servo.
+    folder : Path
+        Where the FMU of the reference goes.
+    step : float
+        Longest communication step between mass and friction [s].
+    """
+    record = axis.record
+    v = filtered_motion(record).v
+    servo = axis.servo
+    gains = {"kp": servo.kp, "kv": servo.kv, "ki": 0.0}
+    feedback = Servo("CascadePPI", gains, servo.Ts, servo.force_limit, servo.window, servo.quantum)
+    r = record.column("reference")
+    t = servo.Ts * np.arange(float(len(r)))
+    rd = np.gradient(r, servo.Ts)
+    rotary = record.units == ROTARY
+    domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
+    reference = build_record(t, r, rd, np.gradient(rd, servo.Ts), folder, "MeasuredReference", domain=domain)
+    task = Task(reference, len(r), float(record.column("q")[0]), float(v[0]), rotary=rotary)
+    direction = float(np.sign(v[0])) if abs(v[0]) > 1e-3 * np.max(np.abs(v)) else 0.0
+    return AxisRun(feedback, task, contact, direction, step)
+
+
+def identify_closed_loop(
+    model: str | Path, axis: MeasuredAxis, opened: Identification, wishes: Wishes, mapper: Mapper = map
+) -> Identification:
+    """Fit mass, offset and friction so that the co-simulated servo moves as the measured one did.
+
+    Parameters
+    ----------
+    model : str or Path
+        The friction block.
+    axis : MeasuredAxis
+        Record and servo.
+    opened : Identification
+        The identification from the force of the record: where the search starts.
+    wishes : Wishes
+        What is fixed, bounds, and start values that go before.
+    mapper : callable, optional
+        How the runs of one Jacobian are done.
+
+    Returns
+    -------
+    Identification
+        The signal is the position; `opened` gives the fields that are not about the fit.
+
+    Raises
+    ------
+    FitError
+        Nothing is left to identify, or a simulation fails.
+    ExcitationError
+        The position does not depend on a parameter, or not independently.
+
+    Notes
+    -----
+    Only the position is compared: the force follows from it through the known controller and would count the same
+    error twice. The search is that of `fit_output_error`. Of `GMS` only the sliding law is fitted; the elements stay
+    those of `opened`.
+    """
+    begin = time.perf_counter()
+    contact = contact_model(model, axis.record.units)
+    unseen = [name for name, e in opened.parameters.items() if not np.isfinite(e.standard_error)]
+    # an axis in closed loop hardly moves in presliding: a law with both keeps its elements
+    kept = [name for name in opened.parameters if "[" in name and "Fc" in opened.parameters]
+    names = [name for name in opened.parameters if name not in (*unseen, *kept)]
+    unknowns = []
+    for name in names:
+        parameter = contact.parameters.get(name)
+        lower, upper = (parameter.lower, parameter.upper) if parameter else (1e-9 if name == "M" else -np.inf, np.inf)
+        low, high = wishes.bounds.get(name, (lower, upper))
+        value = wishes.start.get(name, opened.parameters[name].value)
+        step = STEP * max(abs(value), _floor(name, opened))
+        unknowns.append(Unknown(name, value, step, opened.parameters[name].unit, max(low, lower), min(high, upper)))
+    if not unknowns:
+        raise FitError(f"All parameters of {contact.name} are fixed; leave at least one to be identified.")
+    rest = {**opened.fixed, **{name: opened.parameters[name].value for name in (*unseen, *kept)}}
+    with ScratchFolder("friction-fmus-axis-") as folder:
+        run = replace(write_axis(contact, axis, Path(folder)), fixed=tuple(rest.items()))
+        target = Target(axis.record.column("q"), QUANTA * (axis.servo.quantum or 5e-8))
+        lag = round(CORRELATED / axis.servo.Ts)
+        fit = fit_output_error(
+            run, unknowns, {"q": target}, mapper=mapper, correlation=lag, max_iterations=12, tolerance=1e-4
+        )
+        predicted = run(fit.values())["q"]
+        _SYSTEMS.clear()
+    measured = axis.record.column("q")
+    estimates = {name: fit.parameters.get(name, opened.parameters[name]) for name in opened.parameters}
+    samples = independent_samples([measured - axis.record.column("reference")])
+    aic, bic = criteria(predicted - measured, samples, len(unknowns))
+    errors = {name: e.standard_error for name, e in estimates.items()}
+    correlation = np.eye(len(estimates))
+    where = [list(estimates).index(name) for name in names]
+    correlation[np.ix_(where, where)] = fit.correlation
+    values = {name: e.value for name, e in estimates.items()}
+    return replace(
+        opened,
+        method="closed-loop",
+        parameters=estimates,
+        initial={},
+        correlation=correlation,
+        t=axis.record.t,
+        measured=measured,
+        predicted=predicted,
+        signal="q",
+        unit=axis.record.units.position,
+        train=score(measured, predicted),
+        aic=aic,
+        bic=bic,
+        weak=weak_parameters(
+            contact, list(estimates), values, errors, correlation, _at_bound(unknowns, values), unseen
+        ),
+        warnings=() if fit.converged else ("the search ended by its limit of iterations; give better start values",),
+        seconds=opened.seconds + time.perf_counter() - begin,
+        simulations=fit.simulations,
+        errors="robust",
+        servo=axis.servo,
+    )
+
+
+def axis_response(result: Identification, record: Record, step: float = FIT_STEP) -> dict[str, Array]:
+    """Simulate the servo with the identified model along the reference of a record: "q" and "force"."""
+    if result.servo is None:
+        raise FitError("This identification was not made in a closed loop; give identify an axis with its servo.")
+    contact = contact_model(result.block, record.units)
+    with ScratchFolder("friction-fmus-axis-") as folder:
+        run = write_axis(contact, MeasuredAxis(record, result.servo), Path(folder), step)
+        found = run(result.values())
+        _SYSTEMS.clear()
+    return found
+
+
+def validated(result: Identification, validation: Record | Sequence[Record]) -> Score:
+    """Score of the position on other records of the same axis."""
+    records = (validation,) if isinstance(validation, Record) else tuple(validation)
+    simulated = [axis_response(result, record)["q"] for record in records]
+    return score(np.concatenate([record.column("q") for record in records]), np.concatenate(simulated))
+
+
+def _floor(name: str, opened: Identification) -> float:
+    """Least size of a parameter whose value may be zero: what makes 5 % of the force."""
+    force = float(np.sqrt(np.mean(np.square(opened.measured))))
+    if name == "OF":
+        return 0.05 * force
+    v = max(float(np.max(np.abs(filtered_motion(r).v))) for r in opened.records)
+    return 0.05 * force / v if name in ("Fv", "sigma1", "sigma2", "beta") else 1e-300
+
+
+def _at_bound(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> dict[str, float]:
+    found = {}
+    for unknown in unknowns:
+        for limit in (unknown.lower, unknown.upper):
+            if np.isfinite(limit) and abs(values[unknown.name] - limit) < 1e-3 * unknown.step:
+                found[unknown.name] = limit
+    return found

@@ -1,0 +1,1 @@
+"""Compilers and the platforms they build libraries for."""

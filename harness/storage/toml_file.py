@@ -1,0 +1,84 @@
+"""TOML files from anywhere: bounded in size, depth and length, so that what reads their values can trust the form."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any, Final
+
+from harness.storage.files import read_regular
+from harness.values import is_line, shown
+
+DEEPEST: Final = 20
+"""Tables and lists inside each other."""
+
+LONGEST: Final = 4096
+"""Characters of a text; no path is longer on Linux."""
+
+_PART = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
+# tomllib needs time and memory that grow with the square of the number of parts of a key
+_LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{DEEPEST}}}")
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    dict
+        Its tables. Whole numbers have 64 bit, keys have no control characters, no text is longer than `LONGEST` or
+        has a NUL, and
+        nothing is nested deeper than `DEEPEST`.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read, see `read_regular`.
+    ValueError
+        If it is no TOML or breaks one of these limits.
+    """
+    content = read_regular(path).decode("utf-8").replace("\r\n", "\n")  # as tomllib.load reads them
+    long = _LONG_KEY.search(content)
+    if long is not None:
+        line = content.count("\n", 0, long.start()) + 1
+        raise ValueError(f"line {line} has a key of more than {DEEPEST} parts")
+    try:
+        document = tomllib.loads(content)
+    except RecursionError:
+        raise ValueError(f"it is nested deeper than {DEEPEST} levels") from None
+    _check(document)
+    return document
+
+
+def _check(document: dict[str, Any]) -> None:
+    """Raise ValueError for what breaks a limit; not recursive, as the document may be deep."""
+    pending: list[tuple[str, Any, int]] = [("", document, 0)]
+    while pending:
+        place, value, depth = pending.pop()
+        if depth > DEEPEST:
+            raise ValueError(f"{place[:80]}... is nested deeper than {DEEPEST} levels")
+        if isinstance(value, dict):
+            for key in value:
+                _check_text(f"a key in {place or 'it'}", key)
+                if not is_line(key):
+                    raise ValueError(f"the key {shown(key)} has control characters")
+            pending += [(f"{place}.{key}".lstrip("."), item, depth + 1) for key, item in value.items()]
+        elif isinstance(value, list):
+            pending += [(f"{place}[{index}]", item, depth + 1) for index, item in enumerate(value)]
+        elif isinstance(value, str):
+            _check_text(place, value)
+        elif type(value) is int and not -(1 << 63) <= value < 1 << 63:
+            raise ValueError(f"the whole number {place} does not fit into 64 bit")
+
+
+def _check_text(place: str, value: str) -> None:
+    if len(value) > LONGEST:
+        raise ValueError(f"{place[:200]} has {len(value)} characters, and at most {LONGEST} are read")
+    if "\0" in value:
+        raise ValueError(f"{place[:200]} has a NUL character")

@@ -1,0 +1,65 @@
+"""Parameter values as files: SSV and TOML."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from pathlib import Path
+
+import fmpy
+import pytest
+from fmpy.ssp.ssd import read_ssv
+from lxml import etree
+
+from friction_fmus.identification.parameter_files import Parameter, ParameterFileError, ssv_bytes, toml_text
+
+PARAMETERS = {
+    "friction.Fc": Parameter(20.3935, "N", "Coulomb & <friction>", 0.1),
+    "friction.Fv": Parameter(203.5034, "N.s/m", "viscous"),
+    "velocity.window": Parameter(2),
+    "friction.asymmetric": Parameter(False),
+    "friction.delta": Parameter(2.0, "1", 'the "exponent"', math.nan),
+}
+
+
+def test_ssv_is_valid_and_holds_the_values() -> None:
+    text = ssv_bytes("set", PARAMETERS, "A. Author & B. Author")
+    schema = Path(fmpy.__file__).parent / "ssp" / "schema" / "SystemStructureParameterValues.xsd"
+    tree = etree.fromstring(text)
+    etree.XMLSchema(etree.parse(schema)).assertValid(tree)
+    space = {"ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues"}
+    values = {p.get("name"): p[0].get("value") for p in tree.findall(".//ssv:Parameter", space)}
+    assert float(values["friction.Fc"] or "nan") == 20.3935
+    assert values["velocity.window"] == "2"
+    assert values["friction.asymmetric"] == "false"
+    assert "B. Author" in (tree.get("description") or "")
+
+
+def test_ssv_is_read_by_fmpy(tmp_path: Path) -> None:
+    file = tmp_path / "set.ssv"
+    file.write_bytes(ssv_bytes("set", PARAMETERS))
+    found = {parameter.name: parameter.value for parameter in read_ssv(str(file)).parameters}
+    assert float(found["friction.Fv"]) == 203.5034
+
+
+@pytest.mark.parametrize(
+    ("parameter", "complaint"),
+    [(Parameter(math.nan, "N"), "finite"), (Parameter(1.0, "furlong"), "unit 'furlong' of the parameter 'x'")],
+)
+def test_ssv_refuses(parameter: Parameter, complaint: str) -> None:
+    with pytest.raises(ParameterFileError, match=complaint):
+        ssv_bytes("set", {"x": parameter})
+
+
+def test_toml_is_read_back() -> None:
+    content = tomllib.loads(toml_text('A "title"', {"set": PARAMETERS}, "A. Author"))
+    assert content["title"] == 'A "title"'
+    assert content["citation"] == "A. Author"
+    assert content["set"]["friction.Fc"] == {
+        "value": 20.3935,
+        "unit": "N",
+        "standard_error": 0.1,
+        "description": "Coulomb & <friction>",
+    }
+    assert content["set"]["friction.asymmetric"]["value"] is False
+    assert "standard_error" not in content["set"]["friction.delta"]
