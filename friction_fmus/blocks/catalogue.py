@@ -275,8 +275,3 @@ def with_room(block: Block, start: Mapping[str, Any]) -> Block:
     law = next(law for law in discover_laws(block.path) if law.name == block.name)
     grown = law.with_room(start)
     return block if grown is law else replace(block, code=block_source(grown))
-
-
-def library_name(block: Block) -> str:
-    """The name in the catalogue of a block that may have another name by now; empty for a block of the user's."""
-    return next((known.name for known in listing().values() if known.path == block.path), "")

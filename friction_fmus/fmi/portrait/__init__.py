@@ -58,7 +58,7 @@ def portray(block: Block, description: Description, folder: Path) -> Portrait:
         Figure(chart(panel, block.name), panel.caption, f"{labelled(panel.y)} over {labelled(panel.x)}")
         for panel in panels
     )
-    return Portrait(icon(block.name, block.kind, bench.model, panels), figures)
+    return Portrait(icon(block.name, block.kind, bench.portrait, panels), figures)
 
 
 def _panels(bench: Bench) -> tuple[Panel, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 from fmpy.fmi2 import FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from numpy.typing import NDArray
 
-from friction_fmus.blocks.catalogue import Block, library_name
+from friction_fmus.blocks.catalogue import Block
 from friction_fmus.blocks.probe import BOOLEAN, INPUT, OUTPUT, REAL, STATE_OUTPUT, Description, Variable
 
 Vector = NDArray[np.floating[Any]]
@@ -88,7 +88,6 @@ class Bench:
     def __init__(self, block: Block, description: Description, folder: Path) -> None:
         """Sort the variables."""
         self._block = block
-        self.model = library_name(block)
         self.portrait = block.about.portrait
         self._description = description
         self._folder = folder

@@ -94,15 +94,15 @@ def _png(figure: Figure) -> bytes:
     return stream.getvalue()
 
 
-def icon(name: str, kind: str, model: str, panels: Sequence[Panel]) -> Image:
+def icon(name: str, kind: str, portrait: str, panels: Sequence[Panel]) -> Image:
     """The icon of a block, without its name, which tools write below it.
 
     Parameters
     ----------
     name, kind : str
         Of the block.
-    model : str
-        Its name in the library; some of the plants are drawn as schematics.
+    portrait : str
+        The experiment that its file names; some of them have a schematic.
     panels : sequence of Panel
         Its curves; with none there is the frame alone.
     """
@@ -115,8 +115,8 @@ def icon(name: str, kind: str, model: str, panels: Sequence[Panel]) -> Image:
         shape = "round,pad=0,rounding_size=14"
         frame = FancyBboxPatch((-96, -96), 192, 192, shape, facecolor="#fbfcfd", edgecolor=colour, linewidth=4.0)
         axes.add_patch(frame)
-        if model in SCHEMATICS:
-            SCHEMATICS[model](axes, colour)
+        if portrait in SCHEMATICS:
+            SCHEMATICS[portrait](axes, colour)
         else:
             _trace(axes, panels, colour)
         return Image(_png(figure), _svg(figure, name))

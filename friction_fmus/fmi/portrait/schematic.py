@@ -70,6 +70,6 @@ def belt(axes: Any, colour: str) -> None:
 
 
 SCHEMATICS: Mapping[str, Callable[[Any, str], None]] = MappingProxyType(
-    {"Mass": mass, "TwoMass": two_mass, "Belt": belt}
+    {"push": mass, "resonance": two_mass, "ride": belt}
 )
-"""Block -> what draws it into axes from -100 to 100."""
+"""Portrait that a block names -> what draws its icon into axes from -100 to 100."""
