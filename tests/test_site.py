@@ -25,7 +25,7 @@ from harness.compiling.platforms import NATIVE
 
 ROOT = Path(__file__).parent.parent
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
-PUBLIC = ("", ".law", ".identification", ".conditions", ".procedures", ".doctor", ".check", ".codegen")
+PUBLIC = ("", ".lawkit.law", ".identification", ".conditions", ".procedures", ".doctor", ".check", ".codegen")
 PRINTED = {
     "models_compared": [
         "drift in µm per cycle: {'LuGre': 6.09, 'ElastoPlastic': 0.0, 'GMS': 0.0}",
