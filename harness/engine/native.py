@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import platform
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.compiling.platforms import NATIVE, native_library
+from harness.engine.floats import described_floats
 from harness.errors import HarnessError, PartError, not_whole
 from harness.parts.part import TYPE_ORDER, Calls, Native, Values
 from harness.parts.shared_library import missing_bytes
@@ -128,24 +128,6 @@ def bytes_of(struct: ctypes.Array[Any] | ctypes.Structure) -> NDArray[np.uint8]:
     """View of a struct or an array of them."""
     size = ctypes.sizeof(struct)
     return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_buffer(struct)) if size else np.zeros(0, np.uint8)
-
-
-_FLOATS: Final = (
-    {
-        "the rounding mode": 0x0C006000,
-        "the treatment of tiny numbers as zero": 0x8040,
-        "the precision of the x87 unit": 0x03000000,
-        "the trapping of invalid operations": 0x003F1F80,
-    }
-    if platform.machine().lower() in ("x86_64", "amd64", "i686", "x86")
-    else {"the rounding mode": 0x00C00000, "the treatment of tiny numbers as zero": 0x01080003}
-)
-
-
-def described_floats(changed: int) -> str:
-    """Return in words which bits of floats.h have changed."""
-    words = [name for name, bits in _FLOATS.items() if changed & bits]
-    return " and ".join(words) or "the control of floating-point numbers"
 
 
 @dataclass(frozen=True)
