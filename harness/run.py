@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic, sleep
@@ -12,23 +12,20 @@ from typing import Final
 import numpy as np
 
 from harness.engine.checkpoint import read_checkpoint, write_checkpoint
-from harness.engine.defect import Coupling
-from harness.engine.line import Extrapolated
-from harness.engine.manipulate import Manipulations
-from harness.engine.native import NOT_CONVERGED, Engine
-from harness.engine.newton import Loops
 from harness.engine.tap import Progress, Reader, Recorder, Tap, tap_reader
+from harness.engine.ticks import NativeTicks, PythonTicks
 from harness.errors import ExperimentError, HarnessError, Interrupted
 from harness.masters import find_master
 from harness.parts.feedthrough import find_feedthrough
 from harness.parts.guard import Guard
+from harness.parts.part import StartValue
 from harness.result import Result
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
 from harness.system.graph import check_loops
-from harness.system.initialisation import start_parts
+from harness.system.initialisation import Initialisation
 from harness.system.layout import find_port, make_plan, recorded_names
-from harness.system.plan import Plan, Program, Schedule
+from harness.system.plan import Plan
 
 _LOG = logging.getLogger("harness")
 
@@ -99,72 +96,117 @@ def run(system: Assembly, experiment: Experiment, options: Options | None = None
         If the run cannot be started or a part fails; what was recorded until then is in the ``result`` of the
         error.
     """
-    guard = Guard([*system.parts.values()])
-    with guard.running():
-        return _run(system, experiment, options or Options(), guard)
+    return Session(system, experiment, options).run(system.start).result()
 
 
-def _run(system: Assembly, experiment: Experiment, options: Options, guard: Guard) -> Result:
-    saved = read_checkpoint(Path(options.resume), system, experiment) if options.resume else None
-    begin = saved.tick if saved else 0
-    names = recorded_names(system.parts, experiment.record)
-    for tap in options.taps:
-        for name in tap.names:
+class Session:
+    """A system laid out for runs that differ in their start values only.
+
+    A part that has the same instance in the next run, such as an FMU with `FmuPart.reuse`, is not bound to the engine
+    again.
+
+    Parameters
+    ----------
+    system : Assembly
+        What is run.
+    experiment : Experiment
+        How it is run.
+    options : Options or None
+        What else is asked of a run.
+
+    Raises
+    ------
+    HarnessError
+        If a name is unknown or the master cannot run the system.
+    """
+
+    def __init__(self, system: Assembly, experiment: Experiment, options: Options | None = None) -> None:
+        """Lay it out."""
+        self._system, self._experiment, self._options = system, experiment, options or Options()
+        self._guard = Guard([*system.parts.values()])
+        self._saved = None
+        if self._options.resume:
+            self._saved = read_checkpoint(Path(self._options.resume), system, experiment)
+        self._names = recorded_names(system.parts, experiment.record)
+        tapped = [name for tap in self._options.taps for name in tap.names]
+        for name in tapped:
             find_port(system.parts, name, "tap")
-    find_feedthrough(system, experiment)
-    plan = make_plan(system, experiment, [*names, *(name for tap in options.taps for name in tap.names)])
-    schedule = find_master(experiment.master)(plan, experiment)
-    check_loops(system.parts, system.wires, implicit=schedule.tolerance > 0.0)
-    recorder = Recorder(plan, names, experiment.decimate, begin)
-    attributes: dict[str, str | float] = {
-        "system": system.name,
-        "master": experiment.master,
-        "start": experiment.start,
-        "stop": experiment.stop,
-        "step": experiment.step,
-    }
-    ticks: _Native | _Python | None = None
-    try:
-        plan = start_parts(plan, system, experiment, guard, open_end=bool(options.resume or options.checkpoint))
-        manipulate = Manipulations(plan, schedule, experiment.manipulators)
-        ticks = _Native(plan, schedule, recorder, manipulate) if options.native else _Python(plan, schedule, manipulate)
-        if saved:
-            saved.restore(plan, ticks.memory)
+        with self._guard.running():
+            find_feedthrough(system, experiment)
+        plan = self._plan = make_plan(system, experiment, [*self._names, *tapped])
+        schedule = find_master(experiment.master)(plan, experiment)
+        check_loops(system.parts, system.wires, implicit=schedule.tolerance > 0.0)
+        open_end = bool(self._options.resume or self._options.checkpoint)
+        self._initialisation = Initialisation(plan, system, experiment, self._guard, open_end=open_end)
+        self._ticks = (NativeTicks if self._options.native else PythonTicks)(plan, schedule, experiment)
+
+    def run(self, start: Mapping[str, StartValue]) -> Recorder:
+        """Run it.
+
+        Parameters
+        ----------
+        start : mapping of str to value
+            All start values, for the names that the system has.
+
+        Returns
+        -------
+        Recorder
+            What was recorded.
+
+        Raises
+        ------
+        HarnessError
+            As of `harness.run.run`.
+        """
+        begin = self._saved.tick if self._saved else 0
+        experiment = self._experiment
+        about: dict[str, str | float] = {"system": self._system.name, "master": experiment.master}
+        about |= {"start": experiment.start, "stop": experiment.stop, "step": experiment.step}
+        recorder = Recorder(self._plan, self._names, experiment.decimate, begin, about)
+        with self._guard.running():
+            try:
+                self._run(start, recorder, begin)
+            except HarnessError as error:
+                error.result = recorder.result() if recorder.filled else None
+                raise
+            except KeyboardInterrupt as signal:
+                interrupted = Interrupted()
+                interrupted.result = recorder.result() if recorder.filled else None
+                raise interrupted from signal
+            finally:
+                self._ticks.close()
+                for part in self._plan.parts:
+                    with self._guard.watching(part.name):
+                        part.terminate()
+        _warn_of_nonfinite(recorder)
+        return recorder
+
+    def _run(self, start: Mapping[str, StartValue], recorder: Recorder, begin: int) -> None:
+        plan, options, ticks = self._plan, self._options, self._ticks
+        self._initialisation.start(start)
+        ticks.begin(recorder)
+        if self._saved:
+            self._saved.restore(plan, ticks.memory)
         readers = [(tap.every, tap_reader(plan, tap)) for tap in options.taps]
         if options.progress is not None:
             readers.append(_progress_reader(options.progress, plan.ticks))
-        for every, read in (*readers, *([(experiment.decimate, recorder.read)] if names else [])):
+        recording = [(recorder.decimate, recorder.read)] if self._names else []
+        for every, read in (*readers, *recording):
             if begin % every == 0:
                 read(begin)
-        if names and not options.native:
-            readers.append((experiment.decimate, recorder.read))
-        _loop(ticks, readers, begin, plan, options.pace, guard)
-        guard.look()  # before a file is written
+        if not options.native:
+            readers += recording
+        _loop(ticks, readers, begin, plan, options.pace, self._guard)
+        self._guard.look()  # before a file is written
         if options.checkpoint:
-            write_checkpoint(Path(options.checkpoint), system, experiment, plan, ticks.memory)
-        attributes |= ticks.attributes()
+            write_checkpoint(Path(options.checkpoint), self._system, self._experiment, plan, ticks.memory)
+        recorder.attributes |= ticks.attributes()
         if options.progress is not None:
             options.progress.update(plan.ticks, plan.ticks)
-    except HarnessError as error:
-        error.result = recorder.result(attributes) if recorder.filled else None
-        raise
-    except KeyboardInterrupt as signal:
-        interrupted = Interrupted()
-        interrupted.result = recorder.result(attributes) if recorder.filled else None
-        raise interrupted from signal
-    finally:
-        if ticks is not None:
-            ticks.close()
-        for part in plan.parts:
-            with guard.watching(part.name):
-                part.terminate()
-    result = recorder.result(attributes)
-    _warn_of_nonfinite(result)
-    return result
 
 
 def _loop(
-    ticks: _Native | _Python,
+    ticks: NativeTicks | PythonTicks,
     readers: Sequence[tuple[int, Reader]],
     begin: int,
     plan: Plan,
@@ -192,73 +234,14 @@ def _loop(
             longest = min(2 * longest, 10_000_000)
 
 
-class _Native:
-    """The ticks in C."""
-
-    def __init__(self, plan: Plan, schedule: Schedule, recorder: Recorder, manipulations: Manipulations) -> None:
-        self._engine = Engine(plan, schedule.operations, recorder.rows, recorder.columns, recorder.decimate)
-        self._recorder = recorder
-        self._implicit = Loops(self._engine, schedule) if schedule.tolerance > 0.0 else None
-        self._coupling = None if self._implicit else Coupling(self._engine, schedule)
-        extrapolated = Extrapolated(self._engine, schedule.extrapolation) if schedule.extrapolation else None
-        manipulations.attach(self._engine)
-        parts = (self._implicit, self._coupling, extrapolated, manipulations)
-        self.memory = {name: array for part in parts if part is not None for name, array in part.memory().items()}
-
-    def run(self, first: int, last: int) -> None:
-        """The ticks first, ..., last - 1."""
-        data = self._engine.data
-        data.filled = self._recorder.filled
-        try:
-            with self._engine.interruptible():
-                self._engine.run(first, last)
-        except HarnessError:
-            if self._implicit and data.status == NOT_CONVERGED:
-                raise self._implicit.failure(int(data.failed_part), float(data.failed_time)) from None
-            raise
-        finally:
-            self._recorder.filled = int(data.filled)
-
-    def attributes(self) -> dict[str, str | float]:
-        """What is to be known of the run, for the attributes of the result."""
-        measured = self._implicit or self._coupling
-        return measured.report() if measured else {}
-
-    def close(self) -> None:
-        """Free the states that were saved within steps."""
-        self._engine.free_states()
-
-
-class _Python:
-    """The ticks in Python, of masters that hold values."""
-
-    def __init__(self, plan: Plan, schedule: Schedule, manipulations: Manipulations) -> None:
-        if not schedule.operations:
-            raise ExperimentError("this master runs in the compiled engine only: leave native as it is")
-        self._advance = Program(plan, schedule.operations, manipulations)
-        self.memory = manipulations.memory()
-
-    def run(self, first: int, last: int) -> None:
-        """The ticks first, ..., last - 1; time is the integer tick and nothing else."""
-        for tick in range(first, last):
-            self._advance(tick)
-
-    def attributes(self) -> dict[str, str | float]:
-        """Nothing is measured."""
-        return {}
-
-    def close(self) -> None:
-        """No state was saved."""
-
-
 def _progress_reader(progress: Progress, ticks: int) -> tuple[int, Reader]:
     return max(1, ticks // 100), lambda tick: progress.update(tick, ticks)
 
 
-def _warn_of_nonfinite(result: Result) -> None:
+def _warn_of_nonfinite(recorder: Recorder) -> None:
     """A part may return NaN without any error; a result that contains it must not pass in silence."""
-    for name, column in result.data_vars.items():
-        bad = ~np.isfinite(column.to_numpy())
+    for index, name in enumerate(recorder.names):
+        bad = ~np.isfinite(recorder.rows[: recorder.filled, index])
         if bad.any():
-            first = float(result["time"].to_numpy()[np.argmax(bad)])
+            first = float(recorder.times[np.argmax(bad)])
             _LOG.warning("%s is not finite from t = %.12g s on: check the inputs of that part", name, first)

@@ -10,10 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from harness.engine.line import MovingWire, fresh_inputs, moving_wires
 from harness.engine.native import Engine, bytes_of, mirrors
 from harness.parts.part import Port
-from harness.system.plan import Schedule, map_of
+from harness.system.plan import MovingWire, Schedule, map_of
 from harness.units import parse_unit
 
 _LOG = logging.getLogger("harness")
@@ -84,12 +83,16 @@ class Coupling:
         """Find the wires that hand over old values, and the force-velocity pairs."""
         plan = engine.plan
         self.plan = plan
-        self.names = list(plan.ports)
-        self.wires = moving_wires(plan)
-        paired = {number for pair in self._pairs() for number in pair}
-        fresh = fresh_inputs(plan, schedule)
+        self._engine = engine
+        self.wires = list(plan.moving_wires)
+        paired = {number for pair in self._find_pairs() for number in pair}
+        fresh = plan.fresh_inputs(schedule)
         self.wires = [wire for number, wire in enumerate(self.wires) if number in paired or not fresh[wire.input]]
-        pairs = self._pairs()
+        self._pairs = self._find_pairs()
+
+    def begin(self) -> None:
+        """Begin a run with nothing measured."""
+        plan, pairs = self.plan, self._pairs
         start = [
             map_of(float(plan.gains[wire.input]), float(plan.offsets[wire.input]), float(plan.signals[wire.output]))
             for wire in self.wires
@@ -98,7 +101,7 @@ class Coupling:
             *(Defect(wire.input, value=value) for wire, value in zip(self.wires, start, strict=True))
         )
         self._pair_data = (Pair * len(pairs))(*(Pair(force, velocity) for force, velocity in pairs))
-        data = engine.data
+        data = self._engine.data
         data.defects, data.defect_count = ctypes.addressof(self._defects), len(self.wires)
         data.pairs, data.pair_count = ctypes.addressof(self._pair_data), len(pairs)
 
@@ -155,16 +158,16 @@ class Coupling:
         return {"defects": defects[:, 8:], "pairs": pairs[:, Pair.made.offset :]}
 
     def _shown(self, wire: MovingWire) -> str:
-        return f"{self.names[wire.output]} -> {self.names[wire.input]}"
+        return f"{self.plan.names[wire.output]} -> {self.plan.names[wire.input]}"
 
-    def _pairs(self) -> list[tuple[int, int]]:
+    def _find_pairs(self) -> list[tuple[int, int]]:
         """Wires in opposite directions between two parts whose units make a power."""
         found = []
         for i, force in enumerate(self.wires):
             for k, velocity in enumerate(self.wires):
                 if (force.source, force.target) != (velocity.target, velocity.source):
                     continue
-                if [_exponents(self.plan.ports[self.names[wire.output]]) for wire in (force, velocity)] in _POWER:
+                if [_exponents(self.plan.ports[self.plan.names[wire.output]]) for wire in (force, velocity)] in _POWER:
                     found.append((i, k))
         return found
 

@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from harness.engine.line import fresh_inputs, owners
 from harness.engine.native import Engine, bytes_of, mirrors
 from harness.errors import ExperimentError
 from harness.parts.part import Values
@@ -66,33 +65,36 @@ class Manipulations:
     Parameters
     ----------
     plan : Plan
-        The started plan; its gains and offsets are changed from tick to tick.
+        The plan; its gains and offsets are changed from tick to tick.
     schedule : Schedule
         What the master does.
     manipulators : sequence of Manipulator
         Those of the experiment.
-
-    Raises
-    ------
-    ExperimentError
-        If a manipulator names no input at the end of a wire, or would make a fraction of an Integer.
     """
 
     def __init__(self, plan: Plan, schedule: Schedule, manipulators: Sequence[Manipulator]) -> None:
-        """Lay them out: first the delays of the wires themselves."""
+        """Collect them: first the delays of the wires themselves."""
         self.plan = plan
-        self.wire_gains, self.wire_offsets = plan.gains.copy(), plan.offsets.copy()
-        fresh = fresh_inputs(plan, schedule)
-        names = list(plan.ports)
-        delays = [Delay(names[i], ticks=int(plan.delays[i])) for i in np.flatnonzero(plan.delays)]
-        self.all = [_lay_out(plan, manipulator, fresh) for manipulator in (*delays, *manipulators)]
+        delays = [Delay(plan.names[i], ticks=int(plan.delays[i])) for i in np.flatnonzero(plan.delays)]
+        self._given = [*delays, *manipulators]
+        self._fresh = plan.fresh_inputs(schedule) if self._given else {}
+
+    def begin(self) -> None:
+        """Lay them out for a run of the plan, whose parts have been started.
+
+        Raises
+        ------
+        ExperimentError
+            If a manipulator names no input at the end of a wire, or would make a fraction of an Integer.
+        """
+        self.all = [_lay_out(self.plan, manipulator, self._fresh) for manipulator in self._given]
         self.data = (ManipulatorData * len(self.all))()
 
     def __call__(self, tick: int) -> None:
         """Set gains and offsets for a tick, as the compiled engine does."""
         gains, offsets, signals = self.plan.gains, self.plan.offsets, self.plan.signals
         for m in self.all:
-            gains[m.input], offsets[m.input] = self.wire_gains[m.input], self.wire_offsets[m.input]
+            gains[m.input], offsets[m.input] = self.plan.wire_gains[m.input], self.plan.wire_offsets[m.input]
         for m in self.all:
             active = m.first <= tick < m.last
             output = float(signals[self.plan.sources[m.input]])
@@ -126,7 +128,7 @@ class Manipulations:
             data.samples = keep(m.samples) if m.samples is not None else None
             data.past, data.length = keep(m.past), m.past.size
         engine.data.manipulators, engine.data.manipulator_count = ctypes.addressof(self.data), len(self.all)
-        engine.data.wire_gains, engine.data.wire_offsets = keep(self.wire_gains), keep(self.wire_offsets)
+        engine.data.wire_gains, engine.data.wire_offsets = keep(self.plan.wire_gains), keep(self.plan.wire_offsets)
 
 
 def _lose(m: Manipulation, active: bool, tick: int, output: float, gain: float, offset: float) -> tuple[float, float]:
@@ -166,7 +168,7 @@ def _lay_out(plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]) -> Ma
             kind = _LOSS
         case Delay():
             # the end of a step counts, but for a sample of what moves: that is of the beginning
-            source = plan.parts[owners(plan)[int(plan.sources[index])]]
+            source = plan.parts[plan.owners[int(plan.sources[index])]]
             kind, length = _DELAY, manipulator.ticks + (plan.parts[target].sampled and not source.sampled)
         case _:
             raise TypeError(manipulator)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import ctypes
-import platform
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.compiling.platforms import NATIVE, native_library
+from harness.engine.floats import described_floats
 from harness.errors import HarnessError, PartError, not_whole
-from harness.parts.part import TYPE_ORDER, Native, Values
+from harness.parts.part import TYPE_ORDER, Calls, Native, Values
 from harness.parts.shared_library import missing_bytes
 from harness.system.plan import GET, SET, STEP, Plan
 from harness.system.wire import split_name
@@ -129,67 +130,79 @@ def bytes_of(struct: ctypes.Array[Any] | ctypes.Structure) -> NDArray[np.uint8]:
     return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_buffer(struct)) if size else np.zeros(0, np.uint8)
 
 
-_FLOATS: Final = (
-    {
-        "the rounding mode": 0x0C006000,
-        "the treatment of tiny numbers as zero": 0x8040,
-        "the precision of the x87 unit": 0x03000000,
-        "the trapping of invalid operations": 0x003F1F80,
-    }
-    if platform.machine().lower() in ("x86_64", "amd64", "i686", "x86")
-    else {"the rounding mode": 0x00C00000, "the treatment of tiny numbers as zero": 0x01080003}
-)
+@dataclass(frozen=True)
+class _Bound:
+    """A part as the loop calls it.
 
+    Attributes
+    ----------
+    calls : Calls
+        Those of the plan to which it belongs; a part with others has to be bound again.
+    native : Native or None
+        The functions of an FMU; None for a part in Python.
+    kept : list
+        What the addresses in its struct point to.
+    """
 
-def described_floats(changed: int) -> str:
-    """Return in words which bits of floats.h have changed."""
-    words = [name for name, bits in _FLOATS.items() if changed & bits]
-    return " and ".join(words) or "the control of floating-point numbers"
+    calls: Calls
+    native: Native | None
+    kept: list[object]
 
 
 class Engine:
-    """A started plan, laid out for the compiled loop.
+    """A plan, laid out for the compiled loop.
 
     Parameters
     ----------
     plan : Plan
-        The started plan.
+        The plan.
     program : sequence of (int, int)
         The operations of an explicit master; empty for an implicit one.
-    rows : float64 array, shape (R, C)
-        Where to record.
-    columns : sequence of int, length C
-        Signals that are recorded.
-    decimate : int
-        Every so many ticks.
 
     Attributes
     ----------
     data : EngineData
-        What the compiled loop works on.
+        What the compiled loop works on; new in every run.
     """
 
-    def __init__(
-        self, plan: Plan, program: Sequence[tuple[int, int]], rows: Values, columns: Sequence[int], decimate: int
-    ) -> None:
-        """Fill the structs."""
+    def __init__(self, plan: Plan, program: Sequence[tuple[int, int]]) -> None:
+        """Keep what is the same in all runs."""
         self.plan = plan
         self.error: BaseException | None = None
+        self.data = EngineData()
+        self.parts = (EnginePart * len(plan.parts))()
+        self._program = np.array(program, dtype=np.int64).reshape(-1, 2)
+        self._bound: dict[int, _Bound] = {}
         self._kept: list[object] = []
-        self.natives: list[Native | None] = []
-        self.parts = (EnginePart * len(plan.parts))(*(self._part(index) for index in range(len(plan.parts))))
+        self._run = library().engine_run
+
+    def begin(self, rows: Values, columns: Sequence[int], decimate: int) -> None:
+        """Lay out a run of the plan, whose parts have been started.
+
+        Parameters
+        ----------
+        rows : float64 array, shape (R, C)
+            Where to record.
+        columns : sequence of int, length C
+            Signals that are recorded.
+        decimate : int
+            Every so many ticks.
+        """
+        plan = self.plan
+        self.error, self._kept = None, []
+        for index, calls in enumerate(plan.calls):
+            if index not in self._bound or self._bound[index].calls is not calls:
+                self.parts[index], self._bound[index] = self._part(index)
         data = self.data = EngineData()
         data.parts = ctypes.addressof(self.parts)
         data.part_count = len(plan.parts)
         data.signals, data.sources = self.keep(plan.signals), self.keep(plan.sources)
         if not plan.plain:
             data.gains, data.offsets = self.keep(plan.gains), self.keep(plan.offsets)
-        data.program = self.keep(np.array(program, dtype=np.int64).reshape(-1, 2))
-        data.program_length = len(program)
+        data.program, data.program_length = self.keep(self._program), len(self._program)
         data.start, data.step = plan.start, plan.step
         data.rows, data.columns = self.keep(rows), self.keep(np.array(columns, dtype=np.int64))
         data.width, data.decimate = len(columns), decimate
-        self._run = library().engine_run
 
     def run(self, first: int, last: int) -> None:
         """Run the ticks first, ..., last - 1, without the GIL.
@@ -205,7 +218,8 @@ class Engine:
 
     def free_states(self) -> None:
         """Free the states of FMUs that the loop has saved; the FMUs must still be there."""
-        for part, native in zip(self.parts, self.natives, strict=True):
+        for index, bound in self._bound.items():
+            part, native = self.parts[index], bound.native
             for place in ("state", "other_state"):
                 state = _POINTER(getattr(part, place))
                 if native is not None and state:
@@ -234,12 +248,12 @@ class Engine:
             raise self.error
 
     def keep(self, array: np.ndarray[Any, Any]) -> int:
-        """Address of an array that lives as long as the engine."""
+        """Return the address of an array that is kept until the next run begins."""
         self._kept.append(array)
         return array.ctypes.data
 
     def keep_struct(self, struct: ctypes.Array[Any] | ctypes.Structure) -> int:
-        """Likewise of a struct or an array of them."""
+        """Return the address of a struct or an array of them that is kept until the next run begins."""
         self._kept.append(struct)
         return ctypes.addressof(struct)
 
@@ -255,7 +269,7 @@ class Engine:
             return HarnessError("a loop does not converge")
         if data.status == FLOATS_CHANGED:
             return self._floats_changed()
-        name, native = self.plan.parts[data.failed_part].name, self.natives[data.failed_part]
+        name, native = self.plan.parts[data.failed_part].name, self._bound[int(data.failed_part)].native
         if data.status == NOT_WHOLE:
             return not_whole(name, data.failed_time)
         function = {SET: "fmi2SetReal", STEP: "fmi2DoStep", GET: "fmi2GetReal", SAVE: "fmi2GetFMUstate"}
@@ -274,16 +288,21 @@ class Engine:
         if data.failed_part >= 0:
             return PartError(self.plan.parts[data.failed_part].name, "fmi2DoStep", f"{what}: {remedy}", time)
         names = [
-            f"'{part.name}'" for part, native in zip(self.plan.parts, self.natives, strict=True) if native is not None
+            f"'{part.name}'" for index, part in enumerate(self.plan.parts) if self._bound[index].native is not None
         ]
         return HarnessError(f"one of the parts {', '.join(names)} failed behind t = {time:.12g} s: {what}: {remedy}")
 
-    def _part(self, index: int) -> EnginePart:
-        plan, names = self.plan, list(self.plan.ports)
+    def _part(self, index: int) -> tuple[EnginePart, _Bound]:
+        plan, names = self.plan, self.plan.names
         ranges = [slice(*plan.inputs[index]), slice(*plan.outputs[index])]
         inputs, outputs = ([split_name(name)[1] for name in names[ports]] for ports in ranges)
         native = plan.parts[index].native(inputs, outputs)
-        self.natives.append(native)
+        bound = _Bound(plan.calls[index], native, [])
+
+        def keep(array: np.ndarray[Any, Any]) -> int:
+            bound.kept.append(array)
+            return array.ctypes.data
+
         part = EnginePart()
         part.every, part.phase = int(plan.every[index]), int(plan.phase[index])
         for side, block in zip(("inputs", "outputs"), ranges, strict=True):
@@ -291,8 +310,10 @@ class Engine:
             places = np.cumsum([block.start, *(types.count(kind) for kind in _TYPES)])
             setattr(part, side, (_INT * 4)(*(int(place) for place in places)))
         if native is None:
-            part.call = self._callback(index)
-            return part
+            function = self._callback(index)
+            bound.kept.append(function)
+            part.call = ctypes.cast(function, _POINTER)
+            return part, bound
         part.component = native.component
         at = native.functions
         part.set = (_POINTER * 3)(*(at[f"Set{kind}"] for kind in _TYPES))
@@ -300,15 +321,15 @@ class Engine:
         part.do_step = at["DoStep"]
         part.get_state, part.set_state = at["GetFMUstate"], at["SetFMUstate"]
         part.set_slopes = at["SetRealInputDerivatives"] if native.interpolates else None
-        part.input_references = self.keep(np.array(native.inputs, dtype=np.uint32))
-        part.output_references = self.keep(np.array(native.outputs, dtype=np.uint32))
+        part.input_references = keep(np.array(native.inputs, dtype=np.uint32))
+        part.output_references = keep(np.array(native.outputs, dtype=np.uint32))
         size = max(len(inputs), len(outputs), 1)
-        part.whole = self.keep(np.zeros(size, dtype=np.intc))
-        part.orders = self.keep(np.ones(size, dtype=np.intc))
-        part.slopes = self.keep(np.zeros(size))
-        return part
+        part.whole = keep(np.zeros(size, dtype=np.intc))
+        part.orders = keep(np.ones(size, dtype=np.intc))
+        part.slopes = keep(np.zeros(size))
+        return part, bound
 
-    def _callback(self, index: int) -> int:
+    def _callback(self, index: int) -> Any:
         """The operations of a part in Python as one C function; its exception is kept and raised after the run."""
         calls, part = self.plan.calls[index], self.plan.parts[index]
         state: list[object] = [None, None]
@@ -335,6 +356,4 @@ class Engine:
                 return 3
             return 0
 
-        function = _CALL(call)
-        self._kept.append(function)
-        return ctypes.cast(function, _POINTER).value or 0
+        return _CALL(call)

@@ -13,10 +13,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from harness.engine.defect import UNRESOLVED, WRONG
-from harness.engine.line import MovingWire, attach_lines, moves, moving_wires
+from harness.engine.line import attach_lines
 from harness.engine.native import Engine, bytes_of, mirrors
 from harness.errors import ExperimentError
-from harness.system.plan import Plan, Schedule, map_of
+from harness.system.plan import MovingWire, Plan, Schedule, map_of
 
 _LOG = logging.getLogger("harness")
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
@@ -89,9 +89,9 @@ def groups_of(plan: Plan, wires: Sequence[MovingWire]) -> list[list[int]]:
     for source, target in links:
         if label[source] != label[target]:
             before[int(label[target])].add(int(label[source]))
-    moving = [part for part in range(n) if moves(plan, part)]
+    moving = [part for part in range(n) if plan.parts[part].moves]
     order = list(TopologicalSorter({int(label[part]): before[int(label[part])] for part in moving}).static_order())
-    still = [part for part in range(n) if not moves(plan, part)]
+    still = [part for part in range(n) if not plan.parts[part].moves]
     sampled = [[part] for part in still if plan.parts[part].sampled]
     slow = [[part] for part in still if not plan.parts[part].sampled]
     return sampled + [[part for part in moving if label[part] == one] for one in order] + slow
@@ -114,16 +114,17 @@ class Loops:
     """
 
     def __init__(self, engine: Engine, schedule: Schedule) -> None:
-        """Find the loops and lay them out."""
+        """Find the loops."""
         plan = engine.plan
-        wires = moving_wires(plan)
+        wires = plan.moving_wires
         groups = groups_of(plan, wires)
-        order = [part for group in groups for part in group]
-        place = {part: index for index, part in enumerate(order)}
+        self._order = [part for group in groups for part in group]
+        place = {part: index for index, part in enumerate(self._order)}
         group_of = {part: number for number, group in enumerate(groups) for part in group}
         unknowns: list[int] = []
         numbers: dict[int, int] = {}
-        rows, first = [], 0
+        self._rows: list[tuple[int, ...]] = []
+        first = 0
         inner = [wire for wire in wires if group_of[wire.source] == group_of[wire.target]]
         for number, group in enumerate(groups):
             mine = [wire for wire in inner if group_of[wire.source] == number]
@@ -132,22 +133,28 @@ class Loops:
                 if place[wire.source] >= place[wire.target] and wire.output not in numbers:
                     numbers[wire.output] = len(unknowns)
                     unknowns.append(wire.output)
-            rows.append(Group(first, len(group), bool(mine), begin, len(unknowns) - begin))
+            self._rows.append((first, len(group), bool(mine), begin, len(unknowns) - begin))
             first += len(group)
             if mine:
                 self._check(engine, group)
         self.groups, self.plan = groups, plan
         self.unknowns, self.inner, self.wires = unknowns, inner, wires
+        self._engine, self._schedule = engine, schedule
+        self._numbers = [
+            numbers[wire.output] if wire in inner and place[wire.source] >= place[wire.target] else -1 for wire in wires
+        ]
+
+    def begin(self) -> None:
+        """Begin a run at the start values of the plan."""
+        engine, plan, schedule, rows, unknowns = self._engine, self.plan, self._schedule, self._rows, self.unknowns
         moving = []
-        for wire in wires:
-            back = wire in inner and place[wire.source] >= place[wire.target]
+        for wire, unknown in zip(self.wires, self._numbers, strict=True):
             gain, offset = float(plan.gains[wire.input]), float(plan.offsets[wire.input])
             value = map_of(gain, offset, float(plan.signals[wire.output]))
-            unknown = numbers[wire.output] if back else -1
             sizes = (value, value, value, value, abs(value), 0.0)
-            moving.append(Moving(wire in inner, unknown, value == 0.0, *sizes, gain, offset))
-        attach_lines(engine, wires)
-        most = max([int(row.unknowns) for row in rows], default=0)
+            moving.append(Moving(wire in self.inner, unknown, value == 0.0, *sizes, gain, offset))
+        attach_lines(engine, self.wires)
+        most = max([count for *_, count in rows], default=0)
         n = len(unknowns)
         self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale", "surprise", "growth")}
         self._memory["w"][:] = self._memory["w_last"][:] = plan.signals[unknowns]
@@ -161,8 +168,8 @@ class Loops:
         data.groups, data.moving, data.guards, data.kept_lines = (ctypes.addressof(array) for array in self._arrays)
         data.kept = keep(np.zeros(6 * most + most * most + 2 * len(moving)))
         data.group_count = len(rows)
-        data.order = keep(np.array(order, dtype=np.int64))
-        data.continuous = keep(np.array([moves(plan, part) for part in range(len(plan.parts))], dtype=np.int64))
+        data.order = keep(np.array(self._order, dtype=np.int64))
+        data.continuous = keep(np.array([part.moves for part in plan.parts], dtype=np.int64))
         data.unknowns = keep(np.array(unknowns, dtype=np.int64))
         for name, array in self._memory.items():
             setattr(data, name, keep(array))

@@ -68,9 +68,13 @@ class Recorder:
         Every so many ticks a row is recorded, beginning with the start values.
     begin : int
         The tick that the run begins with, when it continues another one.
+    attributes : mapping, optional
+        Attributes of the run.
 
     Attributes
     ----------
+    attributes : dict
+        The same, to which the run adds what it has measured.
     filled : int
         Number of rows recorded so far.
     rows : float64 array, shape (R, C)
@@ -84,10 +88,18 @@ class Recorder:
         If the table does not fit into the memory.
     """
 
-    def __init__(self, plan: Plan, names: Sequence[str], decimate: int, begin: int = 0) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        names: Sequence[str],
+        decimate: int,
+        begin: int = 0,
+        attributes: Mapping[str, str | float] | None = None,
+    ) -> None:
         """Reserve the table."""
         self._first = -(-begin // decimate)
         self.names = tuple(names)
+        self.attributes = dict(attributes or {})
         self.decimate = decimate
         self._plan = plan
         self.filled = 0
@@ -128,9 +140,18 @@ class Recorder:
 
         return take
 
-    def result(self, attributes: Mapping[str, str | float]) -> Result:
-        """What has been recorded so far."""
-        rows = self.rows[: self.filled]
+    def column(self, name: str) -> Values:
+        """Return the recorded values of a variable."""
+        return np.ascontiguousarray(self.rows[: self.filled, self.names.index(name)])
+
+    @property
+    def times(self) -> Values:
+        """Time of each row that has been recorded [s]."""
         ticks = (self._first + np.arange(self.filled)) * self.decimate
         times: Values = self._plan.start + ticks * np.float64(self._plan.step)
-        return make_result(times, rows, {name: self._plan.ports[name] for name in self.names}, attributes)
+        return times
+
+    def result(self) -> Result:
+        """What has been recorded so far."""
+        rows, times = self.rows[: self.filled], self.times
+        return make_result(times, rows, {name: self._plan.ports[name] for name in self.names}, self.attributes)

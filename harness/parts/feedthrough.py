@@ -50,7 +50,7 @@ def _find(part: Part, system: Assembly, experiment: Experiment) -> None:
         return
     try:
         part.enter_initialisation(
-            experiment.start, experiment.stop, experiment.tolerance, start_values(system, part.name)
+            experiment.start, experiment.stop, experiment.tolerance, start_values(system.start, part.name)
         )
         found = _try_inputs(part, inputs, outputs)
         _LOG.info("%s does not declare its dependencies: by trial, %s", part.name, _shown(found))

@@ -97,7 +97,7 @@ class FmuPart(Part):
         self.reuse = False
         self._archive = open_archive(self.path)
         self._library: Library | None = None
-        self._instance: Instance | None = None
+        self.instance: Instance | None = None
         self._idle: Instance | None = None
         self._states: list[_State] = []
         ports, variables = self._archive.ports, self._archive.variables
@@ -123,7 +123,7 @@ class FmuPart(Part):
         self.terminate()
         if self._library is None:
             self._library = Library(self._archive, self.name)
-        instance = self._instance = self._idle or Instance(self._library, self._archive, self.name)
+        instance = self.instance = self._idle or Instance(self._library, self._archive, self.name)
         self._idle = None
         for name, value in values.items():
             self._set_start(instance, self._archive.ports[name], value)
@@ -133,7 +133,7 @@ class FmuPart(Part):
 
     def bind(self, inputs: Sequence[str], outputs: Sequence[str], u: Values, y: Values) -> Calls:
         """Prepare the FMI calls; Reals go straight between the FMU and the signal vector."""
-        library, instance = self._library, self._instance
+        library, instance = self._library, self.instance
         assert library is not None and instance is not None, "bind comes after enter_initialisation"
         setters = [self._exchange(library.set_, "Set", *block) for block in self._blocks(inputs, u)]
         getters = [self._exchange(library.get, "Get", *block) for block in self._blocks(outputs, y)]
@@ -145,7 +145,7 @@ class FmuPart(Part):
             if status > 1:
                 raise instance.failure("fmi2DoStep", status, t)
 
-        return Calls(_sequence(setters), step, _sequence(getters))
+        return Calls(_sequence(setters), step, _sequence(getters), instance)
 
     def native(self, inputs: Sequence[str], outputs: Sequence[str]) -> Native | None:
         """The addresses of the instance and of the functions of its library."""
@@ -213,18 +213,18 @@ class FmuPart(Part):
 
     def terminate(self) -> None:
         """Free the saved states, and the instance unless the next run is to get it."""
-        if self._instance is not None:
+        if self.instance is not None:
             for state in self._states:
-                self._instance.slave.dll.fmi2FreeFMUstate(self._instance.component, ctypes.byref(state.pointer))
-            if self.reuse and self._instance.reset():
-                self._idle = self._instance
+                self.instance.slave.dll.fmi2FreeFMUstate(self.instance.component, ctypes.byref(state.pointer))
+            if self.reuse and self.instance.reset():
+                self._idle = self.instance
             else:
-                self._instance.release()
+                self.instance.release()
         elif self._idle is not None and not self.reuse:
             self._idle.release()
             self._idle = None
         self._states.clear()
-        self._instance = None
+        self.instance = None
 
     def close(self) -> None:
         """Free the instance, unload the library and remove the temporary folder."""
@@ -246,9 +246,9 @@ class FmuPart(Part):
         return None if self._library is None else self._library.folder
 
     def _started(self) -> Instance:
-        if self._instance is None:
+        if self.instance is None:
             raise HarnessError(f"part '{self.name}' is not running: initialise it first")
-        return self._instance
+        return self.instance
 
     def _set_start(self, instance: Instance, port: Port, value: StartValue) -> None:
         """Set one start value; one call each, so that the message can say which one was refused."""

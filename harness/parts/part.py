@@ -79,11 +79,14 @@ class Calls:
         ``step(t, h)``: advance from t to t + h [s]. A sampled part takes its sample at t.
     get : callable
         Fetch the bound outputs from the part.
+    instance : object
+        What they call; None if every run needs new ones.
     """
 
     set: Callable[[], None]
     step: Callable[[float, float], None]
     get: Callable[[], None]
+    instance: object = None
 
 
 @dataclass(frozen=True)
@@ -149,9 +152,13 @@ class Part(ABC):
         The part is stepped only every so many ticks, over that many ticks.
     identity : str
         What tells this kind of part from others with the same name, such as the GUID of an FMU.
+    instance : object
+        What the `Calls` of the present run call. A run that begins with the instance of an earlier one does not bind
+        the part again.
     """
 
     identity: str = ""
+    instance: object = None
     undeclared: frozenset[str] = frozenset()
     strict: bool = True
     saves: bool = True

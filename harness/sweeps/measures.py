@@ -50,7 +50,11 @@ class Builtin:
 
     def __call__(self, result: Result) -> Mapping[str, float]:
         """The number, under its heading."""
-        return {str(self): KINDS[self.kind](result[self.name].to_numpy().astype(np.float64))}
+        return {str(self): self.of(result[self.name].to_numpy().astype(np.float64))}
+
+    def of(self, values: Values) -> float:
+        """Return the number for recorded values of the variable."""
+        return KINDS[self.kind](values)
 
 
 def find_measures(measure: str | Measure | Iterable[str | Measure], parts: Mapping[str, Part]) -> tuple[Measure, ...]:

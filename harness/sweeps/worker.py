@@ -10,12 +10,13 @@ from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any, Final
 
+from harness.engine.tap import Recorder
 from harness.errors import HarnessError, SweepError
 from harness.parts.fmu import FmuPart
 from harness.parts.part import StartValue
 from harness.result import Result
-from harness.run import run
-from harness.sweeps.measures import Measure, label
+from harness.run import Session
+from harness.sweeps.measures import Builtin, Measure, label
 from harness.sweeps.samples import Sample
 from harness.system.experiment import Experiment
 from harness.system.system import System
@@ -95,6 +96,9 @@ class Runner:
         self.system = job.open()
         self._fmus = [part for part in self.system.parts.values() if isinstance(part, FmuPart)]
         self._probed = not self._fmus
+        self._session: Session | None = None
+        self._layout: object = None
+        self._start: Mapping[str, StartValue] = {}
         self._reuse(True)
 
     def run(self, number: int, values: Sample) -> Outcome:
@@ -103,9 +107,9 @@ class Runner:
         with _collected_warnings() as messages:
             begin = perf_counter()
             try:
-                result = self._result(values, self.job.experiment)
-                outcome.measures = self._measured(result)
-                outcome.kept = result[list(self.job.keep)] if self.job.keep else None
+                recorded = self._run(values)
+                outcome.measures = self._measured(recorded)
+                outcome.kept = recorded.result()[list(self.job.keep)] if self.job.keep else None
             except HarnessError as error:
                 outcome.error = str(error)
             except Exception as error:
@@ -121,16 +125,35 @@ class Runner:
         self._reuse(False)
         self.system.close()
 
-    def _result(self, values: Sample, experiment: Experiment) -> Result:
-        settings: dict[str, Any] = {name: value for name, value in values.items() if name in SETTINGS}
-        start: dict[str, StartValue] = {name: value for name, value in values.items() if name not in SETTINGS}
-        return run(self.system.with_start(start), replace(experiment, **settings))
+    def _run(self, values: Sample) -> Recorder:
+        """One run, laid out as the one before if the values of the same start values differ and nothing else."""
+        settings, start = _split(values)
+        layout = settings, start.keys()
+        if self._session is None or layout != self._layout:
+            self._session, self._start = self._laid_out(values, self.job.experiment)
+            self._layout = layout
+        session = self._session
+        if any(part.undeclared for part in self.system.parts.values()):
+            self._session = None  # start values decide on which inputs its outputs depend
+        return session.run({**self._start, **start})
 
-    def _measured(self, result: Result) -> dict[str, float]:
+    def _laid_out(self, values: Sample, experiment: Experiment) -> tuple[Session, Mapping[str, StartValue]]:
+        """A session, and the start values of its system."""
+        settings, start = _split(values)
+        system = self.system.with_start(start)
+        return Session(system, replace(experiment, **settings)), system.start
+
+    def _measured(self, recorded: Recorder) -> dict[str, float]:
         numbers: dict[str, float] = {}
+        result: Result | None = None
         for measure in self.job.measures:
             try:
-                given = {str(name): float(value) for name, value in measure(result).items()}
+                if isinstance(measure, Builtin):
+                    found: Mapping[str, float] = {str(measure): measure.of(recorded.column(measure.name))}
+                else:
+                    result = recorded.result() if result is None else result
+                    found = measure(result)
+                given = {str(name): float(value) for name, value in found.items()}
             except Exception as error:
                 raise SweepError(f"the measure {label(measure)} failed with {type(error).__name__}: {error}") from error
             for name in given:
@@ -165,17 +188,24 @@ class Runner:
         else:
             _LOG.info("fmi2Reset does not bring all FMUs back to their start: every run gets new instances")
 
-    def _outputs(self, values: Sample, experiment: Experiment) -> list[bytes] | str:
+    def _outputs(self, values: Sample, experiment: Experiment) -> bytes | str:
         """The recorded values to the last bit, or why there are none."""
         try:
-            result = self._result(values, experiment)
+            session, start = self._laid_out(values, experiment)
+            recorded = session.run(start)
         except Exception as error:
             return str(error)
-        return [column.to_numpy().tobytes() for column in result.data_vars.values()]
+        return recorded.rows[: recorded.filled].tobytes()
 
     def _reuse(self, reuse: bool) -> None:
         for part in self._fmus:
             part.reuse = reuse
+
+
+def _split(values: Sample) -> tuple[dict[str, Any], dict[str, StartValue]]:
+    """Settings of the experiment, and start values."""
+    settings = {name: value for name, value in values.items() if name in SETTINGS}
+    return settings, {name: value for name, value in values.items() if name not in SETTINGS}
 
 
 _runners: dict[tuple[str, int], Runner] = {}

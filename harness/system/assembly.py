@@ -38,7 +38,7 @@ class Assembly(Protocol):
         """How it is run when nothing else is said."""
 
 
-def start_values(system: Assembly, part: str) -> dict[str, StartValue]:
-    """The start values of one part, by variable."""
-    ends = ((split_name(name), value) for name, value in system.start.items())
+def start_values(start: Mapping[str, StartValue], part: str) -> dict[str, StartValue]:
+    """Return the start values of one part, by variable."""
+    ends = ((split_name(name), value) for name, value in start.items())
     return {port: value for (owner, port), value in ends if owner == part}

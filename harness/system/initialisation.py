@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from harness.errors import AlgebraicLoopError, PartError
 from harness.parts.guard import Guard
-from harness.parts.part import Calls, Values
+from harness.parts.part import StartValue, Values
 from harness.system.assembly import Assembly, start_values
 from harness.system.experiment import Experiment
 from harness.system.graph import direct_edges, find_loop, instantaneous, propagation_order
@@ -20,123 +20,131 @@ _LOG = logging.getLogger("harness")
 _TOLERANCE = 1e-10
 
 
-def start_parts(plan: Plan, system: Assembly, experiment: Experiment, guard: Guard, *, open_end: bool) -> Plan:
-    """Initialise all parts at the start time.
+class Initialisation:
+    """The start of the runs of a plan.
 
     Parameters
     ----------
     plan : Plan
-        The plan of the run.
+        What is started.
     system : Assembly
-        What is run.
+        The system of which it is the plan.
     experiment : Experiment
-        How.
+        Times and tolerance.
     guard : Guard
-        Watches them.
+        Watches the parts.
     open_end : bool
         The parts are not told when the run ends, because it may be continued.
-
-    Returns
-    -------
-    Plan
-        The plan with the calls of the parts; the start values stand in its signals.
-
-    Raises
-    ------
-    HarnessError
-        If a part cannot be started or an algebraic loop has no solution.
     """
-    part = None
-    try:
-        calls: list[Calls] = []
-        names = list(plan.ports)
-        for index, part in enumerate(plan.parts):
-            # A part that is stepped over several ticks may end its last step after the end of the run.
-            intervals = -(-plan.ticks // part.every)
-            stop = np.inf if open_end else max(experiment.stop, plan.time(intervals * part.every))
-            values = start_values(system, part.name)
-            with guard.watching(part.name):
-                part.enter_initialisation(experiment.start, stop, experiment.tolerance, values)
-            inputs, outputs = slice(*plan.inputs[index]), slice(*plan.outputs[index])
-            calls.append(
-                part.bind(
-                    [split_name(name)[1] for name in names[inputs]],
-                    [split_name(name)[1] for name in names[outputs]],
-                    plan.signals[inputs],
-                    plan.signals[outputs],
-                )
-            )
-        plan = replace(plan, calls=tuple(calls))
-        _propagate(plan, system)
-        guard.look()
-        for part in plan.parts:
-            with guard.watching(part.name):
-                part.exit_initialisation()
-        for call in plan.calls:
-            call.get()
-        guard.look()
-    except PartError as error:
-        if error.time is None:
-            error.time = experiment.start
-        raise
-    return plan
 
-
-def _propagate(plan: Plan, system: Assembly) -> None:
-    """Spread the start values through all wires until nothing changes any more.
-
-    One sweep in graph order does it, but for rings of parts (a plant whose recorded acceleration depends on
-    the friction that depends on its velocity) and for FMUs whose outputs depend on more inputs during
-    initialisation than later. An algebraic loop is solved.
-    """
-    spread = _Sweep(plan, system)
-    for call in plan.calls:
-        call.get()
-    if find_loop(direct_edges(system.parts, instantaneous(system.parts, system.wires))) is not None:
-        spread.solve()
-        return
-    # A loop that is only closed by a sampler or a delay has no solution to converge to: one sweep is its start.
-    late_loop = find_loop(direct_edges(system.parts, system.wires)) is not None
-    for _ in range(1 if late_loop else len(plan.parts) + 1):
-        before = plan.signals.copy()
-        spread()
-        if np.array_equal(before, plan.signals, equal_nan=True):
-            return
-    if not late_loop:
-        moving = [name for name, i in plan.columns.items() if before[i] != plan.signals[i]]
-        _LOG.warning("the start values of %s do not settle: the first steps may be wrong", ", ".join(moving))
-
-
-class _Sweep:
-    """Sets and reads all parts once, in the order in which values spread."""
-
-    def __init__(self, plan: Plan, system: Assembly) -> None:
-        self.plan = plan
+    def __init__(self, plan: Plan, system: Assembly, experiment: Experiment, guard: Guard, *, open_end: bool) -> None:
+        """Find the order in which values spread, and the loops."""
+        parts, wires = system.parts, system.wires
+        self._plan, self._experiment, self._guard, self._open_end = plan, experiment, guard, open_end
+        closing = instantaneous(parts, wires)
+        self._is_loop = find_loop(direct_edges(parts, closing)) is not None
+        self._is_late_loop = find_loop(direct_edges(parts, wires)) is not None
         place = {part.name: index for index, part in enumerate(plan.parts)}
-        self._order = [place[name] for name in propagation_order(system.parts, system.wires)]
-        self._fetchers = [fetcher(plan, index) for index in range(len(plan.parts))]
+        self._order = [place[name] for name in propagation_order(parts, wires)]
         rank = {plan.parts[index].name: number for number, index in enumerate(self._order)}
         self._back = [
             wire
-            for wire in instantaneous(system.parts, system.wires)
+            for wire in closing
             if rank[wire.ends[0][0]] >= rank[wire.ends[1][0]] and plan.ports[wire.source].type == "Real"
         ]
+        self._bound = [
+            [[split_name(name)[1] for name in plan.names[slice(*ports)]] for ports in ranges]
+            for ranges in zip(plan.inputs, plan.outputs, strict=True)
+        ]
 
-    def __call__(self) -> None:
-        for index in self._order:
-            self._fetchers[index]()
-            self.plan.calls[index].get()
+    def start(self, values: Mapping[str, StartValue]) -> None:
+        """Initialise all parts at the start time; the start values then stand in the signals of the plan.
 
-    def solve(self) -> None:
-        """Find the values of the wires against the order for which a sweep gives the same values again."""
+        A part that begins the run with the instance of an earlier run of this plan keeps its calls.
+
+        Parameters
+        ----------
+        values : mapping of str to value
+            Start values by "part.port".
+
+        Raises
+        ------
+        HarnessError
+            If a part cannot be started or an algebraic loop has no solution.
+        """
+        plan, guard = self._plan, self._guard
+        earlier, plan.calls[:] = [*plan.calls], []
+        plan.begin(values)
+        try:
+            for index, part in enumerate(plan.parts):
+                with guard.watching(part.name):
+                    self._enter(index, values)
+                if index < len(earlier) and part.instance is not None and earlier[index].instance is part.instance:
+                    plan.calls.append(earlier[index])
+                    continue
+                ranges = plan.inputs[index], plan.outputs[index]
+                plan.calls.append(part.bind(*self._bound[index], *(plan.signals[slice(*ports)] for ports in ranges)))
+            self._propagate()
+            guard.look()
+            for part in plan.parts:
+                with guard.watching(part.name):
+                    part.exit_initialisation()
+            for call in plan.calls:
+                call.get()
+            guard.look()
+        except PartError as error:
+            if error.time is None:
+                error.time = self._experiment.start
+            raise
+
+    def _enter(self, index: int, values: Mapping[str, StartValue]) -> None:
+        plan, experiment, part = self._plan, self._experiment, self._plan.parts[index]
+        # A part that is stepped over several ticks may end its last step after the end of the run.
+        intervals = -(-plan.ticks // part.every)
+        stop = np.inf if self._open_end else max(experiment.stop, plan.time(intervals * part.every))
+        part.enter_initialisation(experiment.start, stop, experiment.tolerance, start_values(values, part.name))
+
+    def _propagate(self) -> None:
+        """Spread the start values through all wires until nothing changes any more.
+
+        One sweep in graph order does it, but for rings of parts (a plant whose recorded acceleration depends on
+        the friction that depends on its velocity) and for FMUs whose outputs depend on more inputs during
+        initialisation than later. An algebraic loop is solved.
+        """
+        plan = self._plan
+        fetchers = [fetcher(plan, index) for index in range(len(plan.parts))]
+
+        def spread() -> None:
+            """Set and read all parts once, in the order in which values spread."""
+            for index in self._order:
+                fetchers[index]()
+                plan.calls[index].get()
+
+        for call in plan.calls:
+            call.get()
+        if self._is_loop:
+            self._solve(spread)
+            return
+        # A loop that is only closed by a sampler or a delay has no solution to converge to: one sweep is its start.
+        for _ in range(1 if self._is_late_loop else len(plan.parts) + 1):
+            before = plan.signals.copy()
+            spread()
+            if np.array_equal(before, plan.signals, equal_nan=True):
+                return
+        if not self._is_late_loop:
+            moving = [name for name, i in plan.columns.items() if before[i] != plan.signals[i]]
+            _LOG.warning("the start values of %s do not settle: the first steps may be wrong", ", ".join(moving))
+
+    def _solve(self, spread: Callable[[], None]) -> None:
+        """Find the values of the wires against the order for which spreading gives the same values again."""
         from scipy.optimize import root  # takes long to import, and few systems need it
 
-        signals = self.plan.signals
-        places = sorted({self.plan.columns[wire.source] for wire in self._back})
+        signals = self._plan.signals
+        places = sorted({self._plan.columns[wire.source] for wire in self._back})
 
         def residual(w: Values) -> Values:
             signals[places] = w
-            self()
+            spread()
             return np.asarray(signals[places] - w)
 
         w = root(residual, signals[places].copy(), tol=1e-13).x
@@ -148,4 +156,4 @@ class _Sweep:
                 f"no values at the start satisfy the algebraic loop through {', '.join(map(str, self._back))}: the "
                 f"best ones miss by {float(np.max(missed)):.2g} of their size; give other start values"
             )
-        self()
+        spread()

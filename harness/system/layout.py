@@ -83,7 +83,7 @@ def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> 
     Returns
     -------
     Plan
-        Without calls, because the parts have not been started.
+        Without calls and values, because the parts have not been started.
     """
     parts = [system.parts[name] for name in _order(system, experiment)]
     drivers = {wire.target: wire.source for wire in system.wires}
@@ -100,12 +100,6 @@ def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> 
             ranges.append((len(ports), len(ports) + len(members)))
             ports.update(members)
     columns = {name: index for index, name in enumerate(ports)}
-    signals = np.zeros(len(ports))
-    for members in constant:
-        for name in members:
-            stated = ports[name].start  # of an optional input that nothing drives
-            signals[columns[name]] = float(system.start.get(name, np.nan if stated is None else stated))
-
     gains, offsets = np.ones(len(ports)), np.zeros(len(ports))
     delays = np.zeros(len(ports), dtype=np.int64)
     for wire in system.wires:
@@ -118,13 +112,15 @@ def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> 
     sampled = np.array([part.sampled for part in parts], dtype=bool).reshape(-1)
     return Plan(
         parts=tuple(parts),
-        calls=(),
-        signals=signals,
+        calls=[],
+        signals=np.zeros(len(ports)),
         outputs=np.array(ranges[: len(parts)], dtype=np.int64).reshape(-1, 2),
         inputs=np.array(ranges[len(parts) : 2 * len(parts)], dtype=np.int64).reshape(-1, 2),
         sources=np.array([columns[drivers.get(name, name)] for name in ports], dtype=np.int64),
-        gains=gains,
-        offsets=offsets,
+        wire_gains=gains,
+        wire_offsets=offsets,
+        gains=gains.copy(),
+        offsets=offsets.copy(),
         delays=delays,
         plain=plain,
         every=every,

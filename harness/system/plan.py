@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import PartError
-from harness.parts.part import Calls, Part, Port, Values
+from harness.parts.part import Calls, Part, Port, StartValue, Values
 
 SET: Final = 0
 STEP: Final = 1
@@ -18,14 +19,34 @@ GET: Final = 2
 
 
 @dataclass(frozen=True)
+class MovingWire:
+    """A wire whose value moves during a step: from one continuous part to another one, both stepped at every tick.
+
+    Parameters
+    ----------
+    input, output : int
+        Signals at its ends.
+    source, target : int
+        Parts at its ends.
+    """
+
+    input: int
+    output: int
+    source: int
+    target: int
+
+
+@dataclass(frozen=True)
 class Plan:
-    """A system laid out for running. All values live in one vector; parts and wires are index ranges of it.
+    """A system laid out for running. All values are in one vector; parts and wires are index ranges of it.
+
+    The same plan serves for all runs that differ in their start values only.
 
     Parameters
     ----------
     parts : tuple of Part, length P
         In stepping order.
-    calls : tuple of Calls, length P
+    calls : list of Calls, length P
         What is done to each part; empty until the parts have been started.
     signals : float64 array, shape (S,)
         The values: exchanged outputs of all parts, then wired inputs of all parts, then constant inputs.
@@ -33,8 +54,10 @@ class Plan:
         First and last+1 index into signals of each part's exchanged outputs and wired inputs.
     sources : int64 array, shape (S,)
         For a wired input the index of the output that drives it, otherwise the index itself.
+    wire_gains, wire_offsets : float64 arrays, shape (S,)
+        A wired input gets gain * output + offset.
     gains, offsets : float64 arrays, shape (S,)
-        A wired input gets gain * output + offset; manipulators change these numbers during a run.
+        The same numbers as manipulators change them during a run.
     delays : int64 array, shape (S,)
         Delay of each wire in ticks.
     plain : bool
@@ -54,11 +77,13 @@ class Plan:
     """
 
     parts: tuple[Part, ...]
-    calls: tuple[Calls, ...]
+    calls: list[Calls]
     signals: Values
     outputs: NDArray[np.int64]
     inputs: NDArray[np.int64]
     sources: NDArray[np.int64]
+    wire_gains: Values
+    wire_offsets: Values
     gains: Values
     offsets: Values
     delays: NDArray[np.int64]
@@ -74,6 +99,62 @@ class Plan:
     def time(self, tick: int) -> float:
         """Time of a tick [s], by multiplication, so that rounding does not accumulate."""
         return self.start + tick * self.step
+
+    def begin(self, start: Mapping[str, StartValue]) -> None:
+        """Set all values to those before a run: constants to their start values, the others to 0.
+
+        Parameters
+        ----------
+        start : mapping of str to value
+            Start values by "part.port".
+        """
+        self.signals[:] = 0.0
+        for index in range(int(self.inputs.max(initial=0)), len(self.names)):
+            name = self.names[index]
+            stated = self.ports[name].start  # of an optional input that nothing drives
+            self.signals[index] = float(start.get(name, np.nan if stated is None else stated))
+        self.gains[:], self.offsets[:] = self.wire_gains, self.wire_offsets
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The name "part.port" of each signal."""
+        return tuple(self.ports)
+
+    @cached_property
+    def owners(self) -> Mapping[int, int]:
+        """The part that each exchanged output belongs to."""
+        return {signal: part for part in range(len(self.parts)) for signal in range(*self.outputs[part])}
+
+    @cached_property
+    def moving_wires(self) -> tuple[MovingWire, ...]:
+        """The wires of Reals that are not held, between continuous parts stepped at every tick, part by part."""
+        wires = []
+        for target, part in enumerate(self.parts):
+            for signal in range(*(int(index) for index in self.inputs[target])):
+                output = int(self.sources[signal])
+                source = self.owners[output]
+                real = self.ports[self.names[signal]].type == "Real" and not self.ports[self.names[output]].held
+                if real and self.parts[source].moves and part.moves:
+                    wires.append(MovingWire(signal, output, source, target))
+        return tuple(wires)
+
+    def fresh_inputs(self, schedule: Schedule) -> dict[int, bool]:
+        """For every wired input whether the output is already that of the end of the step when it is handed over."""
+        place = {operation: index for index, operation in enumerate(schedule.operations)}
+        moving = {wire.input for wire in self.moving_wires}
+
+        def rank(part: int) -> tuple[int, int]:  # of an implicit master: sampled, continuous, slow parts
+            return (0 if self.parts[part].sampled else 1 if self.parts[part].moves else 2), part
+
+        found = {}
+        for target in range(len(self.parts)):
+            for signal in range(*self.inputs[target]):
+                source = self.owners[int(self.sources[signal])]
+                if schedule.operations:
+                    found[signal] = place[GET, source] < place[SET, target]
+                else:
+                    found[signal] = not schedule.extrapolation and (signal in moving or rank(source) < rank(target))
+        return found
 
 
 @dataclass(frozen=True)
