@@ -1,4 +1,4 @@
-"""Wires whose values move during a step, and their lines in the compiled engine."""
+"""Connections whose values vary during a step, and their lines in the compiled engine."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
 @dataclass(frozen=True)
 class MovingWire:
-    """A wire whose value moves during a step: from one continuous part to another one, both stepped at every tick.
+    """A connection whose value varies during a step: between two continuous parts that are both stepped at every tick.
 
     Parameters
     ----------
     input, output : int
-        Signals at its ends.
+        Indices of the signals at its ends.
     source, target : int
-        Parts at its ends.
+        Indices of the parts at its ends.
     """
 
     input: int
@@ -46,17 +46,17 @@ class Extrapolation(ctypes.Structure):
 
 
 def owners(plan: Plan) -> dict[int, int]:
-    """The part that each exchanged output belongs to."""
+    """Return the part of each exchanged output."""
     return {signal: part for part in range(len(plan.parts)) for signal in range(*plan.outputs[part])}
 
 
 def moves(plan: Plan, part: int) -> bool:
-    """Whether the outputs of a part change continuously from tick to tick."""
+    """Return whether the outputs of a part vary continuously from tick to tick."""
     return plan.parts[part].moves
 
 
 def moving_wires(plan: Plan) -> list[MovingWire]:
-    """Return the wires of Reals that are not held, between continuous parts stepped at every tick, part by part."""
+    """Return the Real connections between continuous parts stepped at every tick, part by part."""
     owner = owners(plan)
     names = list(plan.ports)
     wires = []
@@ -71,12 +71,12 @@ def moving_wires(plan: Plan) -> list[MovingWire]:
 
 
 def fresh_inputs(plan: Plan, schedule: Schedule) -> dict[int, bool]:
-    """For every wired input whether the output is already that of the end of the step when it is handed over."""
+    """Return for each connected input whether it gets its source's value from the end of the step."""
     owner = owners(plan)
     place = {operation: index for index, operation in enumerate(schedule.operations)}
     moving = {wire.input for wire in moving_wires(plan)}
 
-    def rank(part: int) -> tuple[int, int]:  # of an implicit master: sampled, continuous, slow parts
+    def rank(part: int) -> tuple[int, int]:  # implicit master: sampled, continuous, slow parts
         return (0 if plan.parts[part].sampled else 1 if moves(plan, part) else 2), part
 
     found = {}
@@ -91,7 +91,7 @@ def fresh_inputs(plan: Plan, schedule: Schedule) -> dict[int, bool]:
 
 
 def attach_lines(engine: Engine, wires: Sequence[MovingWire]) -> None:
-    """Give the engine a line for each of these wires."""
+    """Add a line for each of these connections to the engine."""
     lines = (Line * max(1, len(wires)))(*(Line(wire.input) for wire in wires))
     begins = np.searchsorted([wire.target for wire in wires], range(len(engine.plan.parts) + 1)).astype(np.int64)
     engine.data.lines, engine.data.lines_from = engine.keep_struct(lines), engine.keep(begins)
@@ -103,13 +103,13 @@ class Extrapolated:
     Parameters
     ----------
     engine : Engine
-        The engine that will run it.
+        The engine that runs the master.
     order : int
-        Of the polynomials, 1 or 2.
+        Order of the polynomials, 1 or 2.
     """
 
     def __init__(self, engine: Engine, order: int) -> None:
-        """Lay it out."""
+        """Allocate the arrays."""
         wires = moving_wires(engine.plan)
         attach_lines(engine, wires)
         self.before, self.earlier = np.zeros(len(wires)), np.zeros(len(wires))
@@ -117,6 +117,6 @@ class Extrapolated:
         engine.data.extrapolation = ctypes.addressof(self._data)
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
-        """What it remembers from step to step, for a checkpoint: views of the data."""
+        """Return the values kept from step to step for a checkpoint, as views of the data."""
         known = bytes_of(self._data)[8:16]
         return {"extrapolation known": known, "extrapolation": self.before, "extrapolation earlier": self.earlier}

@@ -76,7 +76,7 @@ class EngineData(ctypes.Structure):
 
 @cache
 def library() -> ctypes.CDLL:
-    """The compiled engine: the one of the wheel, or one built from the sources and kept in the cache."""
+    """Return the compiled engine, from the wheel or else built from the sources and cached."""
     folder = Path(__file__).parent
     shipped = folder / "binaries" / NATIVE.folder / f"engine{NATIVE.suffix}"
     whole = shipped.is_file() and missing_bytes(shipped) == 0
@@ -91,13 +91,13 @@ def library() -> ctypes.CDLL:
 
 
 def sources() -> dict[str, str]:
-    """File name -> text of the engine's C files."""
+    """Return the text of each of the engine's C files."""
     folder = Path(__file__).parent
     return {path.name: path.read_text(encoding="utf-8") for path in sorted((*folder.glob("*.h"), *folder.glob("*.c")))}
 
 
 def bytes_of(struct: ctypes.Array[Any] | ctypes.Structure) -> NDArray[np.uint8]:
-    """View of a struct or an array of them."""
+    """Return a view of the bytes of a struct or of an array of structs."""
     size = ctypes.sizeof(struct)
     return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_buffer(struct)) if size else np.zeros(0, np.uint8)
 
@@ -105,23 +105,23 @@ def bytes_of(struct: ctypes.Array[Any] | ctypes.Structure) -> NDArray[np.uint8]:
 _FLOATS: Final = (
     {
         "the rounding mode": 0x0C006000,
-        "the treatment of tiny numbers as zero": 0x8040,
+        "the treatment of denormal numbers": 0x8040,
         "the precision of the x87 unit": 0x03000000,
         "the trapping of invalid operations": 0x003F1F80,
     }
     if platform.machine().lower() in ("x86_64", "amd64", "i686", "x86")
-    else {"the rounding mode": 0x00C00000, "the treatment of tiny numbers as zero": 0x01080003}
+    else {"the rounding mode": 0x00C00000, "the treatment of denormal numbers": 0x01080003}
 )
 
 
 def described_floats(changed: int) -> str:
-    """Return in words which bits of floats.h have changed."""
+    """Return a description of the changed bits of floats.h."""
     words = [name for name, bits in _FLOATS.items() if changed & bits]
-    return " and ".join(words) or "the control of floating-point numbers"
+    return " and ".join(words) or "the floating-point control"
 
 
 class Engine:
-    """A started plan, laid out for the compiled loop.
+    """A started plan as the data of the compiled loop.
 
     Parameters
     ----------
@@ -130,22 +130,22 @@ class Engine:
     program : sequence of (int, int)
         The operations of an explicit master; empty for an implicit one.
     rows : float64 array, shape (R, C)
-        Where to record.
+        The table to record into.
     columns : sequence of int, length C
-        Signals that are recorded.
+        Signals to record.
     decimate : int
-        Every so many ticks.
+        Number of ticks from one recorded row to the next.
 
     Attributes
     ----------
     data : EngineData
-        What the compiled loop works on.
+        Data of the compiled loop.
     """
 
     def __init__(
         self, plan: Plan, program: Sequence[tuple[int, int]], rows: Values, columns: Sequence[int], decimate: int
     ) -> None:
-        """Fill the structs."""
+        """Fill in the structs."""
         self.plan = plan
         self.error: BaseException | None = None
         self._kept: list[object] = []
@@ -170,14 +170,14 @@ class Engine:
         Raises
         ------
         PartError
-            If a part fails; the error knows the time.
+            If a part fails; the message states the time.
         """
         done = self._run(ctypes.addressof(self.data), first, last)
         if done < last:
             raise self.failure()
 
     def free_states(self) -> None:
-        """Free the states of FMUs that the loop has saved; the FMUs must still be there."""
+        """Free the states of FMUs that the loop has saved; call it before the FMUs are unloaded."""
         for part, native in zip(self.parts, self.natives, strict=True):
             for place in ("state", "other_state"):
                 state = _POINTER(getattr(part, place))
@@ -187,9 +187,9 @@ class Engine:
 
     @contextmanager
     def interruptible(self) -> Iterator[None]:
-        """Ctrl-C ends the run at the next part in Python, or behind this piece: raised in a callback it would be lost.
+        """End the run on Ctrl-C, at the next part in Python or after the current span of ticks.
 
-        Only the main thread gets it.
+        An exception raised in a callback from C would be lost. Only the main thread receives the signal.
         """
         if threading.current_thread() is not threading.main_thread():
             yield
@@ -207,17 +207,17 @@ class Engine:
             raise self.error
 
     def keep(self, array: np.ndarray[Any, Any]) -> int:
-        """Address of an array that lives as long as the engine."""
+        """Return the address of an array, which is kept alive with the engine."""
         self._kept.append(array)
         return array.ctypes.data
 
     def keep_struct(self, struct: ctypes.Array[Any] | ctypes.Structure) -> int:
-        """Likewise of a struct or an array of them."""
+        """Return the address of a struct or an array of structs, which is kept alive with the engine."""
         self._kept.append(struct)
         return ctypes.addressof(struct)
 
     def failure(self) -> BaseException:
-        """The error of the call that failed last."""
+        """Return the error of the last failed call."""
         if self.error is not None:
             error, self.error = self.error, None
             if isinstance(error, PartError) and error.time is None:
@@ -239,17 +239,17 @@ class Engine:
         return failure
 
     def _floats_changed(self) -> HarnessError:
-        """The error of a part that changes the results of all others."""
+        """Return the error for a part that changes the results of all other parts."""
         data = self.data
-        what = f"it changed {described_floats(data.float_change)} of the whole process, and so the results of all parts"
-        remedy = "run it in a process of its own (isolate = true)"
+        what = f"it changed {described_floats(data.float_change)} of the process, which affects all parts"
+        remedy = "run it in its own process (isolate = true)"
         time = float(data.failed_time)
         if data.failed_part >= 0:
             return PartError(self.plan.parts[data.failed_part].name, "fmi2DoStep", f"{what}: {remedy}", time)
         names = [
             f"'{part.name}'" for part, native in zip(self.plan.parts, self.natives, strict=True) if native is not None
         ]
-        return HarnessError(f"one of the parts {', '.join(names)} failed behind t = {time:.12g} s: {what}: {remedy}")
+        return HarnessError(f"one of the parts {', '.join(names)} failed after t = {time:.12g} s: {what}: {remedy}")
 
     def _part(self, index: int) -> EnginePart:
         plan, names = self.plan, list(self.plan.ports)
@@ -282,7 +282,7 @@ class Engine:
         return part
 
     def _callback(self, index: int) -> int:
-        """The operations of a part in Python as one C function; its exception is kept and raised after the run."""
+        """Return the operations of a Python part as a C function; an exception is raised after the run."""
         calls, part = self.plan.calls[index], self.plan.parts[index]
         state: list[object] = [None, None]
 
