@@ -91,7 +91,7 @@ def _component(
     start: Mapping[str, StartValue],
     units: dict[str, BaseUnit],
 ) -> None:
-    # fmpy connects an input with an unconnected connector to an arbitrary output
+    # fmpy sets an input to 0 if it has a connector but no connection
     ports = [
         *((port, "input") for port in part.inputs if f"{part.name}.{port.name}" in wired),
         # libcosim cannot read connectors of enumerations
