@@ -1,4 +1,4 @@
-"""The start of a run: all parts in initialisation mode, with consistent values in all wires (FMI 2.0, 4.2.4)."""
+"""The start of a run: initialisation mode of all parts, with consistent values in all connections (FMI 2.0, 4.2.4)."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ def start_parts(plan: Plan, system: Assembly, experiment: Experiment, guard: Gua
     plan : Plan
         The plan of the run.
     system : Assembly
-        What is run.
+        The system.
     experiment : Experiment
-        How.
+        Settings of the run.
     guard : Guard
-        Watches them.
+        Watches the parts.
     open_end : bool
-        The parts are not told when the run ends, because it may be continued.
+        Whether the run may be continued later; the parts are then not told its stop time.
 
     Returns
     -------
     Plan
-        The plan with the calls of the parts; the start values stand in its signals.
+        The plan with the operations of the parts and the start values of all signals.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def start_parts(plan: Plan, system: Assembly, experiment: Experiment, guard: Gua
         calls: list[Calls] = []
         names = list(plan.ports)
         for index, part in enumerate(plan.parts):
-            # A part that is stepped over several ticks may end its last step after the end of the run.
+            # a part with a longer sample time may end its last step after the end of the run
             intervals = -(-plan.ticks // part.every)
             stop = np.inf if open_end else max(experiment.stop, plan.time(intervals * part.every))
             values = start_values(system, part.name)
@@ -83,11 +83,11 @@ def start_parts(plan: Plan, system: Assembly, experiment: Experiment, guard: Gua
 
 
 def _propagate(plan: Plan, system: Assembly) -> None:
-    """Spread the start values through all wires until nothing changes any more.
+    """Propagate the start values through all connections until they settle.
 
-    One sweep in graph order does it, but for rings of parts (a plant whose recorded acceleration depends on
-    the friction that depends on its velocity) and for FMUs whose outputs depend on more inputs during
-    initialisation than later. An algebraic loop is solved.
+    One sweep in graph order suffices, except for cycles of parts (a plant whose recorded acceleration depends on
+    friction, which depends on its velocity) and for FMUs whose outputs depend on more inputs during initialisation than
+    later. Algebraic loops are solved.
     """
     spread = _Sweep(plan, system)
     for call in plan.calls:
@@ -95,7 +95,7 @@ def _propagate(plan: Plan, system: Assembly) -> None:
     if find_loop(direct_edges(system.parts, instantaneous(system.parts, system.wires))) is not None:
         spread.solve()
         return
-    # A loop that is only closed by a sampler or a delay has no solution to converge to: one sweep is its start.
+    # a loop through a sampled part or a delay has no fixed point to converge to: one sweep gives its start values
     late_loop = find_loop(direct_edges(system.parts, system.wires)) is not None
     for _ in range(1 if late_loop else len(plan.parts) + 1):
         before = plan.signals.copy()
@@ -108,7 +108,7 @@ def _propagate(plan: Plan, system: Assembly) -> None:
 
 
 class _Sweep:
-    """Sets and reads all parts once, in the order in which values spread."""
+    """A sweep that sets and reads all parts once, in propagation order."""
 
     def __init__(self, plan: Plan, system: Assembly) -> None:
         self.plan = plan
@@ -128,8 +128,8 @@ class _Sweep:
             self.plan.calls[index].get()
 
     def solve(self) -> None:
-        """Find the values of the wires against the order for which a sweep gives the same values again."""
-        from scipy.optimize import root  # takes long to import, and few systems need it
+        """Find values of the connections against the order that a sweep reproduces."""
+        from scipy.optimize import root  # slow to import, and few systems need it
 
         signals = self.plan.signals
         places = sorted({self.plan.columns[wire.source] for wire in self._back})
@@ -145,7 +145,7 @@ class _Sweep:
         missed = rest / size
         if not (missed <= _TOLERANCE).all():
             raise AlgebraicLoopError(
-                f"no values at the start satisfy the algebraic loop through {', '.join(map(str, self._back))}: the "
-                f"best ones miss by {float(np.max(missed)):.2g} of their size; give other start values"
+                f"no start values satisfy the algebraic loop through {', '.join(map(str, self._back))}: the best ones "
+                f"have an error of {float(np.max(missed)):.2g} of their size; give other start values"
             )
         self()
