@@ -1,7 +1,8 @@
-"""Couples FMI 2.0 co-simulation FMUs, Python functions and recorded series into closed loops.
+"""Couple FMI 2.0 co-simulation FMUs, Python functions and recorded series into closed loops.
 
-A `System` is made of `Part` objects and wires; a master (``jacobi``, ``gauss-seidel``) says who steps when; a
-`Tap` reads values during a run; the result is an `xarray.Dataset` with units.
+A `System` consists of `Part` objects and the connections between them. A master algorithm (``gauss-seidel``,
+``jacobi``, ``newton``, ``adaptive``) decides which part is stepped when. A `Tap` reads values during a run. The result
+of a run is an `xarray.Dataset` with units.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Exceptions of the harness: each message says in one sentence what was wrong, where, and what to do."""
+"""Exceptions of the harness. Each message says in one sentence what is wrong, where, and what to do."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ class HarnessError(Exception):
     Attributes
     ----------
     result : xarray.Dataset or None
-        What a run had recorded before it failed, initial values included; None if nothing had been recorded.
+        What the run had recorded before it failed, including the initial values; None if nothing had been recorded.
     """
 
     result: xr.Dataset | None = None
 
 
 class Interrupted(KeyboardInterrupt):
-    """A run was ended by Ctrl-C.
+    """A run was interrupted with Ctrl-C.
 
     Attributes
     ----------
     result : xarray.Dataset or None
-        What it had recorded, as in `HarnessError`.
+        What the run had recorded, as in `HarnessError`.
     """
 
     result: xr.Dataset | None = None
@@ -43,31 +43,31 @@ class UnknownNameError(HarnessError):
 
 
 class WireError(HarnessError):
-    """A wire is malformed, joins incompatible types, or drives an input that is already driven."""
+    """A connection is malformed, joins incompatible types, or drives an input that is already driven."""
 
 
 class UnconnectedError(HarnessError):
-    """At least one input has neither a wire nor a constant."""
+    """At least one input has neither a connection nor a constant."""
 
 
 class UnitError(HarnessError):
-    """The two ends of a wire have different units."""
+    """The two ends of a connection have units of different quantities."""
 
 
 class AlgebraicLoopError(HarnessError):
-    """Outputs depend on each other without a state in between."""
+    """Outputs depend on each other directly, without a state in between."""
 
 
 class StartValueError(HarnessError):
-    """A start value cannot be applied to the variable it is meant for."""
+    """A start value does not fit its variable."""
 
 
 class ExperimentError(HarnessError):
-    """Start, stop, step, order or recording of a run make no sense."""
+    """A setting of a run, such as its start, stop or step, is invalid."""
 
 
 class SystemFileError(HarnessError):
-    """A system file cannot be read, understood or written."""
+    """A system file cannot be read, interpreted or written."""
 
 
 class SeriesError(HarnessError):
@@ -79,7 +79,7 @@ class OutputError(HarnessError):
 
 
 class SweepError(HarnessError):
-    """A sweep makes no sense, does not belong to its folder, or its workers cannot be started."""
+    """A sweep is invalid or does not belong to its folder, or its workers cannot be started."""
 
 
 class ResultFileError(HarnessError):
@@ -87,47 +87,47 @@ class ResultFileError(HarnessError):
 
 
 class BuildError(HarnessError):
-    """C sources that do not compile, or whose result cannot be packaged."""
+    """C sources do not compile, or the result cannot be packaged."""
 
 
 class PartError(HarnessError):
-    """A part failed while it was initialised or run.
+    """A part failed during initialisation or during a run.
 
     Parameters
     ----------
     part : str
         Name of the part.
     function : str
-        What was called, for example ``fmi2DoStep``.
+        The function that was called, for example ``fmi2DoStep``.
     reason : str
-        What happened: the last log message of the part, or the text of the exception it raised.
+        The last log message of the part, or the text of the exception that it raised.
     time : float or None
-        Communication point [s] at which it happened; filled in by the loop where the part does not know it.
+        Communication point [s] of the failure; the simulation loop fills it in if the part does not know it.
     """
 
     def __init__(self, part: str, function: str, reason: str, time: float | None = None) -> None:
-        """Keep the arguments; the text is made when it is asked for."""
-        super().__init__(part, function, reason, time)  # all arguments, so that it survives pickling
+        """Store the arguments."""
+        super().__init__(part, function, reason, time)  # all arguments, for pickling
         self.part = part
         self.function = function
         self.reason = reason
         self.time = time
 
     def __str__(self) -> str:
-        """One sentence with the part, the function, the time and the reason."""
+        """Return one sentence with the part, the function, the time and the reason."""
         when = "" if self.time is None else f" at t = {self.time:.12g} s"
         return f"part '{self.part}' failed in {self.function}{when}: {self.reason}"
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Remedy for a misspelt name: the nearest known one, or the list of all when none is near.
+    """Return a remedy for a misspelt name: the most similar known name, or a list if none is similar.
 
     Parameters
     ----------
     name : str
-        The name that was not found.
+        The unknown name.
     known : iterable of str
-        The names that exist.
+        The known names.
 
     Returns
     -------
@@ -140,11 +140,11 @@ def nearest(name: str, known: Iterable[str]) -> str:
     if match:
         return f"did you mean '{lowered[match[0]]}'?"
     if not names:
-        return "there are none"
+        return "none exist"
     shown = ", ".join(names[:12])
     return f"known are {shown}" + (f" and {len(names) - 12} more" if len(names) > 12 else "")
 
 
 def not_whole(part: str, time: float | None = None) -> PartError:
-    """The error of a wire that carries a fraction to an Integer input."""
-    return PartError(part, "fmi2SetInteger", "an Integer input got a value that is not a whole number of 32 bit", time)
+    """Return the error for a connection that passes a fraction to an Integer input."""
+    return PartError(part, "fmi2SetInteger", "an Integer input got a value that is not a 32-bit integer", time)

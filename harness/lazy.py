@@ -1,4 +1,4 @@
-"""Public names of a package that are imported when they are first used, so that the package itself loads fast."""
+"""Lazy import of the public names of a package, so that the package itself loads fast."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from importlib import import_module
 def lazy_names(
     package: str, modules: Mapping[str, Sequence[str]]
 ) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
-    """Return the functions ``__getattr__`` and ``__dir__`` of a package (PEP 562).
+    """Return the functions ``__getattr__`` and ``__dir__`` for a package (PEP 562).
 
-    A public name that is also the name of a submodule has to be imported by the package as usual: importing the
-    submodule would otherwise set the attribute to the module.
+    A public name that is also the name of a submodule must be imported by the package as usual: otherwise, importing
+    the submodule sets the attribute to the module.
 
     Parameters
     ----------
     package : str
-        Name of the package, which has ``__all__``.
+        Name of the package, which must have ``__all__``.
     modules : mapping of str to sequence of str
-        Module -> names that it defines.
+        Names that each module defines.
 
     Returns
     -------
     getter : callable
-        Imports a name and sets it as an attribute of the package, so that it is called once for each name.
+        Imports a name and sets it as an attribute of the package; Python calls it once for each name.
     lister : callable
-        The names in ``__all__``.
+        Returns the names in ``__all__``.
     """
     homes = {name: module for module, names in modules.items() for name in names}
 

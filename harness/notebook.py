@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def html_table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a table as HTML; all texts are escaped, and floating-point numbers have six digits.
+    """Return an HTML table; texts are escaped, and floating-point numbers have six digits.
 
     Parameters
     ----------

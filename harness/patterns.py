@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 
 def matching(pattern: str, names: Iterable[str]) -> list[str]:
-    """The names that a pattern stands for: ``*`` is any text, ``?`` any letter, a bracket (``k[1]``) just a bracket."""
-    # not stars as ".*": many of them in one pattern take exponential time, and fnmatch has a way out
+    """Return the names that match a pattern: ``*`` is any text, ``?`` any character; brackets are literal."""
+    # fnmatch instead of ".*", as many stars in one regular expression can take exponential time
     matches = re.compile(fnmatch.translate(pattern.replace("[", "[[]"))).match
     return [name for name in names if matches(name)]

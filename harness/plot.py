@@ -14,23 +14,23 @@ if TYPE_CHECKING:
 
 
 def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
-    """Draw a result over time, one panel per unit, and write it to a file.
+    """Plot a result over time, with one panel per unit, and write the figure to a file.
 
     Parameters
     ----------
     result : xarray.Dataset
         Result of a run.
     path : path-like
-        The file; its suffix decides the format (png, svg, pdf).
+        The figure file; its suffix selects the format (png, svg, pdf).
     names : sequence of str
-        Variables to be drawn; all where none is given.
+        Variables to plot; all if empty.
 
     Raises
     ------
     UnknownNameError
         If a variable was not recorded.
     OutputError
-        If there is nothing to draw, the format is unknown, or the file cannot be written.
+        If there is nothing to plot, the format is unknown, or the file cannot be written.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -44,13 +44,13 @@ def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
     for name in names or known:
         panels.setdefault(str(result[name].attrs.get("units", "1")), []).append(name)
     if not panels:
-        raise OutputError(f"there is nothing to draw in {path}: record at least one variable")
+        raise OutputError(f"there is nothing to plot in {path}: record at least one variable")
 
     figure = Figure(figsize=(8.0, 1.0 + 2.0 * len(panels)), layout="constrained")
     canvas = FigureCanvasAgg(figure)
     formats = sorted(canvas.get_supported_filetypes())
     if path.suffix[1:].lower() not in formats:
-        raise OutputError(f"cannot draw {path}: the suffix must be one of {', '.join(formats)}")
+        raise OutputError(f"cannot plot to {path}: the suffix must be one of {', '.join(formats)}")
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     time = result["time"].to_numpy()
     for axis, (unit, members) in zip(axes, panels.items(), strict=True):

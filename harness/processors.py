@@ -1,4 +1,4 @@
-"""The number of processors this process may use."""
+"""The number of processors that this process may use."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ import os
 
 
 def available() -> int:
-    """Return how many processors this process may use; on a system that does not say, how many the machine has."""
+    """Return the number of processors that this process may use, or of the machine if the system does not tell."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

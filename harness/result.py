@@ -15,7 +15,7 @@ from harness.patterns import matching
 
 Result: TypeAlias = xr.Dataset
 
-# The space before the bracket tells a unit, "x [m]", from an index, "k[1]".
+# the space before the bracket distinguishes a unit, "x [m]", from an index, "k[1]"
 _HEADING: Final = re.compile(r"\s*(?P<name>.+?)(?:\s+\[(?P<unit>[^\[\]]*)\])?\s*")
 _FORMULA: Final = re.compile(r"'*[=+\-@\t\r]")
 _DTYPES: Final = {"Real": np.float64, "Integer": np.int64, "Boolean": np.bool_}
@@ -24,14 +24,14 @@ _DTYPES: Final = {"Real": np.float64, "Integer": np.int64, "Boolean": np.bool_}
 def make_result(
     times: Values, rows: Values, ports: Mapping[str, Port], attributes: Mapping[str, str | float]
 ) -> Result:
-    """A Dataset from recorded rows.
+    """Return a Dataset of recorded rows.
 
     Parameters
     ----------
     times : float64 array, shape (n,)
         Times of the rows [s].
     rows : float64 array, shape (n, len(ports))
-        The values.
+        The recorded values.
     ports : mapping of str to Port
         "part.port" of each column, in order.
     attributes : mapping
@@ -40,8 +40,7 @@ def make_result(
     Returns
     -------
     xarray.Dataset
-        One variable per column along ``time``, with attributes ``units`` and ``description`` where they are
-        known.
+        One variable per column along ``time``, with the attributes ``units`` and ``description`` if they are known.
     """
     variables = {}
     for index, (name, port) in enumerate(ports.items()):
@@ -58,21 +57,22 @@ def make_result(
 
 
 def heading(result: Result, name: str) -> str:
-    """Name with unit, for example ``mass.x [m]``; without brackets where there is no unit."""
+    """Return the name with its unit, for example ``mass.x [m]``; without brackets if there is no unit."""
     unit = result[name].attrs.get("units")
     return f"{name} [{unit}]" if unit else name
 
 
 def split_heading(text: str) -> tuple[str, str]:
-    """Name and unit of such a heading; the unit is empty where there is none."""
+    """Return the name and the unit of such a heading; the unit is empty if there is none."""
     match = _HEADING.fullmatch(text)
     return (match["name"], match["unit"] or "") if match else (text, "")
 
 
 def quoted(text: str) -> str:
-    """Return a heading that a spreadsheet does not take for a formula: with an apostrophe before =, +, - and @.
+    """Return a heading with an apostrophe before =, +, - or @, so that a spreadsheet does not read it as a formula.
 
-    One that begins with apostrophes and such a character gets one more, so that `unquoted` returns every heading.
+    A heading that begins with apostrophes and such a character gets one more apostrophe, so that `unquoted` recovers
+    every heading.
     """
     return f"'{text}" if _FORMULA.match(text) else text
 
@@ -83,25 +83,25 @@ def unquoted(text: str) -> str:
 
 
 def select(result: Result, *patterns: str) -> Result:
-    """Some variables of a result.
+    """Select variables of a result.
 
     Parameters
     ----------
     result : xarray.Dataset
         Result of a run.
     patterns : str
-        Names, or ``*`` for any text and ``?`` for any letter in them: ``select(result, "mass.*", "friction.F")``.
-        The brackets of ``k[1]`` stand for themselves.
+        Names, in which ``*`` matches any text and ``?`` any character: ``select(result, "mass.*", "friction.F")``.
+        Brackets, as in ``k[1]``, are literal.
 
     Returns
     -------
     xarray.Dataset
-        Each variable once, in the order of the patterns and within one in that of the result.
+        The matching variables, once each: in the order of the patterns, then in the order of the result.
 
     Raises
     ------
     UnknownNameError
-        If a pattern stands for nothing.
+        If a pattern matches no variable.
     """
     known = [str(name) for name in result.data_vars]
     found: dict[str, None] = {}

@@ -1,4 +1,4 @@
-"""A run: start the parts, loop over the ticks, hand back what was recorded."""
+"""A run: start the parts, loop over the communication steps, return the recorded values."""
 
 from __future__ import annotations
 
@@ -30,28 +30,28 @@ from harness.system.plan import Plan
 _LOG = logging.getLogger("harness")
 
 LOOK: Final = 0.1
-"""Seconds between two looks at what the parts have changed in the process."""
+"""Time between two checks for changed settings of the process [s]."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """What may be asked of a run besides its experiment.
+    """Options of a run beside its experiment.
 
     Parameters
     ----------
     taps : sequence of Tap
-        Functions that are shown values during the run.
+        Functions that receive values during the run.
     progress : Progress or None
-        Told how far the run is.
+        Receives reports of progress.
     resume : path-like or None
-        Checkpoint from which the run goes on.
+        Checkpoint from which the run continues.
     checkpoint : path-like or None
-        Where the state at the end of the run is written.
+        File for the state at the end of the run.
     pace : float or None
-        Simulated seconds for each second of the clock; None: as fast as it goes.
+        Simulated time per wall-clock time; None runs as fast as possible.
     native : bool
-        Whether the compiled engine runs the ticks, or Python does: slower, with the same results, for masters that
-        hold values only, and for comparison.
+        Whether the compiled engine runs the loop. Python gives the same results for explicit masters, more slowly, for
+        comparison.
 
     Raises
     ------
@@ -69,7 +69,9 @@ class Options:
     def __post_init__(self) -> None:
         """Check the pace."""
         if self.pace is not None and not 0.0 < self.pace < np.inf:
-            raise ExperimentError(f"the pace is {self.pace}: give simulated seconds for each second, 1 is real time")
+            raise ExperimentError(
+                f"the pace is {self.pace}: give a positive number of simulated seconds per second (1 is real time)"
+            )
 
 
 def run(system: Assembly, experiment: Experiment, options: Options | None = None) -> Result:
@@ -78,23 +80,22 @@ def run(system: Assembly, experiment: Experiment, options: Options | None = None
     Parameters
     ----------
     system : Assembly
-        What is run.
+        The system to run.
     experiment : Experiment
-        How it is run.
+        Settings of the run.
     options : Options or None
-        What else is asked of the run.
+        Further options.
 
     Returns
     -------
     xarray.Dataset
-        The recorded variables, named "part.port", along ``time`` [s], with the start values in the first row.
-        After a step stand the values at its end; for a sampled part those that it held during the step.
+        The recorded variables, named "part.port", along ``time`` [s]. The first row holds the start values, each other
+        row the values at the end of a step; for a sampled part, the values held during the step.
 
     Raises
     ------
     HarnessError
-        If the run cannot be started or a part fails; what was recorded until then is in the ``result`` of the
-        error.
+        If the run cannot be started or a part fails; the ``result`` of the error holds the values recorded until then.
     """
     return Session(system, experiment, options).run(system.start).result()
 
@@ -213,7 +214,7 @@ def _loop(
     pace: float | None,
     guard: Guard,
 ) -> None:
-    """The ticks, in pieces between those that a reader wants to see, short enough for Ctrl-C and for the pace."""
+    """Run the communication steps in spans between readers, short enough for Ctrl-C and for the pace."""
     tick, longest = begin, 100
     clock = looked = monotonic()
     while tick < plan.ticks:
@@ -239,9 +240,9 @@ def _progress_reader(progress: Progress, ticks: int) -> tuple[int, Reader]:
 
 
 def _warn_of_nonfinite(recorder: Recorder) -> None:
-    """A part may return NaN without any error; a result that contains it must not pass in silence."""
+    """Log a warning for each variable that is not finite; a part may return NaN without an error."""
     for index, name in enumerate(recorder.names):
         bad = ~np.isfinite(recorder.rows[: recorder.filled, index])
         if bad.any():
             first = float(recorder.times[np.argmax(bad)])
-            _LOG.warning("%s is not finite from t = %.12g s on: check the inputs of that part", name, first)
+            _LOG.warning("%s is not finite from t = %.12g s on: check the inputs of this part", name, first)

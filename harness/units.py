@@ -1,4 +1,4 @@
-"""Units as FMI 2.0 sees them: exponents of the eight base units, a factor and an offset (FMI 2.0, 2.2.2)."""
+"""Units as in FMI 2.0: exponents of eight base units, a factor and an offset (FMI 2.0, 2.2.2)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class BaseUnit:
     exponents : tuple of 8 int
         Exponents of kg, m, s, A, K, mol, cd, rad.
     factor, offset : float
-        Conversion to the base unit.
+        Conversion to base units.
     """
 
     exponents: tuple[int, ...] = (0,) * 8
@@ -31,9 +31,19 @@ class BaseUnit:
     offset: float = 0.0
 
     def agrees(self, other: BaseUnit) -> bool:
-        """Whether a number in this unit means the same in the other one.
+        """Return whether a number means the same in both units.
 
-        Factors are compared to 1e-9 relative, because modelDescription.xml files round them.
+        Factors are compared with a relative tolerance of 1e-9, because modelDescription.xml files round them.
+
+        Parameters
+        ----------
+        other : BaseUnit
+            The other unit.
+
+        Returns
+        -------
+        bool
+            True if exponents, factor and offset agree.
         """
         return (
             self.exponents == other.exponents
@@ -42,7 +52,7 @@ class BaseUnit:
         )
 
     def __str__(self) -> str:
-        """Readable form, for example ``0.001 * m.s-1``."""
+        """Return a readable form, for example ``0.001 * m.s-1``."""
         powers = zip(BASE_SYMBOLS, self.exponents, strict=True)
         product = ".".join(name + (str(power) if power != 1 else "") for name, power in powers if power)
         text = product or "1"
@@ -52,7 +62,7 @@ class BaseUnit:
 
 
 def stated_unit(exponents: Iterable[int], factor: float, offset: float) -> BaseUnit:
-    """Return the unit that a file states in numbers.
+    """Return the unit with these numbers from a file.
 
     Parameters
     ----------
@@ -64,25 +74,25 @@ def stated_unit(exponents: Iterable[int], factor: float, offset: float) -> BaseU
     Raises
     ------
     ValueError
-        If the factor is 0 or negative, or a number is not finite or too large.
+        If the factor is not positive, or a number is not finite or too large.
     """
     powers = tuple(exponents)
     if not (0.0 < factor < math.inf and math.isfinite(offset)):
         raise ValueError(f"its unit has the factor {factor} and the offset {offset}")
     if any(abs(power) > LARGEST_POWER for power in powers):
-        raise ValueError(f"its unit has an exponent beyond {LARGEST_POWER}")
+        raise ValueError(f"its unit has an exponent larger than {LARGEST_POWER}")
     return BaseUnit(powers, factor, offset)
 
 
 def _unit(text: str, factor: float = 1.0, offset: float = 0.0) -> BaseUnit:
-    """Table entry from ``"kg.m.s-2"``."""
+    """Return the entry of the table for ``"kg.m.s-2"``."""
     exponents = dict.fromkeys(BASE_SYMBOLS, 0)
     for name, power in re.findall(r"([A-Za-z]+)(-?\d*)", text):
         exponents[name] += int(power or 1)
     return BaseUnit(tuple(exponents.values()), factor, offset)
 
 
-# What modelDescription.xml files of mechanical and electrical drives use; any other name is "unknown".
+# units in modelDescription.xml files of mechanical and electrical drives; any other name is unknown
 _SYMBOLS = {
     "1": _unit(""),
     "%": _unit("", 0.01),
@@ -119,32 +129,32 @@ _PREFIXES = {
     "G": 1e9,
 }
 LONGEST_UNIT = 100
-"""Characters of a unit name."""
+"""Largest length of a unit name [characters]."""
 
-_LETTER = r"[^\W\d_²³¹⁰⁴-⁹]"  # superscripts are no decimal digits in the words of the module re
+_LETTER = r"[^\W\d_²³¹⁰⁴-⁹]"  # the module re does not count superscripts as digits
 _POWER = r"[-+]?[0-9]{1,2}(?![0-9])|⁻?[²³¹⁰⁴-⁹]{1,2}(?![²³¹⁰⁴-⁹])"
 _PIECE = re.compile(
     rf"(?P<space>\s*)(?:(?P<symbol>(?:{_LETTER}|[°%])(?:{_LETTER}|_)*|1(?![0-9]))(?P<power>(?:\^|\*\*)?(?:{_POWER}))?"
     rf"|(?P<open>\()|(?P<close>\))(?P<outer>(?:\^|\*\*)(?:{_POWER}))?|(?P<operator>[./*·]))"
 )
 _POWER_WORDS = {"square", "sq", "squared", "cubic", "cubed"}
-"""What pint reads as powers."""
+"""Words that pint reads as powers."""
 
 _TOKEN = re.compile(r"\s*(?:([A-Za-zµμ%]+|1)(?:\^|\*\*)?(-?\d+)?|([./*·()]))")
 
 
 def is_unit_text(text: str) -> bool:
-    """Whether a text has the form of a unit name, so that a parser of expressions may see it.
+    """Return whether a text has the form of a unit name, so that it is safe to parse as an expression.
 
-    Such parsers evaluate what they read: ``9**9**9**9*N`` would never end. A unit name is at most `LONGEST_UNIT`
-    characters long and made of symbols, ``.``, ``*``, ``/``, ``·``, spaces and brackets. A symbol or a bracket may
-    have a whole power of at most two digits (``m2``, ``m^2``, ``m**2``, ``m²``), but no power stands inside of
-    another one. The only number is 1.
+    Parsers of expressions evaluate their input: ``9**9**9**9*N`` would never end. A unit name has at most
+    `LONGEST_UNIT` characters and consists of symbols, ``.``, ``*``, ``/``, ``·``, spaces and brackets. A symbol or a
+    bracket may have an integer power of at most two digits (``m2``, ``m^2``, ``m**2``, ``m²``), but powers are not
+    nested. The only number is 1.
 
     Parameters
     ----------
     text : str
-        What should be a unit name, such as ``N.m/s``.
+        A possible unit name, such as ``N.m/s``.
     """
     text = text.strip()
     pieces = _pieces(text) if len(text) <= LONGEST_UNIT else None
@@ -152,7 +162,7 @@ def is_unit_text(text: str) -> bool:
 
 
 def _pieces(text: str) -> list[dict[str, str]] | None:
-    """Symbols, brackets and operators in turn, or None where there is something else."""
+    """Return symbols, brackets and operators in order, or None if the text contains anything else."""
     found, position = [], 0
     while position < len(text):
         match = _PIECE.match(text, position)
@@ -164,7 +174,7 @@ def _pieces(text: str) -> list[dict[str, str]] | None:
 
 
 def _is_product(pieces: list[dict[str, str]]) -> bool:
-    """Whether factors and operators alternate, where a space counts as an operator, and brackets close."""
+    """Return whether factors and operators alternate (a space is an operator) and brackets are balanced."""
     depth, complete = 0, False
     for piece in pieces:
         begins = bool(piece["symbol"] or piece["open"])
@@ -178,7 +188,7 @@ def _is_product(pieces: list[dict[str, str]]) -> bool:
 
 
 def _has_nested_power(pieces: list[dict[str, str]]) -> bool:
-    """Whether a power stands inside of another one; a power in words goes with no other."""
+    """Return whether a power is nested in another one; a power in words may not be combined with others."""
     inside = [False]
     for piece in pieces:
         if piece["open"]:
@@ -195,7 +205,7 @@ def _has_nested_power(pieces: list[dict[str, str]]) -> bool:
 
 
 def _symbol(name: str) -> BaseUnit | None:
-    """A symbol of the table, with or without an SI prefix."""
+    """Return a symbol of the table, with or without an SI prefix."""
     if name in _SYMBOLS:
         return _SYMBOLS[name]
     base = _SYMBOLS.get(name[1:]) if name[:1] in _PREFIXES else None
@@ -205,7 +215,7 @@ def _symbol(name: str) -> BaseUnit | None:
 
 
 def _times(a: BaseUnit, b: BaseUnit, power: int) -> BaseUnit | None:
-    """Product a * b**power, None where its factor is no number; an offset has no meaning inside a product."""
+    """Return the product a * b**power, or None if its factor is not finite; an offset has no meaning in a product."""
     exponents = tuple(i + power * j for i, j in zip(a.exponents, b.exponents, strict=True))
     try:
         factor = a.factor * b.factor**power
@@ -215,7 +225,7 @@ def _times(a: BaseUnit, b: BaseUnit, power: int) -> BaseUnit | None:
 
 
 def _tokens(text: str) -> list[tuple[str, str, str]] | None:
-    """(symbol, exponent, operator) triples, or None where the text is not a unit."""
+    """Return (symbol, exponent, operator) triples, or None if the text is not a unit."""
     found = []
     position = 0
     while position < len(text):
@@ -228,7 +238,7 @@ def _tokens(text: str) -> list[tuple[str, str, str]] | None:
 
 
 def _product(tokens: list[tuple[str, str, str]], nested: bool) -> BaseUnit | None:
-    """Evaluate tokens from the left up to the end or to the closing bracket, consuming them."""
+    """Evaluate tokens from the left to the end or to the closing bracket, and remove them."""
     total = BaseUnit()
     sign, expect_symbol = 1, True
     while tokens:
@@ -252,18 +262,18 @@ def _product(tokens: list[tuple[str, str, str]], nested: bool) -> BaseUnit | Non
 
 
 def parse_unit(text: str) -> BaseUnit | None:
-    """Base unit of a unit name such as ``N.m/s``, ``kg.m2``, ``mm``, ``N/(m/s)``.
+    """Return the base unit for a unit name such as ``N.m/s``, ``kg.m2``, ``mm``, ``N/(m/s)``.
 
     Parameters
     ----------
     text : str
-        Unit name, see `is_unit_text`: symbols with optional SI prefix and integer exponent, joined by ``.``, ``*`` or
-        ``/`` (evaluated from the left), with brackets.
+        Unit name: symbols with optional SI prefix and integer exponent, joined by ``.``, ``*`` or ``/`` (evaluated from
+        the left), with brackets; see `is_unit_text`.
 
     Returns
     -------
     BaseUnit or None
-        None where the name is not understood.
+        None if the name is not understood.
     """
     alone = _SYMBOLS.get(text.strip())
     if alone is not None:
@@ -273,9 +283,9 @@ def parse_unit(text: str) -> BaseUnit | None:
 
 
 def units_agree(a: str | None, base_a: BaseUnit | None, b: str | None, base_b: BaseUnit | None) -> bool | None:
-    """Whether two units mean the same: True, False, or None where it cannot be known.
+    """Return whether two units agree: True, False, or None if this is unknown.
 
-    A missing unit name (FMI: no ``unit`` attribute) is unknown. A missing base unit is looked up by name.
+    A missing unit name (in FMI, no attribute ``unit``) is unknown. A missing base unit is looked up by name.
     """
     if a is None or b is None:
         return None
@@ -287,7 +297,7 @@ def units_agree(a: str | None, base_a: BaseUnit | None, b: str | None, base_b: B
 
 
 def conversion(source: BaseUnit, target: BaseUnit) -> tuple[float, float] | None:
-    """Factor and offset that turn a number in one unit into a number in another; None for different quantities."""
+    """Return factor and offset that convert a number to another unit, or None for different quantities."""
     if source.agrees(target):
         return 1.0, 0.0
     if source.exponents != target.exponents:

@@ -1,4 +1,4 @@
-"""The platforms for which libraries are compiled, all of them on one machine."""
+"""The platforms for which libraries are compiled; one machine can compile for all of them."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from harness.storage.cache import cached
 
 
 class Platform(NamedTuple):
-    """A folder in the binaries of an FMU.
+    """A platform: a folder in the binaries of an FMU.
 
     Attributes
     ----------
     folder : str
-        Its name, of FMI 2.0 or, where that has none, the tuple of FMI 3.0.
+        Name of the folder in FMI 2.0 or, if FMI 2.0 has none, the platform tuple of FMI 3.0.
     suffix : str
-        Of a shared library.
+        Suffix of a shared library.
     targets : tuple of str or None
-        What zig compiles for: one library, or the slices of a universal one. None is this machine, by the compiler
+        Target of zig, or the targets of the slices of a universal binary. None stands for this machine and the compiler
         ``CC`` if that is set.
     """
 
@@ -36,27 +36,27 @@ class Platform(NamedTuple):
 
 
 NATIVE: Final = Platform(fmpy.platform, fmpy.sharedLibraryExtension, (None,))
-"""This machine."""
+"""The platform of this machine."""
 
 _CROSS = (
     Platform("linux64", ".so", ("x86_64-linux-gnu.2.17",)),
     Platform("win64", ".dll", ("x86_64-windows-gnu",)),
-    # importers on Apple silicon look into darwin64, so that it has both
+    # importers on Apple silicon look into darwin64, so it holds both architectures
     Platform("darwin64", ".dylib", ("x86_64-macos", "aarch64-macos")),
     Platform("aarch64-linux", ".so", ("aarch64-linux-gnu.2.17",)),
     Platform("aarch64-darwin", ".dylib", ("aarch64-macos",)),
 )
 PLATFORMS: Final[Mapping[str, Platform]] = {platform.folder: platform for platform in _CROSS}
-"""Those that can be named."""
+"""All platforms by name."""
 
 
 def select(names: tuple[str, ...]) -> tuple[Platform, ...]:
-    """Platforms by name.
+    """Return the platforms with these names.
 
     Parameters
     ----------
     names : tuple of str
-        Keys of `PLATFORMS`, ``"native"`` for this machine, ``"all"`` for all.
+        Keys of `PLATFORMS`, ``"native"`` for this machine, or ``"all"``.
 
     Raises
     ------
@@ -71,35 +71,35 @@ def select(names: tuple[str, ...]) -> tuple[Platform, ...]:
 
 
 def compiled(platform: Platform, sources: Mapping[str, str], name: str, *, headers: bool = True) -> bytes:
-    """A library for a platform.
+    """Compile a library for a platform.
 
     Parameters
     ----------
     platform : Platform
-        Where it is to run.
+        The target platform.
     sources : mapping of str to str
-        File name -> text, ``NAME.c`` among them, the file to compile.
+        Text of each file, among them ``NAME.c``, which is compiled.
     name : str
-        Of the library.
+        Name of the library.
     headers : bool
-        Whether it includes the FMI headers.
+        Whether the sources include the FMI headers.
 
     Raises
     ------
     BuildError
-        If it does not compile.
+        If the sources do not compile.
     """
     slices = [_kept(target, platform.suffix, sources, name, headers)[1] for target in platform.targets]
     return universal(slices) if len(slices) > 1 else slices[0]
 
 
 def native_library(sources: Mapping[str, str], name: str, *, headers: bool = True) -> Path:
-    """A library for this machine, in the cache; arguments as of `compiled`."""
+    """Compile a library for this machine and return its path in the cache; see `compiled`."""
     return _kept(None, NATIVE.suffix, sources, name, headers)[0]
 
 
 def _kept(target: str | None, suffix: str, sources: Mapping[str, str], name: str, headers: bool) -> tuple[Path, bytes]:
-    """A library of one architecture in the cache and its content, compiled if it is not there yet or damaged."""
+    """Return the path in the cache and the content of a library for one architecture; compile it if needed."""
     digest = hashlib.sha256()
     for text in (toolchain.identity(target), name, *(part for item in sorted(sources.items()) for part in item)):
         digest.update(text.encode() + b"\0")

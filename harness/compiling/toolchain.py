@@ -1,4 +1,4 @@
-"""The C compiler: zig from PyPI, so that a machine without a compiler works, or what ``CC`` names."""
+"""The C compiler: zig from PyPI, so that no system compiler is needed, or the command in ``CC``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from harness.errors import BuildError
 
 FLAGS = (
     *("-std=c99", "-O2", "-g0", "-fPIC", "-fvisibility=hidden"),
-    # no fused multiply-add, no relaxed arithmetic: what differs between machines is their libm
+    # no fused multiply-add and no relaxed arithmetic, so that machines differ in their libm only
     *("-ffp-contract=off", "-fno-math-errno"),
     *("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror"),
     "-DFMI2_OVERRIDE_FUNCTION_PREFIX",
@@ -24,33 +24,33 @@ LINK_FLAGS = ("-shared", "-s", "-lm")
 
 
 def cache_folder() -> Path:
-    """Where build results are kept; ``FRICTION_FMUS_CACHE`` overrides it."""
-    import platformdirs  # not at the top: a build of the wheel has neither this nor fmpy
+    """Return the folder for cached build results; ``FRICTION_FMUS_CACHE`` overrides it."""
+    import platformdirs  # imported here, as the build of the wheel has neither this package nor fmpy
 
     return Path(os.environ.get("FRICTION_FMUS_CACHE") or platformdirs.user_cache_dir("friction-fmus"))
 
 
 def header_folder() -> Path:
-    """The FMI headers, which fmpy carries."""
+    """Return the folder of the FMI headers, which fmpy contains."""
     import fmpy
 
     return Path(fmpy.__file__).parent / "c-code"
 
 
 def compiler(target: str | None = None) -> list[str]:
-    """The command that compiles, without files.
+    """Return the compiler command, without file names.
 
     Parameters
     ----------
     target : str or None
-        What zig is to compile for, as ``x86_64-windows-gnu``; by default this machine, by the compiler ``CC`` if
-        that is set.
+        Target of zig, such as ``x86_64-windows-gnu``. None stands for this machine and the compiler ``CC`` if that is
+        set.
     """
     if target is None and os.environ.get("CC"):
         return shlex.split(os.environ["CC"])
     command = [sys.executable, "-m", "ziglang", "cc"]
     if target is None and sys.platform == "linux":
-        # an old glibc, so that the FMU runs on other people's machines
+        # an old glibc, so that the FMU runs on older systems
         target = f"{platform.machine()}-linux-gnu.2.17"
     return [*command, "-target", target] if target else command
 
@@ -58,18 +58,19 @@ def compiler(target: str | None = None) -> list[str]:
 @cache
 def _version(command: tuple[str, ...]) -> str:
     try:
-        # zig leaves an empty a.o where it is asked for its version with -target ...-macos
+        # zig leaves an empty a.o when asked for its version with -target ...-macos
         with tempfile.TemporaryDirectory(prefix="friction-fmus-") as scratch:
             run = subprocess.run([*command, "--version"], cwd=scratch, capture_output=True, text=True, check=True)
         return run.stdout
     except (OSError, subprocess.CalledProcessError) as error:
         raise BuildError(
-            f"The C compiler {shlex.join(command)!r} does not run ({error}); install the package ziglang or set CC"
+            f"The C compiler {shlex.join(command)!r} does not run ({error}); install the Python package ziglang or set "
+            "CC"
         ) from error
 
 
 def identity(target: str | None = None) -> str:
-    """All that decides what bytes come out for given sources."""
+    """Return everything that determines the compiled bytes for given sources."""
     command = compiler(target)
     shown = [part for part in command if part != sys.executable]
     return "\n".join([*shown, _version(tuple(command)), *FLAGS, *LINK_FLAGS])
@@ -78,25 +79,25 @@ def identity(target: str | None = None) -> str:
 def compile_library(
     folder: Path, source: str, library: Path, *, headers: bool = True, target: str | None = None
 ) -> None:
-    """Compiles a C file to a shared library.
+    """Compile a C file to a shared library.
 
     Parameters
     ----------
     folder : Path
-        Holds the sources; the compiler runs there, so that no path enters the binary.
+        Folder of the sources; the compiler runs there, so that no path enters the binary.
     source : str
-        File to compile.
+        The file to compile.
     library : Path
-        What to write.
+        The library to write.
     headers : bool
-        Whether it includes the FMI headers.
+        Whether the sources include the FMI headers.
     target : str or None
-        As in `compiler`.
+        See `compiler`.
 
     Raises
     ------
     BuildError
-        With the compiler's first complaint.
+        If the file does not compile; the message quotes the compiler's first error.
     """
     include = ["-I", str(header_folder())] if headers else []
     command = [*compiler(target), *FLAGS, *include, source, "-o", str(library), *LINK_FLAGS]

@@ -1,1 +1,1 @@
-"""The native engine: each mechanism in C, and beside it its Python side."""
+"""The native engine: each mechanism in C, next to its Python side."""

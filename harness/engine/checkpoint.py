@@ -1,4 +1,4 @@
-"""Checkpoints: the state of a whole run in a file, from which another process continues it to the last bit."""
+"""Checkpoints: files with the state of a run, from which another process continues it bit for bit."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ _FORMAT: Final = 2
 _HEADER: Final = "checkpoint.json"
 _HASH: Final = "sha256"
 _LARGEST: Final = 1 << 30
-"""What a checkpoint may unpack to [bytes]."""
-_REMEDY: Final = "give a file that a run has written"
+"""Largest unpacked size of a checkpoint [bytes]."""
+_REMEDY: Final = "give a checkpoint that a run has written"
 
 Arrays: TypeAlias = Mapping[str, np.ndarray[Any, Any]]
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A state read from a file.
+    """State of a run, read from a file.
 
     Parameters
     ----------
     path : Path
         The file.
     tick : int
-        Number of steps that are done.
+        Number of completed communication steps.
     signals : mapping of str to float
         Values by "part.port".
     states : mapping of str to bytes
         State of each part.
     memory : mapping of str to (str, tuple of int, bytes)
-        What the master remembers: type, shape and content of each array.
+        Internal arrays of the master: type, shape and content of each.
     """
 
     path: Path
@@ -57,12 +57,13 @@ class Checkpoint:
     memory: Mapping[str, tuple[str, tuple[int, ...], bytes]]
 
     def restore(self, plan: Plan, memory: Arrays) -> None:
-        """Bring started parts, their values and the memory of the master to this state.
+        """Restore started parts, their values and the internal arrays of the master to this state.
 
         Raises
         ------
         HarnessError
-            If the master remembers other things, before anything is changed, or if a part refuses its state.
+            If the arrays of the master differ from those of this run (nothing is changed then), or if a part rejects
+            its state.
         """
         saved = {name: self._array(name, array) for name, array in memory.items()}
         for part in plan.parts:
@@ -76,22 +77,23 @@ class Checkpoint:
             array[...] = saved[name]
 
     def _array(self, name: str, like: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        """A saved array, which must be of the type and the shape of the one of this run."""
+        """Return a saved array after checking that its type and shape are those of this run."""
         kind, shape, content = self.memory.get(name, ("", (), b""))
         if (kind, shape, len(content)) != (like.dtype.str, like.shape, like.nbytes):
             raise ExperimentError(
-                f"{self.path} has another {name} than this run: continue with the same manipulators and options"
+                f"{self.path} has another {name} than this run: continue with the manipulators and options of the "
+                "first run"
             )
         return np.frombuffer(content, like.dtype).reshape(like.shape)
 
 
 def write_checkpoint(path: Path, system: Assembly, experiment: Experiment, plan: Plan, memory: Arrays) -> None:
-    """Write the state at the end of a run; the file is replaced only when the new one is complete.
+    """Write the state at the end of a run; an existing file is replaced only when the new one is complete.
 
     Raises
     ------
     HarnessError
-        If a part cannot put its state into a file.
+        If a part cannot save its state to a file.
     OutputError
         If the file cannot be written.
     """
@@ -116,8 +118,8 @@ def read_checkpoint(path: Path, system: Assembly, experiment: Experiment) -> Che
     Raises
     ------
     ExperimentError
-        If the file cannot be read or is damaged, or is not of this system and these steps, or lies behind the end of
-        the run.
+        If the file is unreadable or damaged, belongs to another system or another communication step, or was written
+        after the end of this run.
     """
     try:
         require_regular(path)
@@ -131,7 +133,7 @@ def read_checkpoint(path: Path, system: Assembly, experiment: Experiment) -> Che
     _compare(path, header["system"], identity(system, experiment))
     tick, signals, memory = header["tick"], header["signals"], header["memory"]
     if type(tick) is not int or tick < 0:
-        raise _malformed(path, f"the number of steps {shown(tick)}")
+        raise _malformed(path, f"the invalid step count {shown(tick)}")
     if tick > experiment.ticks:
         reached = experiment.start + tick * experiment.step
         raise ExperimentError(f"{path} is the state at {reached:.12g} s: give a later stop than {experiment.stop:.12g}")
@@ -144,16 +146,16 @@ def read_checkpoint(path: Path, system: Assembly, experiment: Experiment) -> Che
             {name: (kind, tuple(shape), members[f"memory/{name}"]) for name, (kind, shape) in memory.items()},
         )
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
-        raise _malformed(path, f"a state that is not complete ({error})") from error
+        raise _malformed(path, f"an incomplete state ({error})") from error
 
 
 def _members(path: Path) -> dict[str, bytes]:
-    """The members of the file, if they are what was written.
+    """Return the members of the file after checking their hash.
 
     Raises
     ------
     ValueError
-        If they are too large, or do not match their hash; zipfile raises others.
+        If they are too large or do not match their hash. zipfile raises other exceptions.
     """
     with zipfile.ZipFile(path) as archive:
         entries = archive.infolist()
@@ -164,12 +166,12 @@ def _members(path: Path) -> dict[str, bytes]:
         members = {entry.filename: archive.read(entry) for entry in entries}
     found = members.pop(_HASH, None)
     if found != _hash(members):
-        raise ValueError("it is damaged, or of an earlier version" if found is None else "it is damaged")
+        raise ValueError("it is damaged or was written by an earlier version" if found is None else "it is damaged")
     return members
 
 
 def _hash(members: Mapping[str, bytes]) -> bytes:
-    """Hash of names and contents."""
+    """Return the hash of the names and contents of the members."""
     digest = hashlib.sha256()
     for name, content in members.items():
         digest.update(f"{len(name)} {len(content)} {name}".encode() + content)
@@ -177,24 +179,24 @@ def _hash(members: Mapping[str, bytes]) -> bytes:
 
 
 def _header(path: Path, members: Mapping[str, bytes]) -> dict[str, Any]:
-    """The header, a table with all its entries."""
+    """Return the header after checking that it is a table with all its entries."""
     try:
         header = json.loads(members[_HEADER])
     except (ValueError, RecursionError) as error:
-        raise _malformed(path, f"a {_HEADER} that is no JSON") from error
+        raise _malformed(path, f"a {_HEADER} that is not JSON") from error
     if not isinstance(header, dict) or header.get("format") != _FORMAT:
-        raise _malformed(path, f"another format than {_FORMAT}")
+        raise _malformed(path, f"a format other than {_FORMAT}")
     if "tick" not in header or any(not isinstance(header.get(key), dict) for key in ("system", "signals", "memory")):
         raise _malformed(path, "an incomplete header")
     return header
 
 
 def _compare(path: Path, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-    """Raise ExperimentError at the first entry in which two systems differ."""
+    """Raise an ExperimentError at the first entry in which two systems differ."""
     for key, value in wanted.items():
         if found.get(key) != value:
             raise ExperimentError(
-                f"{path} is the state of a run with other {key}: {shown(found.get(key))} instead of {shown(value)}"
+                f"{path} belongs to a run with other {key}: {shown(found.get(key))} instead of {shown(value)}"
             )
 
 
@@ -203,7 +205,7 @@ def _malformed(path: Path, what: str) -> ExperimentError:
 
 
 def identity(system: Assembly, experiment: Experiment) -> dict[str, Any]:
-    """What must agree for a state to fit."""
+    """Return what must agree between two runs for a state to be valid in both."""
     wires = [(str(wire), wire.gain, wire.offset, wire.delay) for wire in system.wires]
     return {
         "parts": {name: _kind(part) for name, part in system.parts.items()},
@@ -216,6 +218,6 @@ def identity(system: Assembly, experiment: Experiment) -> dict[str, Any]:
 
 
 def _kind(part: Part) -> str:
-    # an FMU is the same one in a process of its own
+    # an isolated FMU is the same FMU
     kind = FmuPart if isinstance(part, FmuPart) else type(part)
     return f"{kind.__name__} {part.identity} every {part.every}"

@@ -1,15 +1,15 @@
-/* What an explicit master does wrong in a step: values that were handed over and have moved on, and the energy that
-   this makes. A jump, as of Coulomb friction at a reversal, is wrong for one step only; what lasts for two steps or
-   alternates in sign is a loop that is too fast for the step. */
+/* Coupling error of an explicit master: inputs are held while their sources change, which generates energy. A jump,
+   such as that of Coulomb friction at a reversal, causes an error in one step only. An error that persists over two
+   steps or alternates in sign shows that the loop is too fast for the communication step. */
 
 #ifndef DEFECT_H
 #define DEFECT_H
 
 #include "part.h"
 
-/* An oscillation without damping, such as that of a mass on a contact that sticks, must not grow: what the coupling
-   feeds to it is then no longer small against what friction takes. A part of a period that stands over at the end of
-   the window is less than FED of what passes. */
+/* An undamped oscillation, such as that of a mass on a sticking contact, must not grow. It grows if the energy that the
+   coupling supplies is not small compared with the energy that friction dissipates. An incomplete period at the end of
+   the window contributes less than FED times the transferred energy. */
 enum { WINDOW = 2000 };
 #define FED 1e-3
 

@@ -1,4 +1,4 @@
-/* One FMU over sampled inputs: set, step, read, sample after sample. */
+/* Run one FMU with sampled inputs: set the inputs, step, read the outputs, for each sample. */
 
 #ifndef DRIVE_H
 #define DRIVE_H
@@ -10,13 +10,13 @@ typedef struct {
     void *component;
     Exchange *set, *get;
     DoStep *do_step;
-    SetSlopes *set_slopes; /* NULL: inputs are held over a step */
+    SetSlopes *set_slopes; /* NULL: inputs are held during a step */
     const uint32_t *input_references, *output_references;
-    const int *orders; /* 1, 1, ... for the slopes */
+    const int *orders; /* 1, 1, ...: order of the input derivatives */
     int64_t input_count, output_count;
-    double *inputs;  /* row k from sample k on */
-    double *slopes;  /* row k from sample k on */
-    double *outputs; /* row k at sample k      */
+    double *inputs;  /* row k applies from sample k on */
+    double *slopes;  /* row k applies from sample k on */
+    double *outputs; /* row k at sample k */
     double start, step;
     int64_t failed_operation, status;
 } Drive;
@@ -53,8 +53,8 @@ static int64_t drive(Drive *d, int64_t samples)
     return samples;
 }
 
-/* Runs from sample 0 to samples - 1; returns the sample at which it failed, `samples` if at none. What the FMU does to
-   the control of floating-point numbers ends with it. */
+/* Run from sample 0 to samples - 1. Return the sample at which the FMU failed, or `samples` if it did not fail. The
+   floating-point control is restored at the end. */
 EXPORT int64_t engine_drive(Drive *d, int64_t samples)
 {
     const uint32_t control = float_control();

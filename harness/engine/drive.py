@@ -1,4 +1,4 @@
-"""One FMU over sampled inputs, in the compiled engine: what a fit runs a hundred times."""
+"""Runs of one FMU with sampled inputs in the compiled engine, as a fit repeats them hundreds of times."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from harness.parts.part import Native, StartValue, Values
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
 _FUNCTION = {0: "fmi2SetReal", 1: "fmi2DoStep", 2: "fmi2GetReal", 5: "fmi2SetRealInputDerivatives"}
-"""Operation of engine.h -> what was called."""
+"""FMI function called in each operation of engine.h."""
 
 
 @mirrors("Drive")
@@ -36,20 +36,27 @@ class _DriveData(ctypes.Structure):
 
 
 class Drive:
-    """An FMU that is run over and over with sampled inputs, with other start values each time.
+    """An FMU that is run repeatedly with sampled inputs and different start values.
 
-    A step costs the block and about 0.1 us; a run between two others, with fmi2Reset, some 0.1 ms.
+    Each step adds about 0.1 us to the computing time of the FMU; each reset between two runs takes about 0.1 ms.
 
     Parameters
     ----------
     part : FmuPart
-        The FMU, in this process; use it for nothing else meanwhile.
+        The FMU, which must not be isolated. Do not use it elsewhere while the drive is open.
+
+    Raises
+    ------
+    HarnessError
+        If the FMU runs in a process of its own.
     """
 
     def __init__(self, part: FmuPart) -> None:
-        """Keep the instance from run to run."""
+        """Reuse the FMU instance in all runs."""
         if part.isolate:
-            raise HarnessError(f"part '{part.name}' runs in a process of its own: a drive calls it here; make it anew")
+            raise HarnessError(
+                f"part '{part.name}' runs in a process of its own, which a drive cannot use: make it with isolate=False"
+            )
         self.part = part
         part.reuse = True
         self._kinds = {port.name: port.type for port in (*part.inputs, *part.outputs, *part.observables)}
@@ -71,34 +78,35 @@ class Drive:
         Parameters
         ----------
         inputs : mapping of str to array_like, shape (n,)
-            Real inputs, at t = 0, step, 2 step, ...
+            Samples of Real inputs at t = 0, step, 2 step, ...
         outputs : sequence of str
-            What to read: Real outputs, or other Real variables.
+            Real outputs or other Real variables to read.
         step : float
-            Sampling interval, which is the communication step [s].
+            Sampling interval and communication step [s].
         between : {"held", "linear"}
-            An input between two samples: the earlier value, or the straight line.
+            Value of an input between two samples: held at the earlier sample, or interpolated linearly.
         start : mapping of str to value, optional
-            Start values that differ from those of the FMU.
+            Start values that replace those of the FMU.
         tolerance : float, optional
             Relative tolerance for the FMU's own solver.
 
         Returns
         -------
         array, shape (n, len(outputs))
-            Row 0 is the initial state with the first inputs, row k what the step from sample k - 1 to k leaves.
+            The outputs. Row 0 holds the initial values for the first inputs, row k the values after the step from
+            sample k - 1 to sample k.
 
         Raises
         ------
         ExperimentError
-            If there are no inputs, they differ in length, have fewer than 2 samples or are not finite, or the step is
-            not positive.
+            If there are no inputs, if they differ in length, have fewer than 2 samples or are not finite, or if the
+            step is not positive.
         UnknownNameError
-            If a variable is not one of the FMU's, or is no Real.
+            If the FMU has no Real variable of that name.
         HarnessError
-            If the FMU does not take input derivatives but lines are asked for.
+            If linear interpolation is requested and the FMU does not accept input derivatives.
         StartValueError, PartError
-            If the FMU refuses a value, or fails; the error knows the time.
+            If the FMU rejects a value or fails; the message states the time.
         """
         table = self._table(inputs, step)
         names = list(inputs)
@@ -122,7 +130,7 @@ class Drive:
             native = self.part.native(names, list(outputs))
             assert native is not None  # an FMU in this process has one
             if between == "linear" and not native.interpolates:
-                raise HarnessError(f"part '{self.part.name}' takes no input derivatives: hold its inputs")
+                raise HarnessError(f"part '{self.part.name}' accepts no input derivatives: use between='held'")
             rows = np.empty((samples, len(outputs)))
             slopes = np.zeros_like(table)
             slopes[:-1] = np.diff(table, axis=0) / step
@@ -137,7 +145,7 @@ class Drive:
         return rows
 
     def close(self) -> None:
-        """Free the instance and unload the FMU."""
+        """Free the FMU instance and unload the FMU."""
         self.part.close()
 
     def _table(self, inputs: Mapping[str, ArrayLike], step: float) -> Values:
@@ -160,13 +168,13 @@ class Drive:
                 raise UnknownNameError(f"'{self.part.name}' has no Real variable '{name}' to set or read")
         for name in inputs:
             if name not in self._inputs:
-                raise UnknownNameError(f"'{name}' of '{self.part.name}' is no input: give it as a start value")
+                raise UnknownNameError(f"'{name}' of '{self.part.name}' is not an input: give it as a start value")
 
 
 def _data(
     native: Native, table: Values, slopes: Values | None, rows: Values, step: float
 ) -> tuple[_DriveData, list[Any]]:
-    """The struct, and the arrays that must live as long as it is used."""
+    """Return the struct, and the arrays that must stay alive while it is used."""
     references = [np.array(each, dtype=np.uint32) for each in (native.inputs, native.outputs)]
     orders = np.ones(len(native.inputs), dtype=np.intc)
     at, data = native.functions, _DriveData()

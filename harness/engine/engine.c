@@ -1,5 +1,5 @@
-/* Runs a system from one tick to another: the operations of every step, what is recorded, and how well the values
-   that were handed over held. */
+/* Run a system from one tick to another: perform the operations of each communication step, record values, and measure
+   the coupling error of held values. */
 
 #include "engine.h"
 #include "defect.h"
@@ -12,7 +12,7 @@
 
 #include <stdlib.h>
 
-/* A part has changed the control of floating-point numbers. */
+/* Status: a part has changed the floating-point control. */
 enum { FLOATS_CHANGED = 102 };
 
 /* The sizes of the structs that Python mirrors, for a check when the library is loaded. */
@@ -36,7 +36,7 @@ static const struct {
 
 EXPORT int64_t engine_struct_size(const char *name);
 
-/* 0 of a struct that Python does not mirror. */
+/* Return the size of a struct, 0 for a name that is not in the list. */
 int64_t engine_struct_size(const char *name)
 {
     for (size_t i = 0; i < sizeof STRUCTS / sizeof *STRUCTS; i++)
@@ -45,7 +45,7 @@ int64_t engine_struct_size(const char *name)
     return 0;
 }
 
-/* One operation of an explicit master. */
+/* Perform one operation of an explicit master. */
 static bool operate(Engine *e, int operation, int64_t index, int64_t tick)
 {
     EnginePart *const p = &e->parts[index];
@@ -62,8 +62,8 @@ static bool operate(Engine *e, int operation, int64_t index, int64_t tick)
     return status <= 1 || failed(e, index, operation, status, time_of(e, tick));
 }
 
-/* All that a part needs whose turn it is, side by side: set, step and read in one go, of an FMU with Reals only that is
-   stepped at every tick. */
+/* Data to set, step and read one part in a single pass, stored contiguously. Only for FMUs that exchange Reals only and
+   are stepped at every tick. */
 typedef struct {
     void *component;
     Exchange *set, *get;
@@ -76,8 +76,9 @@ typedef struct {
 
 enum { MOST_TURNS = 16 };
 
-/* The turns of a tick, if the program is one part after the other, as that of Gauss-Seidel, and all parts are such
-   FMUs; else 0. To choose and to check each operation takes 7 ns more for a part. */
+/* Fill in the turns of a tick and return their number, if the program handles one part after the other (Gauss-Seidel)
+   and all parts are such FMUs; else return 0. Selecting and checking each operation separately takes 7 ns more per
+   part. */
 static int64_t turns_of(const Engine *e, Turn *turns)
 {
     const int64_t count = e->program_length / 3;
@@ -132,7 +133,7 @@ static void record(Engine *e)
     e->filled++;
 }
 
-/* What the master does from one tick to the next. */
+/* Perform the operations of the master from one tick to the next. */
 static bool advance(Engine *e, int64_t tick)
 {
     if (e->manipulator_count > 0)
@@ -147,7 +148,7 @@ static bool advance(Engine *e, int64_t tick)
     return true;
 }
 
-/* Runs the ticks from, ..., to - 1; returns the first one that was not completed, `to` if all were. */
+/* Run the ticks from, ..., to - 1. Return the first tick that was not completed, or `to` if all were. */
 static int64_t run_ticks(Engine *e, const Turn *turns, int64_t turn_count, int64_t from, int64_t to)
 {
     for (int64_t tick = from; tick < to; tick++) {
@@ -163,8 +164,8 @@ static int64_t run_ticks(Engine *e, const Turn *turns, int64_t turn_count, int64
     return to;
 }
 
-/* The part that changes the control of floating-point numbers when it is stepped once more, -1 if none does. The run is
-   over, so that this changes no result. */
+/* Step each part once more and return the one that changes the floating-point control, or -1. The run is over, so this
+   changes no result. */
 static int64_t culprit(Engine *e, uint32_t control, double t)
 {
     for (int64_t i = 0; i < e->part_count; i++) {
@@ -184,9 +185,9 @@ static int64_t culprit(Engine *e, uint32_t control, double t)
 
 EXPORT int64_t engine_run(Engine *e, int64_t from, int64_t to);
 
-/* Runs the ticks from, ..., to - 1; returns the first one that was not completed, `to` if all were. Whether a part has
-   changed the control of floating-point numbers is looked at behind the first tick and then every 64 ticks, which
-   costs nothing that can be measured; what was recorded since the last look is dropped. */
+/* Run the ticks from, ..., to - 1. Return the first tick that was not completed, or `to` if all were. The
+   floating-point control is checked after the first tick and then every 64 ticks, at no measurable cost. If a part has
+   changed it, the rows recorded since the last check are discarded. */
 EXPORT int64_t engine_run(Engine *e, int64_t from, int64_t to)
 {
     enum { TICKS = 64 };
@@ -213,7 +214,7 @@ EXPORT int64_t engine_run(Engine *e, int64_t from, int64_t to)
 
 EXPORT uint32_t engine_float_control(void);
 
-/* How floating-point numbers are treated in this thread, see floats.h. */
+/* Return the floating-point control of this thread, see floats.h. */
 EXPORT uint32_t engine_float_control(void) { return float_control(); }
 
 EXPORT void engine_set_float_control(uint32_t control);
@@ -230,7 +231,7 @@ static void end(void)
 
 EXPORT int engine_at_exit(void (*call)(void));
 
-/* Has a function called when the program ends by exit(), from wherever that is called; NULL: no more. */
+/* Register a function to be called when any code ends the program with exit(). NULL removes it. */
 EXPORT int engine_at_exit(void (*call)(void))
 {
     const bool first = call != NULL && last_call == NULL;

@@ -1,6 +1,6 @@
-/* Jacobi with extrapolated inputs: all parts step at once on the polynomial through the last values of what drives
-   them. A line with the mean value and the end value of the polynomial stands for it (the mean is that of the
-   Adams-Bashforth methods), as parts take no higher derivatives of their inputs. */
+/* Jacobi with extrapolated inputs. All parts are stepped at once. Each input follows the polynomial through the last
+   values of its source. As parts accept no higher derivatives, the polynomial is replaced by a line with the same mean
+   (as in the Adams-Bashforth methods) and the same end value. */
 
 #ifndef EXTRAPOLATE_H
 #define EXTRAPOLATE_H
@@ -9,8 +9,8 @@
 
 struct extrapolation {
     int64_t order;  /* 1 or 2 */
-    int64_t known;  /* how many earlier values there are */
-    double *before; /* of each line, what its source was a tick ago and two ticks ago */
+    int64_t known;  /* number of earlier values available */
+    double *before; /* source of each line one tick ago and two ticks ago */
     double *earlier;
 };
 

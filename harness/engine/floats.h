@@ -1,5 +1,5 @@
-/* How the processor rounds, and what it does with tiny numbers and with invalid operations, is set for a thread. A part
-   that changes it changes the results of all others. */
+/* Floating-point control of a thread: rounding mode, treatment of denormal numbers and of invalid operations. A part
+   that changes it changes the results of all other parts. */
 
 #ifndef FLOATS_H
 #define FLOATS_H
@@ -7,8 +7,8 @@
 #include "engine.h"
 
 #if defined __x86_64__ || defined __i386__
-/* Bits 6 to 15 of MXCSR: denormals are zero, masks, rounding, flush to zero. Bits 0 to 13 of the x87 control word, 16
-   bits higher: masks, precision, rounding. */
+/* Bits 6 to 15: MXCSR (denormals are zero, masks, rounding, flush to zero). Bits 16 to 29: bits 0 to 13 of the x87
+   control word (masks, precision, rounding). */
 static inline uint32_t float_control(void)
 {
     uint32_t sse = 0;

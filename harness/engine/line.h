@@ -1,18 +1,18 @@
-/* Inputs that move during a step, as straight lines: what an implicit master and extrapolation hand over. */
+/* Inputs that vary linearly during a step, as used by the implicit masters and by extrapolation. */
 
 #ifndef LINE_H
 #define LINE_H
 
 #include "part.h"
 
-/* A Real input whose source is a continuous part; over the step it has this mean value and this value at the end. */
+/* A Real input driven by a continuous part, with its mean value and its end value in the current step. */
 struct line {
     int64_t input;
     double mean, end;
 };
 
-/* Hands the lines of a part over and steps it. A part that does not interpolate gets the means, and for its direct
-   outputs then the values at the end. */
+/* Pass the lines to a part and step it. A part without input interpolation is stepped with the mean values; then its
+   inputs are set to the end values for its direct outputs. */
 static int step_on_lines(Engine *e, int64_t index, double t, double h)
 {
     EnginePart *const p = &e->parts[index];

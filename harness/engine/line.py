@@ -1,4 +1,4 @@
-"""Wires whose values move during a step, and their lines in the compiled engine."""
+"""Connections whose values vary during a step, and their lines in the compiled engine."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Extrapolation(ctypes.Structure):
 
 
 def attach_lines(engine: Engine, wires: Sequence[MovingWire]) -> None:
-    """Give the engine a line for each of these wires."""
+    """Add a line for each of these connections to the engine."""
     lines = (Line * max(1, len(wires)))(*(Line(wire.input) for wire in wires))
     begins = np.searchsorted([wire.target for wire in wires], range(len(engine.plan.parts) + 1)).astype(np.int64)
     engine.data.lines, engine.data.lines_from = engine.keep_struct(lines), engine.keep(begins)
@@ -41,17 +41,17 @@ class Extrapolated:
     Parameters
     ----------
     engine : Engine
-        The engine that will run it.
+        The engine that runs the master.
     order : int
-        Of the polynomials, 1 or 2.
+        Order of the polynomials, 1 or 2.
     """
 
     def __init__(self, engine: Engine, order: int) -> None:
-        """Keep what is the same in all runs."""
+        """Store the engine and the order, which all runs share."""
         self._engine, self._order = engine, order
 
     def begin(self) -> None:
-        """Begin a run with no values known."""
+        """Start a run without earlier values."""
         engine, wires = self._engine, self._engine.plan.moving_wires
         attach_lines(engine, wires)
         self.before, self.earlier = np.zeros(len(wires)), np.zeros(len(wires))
@@ -59,6 +59,6 @@ class Extrapolated:
         engine.data.extrapolation = ctypes.addressof(self._data)
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
-        """What it remembers from step to step, for a checkpoint: views of the data."""
+        """Return the values kept from step to step for a checkpoint, as views of the data."""
         known = bytes_of(self._data)[8:16]
         return {"extrapolation known": known, "extrapolation": self.before, "extrapolation earlier": self.earlier}

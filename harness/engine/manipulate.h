@@ -1,6 +1,6 @@
-/* What happens to the values on their way: each wire hands over gain * output + offset, and manipulators change the two
-   numbers from tick to tick. A value that is lost or late is gain 0 with the older value as offset, so that a part
-   that is stepped back and again sees the same. */
+/* Manipulation of connections: each connection passes gain * output + offset, and manipulators change both numbers from
+   tick to tick. For a lost or delayed value, the gain is 0 and the offset is the older value, so that a part that is
+   rolled back and stepped again gets the same input. */
 
 #ifndef MANIPULATE_H
 #define MANIPULATE_H
@@ -11,14 +11,14 @@ enum { OVERRIDE, BIAS, NOISE, LOSS, DELAY };
 
 struct manipulator {
     int64_t kind, input;
-    int64_t first, last;   /* at work at the ticks first, ..., last - 1 */
-    double value;          /* what is handed over or added, standard deviation, probability of a loss */
-    const double *samples; /* of noise, one for each of these ticks; of losses likewise, NULL: all are lost */
-    double *past;          /* what the output was at the start of the last ticks, `length` places */
+    int64_t first, last;   /* active at the ticks first, ..., last - 1 */
+    double value;          /* constant, bias, standard deviation or probability of a loss */
+    const double *samples; /* noise or losses, one for each of these ticks; NULL: all values are lost */
+    double *past;          /* values of the output at the start of the last `length` ticks */
     int64_t length;
-    int64_t fresh;        /* losses: the output is new when it is handed over, as its part is stepped first */
-    int64_t every, phase; /* of the part that gets the value */
-    double gain, offset;  /* losses: at the last value that the part asked for */
+    int64_t fresh;        /* losses: the output is up to date when it is passed, as its part is stepped first */
+    int64_t every, phase; /* of the receiving part */
+    double gain, offset;  /* losses: at the last value that the part fetched */
     double held;          /* losses: the last value that arrived */
     int64_t lost;
 };
@@ -41,7 +41,7 @@ static void lose(Manipulator *m, bool active, int64_t tick, double output, doubl
     }
 }
 
-/* Gains and offsets for a tick. */
+/* Set gains and offsets for a tick. */
 static void manipulate(Engine *e, int64_t tick)
 {
     Manipulator *const end = e->manipulators + e->manipulator_count;

@@ -1,4 +1,4 @@
-"""Manipulators laid out for a run: at every tick each one changes the gain and the offset of its wire."""
+"""Manipulators during a run: at each tick, each one changes the gain and the offset of its connection."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class ManipulatorData(ctypes.Structure):
 
 @dataclass
 class Manipulation:
-    """One manipulator during a run; its fields are explained in engine/manipulate.h."""
+    """One manipulator during a run; engine/manipulate.h explains its fields."""
 
     kind: int
     input: int
@@ -55,7 +55,7 @@ class Manipulation:
     lost: bool = False
 
     def asks(self, tick: int) -> bool:
-        """Whether the part at the end of the wire fetches its inputs at this tick."""
+        """Return whether the part at the end of the connection fetches its inputs at this tick."""
         return self.every == 1 or tick % self.every == self.phase
 
 
@@ -65,27 +65,27 @@ class Manipulations:
     Parameters
     ----------
     plan : Plan
-        The plan; its gains and offsets are changed from tick to tick.
+        The plan, whose gains and offsets are changed from tick to tick.
     schedule : Schedule
-        What the master does.
+        Operations of the master.
     manipulators : sequence of Manipulator
-        Those of the experiment.
+        Manipulators of the experiment.
     """
 
     def __init__(self, plan: Plan, schedule: Schedule, manipulators: Sequence[Manipulator]) -> None:
-        """Collect them: first the delays of the wires themselves."""
+        """Collect all manipulators, the delays of the connections first."""
         self.plan = plan
         delays = [Delay(plan.names[i], ticks=int(plan.delays[i])) for i in np.flatnonzero(plan.delays)]
         self._given = [*delays, *manipulators]
         self._fresh = plan.fresh_inputs(schedule) if self._given else {}
 
     def begin(self) -> None:
-        """Lay them out for a run of the plan, whose parts have been started.
+        """Lay out all manipulators for a run of the plan, whose parts have been started.
 
         Raises
         ------
         ExperimentError
-            If a manipulator names no input at the end of a wire, or would make a fraction of an Integer.
+            If a manipulator names an unconnected input, or needs a Real and the input is not one.
         """
         self.all = [_lay_out(self.plan, manipulator, self._fresh) for manipulator in self._given]
         self.data = (ManipulatorData * len(self.all))()
@@ -114,13 +114,13 @@ class Manipulations:
             gains[m.input], offsets[m.input] = gain, offset
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
-        """What they remember from step to step, for a checkpoint: views of the data of the engine."""
+        """Return the values kept from step to step for a checkpoint, as views of the engine's data."""
         past = {f"past of manipulator {number}": m.past for number, m in enumerate(self.all)}
         values = bytes_of(self.data).reshape(-1, ctypes.sizeof(ManipulatorData))
         return {**past, "manipulators": values[:, ManipulatorData.gain.offset :]} if self.all else {}
 
     def attach(self, engine: Engine) -> None:
-        """Hand the manipulators to the compiled engine."""
+        """Pass the manipulators to the compiled engine."""
         keep = engine.keep
         for data, m in zip(self.data, self.all, strict=True):
             for name in ("kind", "input", "first", "last", "value", "fresh", "every", "phase", "gain", "offset"):
@@ -144,7 +144,7 @@ def _lose(m: Manipulation, active: bool, tick: int, output: float, gain: float, 
 def _lay_out(plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]) -> Manipulation:
     index = plan.columns.get(manipulator.input, -1)
     if index not in fresh:
-        raise ExperimentError(f"there is no wire for the {manipulator}: name the input at the end of a wire")
+        raise ExperimentError(f"the {manipulator} acts on an input without a connection: name a connected input")
     if isinstance(manipulator, (Bias, Noise)) and plan.ports[manipulator.input].type != "Real":
         raise ExperimentError(
             f"{manipulator.input} is {plan.ports[manipulator.input].type}: a {manipulator.kind} needs a Real"
@@ -167,7 +167,7 @@ def _lay_out(plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]) -> Ma
         case Freeze():
             kind = _LOSS
         case Delay():
-            # the end of a step counts, but for a sample of what moves: that is of the beginning
+            # count from the end of a step, except for a sample of a continuous part, which is taken at its beginning
             source = plan.parts[plan.owners[int(plan.sources[index])]]
             kind, length = _DELAY, manipulator.ticks + (plan.parts[target].sampled and not source.sampled)
         case _:
@@ -189,17 +189,17 @@ def _lay_out(plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]) -> Ma
 
 
 def _drawn(manipulator: Manipulator, draw: Callable[[int], Values], ticks: int) -> Values:
-    """A random number for each tick at which a manipulator is at work."""
+    """Draw a random number for each tick at which a manipulator is active."""
     try:
         return draw(max(ticks, 0))
     except (MemoryError, ValueError) as error:
         raise ExperimentError(
-            f"the {manipulator} needs {ticks} random numbers, more than fit into the memory: give it a shorter span"
+            f"the {manipulator} needs {ticks} random numbers, more than fit into memory: give it a shorter span"
         ) from error
 
 
 def _tick(plan: Plan, time: float) -> int:
-    """The first tick that does not begin before this time, up to a millionth of a tick."""
+    """Return the first tick that begins at or after this time, up to a millionth of a tick."""
     if math.isinf(time):
         return _EVER if time > 0 else 0
     return math.ceil(min(max((time - plan.start) / plan.step - 1e-6, 0.0), _EVER))

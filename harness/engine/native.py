@@ -99,7 +99,7 @@ class EngineData(ctypes.Structure):
 
 @cache
 def library() -> ctypes.CDLL:
-    """The compiled engine: the one of the wheel, or one built from the sources and kept in the cache."""
+    """Return the compiled engine, from the wheel or else built from the sources and cached."""
     folder = Path(__file__).parent
     shipped = folder / "binaries" / NATIVE.folder / f"engine{NATIVE.suffix}"
     whole = shipped.is_file() and missing_bytes(shipped) == 0
@@ -119,29 +119,29 @@ def library() -> ctypes.CDLL:
 
 
 def sources() -> dict[str, str]:
-    """File name -> text of the engine's C files."""
+    """Return the text of each of the engine's C files."""
     folder = Path(__file__).parent
     return {path.name: path.read_text(encoding="utf-8") for path in sorted((*folder.glob("*.h"), *folder.glob("*.c")))}
 
 
 def bytes_of(struct: ctypes.Array[Any] | ctypes.Structure) -> NDArray[np.uint8]:
-    """View of a struct or an array of them."""
+    """Return a view of the bytes of a struct or of an array of structs."""
     size = ctypes.sizeof(struct)
     return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_buffer(struct)) if size else np.zeros(0, np.uint8)
 
 
 @dataclass(frozen=True)
 class _Bound:
-    """A part as the loop calls it.
+    """A part with the addresses that the compiled loop calls.
 
     Attributes
     ----------
     calls : Calls
-        Those of the plan to which it belongs; a part with others has to be bound again.
+        Operations of the plan for which it was bound; a part with other operations is bound again.
     native : Native or None
         The functions of an FMU; None for a part in Python.
     kept : list
-        What the addresses in its struct point to.
+        Objects that the addresses in its struct point to.
     """
 
     calls: Calls
@@ -150,7 +150,7 @@ class _Bound:
 
 
 class Engine:
-    """A plan, laid out for the compiled loop.
+    """A plan as the data of the compiled loop.
 
     Parameters
     ----------
@@ -162,11 +162,11 @@ class Engine:
     Attributes
     ----------
     data : EngineData
-        What the compiled loop works on; new in every run.
+        Data of the compiled loop, new for each run.
     """
 
     def __init__(self, plan: Plan, program: Sequence[tuple[int, int]]) -> None:
-        """Keep what is the same in all runs."""
+        """Prepare what all runs share."""
         self.plan = plan
         self.error: BaseException | None = None
         self.data = EngineData()
@@ -177,16 +177,16 @@ class Engine:
         self._run = library().engine_run
 
     def begin(self, rows: Values, columns: Sequence[int], decimate: int) -> None:
-        """Lay out a run of the plan, whose parts have been started.
+        """Prepare a run of the plan, whose parts have been started.
 
         Parameters
         ----------
         rows : float64 array, shape (R, C)
-            Where to record.
+            The table to record into.
         columns : sequence of int, length C
-            Signals that are recorded.
+            Signals to record.
         decimate : int
-            Every so many ticks.
+            Number of ticks from one recorded row to the next.
         """
         plan = self.plan
         self.error, self._kept = None, []
@@ -210,14 +210,14 @@ class Engine:
         Raises
         ------
         PartError
-            If a part fails; the error knows the time.
+            If a part fails; the message states the time.
         """
         done = self._run(ctypes.addressof(self.data), first, last)
         if done < last:
             raise self.failure()
 
     def free_states(self) -> None:
-        """Free the states of FMUs that the loop has saved; the FMUs must still be there."""
+        """Free the states of FMUs that the loop has saved; call it before the FMUs are unloaded."""
         for index, bound in self._bound.items():
             part, native = self.parts[index], bound.native
             for place in ("state", "other_state"):
@@ -228,9 +228,9 @@ class Engine:
 
     @contextmanager
     def interruptible(self) -> Iterator[None]:
-        """Ctrl-C ends the run at the next part in Python, or behind this piece: raised in a callback it would be lost.
+        """End the run on Ctrl-C, at the next part in Python or after the current span of ticks.
 
-        Only the main thread gets it.
+        An exception raised in a callback from C would be lost. Only the main thread receives the signal.
         """
         if threading.current_thread() is not threading.main_thread():
             yield
@@ -258,7 +258,7 @@ class Engine:
         return ctypes.addressof(struct)
 
     def failure(self) -> BaseException:
-        """The error of the call that failed last."""
+        """Return the error of the last failed call."""
         if self.error is not None:
             error, self.error = self.error, None
             if isinstance(error, PartError) and error.time is None:
@@ -280,17 +280,17 @@ class Engine:
         return failure
 
     def _floats_changed(self) -> HarnessError:
-        """The error of a part that changes the results of all others."""
+        """Return the error for a part that changes the results of all other parts."""
         data = self.data
-        what = f"it changed {described_floats(data.float_change)} of the whole process, and so the results of all parts"
-        remedy = "run it in a process of its own (isolate = true)"
+        what = f"it changed {described_floats(data.float_change)} of the process, which affects all parts"
+        remedy = "run it in its own process (isolate = true)"
         time = float(data.failed_time)
         if data.failed_part >= 0:
             return PartError(self.plan.parts[data.failed_part].name, "fmi2DoStep", f"{what}: {remedy}", time)
         names = [
             f"'{part.name}'" for index, part in enumerate(self.plan.parts) if self._bound[index].native is not None
         ]
-        return HarnessError(f"one of the parts {', '.join(names)} failed behind t = {time:.12g} s: {what}: {remedy}")
+        return HarnessError(f"one of the parts {', '.join(names)} failed after t = {time:.12g} s: {what}: {remedy}")
 
     def _part(self, index: int) -> tuple[EnginePart, _Bound]:
         plan, names = self.plan, self.plan.names
@@ -330,7 +330,7 @@ class Engine:
         return part, bound
 
     def _callback(self, index: int) -> Any:
-        """The operations of a part in Python as one C function; its exception is kept and raised after the run."""
+        """Return the operations of a Python part as a C function; an exception is raised after the run."""
         calls, part = self.plan.calls[index], self.plan.parts[index]
         state: list[object] = [None, None]
 

@@ -1,16 +1,18 @@
-/* The implicit master. Within a loop of continuous parts (a mass and its friction) the values at the end of the step
-   are unknown: w, one for each wire against the stepping order. One evaluation steps the parts of the loop in order
-   and gives G(w); r = G(w) - w is brought to zero by a quasi-Newton method, the parts rolled back in between.
+/* The implicit master. In a loop of continuous parts (such as a mass and its friction), the values at the end of the
+   step are unknown. The unknowns w are the values of the connections that run against the stepping order. One
+   evaluation steps the parts of the loop in order and returns G(w). A quasi-Newton method solves r = G(w) - w = 0; the
+   parts are rolled back between evaluations.
 
-   An input with the value u0 at the start and u1 at the end of the step is handed over as the straight line that ends
-   at u1 and has the mean value of the generalised-alpha method (Jansen, Whiting, Hulbert, Computer Methods in Applied
-   Mechanics and Engineering 190, 2000; first-order systems):
+   An input with the value u0 at the start and u1 at the end of the step is passed as the line that ends at u1 and has
+   the mean value of the generalised-alpha method (Jansen, Whiting, Hulbert, Computer Methods in Applied Mechanics and
+   Engineering 190, 2000; first-order systems):
 
        am q1 + (1 - am) q0 = af u1 + (1 - af) u0,   mean = g q1 + (1 - g) q0
        am = (3 - rho)/(2 (1 + rho)),  af = 1/(1 + rho),  g = 1/2 + am - af
 
-   It is of second order for any rho; rho = 1 would be the trapezoidal rule, which rings in contacts that are stiff
-   against the step, and rho = 0 BDF2, which is less accurate. What is stiff decays by rho in a step. */
+   The method is of second order for any rho. rho = 1 is the trapezoidal rule, which rings in contacts that are too
+   stiff for the step; rho = 0 is BDF2, which is less accurate. Stiff components decay by the factor rho in each
+   step. */
 
 #ifndef NEWTON_H
 #define NEWTON_H
@@ -22,76 +24,76 @@
 #define GA_F    (1.0 / (1.0 + RHO))
 #define GA_RATE (0.5 + GA_M - GA_F)
 
-/* More about each line. */
+/* Further data of each line. */
 typedef struct {
-    int64_t inner;       /* source and target are in one loop */
-    int64_t unknown;     /* number of the unknown that it reads, -1: its source has been stepped before */
-    int64_t from_rest;   /* the run begins with 0 here */
+    int64_t inner;       /* source and target are in the same loop */
+    int64_t unknown;     /* index of the unknown that it reads; -1: its source is stepped before */
+    int64_t from_rest;   /* the run begins with the value 0 */
     double u0, q0;       /* at the start */
-    double u1, q1;       /* at the end, on trial */
-    double scale;        /* largest size so far */
-    double debt;         /* sum of the errors that the guard saw and could not remove */
-    double gain, offset; /* of the wire in this step, when there are manipulators */
+    double u1, q1;       /* at the end, in the current iteration */
+    double scale;        /* largest magnitude so far */
+    double debt;         /* sum of the errors that the guard found and could not remove */
+    double gain, offset; /* of the connection in this step, if there are manipulators */
 } Moving;
 
 typedef struct {
-    int64_t first, count; /* its parts, in the order of stepping */
+    int64_t first, count; /* its parts, in stepping order */
     int64_t is_loop;
-    int64_t unknown, unknowns; /* the first of its unknowns and their number */
+    int64_t unknown, unknowns; /* its first unknown and the number of unknowns */
 } Group;
 
-/* What the guard of a loop knows, see step_check.h. */
+/* State of the guard of a loop, see step_check.h. */
 typedef struct {
-    int64_t line;        /* that was off most in the last finding                                      */
-    int64_t alarm;       /* whole steps that are still to be checked                                   */
-    int64_t patience;    /* ticks to the next suspicion that counts, after a check without a finding   */
-    int64_t next;        /* the tick from which on it counts                                           */
-    int64_t last;        /* tick of the last finding                                                   */
-    int64_t recurrences; /* findings that came soon after the one before                               */
-    int64_t calm;        /* ticks for which `limit` holds                                              */
-    int64_t checks;      /* steps that were checked                                                    */
-    int64_t unresolved;  /* inner steps of the smallest size that were still off                       */
-    int64_t hopeless;    /* no step is small enough: nothing is checked any more */
-    double apart;        /* by how much that line was off */
-    double limit;        /* [s] longest inner step where findings recur                                */
-    double time;         /* [s] of the first of these                              */
+    int64_t line;        /* line with the largest error in the last finding */
+    int64_t alarm;       /* number of undivided steps still to check */
+    int64_t patience;    /* ticks before the next suspicion counts, after a check without a finding */
+    int64_t next;        /* first tick at which a suspicion counts again */
+    int64_t last;        /* tick of the last finding */
+    int64_t recurrences; /* number of findings soon after the previous one */
+    int64_t calm;        /* ticks for which `limit` remains in force */
+    int64_t checks;      /* number of steps checked */
+    int64_t unresolved;  /* inner steps of the smallest size that were still wrong */
+    int64_t hopeless;    /* no step is small enough: checks have ended */
+    double apart;        /* error of that line */
+    double limit;        /* [s] longest inner step while findings recur */
+    double time;         /* [s] of the first of these */
 } StepCheck;
 
 struct newton {
     Group *groups;
     int64_t group_count;
-    const int64_t *order;      /* parts, group by group */
+    const int64_t *order;      /* indices of the parts, group by group */
     const int64_t *continuous; /* of each part */
     Moving *moving;
-    const int64_t *unknowns;    /* the output behind each unknown */
-    double *w, *w_last, *trend; /* value, that of the last step, slope over the last step */
-    double *scale;              /* largest size so far */
-    double *surprise, *growth;  /* by which it missed the last prediction; how often this turned its sign and grew */
-    double *r, *work;           /* residuals; 6 n + n^2 places for n = most_unknowns */
-    double *inverse;            /* of dr/dw, n by n, at n^2 times the number of the group */
-    int64_t most_unknowns;      /* of any group */
-    double tolerance;           /* of r over scale */
-    double error;               /* tolerated error of a step over scale, 0: fixed steps */
-    double finest;              /* number of inner steps that a step is divided into at most, but for convergence */
-    double *proposed, *before;  /* [s] next inner step of each group, and its last one or 0 */
-    StepCheck *guards;          /* of each group */
-    Moving *kept_lines;         /* a check keeps the lines here, */
-    double *kept;               /* and w, w_last, trend, scale, the inverse Jacobian and the means of the lines */
+    const int64_t *unknowns;    /* output that each unknown stands for */
+    double *w, *w_last, *trend; /* value, value of the last step, slope over the last step */
+    double *scale;              /* largest magnitude so far */
+    double *surprise, *growth;  /* error of the last prediction; how often it changed its sign and grew */
+    double *r, *work;           /* residuals; work space of 6 n + n^2 for n = most_unknowns */
+    double *inverse;            /* inverse of dr/dw, n by n, at n^2 times the index of the group */
+    int64_t most_unknowns;      /* largest number of unknowns of a group */
+    double tolerance;           /* tolerance of r over scale */
+    double error;               /* tolerated error of a step over scale; 0: fixed steps */
+    double finest;              /* largest number of inner steps per step, unless convergence needs more */
+    double *proposed, *before;  /* [s] next inner step of each group; its last one, or 0 */
+    StepCheck *guards;          /* one for each group */
+    Moving *kept_lines;         /* copies during a check: lines, */
+    double *kept;               /* and w, w_last, trend, scale, inverse Jacobian, means of the lines */
     double worst_residual;
-    int64_t jumped; /* the last solution lies where r jumps */
+    int64_t jumped; /* the last solution lies at a jump of r */
     int64_t evaluations, substeps, rejected;
 };
 
 enum { SOLVED = 0, NOT_CONVERGED = 101, MOST_EVALUATIONS = 60, MOST_BISECTIONS = 250, MOST_HALVINGS = 20 };
 
-/* A piece of a step: from t over h, the part [from, to] of the whole. */
+/* Part of a step: from t to t + h, the fraction [from, to] of the whole step. */
 typedef struct {
     double t, h, from, to;
-    double ratio; /* to the length of the piece before it */
+    double ratio; /* of its length to the length of the previous span */
 } Span;
 
-/* q0 as it would be had the step before been as long as this one: q is the value of u at a time that lies behind by a
-   fixed part of the step. */
+/* Return q0 as if the previous step had the length of this one. q is the value of u at a time that lags by a fixed
+   fraction of the step. */
 static double earlier(const Moving *m, const Span *s) { return m->u0 + (m->q0 - m->u0) * s->ratio; }
 
 static double mean_of(Moving *m, const Span *s)
@@ -103,10 +105,10 @@ static double mean_of(Moving *m, const Span *s)
     return (1.0 - GA_RATE) * q0 + GA_RATE * m->q1;
 }
 
-/* Value of an input at the end of the span. */
+/* Return the value of an input at the end of the span. */
 static double end_of(const Moving *m, const Span *s) { return m->inner ? m->u1 : m->u0 + (m->u1 - m->u0) * s->to; }
 
-/* Steps one continuous part on inputs that move. */
+/* Step one continuous part with inputs that vary linearly. */
 static int move_part(Engine *e, Newton *newton, int64_t index, const Span *s)
 {
     fetch_inputs(e, &e->parts[index]);
@@ -125,7 +127,7 @@ static int move_part(Engine *e, Newton *newton, int64_t index, const Span *s)
     return status;
 }
 
-/* G(w) - w, its size over the scales in *norm. */
+/* Compute G(w) - w, and in *norm its magnitude over the scales. */
 static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bool again, double *norm)
 {
     for (int64_t i = g->first; i < g->first + g->count; i++) {
@@ -151,13 +153,13 @@ static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bo
     return SOLVED;
 }
 
-/* By how much an unknown differs from what the last step foresaw. */
+/* Return the difference between an unknown and its prediction from the last step. */
 static double surprise_of(const Newton *newton, int64_t j, const Span *s)
 {
     return newton->w[j] - newton->w_last[j] - newton->trend[j] * s->h;
 }
 
-/* Whether it does so with the other sign than in the last step, of the same length, and by more. */
+/* Return whether the prediction error has changed its sign and grown since the last step of the same length. */
 static bool turns_and_grows(const Newton *newton, int64_t j, const Span *s, double miss)
 {
     return miss * newton->surprise[j] < 0.0 && fabs(miss) > fabs(newton->surprise[j]) && fabs(s->ratio - 1.0) < 1e-6;
@@ -185,7 +187,8 @@ static void accept(const Engine *e, Newton *newton, const Group *g, int64_t numb
     newton->before[number] = s->h;
 }
 
-/* Error of the means over the sizes of the values: against the trapezoidal rule, which is of the same order. */
+/* Return the error of the means over the magnitudes of the values, estimated by comparison with the trapezoidal rule,
+   which is of the same order. */
 static double error_of(const Engine *e, const Newton *newton, const Group *g, const Span *s)
 {
     double worst = 0.0;
@@ -217,11 +220,11 @@ static int save_loop(Engine *e, const Newton *newton, const Group *g, double t)
 
 /* Progress of a loop within a step. */
 typedef struct {
-    double t, h, done; /* the step, and how much of it is over */
+    double t, h, done; /* the step, and its completed fraction */
     int64_t tick;
 } Progress;
 
-/* The next piece of a step, of at most this length. */
+/* Return the next span of a step, of at most this length. */
 static Span next_span(const Newton *newton, int64_t number, const Progress *p, double piece)
 {
     const bool last = piece >= (p->h - p->done) * (1.0 - 1e-9);
@@ -230,23 +233,23 @@ static Span next_span(const Newton *newton, int64_t number, const Progress *p, d
                   before > 0.0 ? length / before : 1.0};
 }
 
-/* How far a piece that has been solved is off, over what is tolerated: by the estimate of the adaptive master and, if
-   the guard looks at it, by two halves. */
+/* Compute the error of a solved span over the tolerance: from the estimate of the adaptive master and, if the guard
+   checks this span, from its two halves. */
 static int judge(Engine *e, Newton *newton, int64_t number, const Progress *p, const Span *s, double *off,
                  bool *checked)
 {
     const Group *const g = &newton->groups[number];
-    /* on a jump the parts hold each other: v = 0 but for the tolerance, and the estimate says nothing */
+    /* at a jump the contact sticks: v = 0 within the tolerance, and the estimate is meaningless */
     *off = newton->error > 0.0 && !newton->jumped ? error_of(e, newton, g, s) / newton->error : 0.0;
     if (!newton->guards[number].hopeless && amplifies(newton, g, s))
         *off = fmax(*off, AMPLIFIED);
     if (s->h <= p->h / newton->finest)
-        *off = 0.0; /* only a check can say more about the smallest pieces */
+        *off = 0.0; /* only a check can find an error of the smallest spans */
     *checked = *off <= 1.0 && wants_check(e, newton, number, p->tick, s);
     return *checked ? check(e, newton, number, s, p->tick < EARLY, off) : SOLVED;
 }
 
-/* A loop over one step, in as many pieces as it takes. */
+/* Advance a loop over one step, in as many spans as needed. */
 static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, double h)
 {
     const Group *const g = &newton->groups[number];
@@ -290,7 +293,7 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
     return SOLVED;
 }
 
-/* A manipulator that sets in is a jump: the inputs begin this step with the manipulated value. */
+/* The onset of a manipulator is a jump: the inputs begin this step with the manipulated value. */
 static void restart_manipulated(Engine *e, Newton *newton)
 {
     for (int64_t k = 0; k < e->lines_from[e->part_count]; k++) {

@@ -1,4 +1,4 @@
-"""The loops of an implicit master: which parts are solved together, and for which values."""
+"""The loops of an implicit master: which parts are solved together, and their unknowns."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
 
 FINEST: Final = 128.0
-"""Into how many inner steps the master newton divides a step at most, where it is found to be wrong."""
+"""Largest number of inner steps per communication step in the master newton, where a check finds an error."""
 
 FINEST_ADAPTIVE: Final = 1024.0
-"""The same of the master adaptive."""
+"""Largest number of inner steps per communication step in the master adaptive."""
 
 HOPELESS: Final = 30.0
-"""Sum of the errors over the size of the value from which on steps are not checked any more, as in step_check.h."""
+"""Sum of the errors over the magnitude of the value at which checks end, as in step_check.h."""
 
 
 @mirrors("Moving")
@@ -78,13 +78,13 @@ class NewtonData(ctypes.Structure):
 
 
 def groups_of(plan: Plan, wires: Sequence[MovingWire]) -> list[list[int]]:
-    """Parts in the order in which they are stepped, those of one loop together."""
+    """Return the parts in stepping order, grouped by loop."""
     n = len(plan.parts)
     links = np.array([(wire.source, wire.target) for wire in wires], dtype=np.int64).reshape(-1, 2)
     graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(n, n))
     _, label = connected_components(graph, directed=True, connection="strong")
     before: dict[int, set[int]] = {}
-    for part in range(n):  # sampled parts in the order of the plan, all of them first
+    for part in range(n):  # sampled parts first, in the order of the plan
         before.setdefault(int(label[part]), set())
     for source, target in links:
         if label[source] != label[target]:
@@ -103,18 +103,18 @@ class Loops:
     Parameters
     ----------
     engine : Engine
-        The engine that will run it.
+        The engine that runs the master.
     schedule : Schedule
-        Tolerances.
+        Tolerances of the master.
 
     Raises
     ------
     ExperimentError
-        If a part of a loop cannot be stepped back.
+        If a part of a loop cannot be rolled back.
     """
 
     def __init__(self, engine: Engine, schedule: Schedule) -> None:
-        """Find the loops."""
+        """Find the loops and fill in the data."""
         plan = engine.plan
         wires = plan.moving_wires
         groups = groups_of(plan, wires)
@@ -180,27 +180,27 @@ class Loops:
         engine.data.newton = ctypes.addressof(data)
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
-        """What the loops remember from step to step, for a checkpoint: views of the data."""
+        """Return the values kept from step to step for a checkpoint, as views of the data."""
         values = bytes_of(self._arrays[1]).reshape(-1, ctypes.sizeof(Moving))
         guards = bytes_of(self._arrays[2]).reshape(-1, ctypes.sizeof(StepCheck))
         places = {"moving": values[:, Moving.u0.offset :], "guards": guards[:, StepCheck.alarm.offset :]}
-        return {**self._memory, **places}  # without the places of unknowns and lines
+        return {**self._memory, **places}  # without the indices of unknowns and lines
 
     def report(self) -> dict[str, str | float]:
-        """Warn of the loops that no inner step resolved.
+        """Log a warning for each loop that no inner step resolved.
 
         Returns
         -------
         dict
-            Evaluations and inner steps of all loops, how often a step was rolled back and how often one was checked
-            against its halves, and the largest sum of errors that remained, over the size of the value.
+            For all loops: numbers of evaluations, inner steps, rolled-back steps and steps checked against their
+            halves; the largest sum of remaining errors over the magnitude of the value.
         """
         data, (_, moving, guards, _) = self.data, self._arrays
         checks = sum(int(guard.checks) for guard in guards)
         counts = {"evaluations": data.evaluations, "substeps": data.substeps, "rejected": data.rejected}
         errors = [line.debt / line.scale if line.debt > 0.0 else 0.0 for line in moving[: len(self.wires)]]
         for guard in guards:
-            if guard.hopeless:  # checks ended there: the size may since have grown with the error
+            if guard.hopeless:  # checks have ended; the magnitude may have grown with the error since
                 errors[int(guard.line)] = max(errors[int(guard.line)], HOPELESS)
         worst = max(errors, default=0.0)
         if worst > UNRESOLVED:
@@ -208,8 +208,8 @@ class Loops:
             names = list(self.plan.ports)
             group = next(number for number, parts in enumerate(self.groups) if wire.target in parts)
             _LOG.warning(
-                "%s -> %s changes too fast for the step from t = %.6g s on: errors of %.2g of its size in all remain: "
-                "%s; use a shorter step",
+                "%s -> %s changes too fast for the step from t = %.6g s on: errors that add up to %.2g of its size "
+                "remain: %s; use a shorter step",
                 names[wire.output],
                 names[wire.input],
                 guards[group].time,
@@ -219,20 +219,20 @@ class Loops:
         return {**counts, "checks": checks, "unresolved_error": worst}
 
     def failure(self, number: int, time: float) -> ExperimentError:
-        """The error of a loop that does not converge."""
+        """Return the error for a loop that does not converge."""
         names = list(self.plan.ports)
         group = set(self.groups[number])
         wires = [wire for wire in self.inner if wire.target in group]
         shown = ", ".join(f"{names[wire.output]} -> {names[wire.input]}" for wire in wires)
         return ExperimentError(
-            f"the loop {shown} does not converge at t = {time:.12g} s, even over a millionth of the step: its residual "
-            f"is {self.data.worst_residual:.2g} of the size of the values: look for a part whose outputs do not settle"
+            f"the loop {shown} does not converge at t = {time:.12g} s, even with a millionth of the step: its residual "
+            f"is {self.data.worst_residual:.2g} of the size of the values; look for a part whose outputs do not settle"
         )
 
     def _check(self, engine: Engine, group: Sequence[int]) -> None:
         for part in group:
             if not engine.plan.parts[part].saves:
                 raise ExperimentError(
-                    f"'{engine.plan.parts[part].name}' stands in a loop and cannot save its state: "
+                    f"'{engine.plan.parts[part].name}' is part of a loop and cannot save its state: "
                     "use the master gauss-seidel or jacobi"
                 )

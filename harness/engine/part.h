@@ -1,4 +1,4 @@
-/* The operations on one part. Each returns a status of FMI 2.0, 0 and 1 (a warning) being fine. */
+/* Operations on one part. Each returns a status of FMI 2.0; 0 (OK) and 1 (warning) are successes. */
 
 #ifndef PART_H
 #define PART_H
@@ -7,7 +7,7 @@
 
 static inline int64_t count_of(const int64_t *ranges, int type) { return ranges[type + 1] - ranges[type]; }
 
-/* An Integer wire that carries 0.5, say, is an error of the system, not of the FMU. */
+/* A fraction such as 0.5 on a connection to an Integer is an error of the system, not of the FMU. */
 enum { NOT_WHOLE = 100 };
 
 static int set_whole(EnginePart *p, const double *signals, int type, const uint32_t *references)
@@ -22,7 +22,7 @@ static int set_whole(EnginePart *p, const double *signals, int type, const uint3
     return p->set[type](p->component, references, (size_t)n, p->whole);
 }
 
-/* Hands the inputs over. */
+/* Set the inputs of a part. */
 static int hand_over(EnginePart *p, const double *signals)
 {
     if (p->call)
@@ -65,7 +65,7 @@ static int fetch_outputs(EnginePart *p, double *signals)
 
 static int step_part(EnginePart *p, double t, double h)
 {
-    /* noSetFMUStatePriorToCurrentPoint: importers that people use always pass true, also those that roll back */
+    /* noSetFMUStatePriorToCurrentPoint: common importers always pass true, even those that roll back */
     return p->call ? p->call(STEP, t, h) : p->do_step(p->component, t, h, 1);
 }
 
@@ -79,7 +79,7 @@ static int restore_part(EnginePart *p)
     return p->call ? p->call(RESTORE, 0.0, 0.0) : p->set_state(p->component, p->state);
 }
 
-/* Exchanges the saved state for the other one that the part has a place for. */
+/* Exchange the two saved states of a part. */
 static void swap_part(EnginePart *p)
 {
     if (p->call) {
@@ -91,13 +91,13 @@ static void swap_part(EnginePart *p)
     p->other_state = state;
 }
 
-/* A plain wire keeps the sign of zero, and gain 0 stands for a value that does not come from the output. */
+/* A plain connection keeps the sign of zero. With gain 0 the value does not depend on the output. */
 static inline double map_of(double gain, double offset, double output)
 {
     return gain == 1.0 && offset == 0.0 ? output : gain == 0.0 ? offset : gain * output + offset;
 }
 
-/* What an input gets when the output that drives it has this value. */
+/* Return the value of an input for this value of the output that drives it. */
 static inline double carried(const Engine *e, int64_t input, double output)
 {
     return e->gains == NULL ? output : map_of(e->gains[input], e->offsets[input], output);
@@ -108,7 +108,7 @@ static inline double arriving(const Engine *e, int64_t input)
     return carried(e, input, e->signals[e->sources[input]]);
 }
 
-/* Fetches the values of the wires that end at this part. */
+/* Update the inputs of this part from their connections. */
 static inline void fetch_inputs(const Engine *e, const EnginePart *p)
 {
     if (e->gains == NULL)
@@ -123,7 +123,7 @@ static inline bool is_due(const EnginePart *p, int64_t tick) { return p->every =
 
 static inline double time_of(const Engine *e, int64_t tick) { return e->start + (double)tick * e->step; }
 
-/* Notes what failed; false, for the caller to return. */
+/* Store the failure and return false. */
 static bool failed(Engine *e, int64_t part, int operation, int status, double t)
 {
     e->failed_part = part;

@@ -1,6 +1,6 @@
-/* r(w) = 0 by Broyden's method, the inverse Jacobian kept from step to step. One unknown is kept between values with
-   residuals of opposite sign, and is found also where r jumps; several go by steps that are halved until the residual
-   falls and, if that is slow, by a new Jacobian from differences. */
+/* Solve r(w) = 0 by Broyden's method; the inverse Jacobian is kept from step to step. A single unknown is bracketed by
+   values with residuals of opposite sign, so that the solution is found even at a jump of r. For several unknowns,
+   steps are halved until the residual decreases; if that is slow, a new Jacobian is computed from differences. */
 
 #ifndef QUASI_NEWTON_H
 #define QUASI_NEWTON_H
@@ -29,7 +29,7 @@ static void update_inverse(double *inverse, int64_t n, const double *s, const do
             inverse[i * n + j] += (s[i] - by[i]) * by[n + j];
 }
 
-/* a := inverse of a, by elimination with row exchanges; minus the unit matrix if it has none. */
+/* Compute the inverse of a by elimination with row exchanges; minus the unit matrix if a is singular. */
 static void invert(double *a, double *inverse, int64_t n)
 {
     for (int64_t i = 0; i < n * n; i++)
@@ -64,7 +64,7 @@ static void invert(double *a, double *inverse, int64_t n)
     }
 }
 
-/* dr/dw by forward differences at w, where r is `r0`. */
+/* Compute the inverse of dr/dw by forward differences at w, where r is `r0`. */
 static int differentiate(Engine *e, Newton *newton, const Group *g, const Span *s, const double *r0, double *inverse)
 {
     const int64_t n = g->unknowns;
@@ -84,15 +84,15 @@ static int differentiate(Engine *e, Newton *newton, const Group *g, const Span *
     return SOLVED;
 }
 
-/* Where the one unknown has residuals of opposite sign. */
+/* Bracket of a single unknown: values with residuals of opposite sign. */
 typedef struct {
-    double w[2], width; /* with r <= 0, with r > 0; width three evaluations ago */
+    double w[2], width; /* w with r <= 0, w with r > 0; width three evaluations ago */
     bool known[2];
-    double w0, r0; /* evaluated before */
-    double limit;  /* of the size of w without a bracket */
+    double w0, r0; /* previous evaluation */
+    double limit;  /* limit of |w| without a bracket */
 } Bracket;
 
-/* Notes r at w. */
+/* Update the bracket with r at w. */
 static void note(Bracket *b, double w, double r)
 {
     const int side = r > 0.0;
@@ -100,8 +100,8 @@ static void note(Bracket *b, double w, double r)
     b->known[side] = true;
 }
 
-/* The candidate for the step after w; longer if r falls too slowly for a bracket to be found, or the middle of the
-   bracket if the candidate leaves it or the bracket closes too slowly. */
+/* Return the next iterate after w: the candidate; a longer step if r decreases too slowly to find a bracket; or the
+   middle of the bracket if the candidate leaves it or the bracket shrinks too slowly. */
 static double inside(Bracket *b, double w, double r, double candidate, int64_t tries)
 {
     const double last = fabs(w - b->w0), step = candidate - w;
@@ -156,7 +156,7 @@ static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, cons
             note(&bracket, w0[0], r0[0]);
             if (bracket.known[0] && bracket.known[1] &&
                 fabs(bracket.w[1] - bracket.w[0]) <= newton->tolerance * fmax(newton->scale[g->unknown], fabs(w0[0]))) {
-                /* r jumps, as Coulomb friction at v = 0: w is the force that holds */
+                /* r jumps, as with Coulomb friction at v = 0: w is the holding force */
                 e->signals[newton->unknowns[g->unknown]] = w0[0];
                 newton->jumped = true;
                 break;

@@ -1,20 +1,20 @@
-/* Checks of the implicit masters. A loop that is solved at every step may still be wrong: a mass on a spring that
-   swings many times within a step amplifies small errors, and each step converges. Some steps are therefore solved a
-   second time, in two halves: at given ticks, and where a value is far from its prediction. If the mean or the end of a
-   line differs by more than DOUBT of its size, the step is divided, and the steps after it are checked until whole
-   steps agree with their halves again. A step whose check finds nothing keeps its values to the last bit. */
+/* Step checks of the implicit masters. A loop may converge at every step and still be wrong: a mass on a spring that
+   oscillates many times within a step amplifies small errors. Some steps are therefore solved a second time, in two
+   halves: at scheduled ticks, and where a value is far from its prediction. If the mean or the end value of a line
+   differs by more than DOUBT times its magnitude, the step is divided, and the following steps are checked until
+   undivided steps agree with their halves again. A step that passes its check keeps its values bit for bit. */
 
 #ifndef STEP_CHECK_H
 #define STEP_CHECK_H
 
 #include "quasi_newton.h"
 
-#define DOUBT     0.02 /* of the largest size so far, between a step and its halves */
-#define AT_START  0.2  /* the same in the first EARLY ticks of what begins at rest: its size so far says little */
-#define SURPRISE  0.05 /* of the size, between an unknown and its linear prediction */
-#define LEAP      1.5  /* over the largest size so far */
-#define HOPELESS  30.0 /* unresolved errors, summed up, over the size */
-#define AMPLIFIED 4.0  /* counts as so much over what is tolerated */
+#define DOUBT     0.02 /* of the largest magnitude so far, between a step and its halves */
+#define AT_START  0.2  /* the same in the first EARLY ticks of a value that starts at 0, whose magnitude is unknown */
+#define SURPRISE  0.05 /* of the magnitude, between an unknown and its linear prediction */
+#define LEAP      1.5  /* over the largest magnitude so far */
+#define HOPELESS  30.0 /* sum of the unresolved errors over the magnitude */
+#define AMPLIFIED 4.0  /* ratio of error to tolerance that an amplified value counts as */
 enum {
     CHECK_EVERY = 512,
     ALARM = 4,
@@ -26,13 +26,13 @@ enum {
 };
 #define GROWTHS 3.0
 
-/* Ticks 0, 1, 2, 4, 8, ..., 512, 1024, 1536, ... */
+/* Return whether a check is scheduled: at the ticks 0, 1, 2, 4, 8, ..., 512, 1024, 1536, ... */
 static bool is_scheduled(int64_t tick)
 {
     return tick < CHECK_EVERY ? (tick & (tick - 1)) == 0 : tick % CHECK_EVERY == 0;
 }
 
-/* Whether an unknown is far from its prediction. */
+/* Return whether an unknown is far from its prediction. */
 static bool surprises(const Newton *newton, const Group *g, const Span *s)
 {
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
@@ -41,7 +41,7 @@ static bool surprises(const Newton *newton, const Group *g, const Span *s)
     return false;
 }
 
-/* Whether a line is far beyond all that it has been. */
+/* Return whether a line is far beyond its largest magnitude so far. */
 static bool leaps(const Engine *e, const Newton *newton, const Group *g)
 {
     for (int64_t i = g->first; i < g->first + g->count; i++)
@@ -51,7 +51,7 @@ static bool leaps(const Engine *e, const Newton *newton, const Group *g)
     return false;
 }
 
-/* Whether a value alternates from step to step and grows. */
+/* Return whether a value alternates from step to step and grows. */
 static bool amplifies(const Newton *newton, const Group *g, const Span *s)
 {
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
@@ -62,7 +62,7 @@ static bool amplifies(const Newton *newton, const Group *g, const Span *s)
     return false;
 }
 
-/* Whether the piece that has just been solved is to be checked. */
+/* Return whether the span that has just been solved needs a check. */
 static bool wants_check(const Engine *e, const Newton *newton, int64_t number, int64_t tick, const Span *s)
 {
     const StepCheck *const guard = &newton->guards[number];
@@ -73,7 +73,7 @@ static bool wants_check(const Engine *e, const Newton *newton, int64_t number, i
            (tick >= guard->next && surprises(newton, g, s));
 }
 
-/* What a check must not change: copied to the place that is kept for it (or back). */
+/* Save (or restore, if `back`) everything that a check must not change. */
 static void keep(const Engine *e, Newton *newton, const Group *g, int64_t number, bool back)
 {
     const size_t n = (size_t)g->unknowns, square = (size_t)(newton->most_unknowns * newton->most_unknowns);
@@ -95,7 +95,7 @@ static void swap_loop(Engine *e, const Newton *newton, const Group *g)
         swap_part(&e->parts[newton->order[i]]);
 }
 
-/* Takes the piece once more, in two halves; means[k] becomes the mean of line k over both. */
+/* Solve the span again, in two halves; means[k] becomes the mean of line k over both. */
 static int solve_halves(Engine *e, Newton *newton, int64_t number, const Span *s, double *means, bool *jumped)
 {
     const Group *const g = &newton->groups[number];
@@ -109,7 +109,7 @@ static int solve_halves(Engine *e, Newton *newton, int64_t number, const Span *s
         means[k] = 0.5 * e->lines[k].mean;
     *jumped = newton->jumped;
     accept(e, newton, g, number, &first);
-    swap_loop(e, newton, g); /* the state at the start of the piece is still needed */
+    swap_loop(e, newton, g); /* the state at the start of the span is still needed */
     status = save_loop(e, newton, g, second.t);
     if (status == SOLVED)
         status = solve(e, newton, g, number, &second, false);
@@ -120,8 +120,8 @@ static int solve_halves(Engine *e, Newton *newton, int64_t number, const Span *s
     return status;
 }
 
-/* The largest difference between a piece and its halves over DOUBT. Where the solution lies on a jump, the unknown is
-   what holds, only its mean counts, and the values behind the jump are rounding. */
+/* Return the largest difference between a span and its halves over DOUBT. If the solution lies at a jump, the unknown
+   is the holding force: only its mean counts, and the values beyond the jump are rounding errors. */
 static double difference(const Engine *e, Newton *newton, int64_t number, const double *whole, const double *halves,
                          bool jumped, bool early)
 {
@@ -145,7 +145,7 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
     return worst;
 }
 
-/* Compares a solved piece with its halves; *off is raised to the difference. The piece stays solved. */
+/* Compare a solved span with its halves and raise *off to the difference. The span stays solved. */
 static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool early, double *off)
 {
     const Group *const g = &newton->groups[number];
@@ -177,7 +177,7 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool 
     return status;
 }
 
-/* Notes an error that stays in the result. */
+/* Record an error that remains in the result. */
 static void owe(Newton *newton, StepCheck *guard, double t)
 {
     Moving *const m = &newton->moving[guard->line];
@@ -187,7 +187,7 @@ static void owe(Newton *newton, StepCheck *guard, double t)
     guard->hopeless = m->debt > HOPELESS * fmax(m->scale, fabs(m->u1)) || guard->unresolved > MOST_UNRESOLVED;
 }
 
-/* What follows from a check: a finding raises the alarm, whole steps that agree end it. */
+/* Evaluate a check: a finding raises the alarm; undivided steps that agree end it. */
 static void conclude(Newton *newton, int64_t number, int64_t tick, const Span *s, double off, bool smallest)
 {
     StepCheck *const guard = &newton->guards[number];
@@ -213,7 +213,7 @@ static void conclude(Newton *newton, int64_t number, int64_t tick, const Span *s
     }
 }
 
-/* Where findings recur, steps of the length that was right are kept for a while. */
+/* If findings recur, limit the steps to the length that was right for a while. */
 static void confine(StepCheck *guard, double length)
 {
     if (guard->recurrences < 2 || guard->hopeless)
@@ -222,7 +222,7 @@ static void confine(StepCheck *guard, double length)
     guard->calm = (int64_t)ALARM << guard->recurrences;
 }
 
-/* At the end of a step of length h: a limit that has held for long enough is doubled. */
+/* At the end of a step of length h, double a limit that has been in force long enough. */
 static void relax(StepCheck *guard, double h)
 {
     if (guard->hopeless)

@@ -1,4 +1,4 @@
-"""Taps: what reads the values of a running system."""
+"""Taps: functions that read the values of a running system."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ Reader: TypeAlias = Callable[[int], None]
 
 @dataclass(frozen=True)
 class Tap:
-    """A function that is shown values during a run.
+    """A function that receives values during a run.
 
     Parameters
     ----------
     read : callable
-        ``read(t, values)`` with the time [s] and a float64 array, shape (len(names),), that is re-used: copy
-        what you keep.
+        ``read(t, values)`` with the time [s] and a float64 array, shape (len(names),). The array is reused: copy the
+        values that you keep.
     names : tuple of str
         ``part.port`` of each value.
     every : int
-        Called after every so many ticks, and once at the start.
+        Number of communication steps between two calls; the first call is at the start.
     """
 
     read: Callable[[float, Values], None]
@@ -37,14 +37,20 @@ class Tap:
 
 
 class Progress(Protocol):
-    """What a run tells about its progress; a progress bar implements it."""
+    """Interface to which a run reports its progress, such as a progress bar."""
 
     def update(self, done: int, total: int) -> None:
-        """Take note that ``done`` of ``total`` ticks are done; called about 100 times and at the end."""
+        """Report that ``done`` of ``total`` communication steps are done; called about 100 times and at the end.
+
+        Parameters
+        ----------
+        done, total : int
+            Numbers of communication steps.
+        """
 
 
 def tap_reader(plan: Plan, tap: Tap) -> Reader:
-    """The tap as a function of the tick."""
+    """Return the tap as a function of the tick."""
     columns = np.array([plan.columns[name] for name in tap.names], dtype=np.int64)
     values = np.zeros(len(columns))
 
@@ -56,7 +62,7 @@ def tap_reader(plan: Plan, tap: Tap) -> Reader:
 
 
 class Recorder:
-    """Copies the recorded values into a preallocated table after every ``decimate`` ticks.
+    """Recorder that copies values to a preallocated table after every ``decimate`` ticks.
 
     Parameters
     ----------
@@ -65,9 +71,9 @@ class Recorder:
     names : sequence of str
         ``part.port`` of each recorded variable.
     decimate : int
-        Every so many ticks a row is recorded, beginning with the start values.
+        Number of ticks from one recorded row to the next; the first row holds the start values.
     begin : int
-        The tick that the run begins with, when it continues another one.
+        The first tick of a run that continues another one.
     attributes : mapping, optional
         Attributes of the run.
 
@@ -80,12 +86,12 @@ class Recorder:
     rows : float64 array, shape (R, C)
         The table.
     columns : list of int, length C
-        Signals that are recorded.
+        Recorded signals.
 
     Raises
     ------
     ExperimentError
-        If the table does not fit into the memory.
+        If the table does not fit into memory.
     """
 
     def __init__(
@@ -96,7 +102,7 @@ class Recorder:
         begin: int = 0,
         attributes: Mapping[str, str | float] | None = None,
     ) -> None:
-        """Reserve the table."""
+        """Allocate the table."""
         self._first = -(-begin // decimate)
         self.names = tuple(names)
         self.attributes = dict(attributes or {})
@@ -109,18 +115,18 @@ class Recorder:
         except (MemoryError, ValueError) as error:
             gigabytes = 8e-9 * rows * len(self.names)
             raise ExperimentError(
-                f"recording {len(self.names)} variables at {rows} times takes {gigabytes:.3g} GB, more than there is: "
-                "record less or raise decimate"
+                f"recording {len(self.names)} variables at {rows} times takes {gigabytes:.3g} GB, more than is "
+                "available: record fewer variables or increase decimate"
             ) from error
         self.columns = [plan.columns[name] for name in self.names]
 
     @property
     def read(self) -> Reader:
-        """Records one row. It is made when asked for: kept here, the two would keep each other and the table alive."""
+        """Return a function that records one row; it is not stored, as a reference cycle would keep the table alive."""
         columns = self.columns
         width = len(columns)
         if width and columns == list(range(columns[0], columns[0] + width)):
-            # Side by side, as in a run that records everything: a plain copy is five times as fast.
+            # contiguous columns, as in a run that records everything: a plain copy is five times as fast
             source = memoryview(self._plan.signals.data)[columns[0] : columns[0] + width]
             table = memoryview(self.rows.reshape(-1).data)
 

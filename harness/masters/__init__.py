@@ -1,6 +1,6 @@
-"""Master algorithms, one file each: ``some_name.py`` holds ``master`` and is known as ``some-name``.
+"""Master algorithms, one file each: ``some_name.py`` defines ``master``, which is called ``some-name``.
 
-A master is a function from a Plan and an Experiment to a Schedule, which the engine runs through.
+A master is a function that returns the Schedule for a Plan and an Experiment; the engine executes the Schedule.
 """
 
 from __future__ import annotations
@@ -27,7 +27,13 @@ def master_names() -> tuple[str, ...]:
 
 @cache
 def masters() -> Mapping[str, Master]:
-    """Return all master algorithms by name, found in this folder."""
+    """Return all master algorithms by name.
+
+    Returns
+    -------
+    mapping of str to callable
+        The function ``master`` of each file in this folder.
+    """
     found = {}
     for name in master_names():
         module = importlib.import_module(f"{__name__}.{name.replace('-', '_')}")
@@ -36,12 +42,12 @@ def masters() -> Mapping[str, Master]:
 
 
 def find_master(name: str) -> Master:
-    """The master algorithm of this name.
+    """Return the master algorithm with this name.
 
     Raises
     ------
     UnknownNameError
-        If there is none.
+        If no master has this name.
     """
     known = masters()
     if name not in known:

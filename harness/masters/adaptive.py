@@ -1,4 +1,4 @@
-"""Adaptive: Newton with inner steps whose size follows from the coupling error; ticks are points it always meets."""
+"""Adaptive: Newton with inner steps chosen from the coupling error; every communication point is met exactly."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from harness.system.plan import Plan, Schedule
 
 
 def master(plan: Plan, experiment: Experiment) -> Schedule:
-    """As many steps of a loop within a tick as keep the error of its values below 1e-5 of their size.
+    """Divide communication steps so that the coupling error stays below 1e-5 of the magnitude of each value.
 
-    The energy that a step makes between a force and a velocity, the error of each times the mean of the other, is then
-    below 2e-5 of the product of their sizes and of the step.
+    The energy error of a power bond (force error times mean velocity plus velocity error times mean force) is then
+    below 2e-5 times the product of both magnitudes and the step.
     """
     return Schedule((), tolerance=experiment.loop_tolerance or LOOP_TOLERANCE, error=1e-5)

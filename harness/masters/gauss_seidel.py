@@ -1,4 +1,4 @@
-"""Gauss-Seidel: one part after the other, each on the newest outputs of those before it."""
+"""Gauss-Seidel: parts are stepped one after the other, each with the latest outputs of those before it."""
 
 from __future__ import annotations
 

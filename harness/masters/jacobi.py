@@ -1,4 +1,4 @@
-"""Jacobi: every part steps on the outputs of the beginning of the step, then all outputs are exchanged."""
+"""Jacobi: all parts are stepped with the outputs from the beginning of the step, then all outputs are exchanged."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from harness.system.plan import GET, SET, STEP, Plan, Schedule
 
 
 def master(plan: Plan, experiment: Experiment) -> Schedule:
-    """All parts set, then all stepped, then all read; the order of the parts does not matter.
+    """Set all parts, then step all, then read all; the order of the parts does not matter.
 
-    With an extrapolation the inputs from continuous parts are polynomials instead, see ``engine/extrapolate.h``.
+    With extrapolation, inputs from continuous parts follow polynomials, see ``engine/extrapolate.h``.
     """
     if experiment.extrapolation:
         return Schedule((), extrapolation=experiment.extrapolation)

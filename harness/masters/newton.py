@@ -1,8 +1,8 @@
-"""Newton: the values inside a loop of continuous parts are those at the end of the step, found by iteration.
+"""Newton: an implicit master that iterates on the values in loops of continuous parts.
 
-The coupling is that of the generalised-alpha method, of second order and damping what is stiff against the step, see
-``engine/newton.h``. Sampled parts take their sample first; what drives a loop is stepped before it, once, and what
-reads it after it.
+The coupling is the generalised-alpha method, which is of second order and damps components that are too stiff for the
+step, see ``engine/newton.h``. Sampled parts take their sample first. Parts that drive a loop are stepped once before
+it; parts that read from it are stepped after it.
 """
 
 from __future__ import annotations
@@ -12,5 +12,5 @@ from harness.system.plan import Plan, Schedule
 
 
 def master(plan: Plan, experiment: Experiment) -> Schedule:
-    """Solve every loop once for every tick, in shorter inner steps where the guard finds that this is not enough."""
+    """Solve every loop once per communication step, or in shorter inner steps where the step check requires it."""
     return Schedule((), tolerance=experiment.loop_tolerance or LOOP_TOLERANCE)

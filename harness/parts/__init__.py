@@ -1,1 +1,1 @@
-"""Parts of a system: FMUs, series, Python functions."""
+"""Parts of a system: FMUs, series and Python functions."""

@@ -1,4 +1,4 @@
-"""FMU files: everything that is checked before an FMU is unpacked and loaded."""
+"""FMU files: all checks before an FMU is unpacked and loaded."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class Archive:
     path : Path
         The FMU.
     description : fmpy.model_description.ModelDescription
-        Its modelDescription.xml.
+        The parsed modelDescription.xml.
     ports : mapping of str to Port
-        All variables by name.
+        All variables by name, as ports.
     variables : mapping of str to fmpy.model_description.ModelVariable
-        The same with value references, causality, variability and initial.
+        All variables by name, with value reference, causality, variability and initial.
     """
 
     path: Path
@@ -41,7 +41,7 @@ class Archive:
 
 
 def open_archive(path: Path) -> Archive:
-    """Check an FMU file and read its description, without unpacking it.
+    """Check an FMU file and read its model description without unpacking it.
 
     Parameters
     ----------
@@ -51,14 +51,13 @@ def open_archive(path: Path) -> Archive:
     Returns
     -------
     Archive
-        The description and the variables.
+        The model description and the variables.
 
     Raises
     ------
     FmuError
-        If the file is missing, not a zip, not an FMU, not FMI 2.0 co-simulation, has no binary for this
-        platform, or has members that cannot be unpacked without harm (see `harness.storage.zip_file`); or if its XML
-        has a DOCTYPE.
+        If the file is missing, is not a zip archive or not an FMI 2.0 co-simulation FMU, has no binary for this
+        platform, has members that are unsafe to unpack (see `harness.storage.zip_file`), or has a DOCTYPE in its XML.
     """
     members, data = _read_members(path)
     _refuse_entities(path, data)
@@ -73,7 +72,7 @@ def open_archive(path: Path) -> Archive:
 
 
 def _read_members(path: Path) -> tuple[list[str], bytes]:
-    """Names of the members, and modelDescription.xml."""
+    """Return the names of the members, and modelDescription.xml."""
     absence = find_absence(path)
     if absence is not None:
         raise FmuError(f"cannot open FMU {path}: {absence}; give the path of an .fmu file")
@@ -98,17 +97,17 @@ def _read_xml(archive: zipfile.ZipFile, path: Path) -> bytes:
 
 
 def _refuse_entities(path: Path, data: bytes) -> None:
-    """Entities come in by a DOCTYPE, which no FMU needs; what is not well-formed is for fmpy to say."""
+    """Raise an FmuError for a DOCTYPE, which can define entities and which no FMU needs."""
     try:
         root = etree.fromstring(data, etree.XMLParser(resolve_entities=False, no_network=True))
     except (etree.XMLSyntaxError, ValueError):
         return
     if root.getroottree().docinfo.internalDTD is not None:
-        raise FmuError(f"modelDescription.xml of {path} has a DOCTYPE, by which entities come in; do not use this file")
+        raise FmuError(f"modelDescription.xml of {path} has a DOCTYPE, which is unsafe; do not use this file")
 
 
 def parse_value(kind: PortType, text: str) -> StartValue:
-    """A value as it is written in XML."""
+    """Return the value of an XML attribute."""
     if kind == "Real":
         return float(text)
     if kind == "Integer":
@@ -118,8 +117,8 @@ def parse_value(kind: PortType, text: str) -> StartValue:
 
 def _read_description(path: Path) -> Any:
     try:
-        # Unvalidated: what other importers run must run here; what is needed is checked where it is used.
-        with path.open("rb") as file:  # not the path: fmpy leaves the file open when the XML is broken
+        # not validated: an FMU that other importers run must run here; required entries are checked where they are used
+        with path.open("rb") as file:  # not the path: fmpy leaves the file open if the XML is malformed
             description = fmpy.read_model_description(file, validate=False)
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
@@ -127,7 +126,7 @@ def _read_description(path: Path) -> Any:
     if description.fmiVersion != "2.0":
         raise FmuError(f"{path} is an FMI {description.fmiVersion} FMU: export it as FMI 2.0 for co-simulation")
     if description.coSimulation is None:
-        raise FmuError(f"{path} is for model exchange only: export it as FMI 2.0 for co-simulation")
+        raise FmuError(f"{path} supports model exchange only: export it as FMI 2.0 for co-simulation")
     return description
 
 
@@ -152,7 +151,7 @@ def _ports(path: Path, description: Any) -> dict[str, Port]:
     for variable in description.modelVariables:
         try:
             ports[variable.name] = _port(variable, units)
-        except (TypeError, ValueError) as error:  # a number that is none, or is missing
+        except (TypeError, ValueError) as error:  # a number is malformed or missing
             raise FmuError(f"variable '{variable.name}' of {path} is malformed: {error}; export it again") from error
     return ports
 
@@ -177,13 +176,13 @@ def _port(variable: Any, units: Mapping[str, Any]) -> Port:
 
 
 def _stated(variable: Any, attribute: str) -> str | None:
-    """An attribute of a variable, or else of its type."""
+    """Return an attribute of a variable, or else of its type."""
     text: str | None = getattr(variable, attribute) or getattr(variable.declaredType, attribute, None)
     return text
 
 
 def _number(text: str | None, otherwise: float) -> float:
-    """A limit or a size; one that is no number does not keep an FMU from being used."""
+    """Return a limit or a nominal value; a malformed one does not make the FMU unusable."""
     try:
         number = float(text or otherwise)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Parts made of Python functions."""
+"""Parts made from Python functions."""
 
 from __future__ import annotations
 
@@ -16,27 +16,34 @@ StateFunction: TypeAlias = Callable[[float, float, Values, Values], ArrayLike]
 
 
 class CallablePart(Part):
-    """A part made of one or two Python functions.
+    """A part made from one or two Python functions.
 
     Parameters
     ----------
     name : str
         Name within the system.
     function : callable
-        ``function(t, u, x) -> y``: outputs from time [s], inputs u, shape (n_inputs,), and state x, shape
-        (n_states,). It returns a scalar or a sequence in the order of the outputs.
+        ``function(t, u, x) -> y``: outputs as a function of time t [s], inputs u, shape (n_inputs,), and state x, shape
+        (n_states,). It returns a scalar, or a sequence in the order of the outputs.
     inputs, outputs : iterable of Port or str
-        The ports; a plain name has no unit.
+        The ports; a port given as a plain name has no unit.
     advance : callable or None
-        ``advance(t, h, u, x) -> x_next``: state at t + h for inputs held at u. None keeps the state.
+        ``advance(t, h, u, x) -> x_next``: state at t + h with the inputs held at u. None keeps the state constant.
     state : array_like, shape (n_states,)
         State at the start of every run.
     dependencies : mapping of str to iterable of str, or None
-        For each output the inputs that it reads directly; an output that is missing here, or None, reads all.
+        Inputs on which each output depends directly; an output that is missing here depends on all of them.
     sampled : bool
-        If true, a step takes its sample (``function``) at t and holds the outputs until t + h.
+        If True, a step evaluates ``function`` at t and holds the outputs until t + h.
     every : int
-        Stepped only every so many ticks.
+        Sample time in communication steps.
+
+    Raises
+    ------
+    WireError
+        If two ports have the same name.
+    UnknownNameError
+        If ``dependencies`` names a port that does not exist.
     """
 
     def __init__(
@@ -59,7 +66,7 @@ class CallablePart(Part):
         self.outputs = tuple(port if isinstance(port, Port) else Port(port) for port in outputs)
         ports = [port.name for port in (*self.inputs, *self.outputs)]
         if len(set(ports)) < len(ports):
-            raise WireError(f"two ports of '{name}' have one name ({', '.join(ports)}): rename one")
+            raise WireError(f"two ports of '{name}' have the same name ({', '.join(ports)}): rename one")
         self.advance = advance
         self.initial_state = np.array(state, dtype=np.float64).reshape(-1)
         names = frozenset(port.name for port in self.inputs)
@@ -89,7 +96,7 @@ class CallablePart(Part):
         for index, port in enumerate(self.inputs):
             value = values.get(port.name, port.start)
             if isinstance(value, str):
-                raise StartValueError(f"{self.name}.{port.name} is a number, not '{value}': give a number")
+                raise StartValueError(f"{self.name}.{port.name} is '{value}', which is not a number: give a number")
             self._u[index] = 0.0 if value is None else value
 
     def bind(self, inputs: Sequence[str], outputs: Sequence[str], u: Values, y: Values) -> Calls:
@@ -108,7 +115,7 @@ class CallablePart(Part):
         return Calls(set_, self._step, get)
 
     def exit_initialisation(self) -> None:
-        """Nothing to do."""
+        """Do nothing."""
 
     def save(self, state: object | None = None) -> object:
         """Copy time, state, inputs and held outputs."""
@@ -121,21 +128,21 @@ class CallablePart(Part):
         self._x, self._u[:], self._held = x.copy(), u, None if held is None else held.copy()
 
     def serialise(self) -> bytes:
-        """Time, state, inputs and held outputs."""
+        """Return time, state, inputs and held outputs as bytes."""
         held = np.zeros(0) if self._held is None else self._held
         return np.concatenate(([self._time, self._held is not None], self._x, self._u, held)).tobytes()
 
     def deserialise(self, data: bytes) -> None:
-        """Return to a state that `serialise` gave."""
+        """Return to a state from `serialise`."""
         values = np.frombuffer(data[: len(data) // 8 * 8])
         sizes = (2, self.initial_state.size, len(self.inputs))
         if len(data) not in (8 * sum(sizes), 8 * (sum(sizes) + len(self.outputs))):
-            raise PartError(self.name, "deserialise", f"the state has {len(data)} bytes, another part's")
+            raise PartError(self.name, "deserialise", f"the state has {len(data)} bytes and belongs to another part")
         clock, x, u, held = np.split(values, np.cumsum(sizes))
         self.restore((float(clock[0]), x, u, held if clock[1] else None))
 
     def terminate(self) -> None:
-        """Nothing to do."""
+        """Do nothing."""
 
     def _step(self, t: float, h: float) -> None:
         self._time = t
@@ -149,7 +156,7 @@ class CallablePart(Part):
         return self._called(self.function, self._time, self._u, self._x, size=len(self.outputs))
 
     def _called(self, function: Callable[..., ArrayLike], *arguments: object, size: int) -> Values:
-        """Result of a user's function as an array, its exceptions as an error of this part."""
+        """Return the result of a user's function as an array; raise its exceptions as errors of this part."""
         name = getattr(function, "__name__", "function")
         try:
             result = np.array(function(*arguments), dtype=np.float64).reshape(-1)

@@ -1,7 +1,7 @@
-"""What outputs depend on directly, found by trial where an FMU does not declare it.
+"""Direct feedthrough of FMUs that do not declare it, found by trial.
 
-Most simple exporters declare nothing. By FMI an output then depends on every input, so that every loop of such FMUs
-would be an algebraic one; few are.
+Many simple exporters declare no dependencies. According to FMI, every output then depends on every input, and every
+loop of such FMUs would be algebraic. Few of these loops really are.
 """
 
 from __future__ import annotations
@@ -21,16 +21,17 @@ from harness.system.graph import direct_edges, find_loop
 _LOG = logging.getLogger("harness")
 
 _STEPS: Final = (1e-3, -1e-3, 0.1, -0.1, 1.0, -1.0)
-"""Changes of a Real input, over its size."""
+"""Trial changes of a Real input, relative to its nominal value."""
 
 _SHIFTS: Final = (0.0, 0.37, -0.61)
-"""Places around the start values at which inputs are tried, over their sizes: a product with 0 hides its factors."""
+"""Offsets from the start values at which inputs are tried, relative to their nominal values: a product with 0 hides its
+other factor."""
 
 
 def find_feedthrough(system: Assembly, experiment: Experiment) -> None:
-    """Update the dependencies of the parts that do not declare them, if they decide whether there is a loop.
+    """Find the dependencies of parts that do not declare them, if they decide whether there is an algebraic loop.
 
-    Every such part is started once more, for the trial alone, with the start values of the run.
+    Each such part is started a second time, for the trial only, with the start values of the run.
     """
     parts = [part for part in system.parts.values() if part.undeclared]
     for part in parts:
@@ -53,12 +54,12 @@ def _find(part: Part, system: Assembly, experiment: Experiment) -> None:
             experiment.start, experiment.stop, experiment.tolerance, start_values(system.start, part.name)
         )
         found = _try_inputs(part, inputs, outputs)
-        _LOG.info("%s does not declare its dependencies: by trial, %s", part.name, _shown(found))
+        _LOG.info("%s does not declare its dependencies; a trial shows that %s", part.name, _shown(found))
     except HarnessError as error:
         found = {port.name: frozenset() for port in outputs}
         _LOG.warning(
-            "%s does not declare its dependencies, and they were not found by trial (%s): if one of its outputs "
-            "depends directly on an input, the values in its loop are a step late; compare with a shorter step",
+            "%s does not declare its dependencies, and a trial could not find them (%s): if one of its outputs "
+            "depends directly on an input, the values in its loop are one step late; compare with a shorter step",
             part.name,
             error,
         )
@@ -68,7 +69,7 @@ def _find(part: Part, system: Assembly, experiment: Experiment) -> None:
 
 
 def _try_inputs(part: Part, inputs: Sequence[Port], outputs: Sequence[Port]) -> dict[str, frozenset[str]]:
-    """For each output the inputs that change it without a step."""
+    """Return for each output the inputs that change it without a step."""
     u, y = np.zeros(len(inputs)), np.zeros(len(outputs))
     calls = part.bind([port.name for port in inputs], [port.name for port in outputs], u, y)
     part.exit_initialisation()
@@ -93,7 +94,7 @@ def _try_inputs(part: Part, inputs: Sequence[Port], outputs: Sequence[Port]) -> 
 
 
 def _shifted(port: Port, shift: float) -> float:
-    """The start value of an input, or a place near it."""
+    """Return the start value of an input, or a value near it."""
     start = float(port.start or 0.0)
     if port.type == "Real":
         low, high = port.limits
@@ -102,7 +103,7 @@ def _shifted(port: Port, shift: float) -> float:
 
 
 def _others(port: Port, value: float) -> list[float]:
-    """Other values of an input."""
+    """Return other values of an input."""
     if port.type == "Boolean":
         return [1.0 - value]
     if port.items:
@@ -117,7 +118,7 @@ def _size(port: Port) -> float:
 
 
 def _sorted(ports: Sequence[Port], wired: set[str], part: str) -> list[Port]:
-    """The connected ones, in the order in which ports are bound."""
+    """Return the connected ports in the order in which ports are bound."""
     chosen = [port for port in ports if f"{part}.{port.name}" in wired]
     return sorted(chosen, key=lambda port: TYPE_ORDER.index(port.type))
 

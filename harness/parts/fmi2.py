@@ -1,4 +1,4 @@
-"""One FMI 2.0 co-simulation instance: loaded library, log, and status of every call."""
+"""One FMI 2.0 co-simulation instance: its loaded library, its log, and the status of every call."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _NATIVE = (
 )
 
 LOADING = threading.Lock()
-"""The working folder, which fmpy changes while it loads a library, belongs to all threads."""
+"""Guards the working directory, which all threads share and which fmpy changes while it loads a library."""
 
 _POINTER = ctypes.c_void_p
 _REAL = ctypes.c_double
@@ -43,9 +43,9 @@ _DO_STEP = ctypes.CFUNCTYPE(_INT, _POINTER, _REAL, _REAL, _INT)
 
 
 class Library:
-    """The unpacked FMU with its loaded shared library.
+    """An unpacked FMU with its loaded shared library.
 
-    Each part has its own copy, so that FMUs which keep data in static variables can be used several times.
+    Each part has its own copy, so that an FMU with static variables can be used in several parts.
 
     Parameters
     ----------
@@ -61,13 +61,13 @@ class Library:
     """
 
     def __init__(self, archive: Archive, name: str) -> None:
-        """Unpack and load."""
+        """Unpack the FMU and load its library."""
         folder = ScratchFolder("harness-")
         self.folder = Path(folder.name)
         with LOADING:
             try:
                 here: Path | None = Path.cwd()
-            except FileNotFoundError:  # it has been removed
+            except FileNotFoundError:  # the file has been removed
                 here = None
             try:
                 with open_zip(archive.path) as members:
@@ -105,11 +105,11 @@ class Library:
 
 
 def _refuse_truncated(folder: Path) -> None:
-    """Raise ValueError for a library that ends too early: to load it, or one that needs it, would end the process."""
+    """Raise a ValueError for a truncated library: loading it would end the process."""
     for path in sorted(path for path in folder.iterdir() if path.is_file()):
         missing = missing_bytes(path)
         if missing:
-            raise ValueError(f"its library {path.name} is truncated, {missing} bytes are missing at the end")
+            raise ValueError(f"its library {path.name} is truncated: {missing} bytes are missing at the end")
 
 
 def _address(library: Any, function: str) -> int:
@@ -117,7 +117,7 @@ def _address(library: Any, function: str) -> int:
 
 
 def _pointer(library: Any, function: str, prototype: Any) -> Callable[..., int]:
-    """A function of the library that takes addresses as integers: twice as fast as converting arrays."""
+    """Return a library function that takes addresses as integers: twice as fast as converting arrays."""
     call: Callable[..., int] = prototype(_address(library, function))
     return call
 
@@ -135,9 +135,9 @@ class Instance:
     library : Library
         The loaded FMU.
     archive : Archive
-        Its description.
+        Its model description.
     name : str
-        Name of the part: instance name, and name of the logger below ``harness``.
+        Name of the part, used as instance name and as name of the logger below ``harness``.
 
     Raises
     ------
@@ -146,7 +146,7 @@ class Instance:
     """
 
     def __init__(self, library: Library, archive: Archive, name: str) -> None:
-        """Instantiate with logging on."""
+        """Instantiate the FMU with logging on."""
         self.slave = library.slave
         self.name = name
         self.last_message = ""
@@ -171,19 +171,19 @@ class Instance:
         self._choose_categories()
 
     def call(self, function: str, *arguments: object) -> None:
-        """Call fmi2<function> with the instance as first argument.
+        """Call fmi2<function> with the instance as its first argument.
 
         Raises
         ------
         PartError
-            If it returns Discard, Error or Fatal.
+            If the function returns Discard, Error or Fatal.
         """
         status: int = getattr(self.slave.dll, f"fmi2{function}")(self.component, *arguments)
         if status > 1:
             raise self.failure(f"fmi2{function}", status)
 
     def failure(self, function: str, status: int, time: float | None = None) -> PartError:
-        """The error for a call that returned more than Warning, with the last log message as reason."""
+        """Return the error for a call whose status is worse than Warning, with the last log message as reason."""
         self._failed = True
         self._fatal = self._fatal or status == FATAL
         self.running = False
@@ -191,12 +191,12 @@ class Instance:
         return PartError(self.name, function, f"it returned {label} and logged {self._quoted_message()}", time)
 
     def reset(self) -> bool:
-        """Back to what it was when instantiated, with fmi2Reset.
+        """Return the instance to its initial state with fmi2Reset.
 
         Returns
         -------
         bool
-            False if the FMU cannot, or has failed in the run before: it is then to be released.
+            False if the FMU does not support this or has failed in the last run; then release the instance.
         """
         if self._failed:
             return False
@@ -212,12 +212,12 @@ class Instance:
         return True
 
     def release(self) -> None:
-        """Free the instance; harmless if done twice."""
+        """Free the instance; further calls have no effect."""
         if self._released:
             return
         self._released = True
         if self._fatal:
-            return  # after Fatal no function may be called any more
+            return  # after Fatal, FMI allows no further calls
         if self.running:
             self.slave.dll.fmi2Terminate(self.component)
         self.slave.dll.fmi2FreeInstance(self.component)
@@ -240,9 +240,9 @@ class Instance:
 
 
 def _format_messages(callbacks: Any) -> None:
-    """Put fmpy's native formatter before the logger: Python cannot take the printf arguments of a message.
+    """Insert fmpy's native formatter before the logger, as Python cannot read the printf arguments of a message.
 
-    It is not built for every platform; where it is missing, messages keep their format characters.
+    The formatter is not available on every platform; without it, messages keep their format specifiers.
     """
     try:
         from fmpy.logging import addLoggerProxy

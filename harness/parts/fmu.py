@@ -16,13 +16,13 @@ from harness.parts.part import Calls, Native, Part, Port, StartValue, Values
 from harness.values import is_number, shown
 
 LONGEST_TIMEOUT: Final = 1e6
-"""Seconds; more does not fit into the clocks of all systems."""
+"""Longest timeout [s]; the clocks of some systems cannot represent more."""
 
 
 class FmuPart(Part):
-    """A part that is an FMU.
+    """A part that is an FMI 2.0 co-simulation FMU.
 
-    The file is checked at once; it is unpacked, into a temporary folder, when it is first run.
+    The file is checked immediately. It is unpacked to a temporary folder at the start of its first run.
 
     Parameters
     ----------
@@ -31,29 +31,28 @@ class FmuPart(Part):
     path : path-like
         The .fmu file.
     every : int
-        Stepped only every so many ticks.
+        Sample time in communication steps.
     model : str or None
-        The model name under which the file was found, if it was; written to a system file instead of the
-        path.
+        Model name by which the file was found; a system file then contains this name instead of the path.
     isolate : bool
-        Whether the FMU runs in a process of its own, so that one that crashes, exits or hangs ends its run with a
-        `PartError` and not the program. It protects against accidents, not against malice.
+        Whether the FMU runs in its own process. If it crashes, exits or hangs, the run then ends with a `PartError` and
+        the program continues. This protects against faults, not against malicious code.
     timeout : float
-        How long such a process may take for one call [s].
+        Longest duration of one call in such a process [s].
 
     Attributes
     ----------
     keep : object
-        Kept as long as the part: the temporary folder with the file in it, if it is in one.
+        An object that lives as long as the part, such as the temporary folder that contains the file.
     reuse : bool
-        Whether the next run gets the same instance, after fmi2Reset, instead of a new one; false at first.
+        Whether the next run resets the instance with fmi2Reset instead of making a new one. The default is False.
 
     Raises
     ------
     FmuError
         If the file cannot be used, see `open_archive`.
     HarnessError
-        If the timeout is not a positive number.
+        If the timeout is not a positive number of seconds.
     """
 
     def __new__(
@@ -66,8 +65,8 @@ class FmuPart(Part):
         isolate: bool = False,
         timeout: float = 10.0,
     ) -> FmuPart:
-        """Make the kind of part that is asked for, as `pathlib.Path` does."""
-        from harness.parts.isolated.part import IsolatedPart  # which is made of this class
+        """Return an `FmuPart`, or its subclass `IsolatedPart` if ``isolate`` is True."""
+        from harness.parts.isolated.part import IsolatedPart  # a subclass of this class
 
         return super().__new__(IsolatedPart if isolate else cls)
 
@@ -81,7 +80,7 @@ class FmuPart(Part):
         isolate: bool = False,
         timeout: float = 10.0,
     ) -> None:
-        """Check the file and read its description."""
+        """Check the file and read its model description."""
         if not (is_number(timeout) and 0.0 < timeout <= LONGEST_TIMEOUT):
             raise HarnessError(
                 f"the timeout of '{name}' is {shown(timeout)}: "
@@ -132,7 +131,7 @@ class FmuPart(Part):
         instance.call("EnterInitializationMode")
 
     def bind(self, inputs: Sequence[str], outputs: Sequence[str], u: Values, y: Values) -> Calls:
-        """Prepare the FMI calls; Reals go straight between the FMU and the signal vector."""
+        """Prepare the FMI calls; Reals are copied directly between the FMU and the signal vector."""
         library, instance = self._library, self.instance
         assert library is not None and instance is not None, "bind comes after enter_initialisation"
         setters = [self._exchange(library.set_, "Set", *block) for block in self._blocks(inputs, u)]
@@ -140,7 +139,7 @@ class FmuPart(Part):
         do_step, component = library.do_step, instance.component
 
         def step(t: float, h: float) -> None:
-            # the last argument, noSetFMUStatePriorToCurrentPoint, is true in all importers that people use
+            # the last argument, noSetFMUStatePriorToCurrentPoint, is true in all common importers
             status = do_step(component, t, h, 1)
             if status > 1:
                 raise instance.failure("fmi2DoStep", status, t)
@@ -148,7 +147,7 @@ class FmuPart(Part):
         return Calls(_sequence(setters), step, _sequence(getters), instance)
 
     def native(self, inputs: Sequence[str], outputs: Sequence[str]) -> Native | None:
-        """The addresses of the instance and of the functions of its library."""
+        """Return the addresses of the instance and of the functions of its library."""
         assert self._library is not None, "native comes after enter_initialisation"
         instance, ports, variables = self._started(), self._archive.ports, self._archive.variables
         flags = self._archive.description.coSimulation
@@ -183,13 +182,13 @@ class FmuPart(Part):
         """Return to a saved state with fmi2SetFMUstate."""
         assert isinstance(state, _State)
         if state not in self._states:
-            raise PartError(self.name, "fmi2SetFMUstate", "this state is not of the present run; save it again")
+            raise PartError(self.name, "fmi2SetFMUstate", "this state belongs to another run; save it again")
         self._started().call("SetFMUstate", state.pointer)
 
     def serialise(self) -> bytes:
-        """The state as fmi2SerializeFMUstate gives it."""
+        """Return the state from fmi2SerializeFMUstate."""
         if not self._archive.description.coSimulation.canSerializeFMUstate:
-            raise PartError(self.name, "fmi2SerializeFMUstate", "this FMU declares that it cannot do that")
+            raise PartError(self.name, "fmi2SerializeFMUstate", "this FMU declares that it cannot serialise its state")
         instance, state = self._started(), self.save()
         assert isinstance(state, _State)
         size = ctypes.c_size_t()
@@ -200,7 +199,7 @@ class FmuPart(Part):
         return data.raw
 
     def deserialise(self, data: bytes) -> None:
-        """Return to a state that `serialise` gave."""
+        """Return to a state from `serialise`."""
         state = _State()
         self._states.append(state)
         self._started().call("DeSerializeFMUstate", data, ctypes.c_size_t(len(data)), ctypes.byref(state.pointer))
@@ -212,7 +211,7 @@ class FmuPart(Part):
         self._states.remove(state)
 
     def terminate(self) -> None:
-        """Free the saved states, and the instance unless the next run is to get it."""
+        """Free the saved states and, unless the next run reuses it, the instance."""
         if self.instance is not None:
             for state in self._states:
                 self.instance.slave.dll.fmi2FreeFMUstate(self.instance.component, ctypes.byref(state.pointer))
@@ -236,22 +235,22 @@ class FmuPart(Part):
             self._library = None
 
     def __reduce__(self) -> tuple[object, ...]:
-        """A part in another process is made anew from the same file."""
+        """Pickle the arguments: a copy in another process is made from the same file."""
         make = partial(FmuPart, every=self.every, model=self.model, isolate=self.isolate, timeout=self.timeout)
         return make, (self.name, self.path.absolute())
 
     @property
     def folder(self) -> Path | None:
-        """Where it is unpacked to, once it has been run."""
+        """Folder to which the FMU is unpacked; None before the first run."""
         return None if self._library is None else self._library.folder
 
     def _started(self) -> Instance:
         if self.instance is None:
-            raise HarnessError(f"part '{self.name}' is not running: initialise it first")
+            raise HarnessError(f"part '{self.name}' is not running: call enter_initialisation first")
         return self.instance
 
     def _set_start(self, instance: Instance, port: Port, value: StartValue) -> None:
-        """Set one start value; one call each, so that the message can say which one was refused."""
+        """Set one start value in a call of its own, so that the message can name a rejected value."""
         reference = (ctypes.c_uint * 1)(self._archive.variables[port.name].valueReference)
         try:
             buffer: Any
@@ -263,19 +262,19 @@ class FmuPart(Part):
                 buffer = (ctypes.c_int * 1)(_whole(value))
         except (TypeError, ValueError, OverflowError) as error:
             raise StartValueError(
-                f"start value {shown(value)} of {self.name}.{port.name} is no {port.type}: give a {port.type}"
+                f"start value {shown(value)} of {self.name}.{port.name} is not of type {port.type}: give a {port.type}"
             ) from error
         try:
             instance.last_message = ""
             instance.call(f"Set{port.type}", reference, 1, buffer)
         except PartError as error:
             raise StartValueError(
-                f"{self.name} refused the start value {shown(value)} of {port.name}: {error.reason}; "
-                "give a value in the range that its description states"
+                f"{self.name} rejected the start value {shown(value)} of {port.name}: {error.reason}; "
+                "give a value in the range that its model description states"
             ) from error
 
     def _blocks(self, names: Sequence[str], values: Values) -> list[tuple[str, list[int], Values]]:
-        """Names and values split by type: (type, value references, view of the values)."""
+        """Split names and values by type: (type, value references, view of the values)."""
         blocks: list[tuple[str, list[int], Values]] = []
         for index, name in enumerate(names):
             kind = self._archive.ports[name].type
@@ -295,7 +294,7 @@ class FmuPart(Part):
         references: list[int],
         values: Values,
     ) -> Callable[[], None]:
-        """One prepared fmi2SetXXX or fmi2GetXXX call."""
+        """Return one prepared call of fmi2SetXXX or fmi2GetXXX."""
         instance = self._started()
         function, component, count = functions[kind], instance.component, len(references)
         vrs = (ctypes.c_uint * count)(*references)
@@ -321,7 +320,7 @@ class FmuPart(Part):
             for index in range(count):
                 values[index] = buffer[index]
 
-        # the addresses are plain integers: the arrays must live as long as the function that uses them
+        # the addresses are plain integers, so the arrays must live as long as the function that uses them
         exchange.arrays = (vrs, buffer, values)  # type: ignore[attr-defined]
         if kind == "Real":
             return exchange
@@ -336,21 +335,21 @@ class _State:
 
 
 def _whole(value: StartValue) -> int:
-    """An Integer or Boolean value as an int, refused if it is something else or has more than 32 bit."""
+    """Return an Integer or Boolean value as an int; raise an error if it is not one or has more than 32 bits."""
     if isinstance(value, str) or value != int(value) or not -(1 << 31) <= value < 1 << 31:
         raise ValueError(value)
     return int(value)
 
 
 def _text(value: StartValue) -> bytes:
-    """A text as C takes it, refused if it is something else."""
+    """Return a text as C bytes; raise an error if it is not a text or contains a NUL."""
     if not isinstance(value, str) or "\0" in value:
         raise ValueError(value)
     return value.encode()
 
 
 def _sequence(calls: list[Callable[[], None]]) -> Callable[[], None]:
-    """Several calls as one."""
+    """Return a function that performs several calls."""
     if len(calls) == 1:
         return calls[0]
 
@@ -362,19 +361,19 @@ def _sequence(calls: list[Callable[[], None]]) -> Callable[[], None]:
 
 
 def _is_parameter(variable: Any) -> bool:
-    """Whether a start value may be set before initialisation (FMI 2.0, 2.2.7), inputs apart."""
+    """Return whether a start value may be set before initialisation (FMI 2.0, 2.2.7); inputs are excluded."""
     return variable.causality not in {"input", "independent"} and (
         variable.variability != "constant" and variable.initial in {"exact", "approx"}
     )
 
 
 def _is_text_input(variable: Any) -> bool:
-    """Whether this is an input that no wire can carry: it is set once, as a parameter is."""
+    """Return whether this is a String input: it cannot be connected and is set once, like a parameter."""
     return bool(variable.causality == "input" and variable.type == "String")
 
 
 def _dependencies(archive: Archive) -> tuple[dict[str, frozenset[str]], frozenset[str]]:
-    """Direct feed-through from ModelStructure/Outputs, and the outputs of which that says nothing: of every input."""
+    """Return the direct feedthrough of each output, and the outputs without such a declaration."""
     inputs = frozenset(name for name, variable in archive.variables.items() if variable.causality == "input")
     stated = {
         unknown.variable.name: inputs & {variable.name for variable in unknown.dependencies}

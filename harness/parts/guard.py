@@ -1,8 +1,8 @@
-"""What an FMU can change for the whole process, put back: floating-point control, working directory, locale, exit.
+"""Protection against side effects of FMUs: floating-point control, working directory, locale and exit().
 
-An FMU in this process can do anything to it. The harness looks for the accidents that happen: an FMU compiled with
--ffast-math, one that changes to its own folder, one that calls exit(). It cannot guard against a crash, against threads
-that outlive the run, or against malice.
+An FMU in this process can do anything to it. The harness detects common faults: an FMU compiled with -ffast-math, one
+that changes the working directory, one that calls exit(). It cannot protect against a crash, against threads that
+outlive the run, or against malicious code.
 """
 
 from __future__ import annotations
@@ -28,34 +28,34 @@ from harness.parts.part import Part
 _LOG = logging.getLogger("harness")
 
 EXITED: Final = 2
-"""Status of a program that an FMU has ended."""
+"""Exit status of a program that an FMU has ended."""
 
 _AT_EXIT = ctypes.CFUNCTYPE(None)
-_ISOLATE: Final = "run it in a process of its own (isolate = true)"
+_ISOLATE: Final = "run it in its own process (isolate = true)"
 
 
 class Guard:
-    """Watches the parts of a system while they are loaded, run and freed.
+    """Guard that watches the parts of a system while they are loaded, run and freed.
 
     Parameters
     ----------
     parts : iterable of Part
-        Those that are FMUs in this process are watched.
+        The parts; those that are FMUs in this process are watched.
     """
 
     def __init__(self, parts: Sequence[Part]) -> None:
-        """Find them."""
+        """Find the parts to watch."""
         self.watched = {part.name: part for part in parts if isinstance(part, FmuPart) and not part.isolate}
         self.acting: str | None = None
         self._before: _Surroundings | None = None
 
     def look(self, name: str | None = None) -> None:
-        """Put back what has been changed since, and say so.
+        """Restore changed process settings and log a warning.
 
         Parameters
         ----------
         name : str or None
-            The part that has done it; None: it may have been any of them.
+            The part that was called; None if it may have been any of them.
         """
         before = self._before
         if before is None or (name is not None and name not in self.watched):
@@ -63,11 +63,13 @@ class Guard:
         changed = [*_changed_floats(before), *_changed_folder(before), *_changed_locale(before)]
         if changed:
             who = f"part '{name}'" if name else candidates(self.watched)
-            _LOG.warning("%s changed %s of the whole process, now put back: %s", who, " and ".join(changed), _ISOLATE)
+            _LOG.warning(
+                "%s changed %s of the process, which has been restored: %s", who, " and ".join(changed), _ISOLATE
+            )
 
     @contextmanager
     def watching(self, name: str) -> Iterator[None]:
-        """Name the part that is called in the block, if something happens in it."""
+        """Name the part that is called in the block, for messages about this call."""
         self.acting = name
         try:
             yield
@@ -77,12 +79,12 @@ class Guard:
 
     @contextmanager
     def running(self, *, look: bool = True) -> Iterator[None]:
-        """Say who did it if an FMU ends the program in the block, and put everything back at its end.
+        """Report an FMU that ends the program in the block, and restore all settings at the end of the block.
 
         Parameters
         ----------
         look : bool
-            Whether to put things back; it takes some 10 us.
+            Whether to restore the settings, which takes about 10 us.
         """
         if not self.watched:
             yield
@@ -102,7 +104,7 @@ _running: list[Guard] = []
 
 
 class _Surroundings(NamedTuple):
-    """What belongs to the whole process, or to the thread."""
+    """Settings of the process and of the thread."""
 
     floats: int
     folder: str | None
@@ -111,7 +113,7 @@ class _Surroundings(NamedTuple):
 
 def _surroundings() -> _Surroundings:
     floats: int = library().engine_float_control()
-    for guard in [*_running]:  # of other threads, whose FMUs may have changed something by now
+    for guard in [*_running]:  # FMUs of other threads may have made changes, too
         if guard._before is not None:
             return guard._before._replace(floats=floats)
     with LOADING:
@@ -128,13 +130,13 @@ def _changed_floats(before: _Surroundings) -> list[str]:
 
 def _changed_folder(before: _Surroundings) -> list[str]:
     if not LOADING.acquire(blocking=False):
-        return []  # fmpy has changed it while it loads a library in another thread, and will change it back
+        return []  # fmpy has changed it while loading a library in another thread, and will restore it
     try:
         if before.folder is None or _folder() == before.folder:
             return []
         os.chdir(before.folder)
     except OSError:
-        return []  # somebody has removed it
+        return []  # the folder has been removed
     finally:
         LOADING.release()
     return ["the working directory"]
@@ -149,14 +151,14 @@ def _changed_locale(before: _Surroundings) -> list[str]:
 
 
 def candidates(names: Mapping[str, Any] | Sequence[str]) -> str:
-    """Return the one that must have been it, or all that may have been."""
+    """Return the part that caused an event, or a list of those that may have caused it."""
     quoted = ", ".join(f"'{name}'" for name in names)
     return f"part {quoted}" if len(names) == 1 else f"one of the parts {quoted}"
 
 
 def _folder() -> str | None:
     try:
-        return os.getcwd()  # noqa: PTH109 (a Path costs more than all the rest)
+        return os.getcwd()  # noqa: PTH109 (a Path would cost more than everything else)
     except OSError:
         return None
 
@@ -167,7 +169,7 @@ def _locale() -> str:
 
 @cache
 def _listen() -> Any:
-    """Be called when C's exit() is, but not at the end of Python, which comes to its own atexit first."""
+    """Register a callback for C's exit(); Python calls its own atexit functions before this one."""
     function = _AT_EXIT(_at_exit)
     library().engine_at_exit(function)
     atexit.register(library().engine_at_exit, None)
@@ -175,7 +177,7 @@ def _listen() -> Any:
 
 
 def _at_exit() -> None:
-    """End the program with a sentence and a status that say that its run is lost."""
+    """End the program with a message and an exit status that report the lost run."""
     if not _running:
         return
     watched = {name: part for guard in _running for name, part in guard.watched.items()}
@@ -183,7 +185,7 @@ def _at_exit() -> None:
     who = f"part '{name}'" if name else candidates(watched)
     with suppress(Exception):
         sys.stdout.flush()
-    text = f"{who} called exit(), which ends the whole program, and its run is lost: {_ISOLATE}\n"
+    text = f"{who} called exit(), which ends the whole program; the run is lost: {_ISOLATE}\n"
     os.write(2, text.encode())
     os._exit(EXITED)
 
@@ -200,7 +202,7 @@ class _Symbol(ctypes.Structure):
 
 
 def _caller(parts: Mapping[str, FmuPart]) -> str | None:
-    """The part from whose library this function was reached; None where the C library cannot tell."""
+    """Return the part whose library called this function; None if the C library cannot tell."""
     folders = {part.folder: name for name, part in parts.items() if part.folder is not None}
     for file in _files_on_the_stack():
         name = next((name for folder, name in folders.items() if file.is_relative_to(folder)), None)

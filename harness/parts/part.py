@@ -1,4 +1,4 @@
-"""What a system is made of: ports and the parts that carry them."""
+"""Parts and their ports, the elements of a system."""
 
 from __future__ import annotations
 
@@ -31,23 +31,23 @@ class Port:
     name : str
         Name within the part; a vector element is ``k[1]``.
     unit : str or None
-        Unit name; None means not stated, and is then not checked on a wire.
+        Unit name; None means that no unit is stated, and connections to this port are not checked for units.
     type : {"Real", "Integer", "Boolean", "String"}
-        Values of the first three cross as float64; a String is set once, before a run.
+        Type of the variable. Values of the first three are exchanged as float64; a String is set once, before a run.
     start : float, int, bool, str or None
-        Start value, where there is one.
+        Start value, if there is one.
     description : str
-        One line for people.
+        One line of text.
     base : BaseUnit or None
-        The unit in base units; None means that it follows from the unit's name.
+        The unit in base units; None derives it from the unit name.
     items : tuple of (str, int)
-        Names and values of an enumeration, which is an Integer here.
+        Names and values of an enumeration, which is treated as an Integer.
     limits : (float, float)
         Smallest and largest value.
     nominal : float
-        Size that values usually have.
+        Nominal value: the typical magnitude.
     held : bool
-        Whether an output is constant between instants at which it jumps (FMI: discrete variability).
+        Whether an output is piecewise constant (FMI: discrete variability).
     """
 
     name: str
@@ -63,24 +63,24 @@ class Port:
 
     @property
     def optional(self) -> bool:
-        """Whether an input may stay unconnected, then with its start value: its description says so first."""
+        """Whether an input may stay unconnected, with its start value; its description begins with ``optional``."""
         return self.description.startswith("optional: ")
 
 
 @dataclass(frozen=True)
 class Calls:
-    """The three things done to a running part at every communication step, ready to be called.
+    """The three operations on a running part in a communication step, as prepared functions.
 
     Parameters
     ----------
     set : callable
-        Hand the bound inputs over to the part.
+        Set the bound inputs of the part.
     step : callable
-        ``step(t, h)``: advance from t to t + h [s]. A sampled part takes its sample at t.
+        ``step(t, h)``: advance the part from t to t + h [s]. A sampled part takes its sample at t.
     get : callable
-        Fetch the bound outputs from the part.
+        Get the bound outputs of the part.
     instance : object
-        What they call; None if every run needs new ones.
+        The instance that the operations call; None if each run needs new operations.
     """
 
     set: Callable[[], None]
@@ -91,24 +91,24 @@ class Calls:
 
 @dataclass(frozen=True)
 class Native:
-    """What the native engine needs to call a running FMU without Python.
+    """Data with which the native engine calls a running FMU without Python.
 
     Parameters
     ----------
     component : int
         Address of the instance.
     functions : mapping of str to int
-        Address of each function, by its name without ``fmi2``.
+        Address of each FMI function, by its name without ``fmi2``.
     inputs, outputs : sequence of int
-        Value references in the order in which the ports were bound.
+        Value references, in the order in which the ports were bound.
     input_types, output_types : sequence of PortType
-        Their types.
+        Types of the ports.
     interpolates : bool
-        Whether inputs may have derivatives.
+        Whether the FMU accepts input derivatives.
     saves : bool
         Whether the state can be saved and restored.
     failure : callable
-        ``failure(function, status, time)`` makes the error for a call that failed.
+        ``failure(function, status, time)`` returns the error for a failed call.
     """
 
     component: int
@@ -123,38 +123,39 @@ class Native:
 
 
 class Part(ABC):
-    """Anything that can be set, stepped and read: an FMU, a Python callable, a recorded series.
+    """Base class of everything that can be set, stepped and read: an FMU, a Python function, a recorded series.
 
-    The life of a part is enter_initialisation, bind, (set, get)*, exit_initialisation, (set, step, get)*,
-    terminate; after terminate it can be initialised again; close gives everything back for good.
+    The order of calls is enter_initialisation, bind, (set, get)*, exit_initialisation, (set, step, get)*, terminate.
+    After terminate, the part can be initialised again. close releases all resources for good.
 
     Attributes
     ----------
     name : str
         Name within the system.
     inputs, outputs : tuple of Port
-        What can be wired.
+        Ports that can be connected.
     parameters : tuple of Port
-        What else accepts a start value.
+        Other variables that accept a start value.
     observables : tuple of Port
-        What else can be recorded.
+        Other variables that can be recorded.
     dependencies : mapping of str to frozenset of str
-        For each output the inputs on which it depends directly (without a state in between).
+        For each output, the inputs on which it depends directly (without a state in between).
     undeclared : frozenset of str
-        The outputs for which nobody has said that. Their dependencies are all inputs, until a run finds them.
+        Outputs without declared dependencies. They are taken to depend on all inputs until a run finds their
+        dependencies.
     strict : bool
-        Whether an input without a wire and a value is an error, even if it has a start value.
+        Whether an input with neither a connection nor a given value is an error, even if the part states a start value.
     saves : bool
         Whether the state can be saved and restored.
     sampled : bool
-        True if the outputs change only at the beginning of a step (controllers, estimators).
+        Whether the outputs change only at the beginning of a step (controllers, estimators).
     every : int
-        The part is stepped only every so many ticks, over that many ticks.
+        Sample time in communication steps: the part is stepped once in this many steps.
     identity : str
-        What tells this kind of part from others with the same name, such as the GUID of an FMU.
+        Distinguishes this part from others with the same name, such as the GUID of an FMU.
     instance : object
-        What the `Calls` of the present run call. A run that begins with the instance of an earlier one does not bind
-        the part again.
+        The instance that the `Calls` of the current run call. A run that reuses an instance does not bind the part
+        again.
     """
 
     identity: str = ""
@@ -172,56 +173,71 @@ class Part(ABC):
     every: int = 1
 
     def __repr__(self) -> str:
-        """Return its kind, its name and the numbers of its variables."""
+        """Return the kind, the name and the numbers of variables."""
         return part_text(self)
 
     def _repr_html_(self) -> str:
-        """Return its variables as a table, for a notebook."""
+        """Return the variables as a table, for a notebook."""
         return part_html(self)
 
     @property
     def moves(self) -> bool:
-        """Whether outputs may change continuously from tick to tick."""
+        """Whether outputs may vary continuously between communication points."""
         return not self.sampled and self.every == 1 and not (self.outputs and all(port.held for port in self.outputs))
 
     @abstractmethod
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
     ) -> None:
-        """Make a fresh instance with these start values and enter initialisation mode.
+        """Make a new instance with these start values and enter initialisation mode.
 
         Parameters
         ----------
         start, stop : float
             Span of the run [s].
         tolerance : float or None
-            Relative tolerance for the part's own solver, if one is asked for.
+            Relative tolerance for the part's own solver; None leaves it to the part.
         values : mapping of str to value
             Start values of inputs and parameters by name.
 
         Raises
         ------
         StartValueError
-            If the part refuses a value.
+            If the part rejects a value.
         PartError
             If the part cannot be initialised.
         """
 
     @abstractmethod
     def bind(self, inputs: Sequence[str], outputs: Sequence[str], u: Values, y: Values) -> Calls:
-        """Connect the part to the places its values come from and go to.
+        """Bind the ports of the part to arrays.
 
         Parameters
         ----------
         inputs, outputs : sequence of str
-            The ports that will be exchanged, sorted by type in the order of ``TYPE_ORDER``. Outputs may be
-            observables.
+            The exchanged ports, sorted by type in the order of ``TYPE_ORDER``. Outputs may be observables.
         u, y : float64 array, shapes (len(inputs),) and (len(outputs),)
-            Contiguous views that are read at every set and written at every get.
+            Contiguous views; each set reads ``u``, and each get writes ``y``.
+
+        Returns
+        -------
+        Calls
+            The operations of a communication step.
         """
 
     def native(self, inputs: Sequence[str], outputs: Sequence[str]) -> Native | None:
-        """What the native engine needs to call the part, bound to the same ports; None if only Python can."""
+        """Return the data with which the native engine calls the part.
+
+        Parameters
+        ----------
+        inputs, outputs : sequence of str
+            The ports given to `bind`.
+
+        Returns
+        -------
+        Native or None
+            None if only Python can call the part.
+        """
         return None
 
     @abstractmethod
@@ -230,36 +246,63 @@ class Part(ABC):
 
     @abstractmethod
     def save(self, state: object | None = None) -> object:
-        """Copy the complete state; a state from an earlier save of this part may be handed in for re-use."""
+        """Copy the complete state.
+
+        Parameters
+        ----------
+        state : object or None
+            A state from an earlier call, whose memory is reused.
+
+        Returns
+        -------
+        object
+            The state, for `restore`.
+        """
 
     def serialise(self) -> bytes:
-        """The complete state as bytes that another process can restore.
+        """Return the complete state as bytes that another process can restore.
+
+        Returns
+        -------
+        bytes
+            The state, for `deserialise`.
 
         Raises
         ------
         HarnessError
-            If the part has none.
+            If the part cannot save its state.
         """
-        raise HarnessError(f"part '{self.name}' cannot put its state into a file: run it without a checkpoint")
+        raise HarnessError(f"part '{self.name}' cannot save its state to a file: run the system without a checkpoint")
 
     def deserialise(self, data: bytes) -> None:
-        """Return to a state that `serialise` gave, of this part in the same or in another process.
+        """Restore a state from `serialise`, made by this part in the same or in another process.
+
+        Parameters
+        ----------
+        data : bytes
+            The state.
 
         Raises
         ------
         HarnessError
-            If the part refuses it.
+            If the part rejects the state.
         """
-        raise HarnessError(f"part '{self.name}' cannot read its state from a file: run it without a checkpoint")
+        raise HarnessError(f"part '{self.name}' cannot read its state from a file: run the system without a checkpoint")
 
     @abstractmethod
     def restore(self, state: object) -> None:
-        """Return to a saved state."""
+        """Restore a saved state.
+
+        Parameters
+        ----------
+        state : object
+            A state from `save`.
+        """
 
     @abstractmethod
     def terminate(self) -> None:
-        """End the run; harmless if there is none."""
+        """End the run; without a run this has no effect."""
 
     def close(self) -> None:
-        """Give back all resources; harmless if done twice."""
+        """Release all resources; further calls have no effect."""
         self.terminate()

@@ -19,7 +19,7 @@ from harness.storage.files import read_csv, reason
 
 
 class SeriesPart(Part):
-    """A part whose outputs are recorded columns.
+    """A part whose outputs play back recorded columns.
 
     Parameters
     ----------
@@ -28,20 +28,20 @@ class SeriesPart(Part):
     times : array_like, shape (n,)
         Times of the samples [s], strictly increasing.
     columns : mapping of str to array_like, shape (n,)
-        One output per column.
+        Values of each output.
     units : mapping of str to str
         Units of the columns.
     interpolation : {"linear", "previous"}
-        Value between two samples: on the straight line, or that of the earlier sample.
+        Value between two samples: interpolated linearly, or held at the earlier sample.
     beyond : {"error", "hold"}
-        What to do when a run goes beyond the record: refuse it, or hold the first or last value.
+        Behaviour outside the record: raise an error, or hold the first or last value.
     path : Path or None
-        The file from which the series was read, if it was.
+        The file from which the series was read, if any.
 
     Raises
     ------
     SeriesError
-        If times or columns are not finite, not of one length, or the times do not increase.
+        If times or columns are not finite or differ in length, or if the times do not increase.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class SeriesPart(Part):
         self._values = np.array([np.asarray(column, dtype=np.float64) for column in columns.values()]).T
         self._check()
         self._grid: list[float] = self._times.tolist()
-        # A communication point meant to be a sample's time may fall short of it by rounding.
+        # rounding can put a communication point slightly before the sample that it should meet
         self._reach = 1e-9 * max(abs(self._grid[0]), abs(self._grid[-1]), self._grid[-1] - self._grid[0])
         self._slack = 1e-6 * float(np.diff(self._times).min()) if len(self._grid) > 1 else 0.0
         self._now = self._grid[0]
@@ -82,31 +82,45 @@ class SeriesPart(Part):
         interpolation: Literal["linear", "previous"] = "linear",
         beyond: Literal["error", "hold"] = "error",
     ) -> SeriesPart:
-        """Read a series from a CSV file: first column time [s], headings ``name [unit]``.
+        """Read a series from a CSV file with the headings ``time [s]`` and ``name [unit]``.
+
+        Parameters
+        ----------
+        name : str
+            Name within the system.
+        path : path-like
+            The CSV file.
+        interpolation, beyond
+            See `SeriesPart`.
+
+        Returns
+        -------
+        SeriesPart
+            The part.
 
         Raises
         ------
         SeriesError
-            If the file cannot be read as such a table.
+            If the file is not such a table.
         """
         path = Path(path)
         times, columns, units = _read_csv(path)
         return cls(name, times, columns, units, interpolation=interpolation, beyond=beyond, path=path)
 
     def content(self) -> bytes:
-        """Names, times and values: what tells one record from another."""
+        """Return names, times and values as bytes, which identify the record."""
         names = "\n".join(port.name for port in self.outputs)
         return names.encode() + self._times.tobytes() + self._values.tobytes()
 
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
     ) -> None:
-        """Go to the start time; refuse a run that the record does not cover."""
+        """Go to the start time; raise an error for a run that the record does not cover."""
         first, last = self._grid[0], self._grid[-1]
         slack = self._reach
         if self.beyond == "error" and (start < first - slack or (math.isfinite(stop) and stop > last + slack)):
             raise SeriesError(
-                f"the record '{self.name}' covers {first:.12g} to {last:.12g} s but the run goes "
+                f"the record '{self.name}' covers {first:.12g} to {last:.12g} s, but the run goes "
                 f'from {start:.12g} to {stop:.12g} s: shorten the run or set beyond = "hold"'
             )
         self._now = start
@@ -131,10 +145,10 @@ class SeriesPart(Part):
         return Calls(_nothing, self._step, get)
 
     def exit_initialisation(self) -> None:
-        """Nothing to do."""
+        """Do nothing."""
 
     def save(self, state: object | None = None) -> object:
-        """The present time is the whole state."""
+        """Return the current time, which is the complete state."""
         return self._now
 
     def restore(self, state: object) -> None:
@@ -143,21 +157,23 @@ class SeriesPart(Part):
         self._now = state
 
     def serialise(self) -> bytes:
-        """The present time."""
+        """Return the current time as bytes."""
         return struct.pack("<d", self._now)
 
     def deserialise(self, data: bytes) -> None:
-        """Go to a time that `serialise` gave."""
+        """Go to a time from `serialise`."""
         try:
             (now,) = struct.unpack("<d", data)
         except struct.error as error:
-            raise PartError(self.name, "deserialise", f"the state has {len(data)} bytes, another part's") from error
+            raise PartError(
+                self.name, "deserialise", f"the state has {len(data)} bytes and belongs to another part"
+            ) from error
         if not math.isfinite(now):
-            raise PartError(self.name, "deserialise", f"the state has the time {now}, another part's")
+            raise PartError(self.name, "deserialise", f"the state has the time {now} and belongs to another part")
         self._now = now
 
     def terminate(self) -> None:
-        """Nothing to do."""
+        """Do nothing."""
 
     def _step(self, t: float, h: float) -> None:
         self._now = t + h
@@ -167,16 +183,16 @@ class SeriesPart(Part):
     def _check(self) -> None:
         if self.interpolation not in ("linear", "previous"):
             raise SeriesError(
-                f"the record '{self.name}' has interpolation '{self.interpolation}': use linear or previous"
+                f"the record '{self.name}' has the interpolation '{self.interpolation}': use linear or previous"
             )
         if self.beyond not in ("error", "hold"):
-            raise SeriesError(f"the record '{self.name}' has beyond '{self.beyond}': use error or hold")
+            raise SeriesError(f"the record '{self.name}' has the setting beyond = '{self.beyond}': use error or hold")
         if self._times.size == 0 or self._values.size == 0:
             raise SeriesError(f"the record '{self.name}' is empty: give at least one time and one column")
         if self._values.shape[0] != self._times.size:
             raise SeriesError(
                 f"the record '{self.name}' has {self._times.size} times but {self._values.shape[0]} values "
-                "in a column: give columns of one length"
+                "in a column: give columns of the same length"
             )
         if not (np.isfinite(self._times).all() and np.isfinite(self._values).all()):
             raise SeriesError(
@@ -188,18 +204,19 @@ class SeriesPart(Part):
 
 
 def _nothing() -> None:
-    """There are no inputs to set."""
+    """Do nothing, as there are no inputs to set."""
 
 
 def _read_csv(path: Path) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
-    """Times, columns and units of a CSV file."""
+    """Return the times, columns and units of a CSV file."""
     try:
         lines = read_csv(path)
     except (OSError, ValueError) as error:
         raise SeriesError(f"cannot read the record {path}: {reason(error)}; give a CSV file") from error
     if len(lines) < 2 or len(lines[0]) < 2:
         raise SeriesError(
-            f"the record {path} is no table: give a heading, a time column and at least one more, with commas"
+            f"the record {path} is not a table: give a heading row, a time column and at least one more column, "
+            "separated by commas"
         )
     names, units = [], {}
     for heading in lines[0]:
@@ -215,7 +232,11 @@ def _read_csv(path: Path) -> tuple[list[float], dict[str, list[float]], dict[str
         table = [[float(text) for text in line] for line in lines[1:]]
         columns = [list(column) for column in zip(*table, strict=True)]
     except ValueError as error:
-        raise SeriesError(f"the record {path} has a row that is not all numbers ({error}): repair it") from error
+        raise SeriesError(
+            f"the record {path} has a row with a text in place of a number ({error}): correct it"
+        ) from error
     if len(columns) != len(names):
-        raise SeriesError(f"the record {path} has {len(names)} headings but {len(columns)} columns: repair the heading")
+        raise SeriesError(
+            f"the record {path} has {len(names)} headings but {len(columns)} columns: correct the heading row"
+        )
     return columns[0], dict(zip(names[1:], columns[1:], strict=True)), units

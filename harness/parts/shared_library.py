@@ -1,6 +1,6 @@
-"""Whether the file of a shared library is complete: the loader of Linux ends the process where bytes are missing.
+"""Check that the file of a shared library is complete: the loader of Linux ends the process if bytes are missing.
 
-Only what a loader maps is looked at: tables for debuggers may be missing or wrong in libraries that run.
+Only the segments that a loader maps are checked. Debug tables may be missing or wrong in libraries that work.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 LONGEST_TABLE: Final = 1 << 20
-"""Bytes from the beginning of a file in which its tables are looked for."""
+"""Length of the beginning of a file in which its tables are searched [bytes]."""
 
 _ELF_LOADED: Final = (1, 2)  # PT_LOAD, PT_DYNAMIC
 _SEGMENT, _SEGMENT_64 = 0x1, 0x19
@@ -20,7 +20,7 @@ _FAT: Final = 0xCAFEBABE
 
 
 def missing_bytes(path: Path) -> int | None:
-    """Return how many bytes a shared library lacks at its end.
+    """Return the number of bytes missing at the end of a shared library.
 
     Parameters
     ----------
@@ -30,14 +30,14 @@ def missing_bytes(path: Path) -> int | None:
     Returns
     -------
     int or None
-        0 for a file that is complete; None for one of another format, also one that ends within its own tables.
+        0 if the file is complete; None if it has another format or ends within its own tables.
     """
     with path.open("rb") as file:
         return missing_of(file.read(LONGEST_TABLE), path.stat().st_size)
 
 
 def missing_of(beginning: bytes, size: int) -> int | None:
-    """Do what `missing_bytes` does, from the first `LONGEST_TABLE` bytes of a file and its size."""
+    """Return the same as `missing_bytes`, from the first `LONGEST_TABLE` bytes of a file and its size."""
     try:
         ends = list(_ends(beginning))
     except struct.error:
@@ -46,7 +46,7 @@ def missing_of(beginning: bytes, size: int) -> int | None:
 
 
 def _ends(content: bytes) -> Iterator[int]:
-    """Where the segments of a library end in its file; nothing for an unknown format."""
+    """Yield the end of each segment of a library in its file; nothing for an unknown format."""
     if content[:4] == b"\x7fELF":
         yield from _elf(content)
     elif content[:2] == b"MZ":

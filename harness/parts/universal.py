@@ -1,6 +1,6 @@
-"""Universal binaries of macOS: libraries of several architectures in one file.
+"""Universal binaries of macOS: libraries for several architectures in one file.
 
-The format is that of ``mach-o/fat.h``: a table of the slices, big-endian, then the slices, each at a page.
+``mach-o/fat.h`` defines the format: a big-endian table of the slices, followed by the slices, each aligned to a page.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ from collections.abc import Sequence
 
 MAGIC = 0xCAFEBABE
 SLICE_MAGIC = 0xFEEDFACF
-"""Of a 64 bit Mach-O file of a little-endian machine."""
+"""Magic number of a 64-bit Mach-O file of a little-endian machine."""
 PAGE_BITS = 14
-"""Pages of Apple silicon have 16 kB."""
+"""Alignment of the slices as a power of 2: pages of Apple silicon have 16 kB."""
 
 
 def universal(slices: Sequence[bytes]) -> bytes:
-    """One binary for the architectures of several.
+    """Return one binary for several architectures.
 
     Parameters
     ----------
     slices : sequence of bytes
-        64 bit Mach-O files, of one architecture each. Their signatures stay valid.
+        64-bit Mach-O files of one architecture each. Their signatures stay valid.
 
     Returns
     -------
@@ -31,7 +31,7 @@ def universal(slices: Sequence[bytes]) -> bytes:
     Raises
     ------
     ValueError
-        If a slice is no 64 bit Mach-O file.
+        If a slice is not a 64-bit Mach-O file.
     """
     page = 1 << PAGE_BITS
     header = struct.pack(">II", MAGIC, len(slices))
@@ -39,7 +39,7 @@ def universal(slices: Sequence[bytes]) -> bytes:
     for each in slices:
         magic, cpu, kind = struct.unpack_from("<III", each) if len(each) >= 12 else (0, 0, 0)
         if magic != SLICE_MAGIC:
-            raise ValueError(f"A slice of a universal binary begins with {magic:#x}, it is no 64 bit Mach-O file")
+            raise ValueError(f"A slice of a universal binary begins with {magic:#x} and is not a 64-bit Mach-O file")
         content += b"\0" * (-len(content) % page)
         header += struct.pack(">IIIII", cpu, kind, page + len(content), len(each), PAGE_BITS)
         content += each

@@ -1,4 +1,4 @@
-"""The files a result can be written to and read from: CSV, Parquet, netCDF, Dymola's .mat."""
+"""Result files: CSV, Parquet, netCDF, and .mat files as Dymola writes them."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ else:
 __all__ = ["FORMATS", "load_result", "save_result", "to_csv", "to_mat", "to_netcdf", "to_parquet"]
 
 FORMATS: Final = {".csv": "csv", ".parquet": "parquet", ".nc": "netcdf", ".mat": "mat"}
-"""Suffix -> name of the format; the module ``NAME_file`` has the functions ``to_NAME`` and ``from_NAME``."""
+"""Format of each suffix; the module ``FORMAT_file`` has the functions ``to_FORMAT`` and ``from_FORMAT``."""
 
 
 def save_result(result: Result, path: str | Path) -> None:
-    """Write a result in the format that the suffix names: .csv, .parquet, .nc or .mat.
+    """Write a result in the format of the file's suffix: .csv, .parquet, .nc or .mat.
 
-    All of them keep every digit of a value, and the units. All but CSV keep descriptions, the attributes of the run,
-    and Integers and Booleans as such; in CSV a Boolean is the Integer 0 or 1.
+    All formats keep units and all digits of the values. All but CSV also keep descriptions, the attributes of the run
+    and the types Integer and Boolean; CSV writes a Boolean as 0 or 1.
 
     Parameters
     ----------
     result : xarray.Dataset
         Result of a run.
     path : path-like
-        The file; it is replaced only when the new one is complete.
+        The file; an existing file is replaced only when the new one is complete.
 
     Raises
     ------
@@ -53,15 +53,15 @@ def save_result(result: Result, path: str | Path) -> None:
     """
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
-        raise OutputError(f"{path} has no known format: end the name in {_suffixes()}")
+        raise OutputError(f"{path} has no known format: use a name that ends in {_suffixes()}")
     _function("to", suffix)(result, path)
 
 
 def load_result(path: str | Path) -> Result:
-    """Read a result back; the suffix names the format.
+    """Read a result from a file; the suffix selects the format.
 
-    A .mat file may also come from Dymola or OpenModelica, any other one from a program that writes a table with a
-    column ``time``.
+    A .mat file may also come from Dymola or OpenModelica. Files of the other formats may come from any program that
+    writes a table with a column ``time``.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def load_result(path: str | Path) -> Result:
     Returns
     -------
     xarray.Dataset
-        As `System.run` returns it.
+        The result, as `System.run` returns it.
 
     Raises
     ------
@@ -83,18 +83,18 @@ def load_result(path: str | Path) -> Result:
     if suffix not in FORMATS:
         raise ResultFileError(f"{path} has no known format: give a file that ends in {_suffixes()}")
     if not path.is_file():
-        raise ResultFileError(f"cannot read the result {path}: there is no such file; give the path of one")
+        raise ResultFileError(f"cannot read the result {path}: the file does not exist; give the path of a result file")
     read = _function("from", suffix)
     try:
         result: Result = read(path)
-    except Exception as error:  # the libraries raise whatever they stumble over in a damaged file
+    except Exception as error:  # for a damaged file, the libraries raise many kinds of exceptions
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise ResultFileError(f"cannot read the result {path}: {reason}; give a file of that format") from error
+        raise ResultFileError(f"cannot read the result {path}: {reason}; give a file of this format") from error
     return result
 
 
 def _function(direction: str, suffix: str) -> Callable[..., Any]:
-    """Return the writer ("to") or reader ("from") of a suffix; importing it imports the libraries of the format."""
+    """Return the writer ("to") or reader ("from") for a suffix, and import the libraries of the format."""
     name = FORMATS[suffix]
     function: Callable[..., Any] = getattr(import_module(f"harness.results.{name}_file"), f"{direction}_{name}")
     return function

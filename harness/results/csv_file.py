@@ -11,17 +11,17 @@ from harness.storage.atomic import atomic_path
 
 
 def to_csv(result: Result, path: str | Path) -> None:
-    """Write a result as CSV: ``time [s]`` and one column per variable, numbers with all their digits.
+    """Write a result as CSV: ``time [s]`` and one column per variable, with all digits.
 
-    A heading that begins with =, +, - or @ gets an apostrophe in front, so that a spreadsheet does not take it for a
-    formula; `from_csv` takes it off.
+    A heading that begins with =, +, - or @ gets a leading apostrophe, so that a spreadsheet does not read it as a
+    formula; `from_csv` removes it.
 
     Parameters
     ----------
     result : xarray.Dataset
         Result of a run.
     path : path-like
-        The file; it is replaced only when the new one is complete.
+        The file; an existing file is replaced only when the new one is complete.
 
     Raises
     ------
@@ -34,17 +34,17 @@ def to_csv(result: Result, path: str | Path) -> None:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(quoted(heading(result, str(name))) for name in names)
         writer.writerows(
-            # true and false would be no numbers to whoever reads the file
+            # most readers would not take true and false for numbers
             ([int(value) if value is True or value is False else value for value in row])
             for row in zip(*columns, strict=True)
         )
 
 
 def from_csv(path: Path) -> Result:
-    """Read such a file; a column of whole numbers without a decimal point is one of Integers."""
+    """Read a result from CSV; a column of whole numbers without a decimal point becomes an Integer."""
     from pyarrow import csv as table_reader
 
-    # nan is a number here, and only an empty field a gap
+    # nan is a value here; only an empty field is missing
     options = table_reader.ConvertOptions(null_values=[""])
     table = table_reader.read_csv(path, convert_options=options)
     headings = [split_heading(unquoted(text)) for text in table.column_names]

@@ -1,14 +1,14 @@
-"""Results as .mat files of Dymola, "trajectory" of version 1.1.
+"""Results as .mat files as Dymola writes them ("trajectory", version 1.1).
 
-They are files of MATLAB 4 with six matrices, of which OpenModelica wants this order:
+These are MATLAB 4 files with six matrices, which OpenModelica requires in this order:
 
-    Aclass       4 texts, one in a row: Atrajectory, 1.1, nothing, and binTrans where all others are transposed
-    name         names of the variables, one in a column, filled up with blanks; the first is the time
-    description  "text [unit]", likewise; "[unit|shown unit:#(type=Integer)]" has all that may be in the brackets
-    dataInfo     4 rows: 1 or 2 for data_1 or data_2, 0 for the time; the row in it from 1 on, negative for the
-                 negative of that row; 0 for linear interpolation; -1: not defined beyond the record
-    data_1       what does not change, one in a row, at the first and last time
-    data_2       what does, one in a row, at all times
+    Aclass       4 texts, one per row: Atrajectory, 1.1, empty, and binTrans if all other matrices are transposed
+    name         names of the variables, one per column, padded with blanks; the first is the time
+    description  "text [unit]", in the same layout; complete form of the brackets: "[unit|shown unit:#(type=Integer)]"
+    dataInfo     4 rows: 1 or 2 for data_1 or data_2, 0 for the time; index of the row there, from 1 on, negative for
+                 the negative of that row; 0 for linear interpolation; -1: not defined outside the record
+    data_1       constant variables, one per row, at the first and the last time
+    data_2       all other variables, one per row, at all times
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ _ATTRIBUTES: Final = "attributes"
 
 
 def to_mat(result: Result, path: str | Path) -> None:
-    """Write a result as Dymola does; the attributes of the run are JSON in a matrix of their own behind the others.
+    """Write a result as Dymola does; an additional last matrix holds the attributes of the run as JSON.
 
     Parameters
     ----------
     result : xarray.Dataset
         Result of a run.
     path : path-like
-        The file; it is replaced only when the new one is complete.
+        The file; an existing file is replaced only when the new one is complete.
 
     Raises
     ------
@@ -71,12 +71,12 @@ def to_mat(result: Result, path: str | Path) -> None:
 
 
 def from_mat(path: Path) -> Result:
-    """Read such a file, also one that Dymola or OpenModelica wrote; what does not change stands at all times."""
+    """Read a result from a .mat file, also one of Dymola or OpenModelica; constants are repeated at all times."""
     from scipy.io import loadmat
 
     matrices: dict[str, Any] = loadmat(path, chars_as_strings=False)
     if "Aclass" not in matrices:
-        raise ValueError("it has no matrix Aclass, so it is no trajectory")
+        raise ValueError("it has no matrix Aclass, so it is not a trajectory")
     kind = _texts(matrices["Aclass"])
     if kind[:2] != ["Atrajectory", "1.1"]:
         raise ValueError(f"it is a '{' '.join(kind[:2])}', not an 'Atrajectory 1.1'")
@@ -106,19 +106,19 @@ def _description(result: Result, name: str) -> str:
     text, unit = variable.attrs.get("description", ""), variable.attrs.get("units", "")
     kind = _TYPES.get(variable.dtype.kind)
     brackets = unit + (f":#(type={kind})" if kind else "")
-    # empty brackets keep those that a description ends in
+    # empty brackets protect brackets at the end of a description
     return f"{text} [{brackets}]".lstrip() if brackets or text.endswith("]") else str(text)
 
 
 def _text_matrix(texts: Sequence[str]) -> NDArray[np.bytes_]:
-    """One text in a column, in UTF-8, filled up with blanks."""
+    """Return one text per column, in UTF-8, padded with blanks."""
     lines = [text.encode() for text in texts]
     width = max(1, *map(len, lines))
     return np.array([list(line.ljust(width)) for line in lines], dtype=np.uint8).view("S1").T
 
 
 def _texts(matrix: NDArray[np.str_]) -> list[str]:
-    """One text from each row."""
+    """Return one text per row."""
     return [_decoded("".join(row).rstrip().encode("latin-1")) for row in matrix.tolist()]
 
 
@@ -126,4 +126,4 @@ def _decoded(text: bytes) -> str:
     try:
         return text.decode()
     except UnicodeDecodeError:
-        return text.decode("latin-1")  # Dymola's
+        return text.decode("latin-1")  # as Dymola writes it

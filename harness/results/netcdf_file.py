@@ -13,32 +13,34 @@ from harness.storage.atomic import atomic_path
 
 
 def to_netcdf(result: Result, path: str | Path) -> None:
-    """Write a result as netCDF-4: all of a Dataset has its place in it.
+    """Write a result as netCDF-4, which stores everything in a Dataset.
 
     Parameters
     ----------
     result : xarray.Dataset
         Result of a run.
     path : path-like
-        The file; it is replaced only when the new one is complete.
+        The file; an existing file is replaced only when the new one is complete.
 
     Raises
     ------
     OutputError
-        If a name holds a slash, which netCDF does not allow, or the file cannot be written.
+        If a name contains a slash, which netCDF does not allow, or the file cannot be written.
     """
     for name in result.data_vars:
         if "/" in str(name):
-            raise OutputError(f"cannot write {path}: netCDF has no names with a slash such as '{name}'; use .parquet")
-    plain = {name: {"_FillValue": None} for name in result.variables}  # NaN is a value here, not a gap
+            raise OutputError(
+                f"cannot write {path}: netCDF does not allow a slash in a name such as '{name}'; use .parquet"
+            )
+    plain = {name: {"_FillValue": None} for name in result.variables}  # NaN is a value here, not a missing value
     with atomic_path(Path(path)) as temporary:
-        # written in memory: HDF5 crashes at the end of the process when it could not write a file to its end
+        # written in memory, as HDF5 crashes at the end of the process if it could not complete a file
         temporary.write_bytes(result.to_netcdf(engine="h5netcdf", encoding=plain))
 
 
 def from_netcdf(path: Path) -> Result:
-    """Read such a file."""
-    # h5netcdf, where it cannot read so far, leaves half an object that complains on stderr when it goes
+    """Read a result from netCDF."""
+    # if h5netcdf fails here, it leaves an incomplete object that prints an error when it is deleted
     with h5py.File(path) as root:
         dict(root.attrs)
     with xr.open_dataset(path, engine="h5netcdf", decode_times=False, mask_and_scale=False) as file:

@@ -15,14 +15,14 @@ _NUMBERS: Final = b"numbers"
 
 
 def to_parquet(result: Result, path: str | Path) -> None:
-    """Write a result as Parquet: the unit and description of each column are in its field metadata.
+    """Write a result as Parquet; the field metadata of each column hold its unit and description.
 
     Parameters
     ----------
     result : xarray.Dataset
-        Result of a run; its attributes become the metadata of the table, as texts.
+        Result of a run; its attributes become metadata of the table, as texts.
     path : path-like
-        The file; it is replaced only when the new one is complete.
+        The file; an existing file is replaced only when the new one is complete.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def to_parquet(result: Result, path: str | Path) -> None:
         fields.append(pa.field(str(name), column.type, metadata=metadata))
         columns.append(column)
     attributes = {str(key): str(value) for key, value in result.attrs.items()}
-    # metadata are texts: which of them are numbers must be said
+    # metadata are texts, so the numeric ones are listed
     numbers = [str(key) for key, value in result.attrs.items() if type(value) in (int, float)]
     schema = pa.schema(fields, metadata=attributes | {_NUMBERS: json.dumps(numbers)})
     with atomic_path(Path(path)) as temporary:
@@ -47,7 +47,7 @@ def to_parquet(result: Result, path: str | Path) -> None:
 
 
 def from_parquet(path: Path) -> Result:
-    """Read such a file."""
+    """Read a result from Parquet."""
     import pyarrow.parquet as pq
 
     table = pq.read_table(path, page_checksum_verification=True)

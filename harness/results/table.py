@@ -15,30 +15,30 @@ from harness.result import Result
 def from_columns(
     columns: Mapping[str, NDArray[Any]], attributes: Mapping[str, Mapping[str, str]], run: Mapping[str, str | float]
 ) -> Result:
-    """A Dataset from named columns.
+    """Return a Dataset of named columns.
 
     Parameters
     ----------
     columns : mapping of str to array, shape (n,)
         ``time`` [s] and the variables.
     attributes : mapping of str to mapping
-        Units and descriptions by name of the column; empty ones are left out.
+        Units and descriptions of the columns; empty ones are omitted.
     run : mapping
         Attributes of the run.
 
     Raises
     ------
     ValueError
-        If there is no time, or a column that is not made of numbers.
+        If there is no time, or if a column contains other values than numbers.
     """
     if "time" not in columns:
         raise ValueError("it has no column 'time'")
     variables = {}
     for name, values in columns.items():
         if values.size == 0 and values.dtype == object:
-            values = values.astype(np.float64)  # a table without rows does not say what would be in them
+            values = values.astype(np.float64)  # a table without rows does not tell its type
         if values.dtype.kind not in "biuf":
-            raise ValueError(f"its column '{name}' is not all numbers")
+            raise ValueError(f"its column '{name}' contains values that are not numbers")
         kept = {key: text for key, text in attributes.get(name, {}).items() if text}
         variables[name] = ("time", np.ascontiguousarray(values), kept)
     times = variables.pop("time")

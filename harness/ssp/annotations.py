@@ -1,7 +1,7 @@
-"""What an SSD has no words for: settings of the experiment, slow parts and delays, as annotations of this project.
+"""Annotations for what an SSD cannot express: settings of the experiment, sample times and delays.
 
-The communication step is also written in the annotations of the Open Simulation Platform and of OpenModelica, where
-libcosim and OMSimulator look for it.
+The communication step is also written to the annotations of the Open Simulation Platform and of OpenModelica, which
+libcosim and OMSimulator read.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from harness.ssp.document import SPACES, sub
 from harness.system.experiment import Experiment
 from harness.system.manipulator import manipulator_table, read_manipulator
 
-#: Types of the annotations, by the prefix of what is in them.
+#: Type of the annotations for each prefix of their content.
 TYPES: Final = MappingProxyType(
     {"harness": "friction-fmus.harness", "osp": "com.opensimulationplatform", "oms": "org.openmodelica"}
 )
@@ -36,7 +36,7 @@ _LISTS: Final = ("record", "order")
 
 
 def annotate(element: etree._Element, tag: str, **attributes: str) -> etree._Element:
-    """Append an annotation ``prefix:name`` to an element, after those that it has, and return its content."""
+    """Append an annotation ``prefix:name`` to an element, after existing ones, and return its content."""
     group = element.find("ssd:Annotations", SPACES)
     group = sub(element, "ssd:Annotations") if group is None else group
     return sub(sub(group, "ssc:Annotation", type=TYPES[tag.split(":")[0]]), tag, **attributes)
@@ -55,7 +55,7 @@ def write_experiment(root: etree._Element, experiment: Experiment) -> None:
 
 
 def write_step(system: etree._Element, experiment: Experiment) -> None:
-    """Append the communication step as OMSimulator reads it; its master takes 0 for a tolerance that is left out."""
+    """Append the communication step for OMSimulator, whose master uses 0 for a missing tolerance."""
     information = sub(annotate(system, "oms:Annotations"), "oms:SimulationInformation")
     tolerance = repr(1e-4 if experiment.tolerance is None else experiment.tolerance)
     sub(
@@ -69,7 +69,7 @@ def write_step(system: etree._Element, experiment: Experiment) -> None:
 
 
 def read_experiment(root: etree._Element, where: str) -> Experiment | None:
-    """The experiment; None if the file states no stop time or no communication step, or they do not fit.
+    """Return the experiment, or None if the stop time or the communication step is missing or invalid.
 
     Raises
     ------
@@ -90,14 +90,14 @@ def read_experiment(root: etree._Element, where: str) -> Experiment | None:
             return None
         return Experiment(float(times["stop"]), float(steps[0] or ""), float(times["start"] or ""))
     except ExperimentError as error:
-        _LOG.warning("%s: its experiment is left out, give stop and step for a run: %s", where, error)
+        _LOG.warning("%s: its experiment is ignored, give stop and step for a run: %s", where, error)
         return None
     except (KeyError, TypeError, ValueError) as error:
         raise SystemFileError(f"{where} has a malformed experiment ({error}): write it again") from error
 
 
 def write_part(element: etree._Element, part: FmuPart) -> None:
-    """Append what is to be known of a part besides its FMU, if there is something."""
+    """Append the settings of a part that are not in its FMU, if there are any."""
     settings: dict[str, object] = {} if part.every == 1 else {"every": part.every}
     settings |= {"model": part.model}
     if part.isolate:
@@ -108,7 +108,7 @@ def write_part(element: etree._Element, part: FmuPart) -> None:
 
 
 def read_part(element: etree._Element, where: str) -> dict[str, Any]:
-    """The arguments of the part that `write_part` wrote."""
+    """Return the arguments of the part that `write_part` wrote."""
     own = _find(element, "harness:Part")
     try:
         return {} if own is None else {key: read(own.get(key)) for key, read in _PART.items() if key in own.attrib}
@@ -117,7 +117,7 @@ def read_part(element: etree._Element, where: str) -> dict[str, Any]:
 
 
 def read_wire(element: etree._Element, where: str) -> tuple[int, tuple[float, float] | None]:
-    """Delay of a connection in ticks; gain and offset of the wire that it was written for, if they are stated."""
+    """Return the delay of a connection in steps, and gain and offset of the original connection if stated."""
     own = _find(element, "harness:Wire")
     if own is None:
         return 0, None
@@ -144,7 +144,7 @@ def _texts(values: Mapping[str, object]) -> dict[str, str]:
 
 
 def _number(text: str) -> str | float | int:
-    """The number that a text is, else the text."""
+    """Return a text as a number if it is one, else unchanged."""
     for read in (int, float):
         with suppress(ValueError):
             return read(text)
@@ -152,7 +152,7 @@ def _number(text: str) -> str | float | int:
 
 
 def _find(element: etree._Element, tag: str) -> etree._Element | None:
-    """The content ``prefix:name`` of an annotation of the type that belongs to the prefix."""
+    """Return the content ``prefix:name`` of an annotation of the type for this prefix."""
     for annotation in element.iterfind("ssd:Annotations/ssc:Annotation", SPACES):
         if annotation.get("type") == TYPES[tag.split(":")[0]]:
             return annotation.find(tag, SPACES)

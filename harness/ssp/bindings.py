@@ -21,29 +21,29 @@ _LOG = logging.getLogger("harness")
 
 
 def bound_values(package: Package, structure: Structure, network: Network) -> dict[str, StartValue]:
-    """The start values of all parts, in the units of their variables.
+    """Return the start values of all parts, in the units of their variables.
 
-    A later binding goes before an earlier one, that of a system before those of what is in it. A name that no
-    variable has is ignored, as SSP 1.0 says, with a warning.
+    A later binding overrides an earlier one, and a binding of a system overrides those of its elements. An unknown name
+    is ignored with a warning, as SSP 1.0 requires.
 
     Parameters
     ----------
     package : Package
         The archive, with the parameter sets.
     structure : Structure
-        The elements of the SSD.
+        Elements of the SSD.
     network : Network
-        Their connections.
+        Connections of the SSD.
 
     Returns
     -------
     dict of str to value
-        By ``part.variable``.
+        Values by ``part.variable``.
 
     Raises
     ------
     SystemFileError
-        If a parameter set or a mapping cannot be found or understood.
+        If a parameter set or a mapping is missing or invalid.
     UnitError, StartValueError
         If a value does not fit its variable.
     """
@@ -55,7 +55,7 @@ def bound_values(package: Package, structure: Structure, network: Network) -> di
     start: dict[str, StartValue] = {}
     for node, parameter in values.items():
         port = network.settable(node)
-        assert port is not None  # only such nodes are found
+        assert port is not None  # only nodes with a port are found
         name = f"{network.parts[node.path].name}.{node.name}"
         start[name] = parameter.start_value(port, f"start value {name}")
     return start
@@ -64,7 +64,7 @@ def bound_values(package: Package, structure: Structure, network: Network) -> di
 def _binding(
     package: Package, structure: Structure, network: Network, path: Path, binding: etree._Element
 ) -> dict[Node, Parameter]:
-    """The values of one binding of the element at the path."""
+    """Return the values of one binding of the element at the path."""
     where = f"a parameter binding of '{'.'.join(path) or 'the system'}' in {package.path}"
     if binding.get("type", MEDIA_TYPE) != MEDIA_TYPE:
         raise SystemFileError(f"{where} is of type {binding.get('type')}: write an SSV parameter set instead")
@@ -79,7 +79,7 @@ def _binding(
         for entry in entries:
             nodes = [node for node in _named(structure, path, entry.target) if _exists(structure, network, node)]
             if not nodes:
-                _LOG.warning("%s: nothing is called '%s', its value is ignored", where, entry.target)
+                _LOG.warning("%s: there is no variable '%s', its value is ignored", where, entry.target)
             for node in nodes:
                 landed = parameter.landed(
                     network.unit(node),
@@ -92,7 +92,7 @@ def _binding(
 
 
 def _named(structure: Structure, path: Path, name: str) -> list[Node]:
-    """What a hierarchical name can mean in the element at the path; names of elements may have dots."""
+    """Return the nodes that a hierarchical name can mean in the element at the path; names may contain dots."""
     found = [Node(path, name)]
     for inner in (*structure.systems, *structure.components):
         if inner and inner[:-1] == path and name.startswith(inner[-1] + "."):
@@ -119,7 +119,7 @@ def _parameters(
 def _mapping(
     package: Package, component: etree._Element | None, binding: etree._Element, where: str
 ) -> dict[str, list[Entry]] | None:
-    """The entries by the name of the source; None if there is no mapping."""
+    """Return the entries by the name of the source, or None if there is no mapping."""
     element = binding.find("ssd:ParameterMapping", SPACES)
     if element is None:
         return None

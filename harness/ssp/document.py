@@ -1,4 +1,4 @@
-"""The XML of System Structure and Parameterization (SSP) 1.0: names, checked reading, writing."""
+"""XML of System Structure and Parameterization (SSP) 1.0: names, validated reading, writing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SSC: Final = "http://ssp-standard.org/SSP1/SystemStructureCommon"
 SSV: Final = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 SSM: Final = "http://ssp-standard.org/SSP1/SystemStructureParameterMapping"
 
-# libcosim and ecos look for these very prefixes instead of the namespaces
+# libcosim and ecos expect exactly these prefixes instead of the namespaces
 SPACES: Final[Mapping[str, str]] = MappingProxyType(
     {
         "ssd": SSD,
@@ -31,7 +31,7 @@ SPACES: Final[Mapping[str, str]] = MappingProxyType(
     }
 )
 
-#: What files say that they are written by.
+#: Generating tool stated in written files.
 TOOL: Final = "friction-fmus"
 
 _ROOTS: Final = MappingProxyType({SSD: "SystemStructureDescription", SSV: "ParameterSet", SSM: "ParameterMapping"})
@@ -52,14 +52,14 @@ def parse_document(data: bytes, space: str, where: str) -> etree._Element:
     data : bytes
         The XML.
     space : {SSD, SSV, SSM}
-        What it has to be.
+        Expected kind of document.
     where : str
-        Its name, for messages.
+        Name of the document, for messages.
 
     Raises
     ------
     SystemFileError
-        If it is not XML, or not valid against the schema of SSP 1.0.
+        If the document is not XML or not valid against the schema of SSP 1.0.
     """
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
     try:
@@ -67,12 +67,12 @@ def parse_document(data: bytes, space: str, where: str) -> etree._Element:
     except etree.XMLSyntaxError as error:
         raise SystemFileError(f"{where} is not XML: {error.msg}; export it again") from error
     if root.getroottree().docinfo.internalDTD is not None:
-        raise SystemFileError(f"{where} has a document type with definitions of its own: remove its DOCTYPE")
+        raise SystemFileError(f"{where} has a DOCTYPE with its own definitions: remove it")
     return check_element(root, space, where)
 
 
 def check_element(element: etree._Element, space: str, where: str) -> etree._Element:
-    """Validate an element that stands in another document; see `parse_document`."""
+    """Validate an element inside another document; see `parse_document`."""
     expected = f"{{{space}}}{_ROOTS[space]}"
     if element.tag != expected:
         raise SystemFileError(f"{where} starts with {element.tag}: give one that starts with {expected}")
@@ -87,7 +87,7 @@ def check_element(element: etree._Element, space: str, where: str) -> etree._Ele
 
 
 def sub(parent: etree._Element, tag: str, **attributes: str | None) -> etree._Element:
-    """Append an element ``prefix:name``; attributes that are None are left out.
+    """Append an element ``prefix:name``; attributes that are None are omitted.
 
     Raises
     ------
@@ -107,13 +107,11 @@ def set_text(element: etree._Element, key: str, value: str) -> None:
     try:
         element.set(key, value)
     except ValueError as error:
-        raise SystemFileError(
-            f"the text {value!r} cannot be written to XML: take out its control characters"
-        ) from error
+        raise SystemFileError(f"the text {value!r} cannot be written to XML: remove its control characters") from error
 
 
 def to_bytes(root: etree._Element) -> bytes:
-    """The document as UTF-8, the same bytes for the same content."""
+    """Return the document as UTF-8; the same content gives the same bytes."""
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
 

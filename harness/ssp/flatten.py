@@ -1,4 +1,4 @@
-"""Wires from the connections of an SSD, through the connectors of nested systems."""
+"""Connections between parts, from the connections of an SSD through the connectors of nested systems."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ class Network:
     Parameters
     ----------
     structure : Structure
-        The elements of the file.
+        Elements of the file.
     parts : mapping of Path to Part
-        The part made of each component.
+        The part made from each component.
     where : str
-        The file, for messages.
+        Name of the file, for messages.
 
     Raises
     ------
     SystemFileError
-        If two connections drive one connector.
+        If two connections drive the same connector.
     UnitError
-        If the file and an FMU disagree about a unit.
+        If the file and an FMU state different units.
     """
 
     def __init__(self, structure: Structure, parts: Mapping[Path, Part], where: str) -> None:
@@ -56,12 +56,12 @@ class Network:
             self._check_connector(node)
 
     def wires(self) -> list[Wire]:
-        """One wire for each input of an FMU that is driven by an output of an FMU.
+        """Return a connection for each FMU input that an FMU output drives.
 
         Raises
         ------
         SystemFileError
-            If a connection does what a wire cannot do.
+            If a connection is not supported.
         UnitError
             If a connection joins different quantities.
         """
@@ -69,7 +69,7 @@ class Network:
         return [self._wire(chain) for chain in chains if chain[0].source.path in self.parts]
 
     def spread(self, node: Node, parameter: Parameter) -> dict[Node, Parameter]:
-        """The variables of FMUs that get the value of a parameter of this connector or variable, converted.
+        """Return the FMU variables that receive a parameter of this node, with converted values.
 
         Raises
         ------
@@ -89,11 +89,11 @@ class Network:
         return landed
 
     def settable(self, node: Node) -> Port | None:
-        """The variable of an FMU that accepts a start value, if that is what the node is."""
+        """Return the FMU variable that the node stands for, if it accepts a start value."""
         return self._settable.get(node)
 
     def unit(self, node: Node) -> BaseUnit | None:
-        """The unit of a connector or variable: that of the FMU, else that of the file."""
+        """Return the unit of a connector or variable: from the FMU, else from the file."""
         own = self._own_unit(node)
         connector = self.structure.connectors.get(node)
         return own or (connector.unit if connector else None)
@@ -108,12 +108,12 @@ class Network:
             raise UnitError(f"'{node}' is in [{stated}] in {self.where} but in [{own}] in its FMU: correct one of them")
 
     def _chain(self, edge: Edge) -> list[Edge]:
-        """The connections on the way to a target, from where the value comes."""
+        """Return the connections on the way to a target, in signal direction."""
         chain = [edge]
         while chain[0].source in self._into:
             chain.insert(0, self._into[chain[0].source])
             if chain[0] in chain[1:]:
-                raise SystemFileError(f"{chain[0]} in {self.where} goes round in a circle: remove it")
+                raise SystemFileError(f"{chain[0]} in {self.where} is part of a cycle: remove it")
         return chain
 
     def _wire(self, chain: list[Edge]) -> Wire:
@@ -127,18 +127,18 @@ class Network:
         for edge in chain:
             if not isinstance(edge.transformation, Linear):
                 raise SystemFileError(
-                    f"{edge} in {self.where} maps values by a table, which is not supported: put a part in its place"
+                    f"{edge} in {self.where} maps values by a table, which is not supported: replace it by a part"
                 )
             before, unit = signal, self.unit(edge.target)
             factor, offset = edge.transformation.factor, edge.transformation.offset
             signal = before.passed(unit, factor, offset, edge.suppress, str(edge))
             ticks, written = read_wire(edge.element, str(edge))
             delay += ticks
-            # what was written is exact, but only as long as nobody has changed the transformation
+            # the written numbers are exact, but valid only if the transformation has not been changed
             if written and edge.suppress and len(chain) == 1:
                 exact = Signal(before.unit, unit, *written)
                 signal = exact if exact.number(str(edge)) == (factor, offset) else signal
-        # a wire between known units converts by itself, any other one has to be told
+        # connections between known units are converted automatically, others need the factor
         converts = self._own_unit(source) is not None and self._own_unit(target) is not None
         gain, offset = (signal.gain, signal.offset) if converts else signal.number(str(chain[-1]))
         return Wire(self._name(source), self._name(target), gain, offset, delay)

@@ -28,12 +28,12 @@ from harness.storage.zip_file import (
     unpacked_size,
 )
 
-#: The member that describes the system.
+#: Member that describes the system.
 SSD_NAME: Final = "SystemStructure.ssd"
 
 
 class Package:
-    """An archive that is being read.
+    """An archive opened for reading.
 
     Parameters
     ----------
@@ -43,12 +43,12 @@ class Package:
     Raises
     ------
     SystemFileError
-        If the file is missing, is no such archive, or has members that cannot be unpacked without harm (see
+        If the file is missing, is not an SSP archive, or has members that are unsafe to unpack (see
         `harness.storage.zip_file`).
     """
 
     def __init__(self, path: Path) -> None:
-        """Open and check."""
+        """Open and check the archive."""
         self.path = path
         absence = find_absence(path)
         if absence is not None:
@@ -78,24 +78,24 @@ class Package:
         self._archive.close()
 
     def read(self, member: str, where: str) -> bytes:
-        """Content of a member.
+        """Return the content of a member.
 
         Raises
         ------
         SystemFileError
-            If there is no such member, or it is damaged.
+            If the member does not exist or is damaged.
         """
         return _read(self._archive, member, where)
 
     def referenced(self, element: etree._Element, component: etree._Element | None, where: str) -> tuple[bytes, str]:
-        """Content and name of the file that the attribute ``source`` of an element names.
+        """Return content and name of the file in the attribute ``source`` of an element.
 
         Parameters
         ----------
         element : lxml element
             The reference; with ``sourceBase="component"`` the file is in the FMU.
         component : lxml element or None
-            The component that the reference belongs to, if it does.
+            The component of the reference, if any.
         where : str
             The reference, for messages.
 
@@ -108,7 +108,7 @@ class Package:
         if element.get("sourceBase", "SSD") == "SSD":
             return self.read(source, where), f"{source} in {self.path}"
         if component is None:
-            raise SystemFileError(f"{where} names a file in a component, but belongs to a system: move the file")
+            raise SystemFileError(f"{where} names a file in a component but belongs to a system: move the file")
         fmu = self._read_fmu(member_name(component.get("source"), where), where)
         try:
             with open_zip(io.BytesIO(fmu), self._size) as archive:
@@ -117,12 +117,12 @@ class Package:
             raise SystemFileError(f"{where} names a file in an FMU, but {fault}") from fault
 
     def _read_fmu(self, member: str, where: str) -> bytes:
-        """The content of an FMU; all FMUs together may unpack to what the SSP itself may."""
+        """Return the content of an FMU; the unpacked size of all FMUs is limited like that of the SSP itself."""
         data = self.read(member, where)
         try:
             entries, _ = list_zip(io.BytesIO(data))
         except ZipError:
-            return data  # whoever opens it says why it cannot be used
+            return data  # opening it will report the error
         self._unpacked[member] = unpacked_size(entries)
         total = sum(self._unpacked.values())
         if is_bomb(total, self._size):
@@ -132,14 +132,14 @@ class Package:
         return data
 
     def unpack(self, member: str, folder: Path, where: str) -> Path:
-        """Write a member to the same place below a folder and return its path.
+        """Write a member to its path below a folder and return the resulting path.
 
         Raises
         ------
         SystemFileError
-            If there is no such member.
+            If the member does not exist.
         OutputError
-            If it cannot be written.
+            If the file cannot be written.
         """
         data, target = self._read_fmu(member, where), folder / member
         try:
@@ -152,7 +152,7 @@ class Package:
 
 
 class TemporaryFolder:
-    """A folder that vanishes with the last reference to this object.
+    """A folder that is removed with the last reference to this object.
 
     Attributes
     ----------
@@ -168,17 +168,17 @@ class TemporaryFolder:
 
 
 def member_name(source: str | None, where: str) -> str:
-    """The member of the archive that a relative URI names.
+    """Return the member of the archive that a relative URI names.
 
     Raises
     ------
     SystemFileError
-        If it names something else.
+        If the URI names anything else.
     """
     parts = urlsplit(source or "")
     name = str(PurePosixPath(unquote(parts.path)))
     if parts.scheme or parts.netloc or parts.query or parts.fragment or not parts.path or find_outside([name]):
-        raise SystemFileError(f"{where} names '{source}', which is no file in the archive: pack the file into it")
+        raise SystemFileError(f"{where} names '{source}', which is not a file in the archive: add the file to it")
     return name
 
 
@@ -188,14 +188,14 @@ def write_package(path: Path, members: dict[str, bytes | Path]) -> None:
     Raises
     ------
     OutputError
-        If it cannot be written.
+        If the archive cannot be written.
     """
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, content in members.items():
-            entry = zipfile.ZipInfo(name)  # of 1980, always
+            entry = zipfile.ZipInfo(name)  # dated 1980, for identical bytes
             entry.create_system = 3
             entry.external_attr = 0o644 << 16
-            # an FMU is compressed already
+            # an FMU is already compressed
             entry.compress_type = zipfile.ZIP_STORED if isinstance(content, Path) else zipfile.ZIP_DEFLATED
             archive.writestr(entry, content.read_bytes() if isinstance(content, Path) else content)
 
@@ -204,6 +204,6 @@ def _read(archive: zipfile.ZipFile, member: str, where: str) -> bytes:
     try:
         return read_zip(archive, member)
     except KeyError as error:
-        raise SystemFileError(f"{where} names '{member}', which is not in the archive: pack it into it") from error
+        raise SystemFileError(f"{where} names '{member}', which is not in the archive: add the file to it") from error
     except ZipError as fault:
         raise SystemFileError(f"cannot read what {where} names: {fault}") from fault

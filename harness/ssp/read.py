@@ -27,9 +27,9 @@ def read_ssp(path: Path, folder: Path | None) -> SystemDescription:
     Raises
     ------
     SystemFileError
-        If the file cannot be read, or has what the harness has no place for.
+        If the file cannot be read or contains unsupported elements.
     HarnessError
-        If what it describes is wrong.
+        If the described system is invalid.
     """
     with Package(path) as package:
         root = parse_document(package.read(SSD_NAME, str(path)), SSD, f"{SSD_NAME} in {path}")
@@ -40,7 +40,7 @@ def read_ssp(path: Path, folder: Path | None) -> SystemDescription:
         start = bound_values(package, structure, network)
     driven = {wire.target for wire in wires}
     for name in sorted(driven & start.keys()):
-        _LOG.info("%s: %s is connected, its start value is not used", path, name)
+        _LOG.info("%s: %s is connected, its start value is ignored", path, name)
         del start[name]
     return SystemDescription(
         parts=tuple(parts.values()),
@@ -52,7 +52,7 @@ def read_ssp(path: Path, folder: Path | None) -> SystemDescription:
 
 
 def _parts(package: Package, structure: Structure, folder: Path | None) -> dict[tuple[str, ...], Part]:
-    """A part for each component, its FMU unpacked."""
+    """Return a part for each component, with its FMU unpacked."""
     temporary = None
     if folder is None:
         temporary = TemporaryFolder()
@@ -60,11 +60,11 @@ def _parts(package: Package, structure: Structure, folder: Path | None) -> dict[
     parts: dict[tuple[str, ...], Part] = {}
     taken: dict[str, str] = {}
     for path, element in structure.components.items():
-        # a part's name has no dot, for a dot stands between part and variable
+        # names of parts have no dot, as a dot separates part and variable
         name, shown = "_".join(path).replace(".", "_"), ".".join(path)
         where = f"component '{shown}' in {package.path}"
         if name in taken:
-            raise SystemFileError(f"{where} would be called '{name}' like '{taken[name]}': rename one of them")
+            raise SystemFileError(f"{where} would be called '{name}', like '{taken[name]}': rename one of them")
         taken[name] = shown
         fmu = package.unpack(member_name(element.get("source"), where), folder, where)
         part = parts[path] = FmuPart(name, fmu, **read_part(element, where))
@@ -73,9 +73,9 @@ def _parts(package: Package, structure: Structure, folder: Path | None) -> dict[
 
 
 def _unconnected(parts: Iterable[Part], driven: set[str]) -> dict[str, StartValue]:
-    """The inputs that nothing drives: in SSP they keep the start value that the FMU states.
+    """Return the unconnected inputs, which keep the start value of their FMU according to SSP.
 
-    Those of foreign FMUs do so in every system, which logs them.
+    For FMUs of other tools every system does so, and logs a warning.
     """
     inputs = (
         (f"{part.name}.{port.name}", port)

@@ -13,16 +13,16 @@ from harness.ssp.transformation import Transformation, flag, read_transformation
 
 @dataclass(frozen=True)
 class Entry:
-    """What becomes of a parameter of the source: the variable that gets it, and how.
+    """Mapping of a source parameter to a variable.
 
     Parameters
     ----------
     target : str
         Name of the variable.
     transformation : Linear or Table
-        What is done to the value, after its conversion.
+        Transformation of the value, after its unit conversion.
     suppress : bool
-        The number is not converted.
+        Whether unit conversion is suppressed.
     """
 
     target: str
@@ -31,12 +31,12 @@ class Entry:
 
 
 def parse_ssm(root: etree._Element, where: str) -> dict[str, list[Entry]]:
-    """The entries of an element ParameterMapping, by the name of the source.
+    """Return the entries of an element ParameterMapping by the name of the source.
 
     Raises
     ------
     SystemFileError
-        If it is not valid, or two parameters are mapped to one name.
+        If the element is invalid, or two parameters are mapped to the same name.
     """
     check_element(root, SSM, where)
     entries: dict[str, list[Entry]] = {}

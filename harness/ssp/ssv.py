@@ -18,7 +18,7 @@ from harness.storage.atomic import atomic_path
 from harness.storage.files import LARGEST_DATA, read_regular
 from harness.units import BaseUnit
 
-#: Media type under which an SSD refers to such a file.
+#: Media type of such a file in an SSD.
 MEDIA_TYPE = "application/x-ssp-parameter-set"
 
 
@@ -29,15 +29,15 @@ class Parameter:
     Parameters
     ----------
     value : float, int, bool or str
-        The value, in its unit.
+        The value, in the given unit.
     unit : str or None
-        Unit of a float; None means that of the variable it is given to.
+        Unit of a float; None stands for the unit of the variable that receives the value.
     base : BaseUnit or None
-        The unit in base units; None means that it follows from the unit's name.
+        The unit in base units; None derives it from the unit name.
     description : str
-        One line for people.
+        One line of text.
     item : bool
-        Whether the value, a text, is the name of an enumeration item.
+        Whether the value is the name of an enumeration item.
     """
 
     value: StartValue
@@ -47,25 +47,30 @@ class Parameter:
     item: bool = False
 
     def __post_init__(self) -> None:
-        """A number with a unit is a float."""
+        """Convert a number with a unit to a float."""
         if self.unit is not None and type(self.value) is int:
             object.__setattr__(self, "value", float(self.value))
 
     def landed(
         self, base: BaseUnit | None, where: str, *, suppress: bool = False, transformation: Transformation | None = None
     ) -> Parameter:
-        """The parameter as it arrives at a place with this unit: converted first, then transformed.
+        """Return the parameter at a connector or variable with this unit: first converted, then transformed.
 
         Parameters
         ----------
         base : BaseUnit or None
-            Unit of the place.
+            Unit of the connector or variable.
         where : str
-            The place, for messages.
+            Its name, for messages.
         suppress : bool
-            The number is taken as it is, whatever the units.
+            Whether unit conversion is suppressed.
         transformation : Linear, Table or None
-            What is done to the converted value.
+            Transformation of the converted value.
+
+        Returns
+        -------
+        Parameter
+            The parameter in the new unit.
 
         Raises
         ------
@@ -82,14 +87,26 @@ class Parameter:
         return replace(self, value=value, unit=None, base=base or own)
 
     def start_value(self, port: Port, where: str) -> StartValue:
-        """The start value of a variable that is given this parameter, in the unit of the variable.
+        """Return this parameter as the start value of a variable, in the unit of the variable.
+
+        Parameters
+        ----------
+        port : Port
+            The variable.
+        where : str
+            Its name, for messages.
+
+        Returns
+        -------
+        float, int, bool or str
+            The start value.
 
         Raises
         ------
         UnitError
             If the units measure different quantities.
         StartValueError
-            If the value is not of the type of the variable.
+            If the value does not have the type of the variable.
         """
         value = self.landed(known_unit(port.unit, port.base), where).value
         if self.item:
@@ -101,12 +118,12 @@ class Parameter:
             return float(value)
         if type(value) is {"Integer": int, "Boolean": bool, "String": str}.get(port.type):
             return value
-        raise StartValueError(f"{where} is {value!r}, which is no {port.type}: give a {port.type}")
+        raise StartValueError(f"{where} is {value!r}, which is not of type {port.type}: give a {port.type}")
 
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """Parameters with the name of the set.
+    """A named set of parameters.
 
     Parameters
     ----------
@@ -115,7 +132,7 @@ class ParameterSet:
     parameters : mapping of str to Parameter
         The parameters by name, such as ``friction.Fc``.
     description : str
-        One line for people.
+        One line of text.
     """
 
     name: str
@@ -131,10 +148,15 @@ def read_ssv(path: str | Path) -> ParameterSet:
     path : path-like
         The file.
 
+    Returns
+    -------
+    ParameterSet
+        The parameters with their units.
+
     Raises
     ------
     SystemFileError
-        If the file cannot be read, is not valid, or has binary values.
+        If the file cannot be read, is invalid, or has binary values.
     """
     try:
         data = read_regular(Path(path), LARGEST_DATA)
@@ -149,14 +171,14 @@ def write_ssv(parameters: ParameterSet, path: str | Path) -> None:
     Parameters
     ----------
     parameters : ParameterSet
-        What is written.
+        The parameters to write.
     path : path-like
         The file.
 
     Raises
     ------
     SystemFileError
-        If a value is not finite, or a unit is unknown and its base unit is not given.
+        If a value is not finite, or a unit is unknown and has no base unit.
     OutputError
         If the file cannot be written.
     """
@@ -166,12 +188,12 @@ def write_ssv(parameters: ParameterSet, path: str | Path) -> None:
 
 
 def ssv_bytes(parameters: ParameterSet) -> bytes:
-    """The content of an SSV file; see `write_ssv`."""
+    """Return the content of an SSV file; see `write_ssv`."""
     return to_bytes(ssv_element(parameters))
 
 
 def ssv_element(parameters: ParameterSet, parent: etree._Element | None = None) -> etree._Element:
-    """The element ParameterSet, alone or at the end of another element; see `write_ssv`."""
+    """Return the element ParameterSet, alone or appended to another element; see `write_ssv`."""
     if parent is None:
         root = etree.Element(f"{{{SSV}}}ParameterSet", nsmap={prefix: SPACES[prefix] for prefix in ("ssv", "ssc")})
     else:
@@ -192,7 +214,7 @@ def ssv_element(parameters: ParameterSet, parent: etree._Element | None = None) 
 
 
 def parse_ssv(root: etree._Element, where: str) -> ParameterSet:
-    """The parameter set in an element ParameterSet; see `read_ssv`."""
+    """Return the parameter set of an element ParameterSet; see `read_ssv`."""
     check_element(root, SSV, where)
     units = read_units(root, "ssv:Units")
     parameters: dict[str, Parameter] = {}
@@ -220,7 +242,7 @@ def _read_value(element: etree._Element, units: Mapping[str, BaseUnit], where: s
 
 
 def _write_value(element: etree._Element, name: str, parameter: Parameter, units: dict[str, BaseUnit]) -> None:
-    """Append the typed value; its unit is added to ``units``."""
+    """Append the typed value, and add its unit to ``units``."""
     value = parameter.value
     if isinstance(value, str):
         sub(element, "ssv:Enumeration" if parameter.item else "ssv:String", value=value)
@@ -235,7 +257,7 @@ def _write_value(element: etree._Element, name: str, parameter: Parameter, units
             base = known_unit(parameter.unit, parameter.base)
             if base is None:
                 raise SystemFileError(
-                    f"the unit '{parameter.unit}' of the parameter '{name}' is unknown: give its base unit, too"
+                    f"the unit '{parameter.unit}' of the parameter '{name}' is unknown: give its base unit as well"
                 )
             if not units.setdefault(parameter.unit, base).agrees(base):
                 raise UnitError(f"the unit '{parameter.unit}' of the parameter '{name}' has two meanings: rename one")

@@ -14,7 +14,7 @@ from harness.ssp.transformation import Transformation, flag, read_transformation
 from harness.ssp.units import known_unit
 from harness.units import BaseUnit
 
-#: Names from the outermost system to an element; () is the outermost system.
+#: Names of the systems from the outermost one to an element; () is the outermost system.
 Path: TypeAlias = tuple[str, ...]
 
 #: Media type of a component that is an FMU.
@@ -23,26 +23,26 @@ FMU_TYPE: Final = "application/x-fmu-sharedlibrary"
 
 @dataclass(frozen=True)
 class Node:
-    """A connector, or a variable without one, of an element."""
+    """A connector of an element, or a variable without a connector."""
 
     path: Path
     name: str
 
     def __str__(self) -> str:
-        """Its name in the file."""
+        """Return the name in the file."""
         return ".".join((*self.path, self.name))
 
 
 @dataclass(frozen=True)
 class Connector:
-    """What the file says about a connector.
+    """A connector as described in the file.
 
     Parameters
     ----------
     kind : str
         ``input``, ``output``, ``parameter`` or ``calculatedParameter``.
     unit : BaseUnit or None
-        Its unit, where it is stated and known.
+        The unit, if it is stated and known.
     """
 
     kind: str
@@ -51,18 +51,18 @@ class Connector:
 
 @dataclass(frozen=True)
 class Edge:
-    """A connection, in the direction in which values go.
+    """A connection, in signal direction.
 
     Parameters
     ----------
     source, target : Node
-        Its ends.
+        Ends of the connection.
     transformation : Linear or Table
-        What is done to a value, after its conversion.
+        Transformation of a value, after its unit conversion.
     suppress : bool
-        Numbers are not converted.
+        Whether unit conversion is suppressed.
     element : lxml element
-        The connection, with its annotations.
+        The XML element, with its annotations.
     """
 
     source: Node
@@ -72,7 +72,7 @@ class Edge:
     element: etree._Element
 
     def __str__(self) -> str:
-        """Its ends."""
+        """Return a text with both ends."""
         return f"the connection {self.source} -> {self.target}"
 
 
@@ -83,7 +83,7 @@ class Structure:
     Parameters
     ----------
     systems : mapping of Path to lxml element
-        All systems, an outer one before what is in it.
+        All systems, each before its subsystems.
     components : mapping of Path to lxml element
         All FMUs, in the order of the file.
     connectors : mapping of Node to Connector
@@ -99,7 +99,7 @@ class Structure:
 
 
 def read_structure(root: etree._Element, units: Mapping[str, BaseUnit], where: str) -> Structure:
-    """Find all elements.
+    """Return all elements of a document.
 
     Parameters
     ----------
@@ -108,12 +108,12 @@ def read_structure(root: etree._Element, units: Mapping[str, BaseUnit], where: s
     units : mapping of str to BaseUnit
         The units that it defines.
     where : str
-        The file, for messages.
+        Name of the file, for messages.
 
     Raises
     ------
     SystemFileError
-        If there is something that the harness has no place for.
+        If the document contains unsupported elements.
     """
     outermost = root.find("ssd:System", SPACES)
     assert outermost is not None  # the document is valid
@@ -152,19 +152,21 @@ def _walk(path: Path, element: etree._Element) -> Iterator[tuple[Path, etree._El
 def _check_component(element: etree._Element, where: str) -> None:
     kind = element.get("type", FMU_TYPE)
     if kind != FMU_TYPE:
-        raise SystemFileError(f"{where} is of type {kind}: put its content into the system instead")
+        raise SystemFileError(
+            f"{where} is of type {kind}, which is not supported: put its content into the system instead"
+        )
     if element.get("implementation") == "ModelExchange":
-        raise SystemFileError(f"{where} is for model exchange: export it as FMI 2.0 for co-simulation")
+        raise SystemFileError(f"{where} is an FMU for model exchange: export it as FMI 2.0 for co-simulation")
 
 
 def _edge(path: Path, element: etree._Element, connectors: Mapping[Node, Connector], where: str) -> Edge:
-    """A connection in the system at the path; the file may name its ends in either order."""
+    """Return a connection in the system at the path; the file may name its ends in either order."""
     ends = []
     for end in ("start", "end"):
         inner = element.get(f"{end}Element")
         node = Node(path if inner is None else (*path, inner), element.get(f"{end}Connector", ""))
         if node not in connectors:
-            raise SystemFileError(f"{where} connects '{node}', but there is no such connector: correct the connection")
+            raise SystemFileError(f"{where} connects '{node}', which is not a connector: correct the connection")
         ends.append(node)
     first, second = ends
     forward = _gives(path, first, connectors)
@@ -179,6 +181,6 @@ def _edge(path: Path, element: etree._Element, connectors: Mapping[Node, Connect
 
 
 def _gives(path: Path, node: Node, connectors: Mapping[Node, Connector]) -> bool:
-    """Whether a connector gives values to the inside of the system at the path."""
+    """Return whether a connector provides values to the inside of the system at the path."""
     given = {"input", "parameter"} if node.path == path else {"output", "calculatedParameter"}
     return connectors[node].kind in given

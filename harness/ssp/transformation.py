@@ -1,4 +1,4 @@
-"""Transformations of values, in connections and in parameter mappings (SSP 1.0, 4.5.4)."""
+"""Transformations of values in connections and parameter mappings (SSP 1.0, 4.5.4)."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from harness.ssp.document import SPACES
 
 @dataclass(frozen=True)
 class Linear:
-    """target = factor * source + offset, both in the unit of the target."""
+    """A linear transformation: target = factor * source + offset, both in the unit of the target."""
 
     factor: float = 1.0
     offset: float = 0.0
 
     def __call__(self, value: StartValue, where: str) -> StartValue:
-        """The transformed value.
+        """Return the transformed value.
 
         Raises
         ------
@@ -31,35 +31,37 @@ class Linear:
         if self == Linear():
             return value
         if isinstance(value, (bool, str)):
-            raise StartValueError(f"{where} is {value!r}, on which a linear transformation has no effect: remove it")
+            raise StartValueError(
+                f"{where} is {value!r}, to which a linear transformation cannot be applied: remove the transformation"
+            )
         return self.factor * value + self.offset
 
 
 @dataclass(frozen=True)
 class Table:
-    """A target for each source: Booleans, Integers, or names of enumeration items."""
+    """A table with a target for each source: Booleans, Integers, or names of enumeration items."""
 
     entries: Mapping[StartValue, StartValue]
 
     def __call__(self, value: StartValue, where: str) -> StartValue:
-        """The target of the value.
+        """Return the target of the value.
 
         Raises
         ------
         StartValueError
-            If the table does not have the value.
+            If the table does not contain the value.
         """
         for source, target in self.entries.items():
             if type(source) is type(value) and source == value:
                 return target
-        raise StartValueError(f"{where} is {value!r}, which its mapping does not have: add an entry for it")
+        raise StartValueError(f"{where} is {value!r}, which its mapping does not contain: add an entry for it")
 
 
 Transformation: TypeAlias = Linear | Table
 
 
 def read_transformation(element: etree._Element) -> Transformation:
-    """The transformation of a connection or a mapping entry; the identity if there is none."""
+    """Return the transformation of a connection or mapping entry; the identity if there is none."""
     linear = element.find("ssc:LinearTransformation", SPACES)
     if linear is not None:
         return Linear(float(linear.get("factor", "1")), float(linear.get("offset", "0")))
@@ -71,7 +73,7 @@ def read_transformation(element: etree._Element) -> Transformation:
 
 
 def flag(element: etree._Element, name: str) -> bool:
-    """An optional Boolean attribute, false by default."""
+    """Return an optional Boolean attribute, False by default."""
     return element.get(name, "false").strip() in {"true", "1"}
 
 

@@ -1,4 +1,4 @@
-"""Units in SSP files, and what becomes of a value on its way through connectors (SSP 1.0, 4.5.3 and 4.5.4)."""
+"""Units in SSP files, and unit conversion along connections (SSP 1.0, 4.5.3 and 4.5.4)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from harness.units import BASE_SYMBOLS, LONGEST_UNIT, BaseUnit, conversion, pars
 
 
 def read_units(root: etree._Element, tag: str) -> dict[str, BaseUnit]:
-    """The units that a document defines in its element ``tag`` (``ssd:Units`` or ``ssv:Units``), by name.
+    """Return the units that a document defines in its element ``tag`` (``ssd:Units`` or ``ssv:Units``), by name.
 
     Raises
     ------
     UnitError
-        If a unit has numbers that no unit has.
+        If the numbers of a unit are invalid.
     """
     units = {}
     for unit in root.iterfind(f"{tag}/ssc:Unit", SPACES):
@@ -35,7 +35,7 @@ def read_units(root: etree._Element, tag: str) -> dict[str, BaseUnit]:
 
 
 def write_units(parent: etree._Element, tag: str, units: Mapping[str, BaseUnit]) -> None:
-    """Append the element ``tag`` with these units, sorted; nothing if there are none."""
+    """Append the element ``tag`` with these units, sorted by name, unless there are none."""
     if not units:
         return
     element = sub(parent, tag)
@@ -49,36 +49,38 @@ def write_units(parent: etree._Element, tag: str, units: Mapping[str, BaseUnit])
 
 
 def known_unit(name: str | None, base: BaseUnit | None) -> BaseUnit | None:
-    """The unit of this name: as it is defined, else as its name says; None if neither says anything."""
+    """Return the unit with this name, as defined or else derived from the name; None if it is unknown."""
     return base or (None if name is None else parse_unit(name))
 
 
 def converted(source: BaseUnit, target: BaseUnit, where: str) -> tuple[float, float]:
-    """Factor and offset that turn a number in one unit into a number in another.
+    """Return factor and offset that convert a number from one unit to another.
 
     Raises
     ------
     UnitError
-        If they measure different quantities.
+        If the units measure different quantities.
     """
     numbers = conversion(source, target)
     if numbers is None:
-        raise UnitError(f"{where} joins [{source}] and [{target}]: correct the units, they are different quantities")
+        raise UnitError(
+            f"{where} joins [{source}] and [{target}], which measure different quantities: correct the units"
+        )
     return numbers
 
 
 @dataclass(frozen=True)
 class Signal:
-    """A value on its way: gain * (the value at the source, converted from the unit there to the unit here) + offset.
+    """A value along a chain of connections: gain * (source value in the current unit) + offset.
 
     Parameters
     ----------
     source : BaseUnit or None
-        The first unit that was known on the way.
+        The first known unit of the chain.
     unit : BaseUnit or None
-        The unit that it has now.
+        The current unit.
     gain, offset : float
-        What the connections have done so far, beside converting.
+        Transformation by the connections so far, without unit conversion.
     """
 
     source: BaseUnit | None
@@ -87,18 +89,18 @@ class Signal:
     offset: float = 0.0
 
     def passed(self, unit: BaseUnit | None, factor: float, offset: float, suppress: bool, where: str) -> Signal:
-        """The signal after a connection: converted first, then transformed, as SSP 1.0 says.
+        """Return the signal after a connection: first converted, then transformed, as SSP 1.0 requires.
 
         Parameters
         ----------
         unit : BaseUnit or None
-            Unit of the connector that it reaches.
+            Unit of the target connector.
         factor, offset : float
             Linear transformation of the connection.
         suppress : bool
-            The number is taken as it is, whatever the units.
+            Whether unit conversion is suppressed.
         where : str
-            The connection, for messages.
+            Name of the connection, for messages.
 
         Raises
         ------
@@ -115,7 +117,7 @@ class Signal:
         return Signal(self.source or unit, unit or self.unit, factor * gain, factor * rest + offset)
 
     def number(self, where: str) -> tuple[float, float]:
-        """Gain and offset from the number at the source to the number here, conversion included."""
+        """Return gain and offset from the number at the source to the number here, including unit conversion."""
         if self.source is None or self.unit is None:
             return self.gain, self.offset
         k, c = converted(self.source, self.unit, where)

@@ -21,7 +21,7 @@ from harness.system.assembly import Assembly
 from harness.system.wire import Wire, split_name, wire_map
 from harness.units import BaseUnit, units_agree
 
-#: Name of the parameter set of every component; ecos asks for it.
+#: Name of the parameter set of every component, as ecos requires one.
 SET_NAME = "start"
 
 
@@ -30,7 +30,7 @@ def write_ssp(system: Assembly, path: Path) -> None:
     fmus = {name: part for name, part in system.parts.items() if isinstance(part, FmuPart)}
     for name in system.parts:
         if name not in fmus:
-            raise SystemFileError(f"part '{name}' cannot be written to {path}: only FMUs have a place in it")
+            raise SystemFileError(f"part '{name}' cannot be written to {path}: an SSP archive contains FMUs only")
     sources = _sources(fmus)
     members: dict[str, bytes | Path] = {SSD_NAME: to_bytes(_document(system, fmus, sources))}
     members |= {source: fmus[name].path for name, source in sources.items()}
@@ -38,7 +38,7 @@ def write_ssp(system: Assembly, path: Path) -> None:
 
 
 def _sources(fmus: Mapping[str, FmuPart]) -> dict[str, str]:
-    """The member of the archive for each part; equal FMUs are packed once."""
+    """Return the member of the archive for each part; equal FMUs are packed once."""
     sources: dict[str, str] = {}
     packed: dict[bytes, str] = {}
     for name, part in fmus.items():
@@ -47,7 +47,7 @@ def _sources(fmus: Mapping[str, FmuPart]) -> dict[str, str]:
         except OSError as error:
             raise SystemFileError(f"cannot read {part.path}: {error.strerror}; build the FMU again") from error
         if data not in packed:
-            # not all tools decode what is escaped in a URI
+            # some tools do not decode escaped characters of a URI
             stem = re.sub(r"[^A-Za-z0-9_-]", "_", part.path.stem)
             names = (f"resources/{stem}{suffix}.fmu" for suffix in ("", *(f"_{k}" for k in range(2, len(fmus) + 1))))
             packed[data] = next(source for source in names if source not in packed.values())
@@ -56,7 +56,7 @@ def _sources(fmus: Mapping[str, FmuPart]) -> dict[str, str]:
 
 
 def _document(system: Assembly, fmus: Mapping[str, FmuPart], sources: Mapping[str, str]) -> etree._Element:
-    # all declared here, for libcosim takes a declaration further down for an attribute
+    # all namespaces are declared here, as libcosim reads a nested declaration as an attribute
     root = etree.Element(f"{{{SSD}}}SystemStructureDescription", nsmap=dict(SPACES))
     for key, text in {"version": "1.0", "name": system.name, "generationTool": TOOL}.items():
         set_text(root, key, text)
@@ -68,7 +68,7 @@ def _document(system: Assembly, fmus: Mapping[str, FmuPart], sources: Mapping[st
         for name, part in fmus.items():
             ends = ((split_name(dotted), value) for dotted, value in system.start.items())
             start = {port: value for (owner, port), value in ends if owner == name}
-            # the type is the default of SSP 1.0, but OMSimulator opens no component that leaves it out
+            # the default type of SSP 1.0, stated because OMSimulator opens no component without it
             component = sub(elements, "ssd:Component", name=name, type=FMU_TYPE, source=sources[name])
             _component(component, part, wired, start, units)
     if system.wires:
@@ -91,7 +91,7 @@ def _component(
     start: Mapping[str, StartValue],
     units: dict[str, BaseUnit],
 ) -> None:
-    # fmpy connects an input that has a connector but no connection to anything
+    # fmpy sets an input to 0 if it has a connector but no connection
     ports = [
         *((port, "input") for port in part.inputs if f"{part.name}.{port.name}" in wired),
         # libcosim cannot read connectors of enumerations
@@ -101,7 +101,7 @@ def _component(
         connectors = sub(element, "ssd:Connectors")
         for port, kind in ports:
             connector = sub(connectors, "ssd:Connector", name=port.name, kind=kind)
-            if not port.items:  # the type of a connector that states none is that of the variable
+            if not port.items:  # a connector without a type has the type of the variable
                 typed = sub(connector, f"ssc:{port.type}")
                 unit = _shared_unit(port, units)
                 if unit is not None:
@@ -115,7 +115,7 @@ def _component(
 
 
 def _shared_unit(port: Port, units: dict[str, BaseUnit]) -> str | None:
-    """The unit of a port, entered into the units of the file; None if it has none that the file can define."""
+    """Return the unit of a port and add it to the units of the file; None if it cannot be defined there."""
     base = known_unit(port.unit, port.base)
     if port.unit is None or base is None or not units.setdefault(port.unit, base).agrees(base):
         return None
@@ -123,7 +123,7 @@ def _shared_unit(port: Port, units: dict[str, BaseUnit]) -> str | None:
 
 
 def _parameter(part: str, port: Port, value: StartValue) -> Parameter:
-    """A start value with the type and the unit of its variable."""
+    """Return a start value with the type and the unit of its variable."""
     where = f"start value {value!r} of {part}.{port.name}"
     try:
         if port.type == "String":
@@ -138,7 +138,7 @@ def _parameter(part: str, port: Port, value: StartValue) -> Parameter:
             return Parameter({number: item for item, number in port.items}[number], item=True)
         return Parameter(bool(number) if port.type == "Boolean" else number)
     except (KeyError, ValueError) as error:
-        raise SystemFileError(f"{where} is not of its type: give {_expected(port)}") from error
+        raise SystemFileError(f"{where} has the wrong type: give {_expected(port)}") from error
 
 
 def _expected(port: Port) -> str:
@@ -146,7 +146,7 @@ def _expected(port: Port) -> str:
 
 
 def _connection(connections: etree._Element, wire: Wire, output: Port, input_: Port) -> None:
-    """A wire; where it converts units, the conversion is written as well, for most tools know nothing of units."""
+    """Write a connection, including the unit conversion, as most tools do not convert units."""
     converts = units_agree(output.unit, output.base, input_.unit, input_.base) is False
     (start, start_connector), (end, end_connector) = wire.ends
     element = sub(
@@ -160,7 +160,7 @@ def _connection(connections: etree._Element, wire: Wire, output: Port, input_: P
     )
     if converts or (wire.gain, wire.offset) != (1.0, 0.0):
         factor, offset = wire_map(wire, output, input_)
-        # both always: ecos takes 0 for a factor that is left out
+        # always both, as ecos uses 0 for a missing factor
         sub(element, "ssc:LinearTransformation", factor=repr(float(factor)), offset=repr(float(offset)))
     settings = {"delay": str(wire.delay)} if wire.delay else {}
     if converts:

@@ -1,4 +1,4 @@
-"""Files that appear complete or not at all."""
+"""Files that are written completely or not at all."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ FULL: Final = frozenset(
     for name in ("ENOSPC", "EFBIG", "EDQUOT")
     if hasattr(errno, name)  # Windows has no quota
 )
-"""Numbers of the errors of a disk that is full."""
+"""Error numbers of a full disk or an exceeded quota."""
 
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """Path of a temporary file that replaces ``path`` when the block ends well and vanishes when it does not.
+    """Yield the path of a temporary file that replaces ``path`` if the block succeeds and is removed if it fails.
 
     Parameters
     ----------
     path : Path
-        The file to be written.
+        The file to write.
 
     Yields
     ------
     Path
-        An existing empty file in the same folder with the same suffix.
+        An existing empty file in the same folder, with the same suffix.
 
     Raises
     ------
     OutputError
-        If the folder does not exist or cannot be written to, or the disk is full.
+        If the folder does not exist or is not writable, or if the disk is full.
     """
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
@@ -51,7 +51,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
         yield temporary
         mask = os.umask(0)
         os.umask(mask)
-        temporary.chmod(0o666 & ~mask)  # mkstemp makes private files; a result is an ordinary one
+        temporary.chmod(0o666 & ~mask)  # mkstemp makes private files; a result has the usual permissions
         try:
             temporary.replace(path)
         except OSError as error:
@@ -63,12 +63,12 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 
 def _reason(error: OSError, temporary: str) -> str:
-    """What the system says; libraries put their own text around it. Another file than the temporary one is named."""
+    """Return the system's error text without what libraries add; name the file if it is not the temporary one."""
     text = os.strerror(error.errno) if error.errno else str(error)
     return text if error.filename in (None, temporary) else f"{text}: {error.filename}"
 
 
 def _remedy(error: OSError) -> str:
     if error.errno in FULL:
-        return "make room or give a path on another disk"
+        return "free some space or give a path on another disk"
     return "give a path in an existing writable folder"

@@ -1,8 +1,8 @@
-"""Files that can be made again: each is kept with its hash beside it, and one that does not match is made anew.
+"""Cached files, each stored with its hash; a file that does not match its hash is made again.
 
-A process that is killed, a full disk or a loss of power can leave anything in a file, also in one that was moved to its
-place. Both files are replaced as a whole, so that processes that write at the same time do no harm: at worst a file
-and a hash of two of them stand side by side for a moment, and a third process makes its own.
+A killed process, a full disk or a loss of power can leave a file with arbitrary content, even one that was moved into
+place atomically. The file and its hash are both replaced as a whole. Concurrent writers are harmless: at worst, the
+file of one and the hash of the other coexist for a moment, and a third process makes its own.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from harness.storage.atomic import atomic_path
 
 
 def keep(path: Path, content: bytes) -> None:
-    """Write a file with its hash beside it; its folder is made if needed.
+    """Write a file and its hash; create the folder if needed.
 
     Raises
     ------
     OutputError, OSError
-        If it cannot be written.
+        If the file cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     for target, data in ((path, content), (_beside(path), _hash(content))):
@@ -29,7 +29,7 @@ def keep(path: Path, content: bytes) -> None:
 
 
 def kept(path: Path) -> bytes | None:
-    """Return the content of a file that `keep` wrote; None if it is missing, damaged or cannot be read."""
+    """Return the content of a file written by `keep`, or None if it is missing, damaged or unreadable."""
     try:
         content = path.read_bytes()
         return content if _beside(path).read_bytes() == _hash(content) else None
@@ -38,7 +38,7 @@ def kept(path: Path) -> bytes | None:
 
 
 def cached(path: Path, make: Callable[[], bytes]) -> bytes:
-    """Return the content of a file that `keep` wrote, or else make and keep it."""
+    """Return the content of a file written by `keep`; if there is none, make it and store it."""
     content = kept(path)
     if content is None:
         content = make()

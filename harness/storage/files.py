@@ -1,4 +1,4 @@
-"""Input files: regular files of a bounded size, so that reading one always ends."""
+"""Input files: regular files of limited size, so that every read ends."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from pathlib import Path
 from typing import Final
 
 LARGEST_TEXT: Final = 1 << 22
-"""Bytes of a file that is written by hand, such as a system file or a C file."""
+"""Largest size of a handwritten file, such as a system file or a C file [bytes]."""
 
 LARGEST_DATA: Final = 1 << 30
-"""Bytes of a table, or of what a compressed table unpacks to."""
+"""Largest size of a table, or of the content of a compressed table [bytes]."""
 
 
 def require_regular(path: Path, largest: int | None = None) -> None:
-    """Refuse what cannot be read to an end in bounded time: devices, pipes, and files that are too large.
+    """Raise an OSError unless the path is a regular file of at most the given size.
 
     Parameters
     ----------
     path : Path
         The file.
     largest : int or None
-        Largest size [bytes]; None: any.
+        Largest size [bytes]; None for any size.
 
     Raises
     ------
     OSError
-        If there is no such file, it is not a regular one, or it is too large; `strerror` says which.
+        If the file does not exist, is not a regular file (a device, a pipe), or is too large; ``strerror`` says which.
     """
     try:
         found = path.stat()
@@ -40,7 +40,7 @@ def require_regular(path: Path, largest: int | None = None) -> None:
     if not stat.S_ISREG(found.st_mode):
         raise OSError(errno.EINVAL, "it is not a regular file")
     if largest is not None and found.st_size > largest:
-        raise OSError(errno.EFBIG, f"it has {found.st_size} bytes, and at most {largest} are read")
+        raise OSError(errno.EFBIG, f"it has {found.st_size} bytes; the limit is {largest}")
 
 
 def read_regular(path: Path, largest: int = LARGEST_TEXT) -> bytes:
@@ -48,33 +48,33 @@ def read_regular(path: Path, largest: int = LARGEST_TEXT) -> bytes:
     require_regular(path, largest)
     with path.open("rb") as file:
         content = file.read(largest + 1)
-    if len(content) > largest:  # it has grown, or is one whose size the system does not tell
-        raise OSError(errno.EFBIG, f"it has more than {largest} bytes")
+    if len(content) > largest:  # the file has grown, or the system does not report its size
+        raise OSError(errno.EFBIG, f"it has more than the limit of {largest} bytes")
     return content
 
 
 def read_source(path: Path) -> str:
-    """Return the text of a file in UTF-8, with the ends of lines as in C.
+    """Return the text of a UTF-8 file with line ends converted to ``\\n``.
 
     Raises
     ------
     OSError
-        As of `read_regular`.
+        See `read_regular`.
     ValueError
-        If it is no such text.
+        If the file is not UTF-8 text.
     """
     return read_regular(path).decode("utf-8").replace("\r\n", "\n")
 
 
 def read_csv(path: Path) -> list[list[str]]:
-    """Return the rows of a CSV file in UTF-8 that have cells.
+    """Return the non-empty rows of a CSV file in UTF-8.
 
     Raises
     ------
     OSError
-        As of `read_regular`.
+        See `read_regular`.
     ValueError
-        If it is no text, or no CSV.
+        If the file is not text or not CSV.
     """
     text = read_regular(path, LARGEST_DATA).decode("utf-8-sig")
     try:
@@ -84,6 +84,6 @@ def read_csv(path: Path) -> list[list[str]]:
 
 
 def reason(error: Exception) -> str:
-    """Return what an exception says, on one line and without the path that an OSError repeats."""
+    """Return the text of an exception on one line, without the path that an OSError repeats."""
     said = error.strerror if isinstance(error, OSError) else None
     return " ".join((said or str(error)).split()) or type(error).__name__

@@ -1,4 +1,4 @@
-"""Temporary folders that are removed even if their process was killed: by the next one that makes such a folder."""
+"""Temporary folders that are removed even if their process is killed, by the next process that makes one."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from pathlib import Path
 from typing import Final
 
 PREFIXES: Final = ("harness-", "friction-fmus-")
-"""Names of all of them begin with one of these."""
+"""Prefixes of the names of all temporary folders."""
 
 _OWNER: Final = ".owner"
 
 
 class ScratchFolder(tempfile.TemporaryDirectory[str]):
-    """A temporary folder with a file in it that its process holds locked: a lock ends with its process.
+    """A temporary folder with a file that its process keeps locked; the lock ends with the process.
 
     Parameters
     ----------
     prefix : str
-        Beginning of its name, which begins with one of `PREFIXES`.
+        Beginning of the folder's name; it begins with one of `PREFIXES`.
     """
 
     def __init__(self, prefix: str) -> None:
-        """Remove what killed processes have left, and make the folder."""
+        """Remove folders of killed processes, and make the folder."""
         _remove_leftovers(tempfile.gettempdir())
         super().__init__(prefix=prefix, ignore_cleanup_errors=True)
         self._owner = _claimed(Path(self.name))
@@ -41,7 +41,7 @@ class ScratchFolder(tempfile.TemporaryDirectory[str]):
         super().cleanup()
 
     def __del__(self) -> None:
-        """Give the lock back; the folder is removed by the base class."""
+        """Release the lock; the base class removes the folder."""
         if getattr(self, "_owner", None) is not None:
             with suppress(OSError):
                 os.close(self._owner)  # type: ignore[arg-type]
@@ -50,17 +50,17 @@ class ScratchFolder(tempfile.TemporaryDirectory[str]):
 if sys.platform == "win32":
 
     def _claimed(folder: Path) -> int | None:
-        """None: Windows has another kind of lock."""
+        """Return None, as Windows has another kind of lock."""
         return None
 
     def _remove_leftovers(parent: str) -> None:
-        """Nothing: it cannot be told whose they are."""
+        """Do nothing, as the owners of the folders are unknown."""
 
 else:
     import fcntl
 
     def _claimed(folder: Path) -> int | None:
-        """Return the descriptor of the locked file; it has its name only when it is locked."""
+        """Return the descriptor of the locked file, which gets its final name after it is locked."""
         handle, name = tempfile.mkstemp(dir=folder)
         fcntl.flock(handle, fcntl.LOCK_EX)
         Path(name).rename(folder / _OWNER)
@@ -68,7 +68,7 @@ else:
 
     @cache
     def _remove_leftovers(parent: str) -> None:
-        """Remove the folders of this user whose processes have ended without it, once in a process."""
+        """Remove the folders that ended processes of this user have left; once per process."""
         with suppress(OSError), os.scandir(parent) as entries:
             for entry in [*entries]:
                 if entry.name.startswith(PREFIXES) and entry.is_dir(follow_symlinks=False):
@@ -82,7 +82,7 @@ else:
         Raises
         ------
         OSError
-            If its process lives, or the folder is not one of ours.
+            If its process is alive, or the folder is not a folder of this class.
         """
         if folder.lstat().st_uid != os.getuid():
             raise PermissionError(folder)

@@ -1,4 +1,4 @@
-"""TOML files from anywhere: bounded in size, depth and length, so that what reads their values can trust the form."""
+"""TOML files from any source, limited in size, depth and text length, so that readers can rely on their form."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from harness.storage.files import read_regular
 from harness.values import is_line, shown
 
 DEEPEST: Final = 20
-"""Tables and lists inside each other."""
+"""Largest depth of nested tables and lists."""
 
 LONGEST: Final = 4096
-"""Characters of a text; no path is longer on Linux."""
+"""Largest length of a text [characters]; no path on Linux is longer."""
 
 _PART = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
-# tomllib needs time and memory that grow with the square of the number of parts of a key
+# time and memory of tomllib grow with the square of the number of parts of a key
 _LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{DEEPEST}}}")
 
 
@@ -32,22 +32,21 @@ def read_toml(path: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        Its tables. Whole numbers have 64 bit, keys have no control characters, no text is longer than `LONGEST` or
-        has a NUL, and
-        nothing is nested deeper than `DEEPEST`.
+        The tables. Integers fit into 64 bits, keys have no control characters, texts have at most `LONGEST` characters
+        and no NUL, and nothing is nested deeper than `DEEPEST`.
 
     Raises
     ------
     OSError
         If the file cannot be read, see `read_regular`.
     ValueError
-        If it is no TOML or breaks one of these limits.
+        If the file is not TOML or exceeds one of these limits.
     """
-    content = read_regular(path).decode("utf-8").replace("\r\n", "\n")  # as tomllib.load reads them
+    content = read_regular(path).decode("utf-8").replace("\r\n", "\n")  # like tomllib.load
     long = _LONG_KEY.search(content)
     if long is not None:
         line = content.count("\n", 0, long.start()) + 1
-        raise ValueError(f"line {line} has a key of more than {DEEPEST} parts")
+        raise ValueError(f"line {line} has a key with more than {DEEPEST} parts")
     try:
         document = tomllib.loads(content)
     except RecursionError:
@@ -57,7 +56,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def _check(document: dict[str, Any]) -> None:
-    """Raise ValueError for what breaks a limit; not recursive, as the document may be deep."""
+    """Raise a ValueError if a limit is exceeded; not recursive, as the document may be deeply nested."""
     pending: list[tuple[str, Any, int]] = [("", document, 0)]
     while pending:
         place, value, depth = pending.pop()
@@ -74,11 +73,11 @@ def _check(document: dict[str, Any]) -> None:
         elif isinstance(value, str):
             _check_text(place, value)
         elif type(value) is int and not -(1 << 63) <= value < 1 << 63:
-            raise ValueError(f"the whole number {place} does not fit into 64 bit")
+            raise ValueError(f"the whole number {place} does not fit into 64 bits")
 
 
 def _check_text(place: str, value: str) -> None:
     if len(value) > LONGEST:
-        raise ValueError(f"{place[:200]} has {len(value)} characters, and at most {LONGEST} are read")
+        raise ValueError(f"{place[:200]} has {len(value)} characters; the limit is {LONGEST}")
     if "\0" in value:
         raise ValueError(f"{place[:200]} has a NUL character")

@@ -1,4 +1,4 @@
-"""Zip archives from elsewhere (FMU, SSP): everything that is checked before a member is unpacked."""
+"""Zip archives from any source (FMU, SSP): all checks before a member is unpacked."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from pathlib import Path, PurePosixPath
 from typing import IO, Final
 
 LARGEST: Final = 1 << 28
-"""What an archive may unpack to however small it is [bytes] ..."""
+"""Unpacked size that every archive may have, however small its file [bytes] ..."""
 
 RATIO: Final = 200
-"""... and how many times the size of its file beyond that; deflate makes at most 1030 of it, text 20."""
+"""... and, beyond that, the largest ratio to the size of its file; deflate reaches 1030 at most, text about 20."""
 
 LONGEST: Final = (255, 1024)
-"""Bytes in a name, and in a path, that file systems take; Linux takes 4096 in a path, the folder above included."""
+"""Largest length of a name and of a path [bytes]; Linux allows 4096 in a path, including the target folder."""
 
 METHODS: Final = {9: "deflate64", 12: "bzip2", 14: "LZMA", 93: "Zstandard", 95: "XZ", 98: "PPMd"}
-"""Names of methods of compression."""
+"""Names of compression methods."""
 
 _READABLE: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
 _END: Final = b"PK\x05\x06"
@@ -29,39 +29,39 @@ _AGAIN: Final = "copy or export it again"
 
 
 class ZipError(Exception):
-    """Why an archive cannot be used, as the end of a sentence: what is wrong, and what to do."""
+    """An archive cannot be used; the text says what is wrong and what to do, as the end of a sentence."""
 
 
 class NotZipError(ZipError):
-    """The file is not an archive at all."""
+    """The file is not a zip archive."""
 
 
 def find_absence(path: Path) -> str | None:
-    """Why there is no file to be opened, as the end of a sentence; None if there is one.
+    """Return why a path is not a regular file, as the end of a sentence, or None if it is one.
 
-    Devices and pipes are refused, because reading them may never end.
+    Devices and pipes are rejected, because reading them may never end.
     """
     if path.is_file():
         return None
     if path.is_dir():
         return "it is a folder"
-    return "it is not an ordinary file" if path.exists() else "there is no such file"
+    return "it is not a regular file" if path.exists() else "the file does not exist"
 
 
 def open_zip(source: Path | IO[bytes], size: int | None = None) -> zipfile.ZipFile:
-    """Open an archive that can be unpacked without harm.
+    """Open an archive after checking that it is safe to unpack.
 
     Parameters
     ----------
     source : Path or binary file
         The archive.
     size : int or None
-        Size of the file on the disk, if the archive is a member of another one [bytes].
+        Size of the outer file if the archive is a member of another one [bytes].
 
     Raises
     ------
     ZipError
-        If the archive is damaged, spans several files, or `find_danger` finds a reason.
+        If the archive is damaged or spans several files, or if `find_danger` finds a problem.
     OSError
         If the file cannot be read.
     """
@@ -74,7 +74,7 @@ def open_zip(source: Path | IO[bytes], size: int | None = None) -> zipfile.ZipFi
 
 
 def list_zip(source: Path | IO[bytes]) -> tuple[list[zipfile.ZipInfo], int]:
-    """Return the members of an archive, whatever they are, and the size of its file.
+    """Return the members of an archive without safety checks, and the size of its file.
 
     Raises
     ------
@@ -93,14 +93,14 @@ def read_zip(archive: zipfile.ZipFile, member: str) -> bytes:
     Raises
     ------
     KeyError
-        If there is no such member.
+        If the member does not exist.
     ZipError
-        If it is damaged.
+        If the member is damaged.
     """
     entry = archive.getinfo(member)
     try:
         return archive.read(entry)
-    except Exception as error:  # zipfile and the codecs raise many kinds for broken members
+    except Exception as error:  # zipfile and the codecs raise many kinds of exceptions for damaged members
         raise ZipError(f"its member '{member}' is damaged ({_reason(error)}); {_AGAIN}") from error
 
 
@@ -112,14 +112,14 @@ def unpack_zip(archive: zipfile.ZipFile, folder: Path) -> None:
     ZipError
         If a member is damaged.
     OSError
-        If the disk does not take it.
+        If the files cannot be written.
     """
     for entry in archive.infolist():
         try:
             archive.extract(entry, folder)
         except Exception as error:  # as above
             if isinstance(error, OSError) and error.errno is not None:
-                raise  # it comes from the disk, not from a codec
+                raise  # from the file system, not from a codec
             raise ZipError(f"its member '{entry.filename}' is damaged ({_reason(error)}); {_AGAIN}") from error
 
 
@@ -130,12 +130,12 @@ def size_of(archive: zipfile.ZipFile) -> int:
 
 
 def find_danger(entries: Sequence[zipfile.ZipInfo], size: int) -> str | None:
-    """Return why an archive must not be unpacked, as the end of a sentence, or None.
+    """Return why an archive is unsafe to unpack, as the end of a sentence, or None.
 
     Parameters
     ----------
     entries : sequence of ZipInfo
-        Its members.
+        Members of the archive.
     size : int
         Size of its file [bytes].
     """
@@ -145,7 +145,7 @@ def find_danger(entries: Sequence[zipfile.ZipInfo], size: int) -> str | None:
 def _dangers(entries: Sequence[zipfile.ZipInfo], size: int) -> Iterator[str]:
     for entry in entries:
         if find_outside([entry.orig_filename]) is not None:
-            yield f"its member '{entry.orig_filename}' points outside of it; {_MISUSE}"
+            yield f"its member '{entry.orig_filename}' points outside the archive; {_MISUSE}"
         if is_special(entry):
             yield f"its member '{entry.filename}' is a symbolic link or another special file; {_MISUSE}"
         if entry.flag_bits & 1:
@@ -153,18 +153,18 @@ def _dangers(entries: Sequence[zipfile.ZipInfo], size: int) -> Iterator[str]:
         if entry.compress_type not in _READABLE:
             yield f"its member '{entry.filename}' is compressed by {method(entry)}; zip it with deflate"
         if is_too_long(entry.filename):
-            yield f"its member '{entry.filename[:60]}...' has too long a name; shorten it to {LONGEST[0]} bytes"
+            yield f"its member '{entry.filename[:60]}...' has a name that is too long; shorten it to {LONGEST[0]} bytes"
     twice = find_twice(normal_name(entry) for entry in entries if not entry.is_dir())
     if twice is not None:
         yield f"it has two members '{twice}'; {_MISUSE}"
     if clashes := find_clashes((normal_name(entry), entry.is_dir()) for entry in entries):
-        yield f"its member '{clashes[0]}' is a file and a folder; zip it anew"
+        yield f"its member '{clashes[0]}' is both a file and a folder; zip it again"
     if is_bomb(unpacked_size(entries), size):
         yield f"its {size} bytes unpack to {unpacked_size(entries)}; {_MISUSE}"
 
 
 def find_outside(members: Iterable[str]) -> str | None:
-    """Return the first member that would be written outside of the folder that the archive is unpacked to, if any."""
+    """Return the first member that would be unpacked outside the target folder, if any."""
     for member in members:
         if "\\" in member or ":" in member or member.startswith("/") or ".." in PurePosixPath(member).parts:
             return member
@@ -172,17 +172,17 @@ def find_outside(members: Iterable[str]) -> str | None:
 
 
 def is_special(entry: zipfile.ZipInfo) -> bool:
-    """Whether a member is a symbolic link, a device or the like."""
+    """Return whether a member is a symbolic link, a device or another special file."""
     return entry.create_system == 3 and stat.S_IFMT(entry.external_attr >> 16) not in (0, stat.S_IFREG, stat.S_IFDIR)
 
 
 def method(entry: zipfile.ZipInfo) -> str:
-    """Return the name of the method by which a member is compressed."""
+    """Return the name of a member's compression method."""
     return METHODS.get(entry.compress_type, f"method {entry.compress_type}")
 
 
 def is_too_long(name: str) -> bool:
-    """Whether file systems refuse a path for its length."""
+    """Return whether a path is too long for common file systems."""
     return len(name.encode()) > LONGEST[1] or any(len(part.encode()) > LONGEST[0] for part in name.split("/"))
 
 
@@ -192,7 +192,7 @@ def normal_name(entry: zipfile.ZipInfo) -> str:
 
 
 def find_twice(names: Iterable[str]) -> str | None:
-    """Return the first name that stands twice, if any."""
+    """Return the first repeated name, if any."""
     seen: set[str] = set()
     for name in names:
         if name in seen:
@@ -202,14 +202,14 @@ def find_twice(names: Iterable[str]) -> str | None:
 
 
 def find_clashes(members: Iterable[tuple[str, bool]]) -> list[str]:
-    """Return the paths that are files and folders at once.
+    """Return the paths that are both a file and a folder.
 
     Parameters
     ----------
     members : iterable of tuple of str and bool
-        Path as of `normal_name`, and whether it is a folder.
+        Path from `normal_name`, and whether it is a folder.
     """
-    # "\0" sorts before all that names hold, so that what is in a folder comes right after a file of that name
+    # "\0" sorts before all characters of names, so the content of a folder follows directly after a file of that name
     keys = sorted((name.replace("/", "\0"), folder) for name, folder in members)
     clashes = [""] if ("", False) in keys else []
     for (name, folder), (after, after_folder) in itertools.pairwise(keys):
@@ -219,17 +219,17 @@ def find_clashes(members: Iterable[tuple[str, bool]]) -> list[str]:
 
 
 def unpacked_size(entries: Iterable[zipfile.ZipInfo]) -> int:
-    """Return what members declare to unpack to [bytes]; zipfile never unpacks more."""
+    """Return the declared unpacked size of members [bytes]; zipfile never unpacks more."""
     return sum(entry.file_size for entry in entries)
 
 
 def is_bomb(unpacked: int, size: int) -> bool:
-    """Whether an archive unpacks to far more than its file holds; the packed sizes that it declares may be lies.
+    """Return whether an archive unpacks to far more than its file size; its declared packed sizes may be false.
 
     Parameters
     ----------
     unpacked, size : int
-        What all members unpack to, and the size of the file [bytes].
+        Unpacked size of all members, and size of the file [bytes].
     """
     return unpacked > max(LARGEST, RATIO * size)
 
@@ -244,19 +244,19 @@ def _opened(source: Path | IO[bytes]) -> zipfile.ZipFile:
         return zipfile.ZipFile(source)
     except NotImplementedError as error:  # zip file version 8.4
         raise ZipError(f"it needs a newer version of the zip format ({_reason(error)}); zip it with deflate") from error
-    except Exception as error:  # zipfile raises many kinds for a broken directory
+    except Exception as error:  # zipfile raises many kinds of exceptions for a damaged directory
         raise ZipError(f"its directory is damaged ({_reason(error)}); {_AGAIN}") from error
 
 
 def _refuse_parts(file: IO[bytes]) -> None:
-    """Refuse a file without a directory, and the last part of an archive that spans several files."""
+    """Raise an error for a file without a directory, or for the last part of a multi-file archive."""
     file.seek(-min(file.seek(0, 2), (1 << 16) + 22), 2)
     tail = file.read()
     place = tail.rfind(_END)
     if place < 0 or len(tail) < place + 22:
         raise NotZipError(f"it is not a zip archive; {_AGAIN}")
     disk, first = struct.unpack_from("<HH", tail, place + 4)
-    if any(number not in (0, 0xFFFF) for number in (disk, first)):  # 65535: zipfile looks elsewhere
+    if any(number not in (0, 0xFFFF) for number in (disk, first)):  # 65535: the number is in the zip64 record
         raise ZipError("it is one part of an archive that spans several files; zip it as one file")
 
 

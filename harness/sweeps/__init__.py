@@ -1,4 +1,4 @@
-"""Many runs of one system: parameter sets, measures, workers, and a folder of results that can be gone on with."""
+"""Sweeps: many runs of one system, with parameter sets, measures, workers, and a folder of results."""
 
 from harness.sweeps.driver import sweep
 from harness.sweeps.folder import read_sweep

@@ -1,4 +1,4 @@
-"""A sweep: many runs of one system, on many workers, into a folder."""
+"""A sweep: many runs of one system on several workers, with results in a folder."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from harness.system.layout import recorded_names
 from harness.system.system import System
 
 _MOST_BYTES = 32e6
-"""Of the trajectories in one file."""
+"""Largest size of the trajectories in one file [bytes]."""
 
 
 def sweep(
@@ -51,41 +51,42 @@ def sweep(
     Parameters
     ----------
     system : System, path-like or callable
-        The system, its TOML file or SSP archive, or a function at module level that makes it.
+        The system, its TOML file or SSP archive, or a module-level function that returns it.
     samples : iterable of mapping of str to value, or of ParameterSet
-        A parameter set for each run: start values "part.port", and settings of the experiment (``start``, ``stop``,
-        ``step``, ``master``, ``decimate``, ``tolerance``, ``extrapolation``,
-        ``loop_tolerance``). See `grid`, `latin_hypercube`, `sobol`, `read_samples`.
+        A parameter set for each run: start values "part.port" and settings of the experiment (``start``, ``stop``,
+        ``step``, ``master``, ``decimate``, ``tolerance``, ``extrapolation``, ``loop_tolerance``). See `grid`,
+        `latin_hypercube`, `sobol` and `read_samples`.
     measure : str, callable, or several of them
-        What is kept of each run: ``final``, ``min``, ``max``, ``max_abs``, ``mean`` or ``rms`` of the recorded rows
-        of a variable, ``rms(part.port)`` with ``*`` and ``?`` for any outputs, or functions at module level of the
-        result of a run that return a mapping of names to numbers.
+        Results of each run: ``final``, ``min``, ``max``, ``max_abs``, ``mean`` or ``rms`` over the recorded rows of a
+        variable, such as ``rms(part.port)``, where ``*`` and ``?`` match outputs; or module-level functions that return
+        a mapping of names to numbers for the result of a run.
     output : path-like or None
-        Folder for the results; a sweep that was interrupted there goes on where it stopped. None keeps no files.
+        Folder for the results; an interrupted sweep in it resumes where it stopped. None writes no files.
     executor : {"processes", "threads", "serial"} or distributed.Client
-        Where the runs are done.
+        Where the runs are executed.
     workers : int or None
-        How many processes or threads; None: one for each processor.
+        Number of processes or threads; None uses one per processor.
     experiment : Experiment or None
-        How each run is done; None: as the system says. Functions are given what it records.
+        Settings of each run; None uses those of the system. Functions in ``measure`` receive the variables that it
+        records.
     keep : sequence of str
-        Variables whose trajectories are stored in the folder too, with ``*`` and ``?`` for any outputs.
+        Variables whose trajectories are also stored in the folder; ``*`` and ``?`` match outputs.
     resolve : callable or None
-        As in `System.from_toml`.
+        See `System.from_toml`.
     progress : Progress or None
-        Told how many runs are done.
+        Receives the number of completed runs.
 
     Returns
     -------
     xarray.Dataset
-        See `read_sweep`. A run that failed has its error there.
+        The table of runs, see `read_sweep`; it contains the error of each failed run.
 
     Raises
     ------
     SweepError
-        If the sweep makes no sense or the folder holds another one.
+        If the sweep is invalid or the folder contains another sweep.
     HarnessError
-        If a name is unknown, or the system cannot be made.
+        If a name is unknown or the system is invalid.
     """
     with ExitStack() as stack:
         if isinstance(system, (str, Path)):
@@ -98,7 +99,7 @@ def sweep(
         job = _make_job(system, model, measure, experiment, keep)
         if output is None:
             if keep:
-                raise SweepError("trajectories are to be kept but there is no folder: give an output folder")
+                raise SweepError("keep names trajectories to store, but there is no folder: give an output folder")
             output = stack.enter_context(ScratchFolder("harness-sweep-"))
         folder = Path(output).absolute()  # an FMU may change the working directory
         stack.enter_context(sole_writer(folder))
@@ -124,7 +125,7 @@ def _drive(
     files: SweepFolder,
     progress: Progress | None,
 ) -> None:
-    """Hand out chunks and write what comes back, until all runs are done."""
+    """Distribute chunks and write their outcomes until all runs are done."""
     under_way: dict[Outcomes, list[int]] = {}
     while under_way or queue.left:
         while queue.left and len(under_way) < pool.capacity():
@@ -144,7 +145,7 @@ def _drive(
 
 
 def _check_names(model: System, samples: Iterable[Sample]) -> dict[str, str]:
-    """Units of the swept start values; each set of names is tried once, values are left to the runs."""
+    """Return the units of the swept start values; check each set of names once, and values in the runs."""
     tried: set[frozenset[str]] = set()
     for sample in samples:
         names = frozenset(sample)
@@ -154,7 +155,8 @@ def _check_names(model: System, samples: Iterable[Sample]) -> dict[str, str]:
         for name in names:
             if "." not in name and name not in SETTINGS:
                 raise SweepError(
-                    f"'{name}' is neither part.port nor a setting of the experiment: {nearest(name, SETTINGS)}"
+                    f"'{name}' is neither a variable 'part.port' nor a setting of the experiment: "
+                    f"{nearest(name, SETTINGS)}"
                 )
         model.with_start({name: value for name, value in sample.items() if name not in SETTINGS})
     swept = set().union(*tried)
@@ -175,42 +177,42 @@ def _make_job(
 ) -> Job:
     base = experiment or model.experiment
     if base is None:
-        raise SweepError(f"the system '{model.name}' has no experiment: give one, with stop and step")
+        raise SweepError(f"the system '{model.name}' has no experiment: give one with stop and step")
     measures = find_measures(measure, model.parts)
     kept = recorded_names(model.parts, keep)
     names = [one.name for one in measures if isinstance(one, Builtin)]
     if len(names) < len(measures):
         names += recorded_names(model.parts, base.record)
     record = tuple(dict.fromkeys((*names, *kept)))
-    # found once, not once in every run, unless the start values of a run decide
+    # found once for all runs, unless it depends on their start values
     declared = not any(part.undeclared for part in model.parts.values())
     order = base.order or (tuple(stepping_order(model.parts, model.wires)) if declared else ())
     return Job(uuid4().hex, _opener(system), replace(base, record=record, order=order), measures, tuple(kept))
 
 
 def _opener(system: System | Callable[[], System]) -> Callable[[], System]:
-    """What makes a system for one worker."""
+    """Return the function that makes a system for one worker."""
     if not isinstance(system, System):
         return system
     try:
         return partial(pickle.loads, pickle.dumps(system))
-    except Exception:  # whatever a user's function has in it
+    except Exception:  # a user's function can contain anything
         return partial(_itself, system)
 
 
 def _itself(system: System) -> System:
-    """A system that cannot be copied; one thread can use it."""
+    """Return a system that cannot be copied; only one thread can use it."""
     return system
 
 
 def _check_portable(job: Job, pool: Pool) -> None:
-    """Everything a worker needs must get there."""
+    """Raise a SweepError unless everything that a worker needs can be sent to it."""
     if isinstance(pool, SerialPool):
         return
     if isinstance(job.open, partial) and job.open.func is _itself:
         raise SweepError(
-            "the system cannot be copied for several workers, as a part of it is made of functions that are not at "
-            "module level: give a function that makes the system, or use the executor 'serial'"
+            "the system cannot be copied for several workers, as one of its parts uses functions that are not at "
+            "module level: give a function that returns the system, or use the executor 'serial'"
         )
     if not isinstance(pool, ProcessPool):
         return
@@ -222,11 +224,11 @@ def _check_portable(job: Job, pool: Pool) -> None:
             pickle.dumps(thing)
         except Exception as error:
             raise SweepError(
-                f"the {name} cannot be sent to another process: put it at module level or use the executor 'threads'"
+                f"the {name} cannot be sent to another process: define it at module level or use the executor 'threads'"
             ) from error
 
 
 def _most_runs(job: Job) -> int:
-    """How many runs go into a chunk, so that their trajectories fit into the memory."""
+    """Return the largest number of runs in a chunk whose trajectories fit into memory."""
     size = 8 * (1 + len(job.keep)) * (job.experiment.ticks // job.experiment.decimate + 1)
     return max(1, int(_MOST_BYTES / size)) if job.keep else 100_000

@@ -1,4 +1,4 @@
-"""The folder of a sweep: its description and the Parquet files of the runs that are done."""
+"""The folder of a sweep: its description, and Parquet files of the completed runs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Outcome
 
 MANIFEST: Final = "_sweep.json"
-"""Readers of Parquet datasets leave out what begins with an underscore."""
+"""Name of the description; readers of Parquet datasets ignore files that begin with an underscore."""
 
 TRAJECTORIES: Final = "_trajectories"
 FORMAT: Final = 1
@@ -46,29 +46,29 @@ class SweepFolder:
     path : Path
         The folder, see `sole_writer`.
     description : mapping
-        What the sweep is, as JSON; a folder that holds something else is refused.
+        The sweep as JSON; a folder with another description is rejected.
     parameters : mapping of str to PortType
-        The swept names.
+        Types of the swept names.
     units : mapping of str to str
-        Their units, where there are any.
+        Units of the swept names, if any.
 
     Attributes
     ----------
     done : set of int
-        Numbers of the runs whose outcome is there.
+        Numbers of the completed runs.
 
     Raises
     ------
     SweepError
-        If the folder holds another sweep or other files.
+        If the folder contains another sweep or other files.
     OutputError
-        If it cannot be written.
+        If the folder cannot be written.
     """
 
     def __init__(
         self, path: Path, description: Mapping[str, Any], parameters: Mapping[str, PortType], units: Mapping[str, str]
     ) -> None:
-        """Begin a sweep or find out how far it is."""
+        """Begin a sweep, or find the completed runs of an interrupted one."""
         self.path = path
         self._parameters = parameters
         self._units = units
@@ -83,23 +83,24 @@ class SweepFolder:
             different = sorted(key for key in {*found, *description} if found.get(key) != description.get(key))
             if different:
                 raise SweepError(
-                    f"{path} holds another sweep, with other {', '.join(different)}: give another folder or remove it"
+                    f"{path} contains another sweep, which differs in {', '.join(different)}: give another folder or "
+                    "remove it"
                 )
         elif not manifest.is_file() and any(not entry.name.startswith(".") for entry in path.iterdir()):
-            raise SweepError(f"{path} holds files but no sweep: give a new or an empty folder")
-        else:  # a sweep of which no run is done can become another one
+            raise SweepError(f"{path} contains files but no sweep: give a new or an empty folder")
+        else:  # a sweep without completed runs can be replaced
             self._write_manifest()
-        for left in path.rglob(".*.parquet"):  # of a process that was killed while it wrote
+        for left in path.rglob(".*.parquet"):  # left by a process that was killed while writing
             left.unlink(missing_ok=True)
         self.done = self._runs_done(int(description["runs"]))
 
     def add(self, outcomes: Sequence[Outcome], samples: Sequence[Sample]) -> None:
-        """Write the outcomes of some runs, as one file that is complete or not there.
+        """Write the outcomes of some runs to one file, completely or not at all.
 
         Parameters
         ----------
         outcomes : sequence of Outcome
-            The runs; those whose measures have other names than earlier ones get an error.
+            Outcomes of the runs; one whose measures have other names than before becomes an error.
         samples : sequence of mapping
             The parameter sets of the whole sweep.
         """
@@ -121,7 +122,7 @@ class SweepFolder:
                 for parameter, kind in self._parameters.items()
             },
             **{
-                # what was not measured is null, what was measured as NaN stays that
+                # a missing measure is null; a measured NaN stays NaN
                 measure: pa.array([outcome.measures.get(measure) for outcome in outcomes], pa.float64())
                 for measure in self._measures or ()
             },
@@ -138,14 +139,14 @@ class SweepFolder:
         self.done.update(outcome.run for outcome in outcomes)
 
     def _begin_measures(self, names: list[str]) -> None:
-        """The first run that was measured says which columns there are; files of failed runs get them too."""
+        """Take the columns from the first measured run; add them to the files of failed runs."""
         for name in names:
             if name in _OWN or name in self._parameters:
-                raise SweepError(f"a measure cannot be called '{name}', as another column is: rename it")
+                raise SweepError(f"a measure cannot be called '{name}', which is the name of another column: rename it")
         self._measures = names
         for file in self._files():
             table = _read(file)
-            # a process that was killed here may have left some files with these columns
+            # a process killed here may have left some files with these columns
             for place, name in enumerate(names, 1 + len(self._parameters)):
                 if name not in table.column_names:
                     table = table.add_column(place, name, pa.nulls(len(table), pa.float64()))
@@ -156,8 +157,8 @@ class SweepFolder:
         for outcome in outcomes:
             if outcome.measures and outcome.measures.keys() != set(self._measures or ()):
                 outcome.error = (
-                    f"the measures are called {', '.join(outcome.measures)} but were {', '.join(self._measures or ())} "
-                    "in an earlier run: give every run the same names"
+                    f"the measures are called {', '.join(outcome.measures)}, but {', '.join(self._measures or ())} "
+                    "in an earlier run: return the same names in every run"
                 )
                 outcome.measures = {}
 
@@ -174,7 +175,7 @@ class SweepFolder:
         return sorted(self.path.glob("runs-*.parquet"))
 
     def _runs_done(self, count: int) -> set[int]:
-        """The numbers of the runs in all files, each of which is complete and has its own runs."""
+        """Return the numbers of the runs in all files, after checking that none is damaged or repeated."""
         done: set[int] = set()
         needed = {"run", *self._parameters, "wall_time", "error", "warnings"}
         for file in self._files():
@@ -185,13 +186,13 @@ class SweepFolder:
             if not all(type(run) is int and 0 <= run < count for run in runs):
                 raise SweepError(_damage(file, f"its runs are not numbers from 0 to {count - 1}"))
             if len({*runs}) < len(runs) or not done.isdisjoint(runs):
-                raise SweepError(_damage(file, "it has a run that is there already"))
+                raise SweepError(_damage(file, "it repeats a run of another file"))
             done.update(runs)
         return done
 
 
 def _read(path: Path) -> Any:
-    """The table in a file, whose pages are compared with their checksums."""
+    """Return the table in a file after checking the checksums of its pages."""
     try:
         return pq.ParquetFile(path, page_checksum_verification=True).read()
     except (OSError, pa.ArrowException, ValueError) as error:
@@ -199,24 +200,24 @@ def _read(path: Path) -> Any:
 
 
 def _damage(path: Path, why: str) -> str:
-    return f"cannot read {path}: {why}; remove it, and its runs are done again"
+    return f"cannot read {path}: {why}; remove it to repeat its runs"
 
 
 def read_manifest(path: Path) -> dict[str, Any]:
-    """The description of the sweep in a folder.
+    """Return the description of the sweep in a folder.
 
     Raises
     ------
     SweepError
-        If there is none.
+        If the folder contains no sweep.
     """
     try:
         content = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
-        raise SweepError(f"{path} holds no sweep: {error}; give the folder of a sweep") from error
+        raise SweepError(f"{path} contains no sweep: {error}; give the folder of a sweep") from error
     known = content if isinstance(content, dict) else {}
     if not _names(known.get("parameters")) or not (known.get("measured", 0) is None or _names(known.get("measured"))):
-        raise SweepError(f"{path / MANIFEST} is damaged: it does not name parameters and measures; remove the folder")
+        raise SweepError(f"{path / MANIFEST} is damaged: parameters and measures are missing; remove the folder")
     return known
 
 
@@ -225,7 +226,7 @@ def _names(value: object) -> bool:
 
 
 def read_sweep(folder: str | Path) -> xr.Dataset:
-    """The runs of a sweep that are done so far.
+    """Read the completed runs of a sweep.
 
     Parameters
     ----------
@@ -235,13 +236,13 @@ def read_sweep(folder: str | Path) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Along ``run``: the parameters as coordinates, and as variables the measures (NaN where there are none),
-        ``wall_time`` [s], ``error`` and ``warnings`` (empty where there are none).
+        Table along ``run``: the parameters as coordinates; the measures (NaN if missing), ``wall_time`` [s], ``error``
+        and ``warnings`` (empty if there are none) as variables.
 
     Raises
     ------
     SweepError
-        If the folder holds no sweep.
+        If the folder contains no sweep.
     """
     path = Path(folder)
     parameters = read_manifest(path)["parameters"]
@@ -267,7 +268,7 @@ def read_sweep(folder: str | Path) -> xr.Dataset:
 
 
 def _trajectories(outcomes: Sequence[Outcome]) -> Any:
-    """Trajectories one below the other, with the number of the run in the first column."""
+    """Return the trajectories below each other, with the number of the run in the first column."""
     tables = []
     fields = None
     for outcome in outcomes:
@@ -287,14 +288,14 @@ def _trajectories(outcomes: Sequence[Outcome]) -> Any:
 
 @contextmanager
 def sole_writer(path: Path) -> Iterator[None]:
-    """Make a folder, and refuse one to which another process writes; the lock ends with its process in any case.
+    """Make a folder and lock it against other processes; the lock ends with the process.
 
     Raises
     ------
     SweepError
-        If it is taken.
+        If another process has locked the folder.
     OutputError
-        If it cannot be made.
+        If the folder cannot be made.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -309,5 +310,5 @@ def sole_writer(path: Path) -> Iterator[None]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            raise SweepError(f"another process is doing the sweep in {path}: wait for it or end it") from error
+            raise SweepError(f"another process is running the sweep in {path}: wait for it or end it") from error
         yield

@@ -1,4 +1,4 @@
-"""What makes a sweep that sweep: a folder that holds another one is not gone on with."""
+"""The identity of a sweep: a folder with another sweep is rejected."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from harness.system.system import System
 
 
 def description(system: System, job: Job, samples: Sequence[Sample]) -> dict[str, Any]:
-    """A sweep as JSON, the large pieces as hashes.
+    """Return a description of a sweep as JSON, with hashes of its large elements.
 
     Parameters
     ----------
     system : System
-        What is run.
+        The system.
     job : Job
-        How it is run, and what is measured. Of a function that measures only the name counts.
+        Settings and measures of the runs. A function that measures is identified by its name only.
     samples : sequence of mapping
         All parameter sets.
 
     Returns
     -------
     dict
-        Equal for equal sweeps, wherever their files are.
+        The description; equal sweeps have equal descriptions, independent of the paths of their files.
     """
     content = {
         "parts": {name: _identity(part) for name, part in system.parts.items()},
@@ -52,7 +52,7 @@ def description(system: System, job: Job, samples: Sequence[Sample]) -> dict[str
 
 
 def _identity(part: Part) -> list[str]:
-    """Kind, content and rate of a part."""
+    """Return kind, content and sample time of a part."""
     kind = type(part).__qualname__
     if isinstance(part, FmuPart):
         return [kind, _hash(part.path.read_bytes()), str(part.every)]

@@ -1,4 +1,4 @@
-"""Measures: what is kept of a run, as numbers."""
+"""Measures: numbers that summarise a run."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ KINDS: Final[Mapping[str, Callable[[Values], float]]] = {
     "mean": np.mean,
     "rms": lambda y: np.sqrt(np.mean(np.square(y))),
 }
-"""The built-in measures, over all recorded rows of a variable."""
+"""Built-in measures over all recorded rows of a variable."""
 
 _PATTERN = re.compile(r"\s*(?P<kind>\w+)\((?P<name>.+)\)\s*")
 
@@ -45,11 +45,11 @@ class Builtin:
     name: str
 
     def __str__(self) -> str:
-        """Heading of its column."""
+        """Return the heading of the column."""
         return f"{self.kind}({self.name})"
 
     def __call__(self, result: Result) -> Mapping[str, float]:
-        """The number, under its heading."""
+        """Return the number under its heading."""
         return {str(self): self.of(result[self.name].to_numpy().astype(np.float64))}
 
     def of(self, values: Values) -> float:
@@ -58,12 +58,12 @@ class Builtin:
 
 
 def find_measures(measure: str | Measure | Iterable[str | Measure], parts: Mapping[str, Part]) -> tuple[Measure, ...]:
-    """The measures that were asked for.
+    """Return the requested measures.
 
     Parameters
     ----------
     measure : str, callable, or several of them
-        ``kind(part.port)`` with ``*`` and ``?`` for any outputs, or a function of the result of a run.
+        ``kind(part.port)``, where ``*`` and ``?`` match outputs, or a function of the result of a run.
     parts : mapping of str to Part
         The parts of the system.
 
@@ -75,9 +75,9 @@ def find_measures(measure: str | Measure | Iterable[str | Measure], parts: Mappi
     Raises
     ------
     SweepError
-        If a text is not of that form.
+        If a text does not have this form.
     UnknownNameError
-        If there is no such measure or variable.
+        If a measure or variable does not exist.
     """
     wanted = [measure] if isinstance(measure, str) or callable(measure) else list(measure)
     found: dict[Measure, None] = {}
@@ -87,7 +87,7 @@ def find_measures(measure: str | Measure | Iterable[str | Measure], parts: Mappi
             continue
         match = _PATTERN.fullmatch(one)
         if not match:
-            raise SweepError(f"'{one}' is not a measure: write for example rms(part.port), or give a function")
+            raise SweepError(f"'{one}' is not a measure: write, for example, rms(part.port), or give a function")
         if match["kind"] not in KINDS:
             raise UnknownNameError(f"there is no measure '{match['kind']}': {nearest(match['kind'], KINDS)}")
         found.update({Builtin(match["kind"], name): None for name in recorded_names(parts, [match["name"]])})
@@ -97,7 +97,7 @@ def find_measures(measure: str | Measure | Iterable[str | Measure], parts: Mappi
 
 
 def label(measure: object) -> str:
-    """Name of a measure, or of any function, in messages and in the description of a sweep."""
+    """Return the name of a measure or another function for messages and for the description of a sweep."""
     if isinstance(measure, Builtin):
         return str(measure)
     named = measure if hasattr(measure, "__qualname__") else type(measure)

@@ -1,4 +1,4 @@
-"""Where the runs of a sweep are done: in processes, threads, this thread, or on a dask cluster."""
+"""Where the runs of a sweep are executed: in processes, in threads, in this thread, or on a dask cluster."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ Outcomes: TypeAlias = "Future[list[Outcome]]"
 
 
 _PAUSES: Final = (0.0, 0.1, 0.3, 1.0, 3.0)
-"""Pauses [s] before each attempt to start a worker process: a fork server that was killed takes its time to end."""
+"""Pauses before each attempt to start a worker process, as a killed fork server takes time to end [s]."""
 
 
 class Pool(Protocol):
-    """Does chunks of runs; a chunk whose future fails with one of the ``losses`` was lost with its worker."""
+    """Workers that execute chunks of runs; a future that fails with one of the ``losses`` has lost its worker."""
 
     losses: tuple[type[BaseException], ...]
 
     def capacity(self) -> int:
-        """How many chunks it is worth while to have under way."""
+        """Number of chunks that should be in progress."""
 
     def submit(self, job: Job, chunk: Chunk) -> Outcomes:
-        """Begin a chunk; only while fewer than `capacity` are under way."""
+        """Start a chunk; call it only while fewer than `capacity` chunks are in progress."""
 
     def close(self, job: Job) -> None:
-        """End all work, also what is under way."""
+        """End all work, including chunks in progress."""
 
 
 class SerialPool:
-    """One chunk after the other, in this thread."""
+    """Execution of one chunk after the other in this thread."""
 
     losses: tuple[type[BaseException], ...] = ()
 
@@ -55,7 +55,7 @@ class SerialPool:
         return 1
 
     def submit(self, job: Job, chunk: Chunk) -> Outcomes:
-        """Do the chunk."""
+        """Execute the chunk."""
         future: Outcomes = Future()
         future.set_result(run_chunk(job, chunk))
         return future
@@ -71,47 +71,47 @@ class ThreadPool:
     Parameters
     ----------
     workers : int
-        How many.
+        Number of threads.
     """
 
     losses: tuple[type[BaseException], ...] = ()
 
     def __init__(self, workers: int) -> None:
-        """Make the threads."""
+        """Start the threads."""
         self._workers = workers
         self._executor = ThreadPoolExecutor(workers, "sweep")
         self._stop = threading.Event()
 
     def capacity(self) -> int:
-        """One chunk for every thread."""
+        """One chunk per thread."""
         return self._workers
 
     def submit(self, job: Job, chunk: Chunk) -> Outcomes:
-        """Give the chunk to a free thread."""
+        """Pass the chunk to a free thread."""
         return self._executor.submit(run_chunk, job, chunk, self._stop.is_set)
 
     def close(self, job: Job) -> None:
-        """Wait for the runs under way."""
+        """Wait for the runs in progress."""
         self._stop.set()
         self._executor.shutdown(cancel_futures=True)
         close_runners(job.key)
 
 
 class ProcessPool:
-    """Processes of this machine. One that dies takes no other along: each has an executor of its own.
+    """Processes on this machine, each with its own executor, so that a process that dies does not affect the others.
 
     Parameters
     ----------
     workers : int
-        How many.
+        Number of processes.
     """
 
     losses: tuple[type[BaseException], ...] = (BrokenExecutor,)
 
     def __init__(self, workers: int) -> None:
         """Start the processes."""
-        # not fork, which copies the locks of other threads in whatever state they are
-        # the fork server listens on a socket in the temporary folder, whose path may have 107 characters
+        # not fork, which copies locks that other threads may be holding
+        # the fork server's socket is in the temporary folder, and its path may have at most 107 characters
         serves = "forkserver" in multiprocessing.get_all_start_methods() and len(tempfile.gettempdir()) < 70
         context = multiprocessing.get_context("forkserver" if serves else "spawn")
         if serves:
@@ -126,17 +126,17 @@ class ProcessPool:
         self._failed_starts = 0
 
     def capacity(self) -> int:
-        """One chunk for every process."""
+        """One chunk per process."""
         return len(self._slots)
 
     def submit(self, job: Job, chunk: Chunk) -> Outcomes:
-        """Give the chunk to a free process, to a new one where it has died."""
+        """Pass the chunk to a free process, and replace a process that has died."""
         index, slot = next((i, slot) for i, slot in enumerate(self._slots) if slot.free)
         if slot.lost:
             self._failed_starts = 0 if slot.started else self._failed_starts + 1
             if self._failed_starts == 2:
                 raise SweepError(
-                    "the worker processes of the sweep die while they start: run the script's sweep below "
+                    "the worker processes of the sweep die during start-up: call sweep below "
                     "if __name__ == '__main__', or use the executor 'threads'"
                 )
             slot.end()
@@ -144,14 +144,14 @@ class ProcessPool:
         return slot.submit(job, chunk)
 
     def close(self, job: Job) -> None:
-        """End the processes and remove what they unpacked."""
+        """End the processes and remove their temporary files."""
         for slot in self._slots:
             slot.end()
         self._folder.cleanup()
 
 
 class _Slot:
-    """The place of one worker process."""
+    """One worker process."""
 
     def __init__(self, context: BaseContext, scratch: str) -> None:
         self.context = context
@@ -161,12 +161,12 @@ class _Slot:
 
     @property
     def free(self) -> bool:
-        """Whether nothing is under way."""
+        """Whether no chunk is in progress."""
         return self._future is None or self._future.done()
 
     @property
     def started(self) -> bool:
-        """Whether the process has come to work."""
+        """Whether the process has begun to work."""
         return self._id.done() and self._id.exception() is None
 
     @property
@@ -175,7 +175,7 @@ class _Slot:
         return self._future is not None and self._future.done() and isinstance(self._future.exception(), BrokenExecutor)
 
     def submit(self, job: Job, chunk: Chunk) -> Outcomes:
-        """Begin a chunk; a process that died while it had nothing to do shows that only now."""
+        """Start a chunk; only this reveals a process that died while idle."""
         try:
             self._future = self._executor.submit(run_chunk, job, chunk)
         except BrokenExecutor as error:
@@ -184,19 +184,19 @@ class _Slot:
         return self._future
 
     def end(self) -> None:
-        """End the process at once if it is at work: what is under way is not wanted any more."""
+        """End the process immediately if it is working, as its results are no longer needed."""
         if not self.free and self._id.exception() is None:
             os.kill(self._id.result(), signal.SIGTERM if sys.platform == "win32" else signal.SIGKILL)
         self._executor.shutdown(cancel_futures=True)
 
 
 def _new_slot(context: BaseContext, scratch: str) -> _Slot:
-    """Start a worker process, with a new fork server where the old one has been killed meanwhile.
+    """Start a worker process, with a new fork server if the old one has been killed.
 
     Raises
     ------
     SweepError
-        If none starts.
+        If no process starts.
     """
     reason = ""
     for pause in _PAUSES:
@@ -205,7 +205,9 @@ def _new_slot(context: BaseContext, scratch: str) -> _Slot:
             return _Slot(context, scratch)
         except (EOFError, OSError) as error:
             reason = str(error)
-    raise SweepError(f"no worker process of the sweep starts ({reason}): use fewer workers, or the executor 'threads'")
+    raise SweepError(
+        f"no worker process of the sweep could be started ({reason}): use fewer workers, or the executor 'threads'"
+    )
 
 
 class DaskPool:
@@ -214,7 +216,7 @@ class DaskPool:
     Parameters
     ----------
     client : distributed.Client
-        Connected to its scheduler.
+        Client connected to the scheduler.
     """
 
     def __init__(self, client: Any) -> None:
@@ -226,30 +228,30 @@ class DaskPool:
         self._executor = client.get_executor(pure=False)
 
     def capacity(self) -> int:
-        """Two chunks for every thread that there is now, so that none waits for the way to here and back."""
+        """Two chunks per available thread, to hide the communication time."""
         return max(2, 2 * int(sum(self._client.nthreads().values())))
 
     def submit(self, job: Job, chunk: Chunk) -> Outcomes:
-        """Give the chunk to the scheduler, which gives it to another worker if one dies."""
+        """Pass the chunk to the scheduler, which assigns it to another worker if one dies."""
         future: Outcomes = self._executor.submit(run_chunk, job, chunk)
         return future
 
     def close(self, job: Job) -> None:
-        """Cancel what is under way and close the systems of the workers."""
+        """Cancel chunks in progress and close the systems of the workers."""
         self._executor.shutdown(wait=False)
         self._client.run(close_runners, job.key, on_error="ignore")  # a worker may just have died
 
 
 def make_pool(executor: Any, workers: int | None) -> Pool:
-    """The pool that was asked for.
+    """Return the requested pool.
 
     Raises
     ------
     SweepError
-        If there is no such executor, or fewer than one worker.
+        If the executor is unknown or the number of workers is less than 1.
     """
     if workers is not None and workers < 1:
-        raise SweepError(f"{workers} workers were asked for: give 1 or more")
+        raise SweepError(f"the number of workers is {workers}: give 1 or more")
     if executor == "serial":
         return SerialPool()
     if executor == "threads":
@@ -258,20 +260,22 @@ def make_pool(executor: Any, workers: int | None) -> Pool:
         return ProcessPool(workers or available())
     if hasattr(executor, "get_executor"):
         return DaskPool(executor)
-    raise SweepError(f"{executor!r} does not run sweeps: use 'processes', 'threads', 'serial' or a dask client")
+    raise SweepError(
+        f"{executor!r} is not an executor of sweeps: use 'processes', 'threads', 'serial' or a dask client"
+    )
 
 
 def _imported_by_main() -> list[str]:
-    """What the script imports: every worker runs it once more, which is quick where these are there already."""
+    """Return the imports of the main script, which every worker repeats; preloading them saves time."""
     values = vars(sys.modules["__main__"]).values()
     names = {value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", "") for value in values}
     return sorted(str(name) for name in names if name in sys.modules and name not in {"__main__", "builtins"})
 
 
 def _prepare_process(scratch: str) -> None:
-    """First thing in a worker process: nothing of it is to outlive its sweep."""
+    """Prepare a worker process so that nothing of it outlives its sweep."""
     if hasattr(os, "setpgrp"):
-        os.setpgrp()  # Ctrl-C is for the sweep, which ends its workers
+        os.setpgrp()  # Ctrl-C goes to the sweep, which ends its workers
     tempfile.tempdir = scratch
     threading.Thread(target=_end_with_parent, args=(scratch,), daemon=True).start()
 

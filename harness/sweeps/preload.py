@@ -1,12 +1,12 @@
-"""What a process does of which the workers are forked: load all that a run needs, so that none of them has to."""
+"""Imports of the process from which workers are forked, so that each worker has them already."""
 
 from contextlib import suppress
 
-from harness import *  # noqa: F403 - the names are imported when they are used, here all at once
+from harness import *  # noqa: F403 - imports all lazy names at once
 from harness import CallablePart, HarnessError, System
 from harness.sweeps.worker import Runner
 
-with suppress(HarnessError, OSError):  # a run says what is wrong
+with suppress(HarnessError, OSError):  # the runs report the error
     System([CallablePart("preload", lambda t, u, x: t, outputs=["t"])]).run(stop=1.0, step=1.0)
 
 __all__ = ["Runner"]

@@ -1,4 +1,4 @@
-"""Which runs are done next, and in how large chunks."""
+"""The order of the runs of a sweep and the size of chunks."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from typing import Final
 from harness.sweeps.worker import Outcome
 
 TRIES: Final = 3
-"""So many workers may die in a run before it counts as failed."""
+"""Number of workers that may die in a run before it counts as failed."""
 
 
 class Queue:
-    """The runs that are still to be given out.
+    """Queue of the remaining runs.
 
-    A chunk takes half a second, or 2 % of the time that the sweep has taken so far, and 10 s at most: that is what is
-    lost when everything is killed, and the number of files stays small. Towards the end chunks get smaller, so that
-    the workers end together.
+    A chunk takes about 0.5 s or 2 % of the sweep's duration so far, and at most 10 s. This limits the work lost if the
+    sweep is killed, and also the number of files. Towards the end, chunks become smaller, so that all workers finish at
+    about the same time.
 
     Parameters
     ----------
     runs : iterable of int
-        Their numbers.
+        Numbers of the runs.
     most : int
         Largest number of runs in a chunk.
     """
 
     def __init__(self, runs: Iterable[int], most: int) -> None:
-        """Begin to count the time."""
+        """Start the clock."""
         self._runs = deque(runs)
         self._most = most
         self._again: deque[list[int]] = deque()
@@ -39,11 +39,11 @@ class Queue:
 
     @property
     def left(self) -> bool:
-        """Whether there is anything to be given out."""
+        """Whether runs remain."""
         return bool(self._runs or self._again)
 
     def take(self, workers: int) -> list[int]:
-        """The runs of the next chunk."""
+        """Return the runs of the next chunk."""
         if self._again:
             return self._again.popleft()
         size = 1.0
@@ -54,17 +54,17 @@ class Queue:
         return [self._runs.popleft() for _ in range(count)]
 
     def note(self, outcomes: Sequence[Outcome]) -> None:
-        """Learn from what has been done how long a run takes."""
+        """Update the estimated duration of a run."""
         if outcomes:
             self._seconds = max(1e-6, sum(outcome.wall_time for outcome in outcomes) / len(outcomes))
 
     def give_back(self, chunk: Sequence[int]) -> list[Outcome]:
-        """Take back a chunk whose worker died, in halves: one of its runs may be what kills.
+        """Return a chunk whose worker died to the queue, in halves, to isolate the run that killed it.
 
         Returns
         -------
         list of Outcome
-            A run that has been alone with its worker when it died, too often.
+            The failed outcome of a single run whose workers have died too often.
         """
         if len(chunk) > 1:
             half = len(chunk) // 2
@@ -75,4 +75,4 @@ class Queue:
         if self._deaths[run] < TRIES:
             self._again.append([run])
             return []
-        return [Outcome(run, error=f"{TRIES} worker processes died in this run: look for an FMU that crashes")]
+        return [Outcome(run, error=f"{TRIES} worker processes died in this run: check whether an FMU crashes")]

@@ -1,4 +1,4 @@
-"""What is swept: lists of parameter sets."""
+"""Parameter sets of a sweep."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from harness.values import is_count, shown
 Sample: TypeAlias = Mapping[str, StartValue]
 WithUnits: TypeAlias = Mapping[str, StartValue | Parameter]
 Given: TypeAlias = WithUnits | ParameterSet
-"""A parameter set as it may be given: with units, or as it was read from an SSV file."""
+"""A parameter set as accepted from the user: a mapping, with or without units, or a `ParameterSet`."""
 
 Bounds: TypeAlias = Mapping[str, tuple[float, float]]
 
 
 MOST_RUNS: Final = 10_000_000
-"""Runs of a sweep; all their parameters are in the memory."""
+"""Largest number of runs in a sweep, as all parameters are kept in memory."""
 
 
 def check_runs(count: int) -> None:
-    """Refuse more runs than a sweep can have.
+    """Raise an error for more runs than a sweep can have.
 
     Raises
     ------
@@ -41,17 +41,17 @@ def check_runs(count: int) -> None:
     """
     if count > MOST_RUNS:
         raise SweepError(
-            f"the sweep would have {count} runs, and {MOST_RUNS} are the most: vary less, or more coarsely"
+            f"the sweep would have {count} runs; the limit is {MOST_RUNS}: use fewer parameters or fewer values"
         )
 
 
 def grid(values: Mapping[str, ArrayLike]) -> list[dict[str, StartValue]]:
-    """All combinations of values; the last name varies fastest.
+    """Return all combinations of values; the last name varies fastest.
 
     Parameters
     ----------
     values : mapping of str to array_like, shape (n_k,)
-        The values of each name: ``part.port``, or a setting of the experiment such as ``step``.
+        Values of each name, which is ``part.port`` or a setting of the experiment such as ``step``.
 
     Returns
     -------
@@ -64,18 +64,18 @@ def grid(values: Mapping[str, ArrayLike]) -> list[dict[str, StartValue]]:
 
 
 def latin_hypercube(bounds: Bounds, n: int, seed: int, *, log: Collection[str] = ()) -> list[dict[str, StartValue]]:
-    """Random points of which each of n equal strata of every parameter holds exactly one.
+    """Return random points such that each of n equal strata of every parameter contains exactly one.
 
-    McKay, Beckman, Conover, Technometrics 21(2), 1979.
+    Source: McKay, Beckman, Conover, Technometrics 21(2), 1979.
 
     Parameters
     ----------
     bounds : mapping of str to (float, float)
-        Least and largest value of each name.
+        Smallest and largest value of each name.
     n : int
         Number of points.
     seed : int
-        Equal seeds give equal points.
+        Seed of the random numbers; equal seeds give equal points.
     log : collection of str
         Names whose logarithm is sampled.
 
@@ -87,31 +87,32 @@ def latin_hypercube(bounds: Bounds, n: int, seed: int, *, log: Collection[str] =
     Raises
     ------
     SweepError
-        If bounds or n make no sense.
+        If the bounds or n are invalid.
     """
     if n < 1:
-        raise SweepError(f"a Latin hypercube of {n} points was asked for: give 1 or more")
+        raise SweepError(f"a Latin hypercube cannot have {n} points: give 1 or more")
     check_runs(n)
     _check_seed(seed)
-    from scipy.stats import qmc  # takes longer to load than all else here
+    from scipy.stats import qmc  # slow to load
 
     sampler = qmc.LatinHypercube(_dimensions(bounds, log), seed=seed)
     return _scaled(sampler.random(n), bounds, log)
 
 
 def sobol(bounds: Bounds, n: int, seed: int, *, log: Collection[str] = ()) -> list[dict[str, StartValue]]:
-    """Points of a scrambled Sobol sequence, more even than random ones.
+    """Return points of a scrambled Sobol sequence, which cover the bounds more evenly than random points.
 
-    Sobol, USSR Computational Mathematics and Mathematical Physics 7(4), 1967; Owen, Journal of Complexity 14(4), 1998.
+    Sources: Sobol, USSR Computational Mathematics and Mathematical Physics 7(4), 1967; Owen, Journal of Complexity
+    14(4), 1998.
 
     Parameters
     ----------
     bounds : mapping of str to (float, float)
-        Least and largest value of each name.
+        Smallest and largest value of each name.
     n : int
-        Number of points, a power of 2: others lose what the sequence is for (Owen, 2020).
+        Number of points; it must be a power of 2 to keep the balance of the sequence (Owen, 2020).
     seed : int
-        Equal seeds give equal points.
+        Seed of the random numbers; equal seeds give equal points.
     log : collection of str
         Names whose logarithm is sampled.
 
@@ -123,13 +124,13 @@ def sobol(bounds: Bounds, n: int, seed: int, *, log: Collection[str] = ()) -> li
     Raises
     ------
     SweepError
-        If bounds or n make no sense.
+        If the bounds or n are invalid.
     """
     check_runs(n)
     _check_seed(seed)
     power = max(0, round(math.log2(n))) if n > 0 else 0
     if 2**power != n:
-        raise SweepError(f"a Sobol sequence of {n} points is not even: give a power of 2 such as {2**power}")
+        raise SweepError(f"a Sobol sequence of {n} points is not balanced: give a power of 2 such as {2**power}")
     from scipy.stats import qmc
 
     sampler = qmc.Sobol(_dimensions(bounds, log), seed=seed)
@@ -137,68 +138,68 @@ def sobol(bounds: Bounds, n: int, seed: int, *, log: Collection[str] = ()) -> li
 
 
 def read_csv_samples(path: Path) -> list[dict[str, StartValue]]:
-    """Parameter sets from a table: names in the heading, one set in each row; an empty cell leaves a value as it is.
+    """Read parameter sets from a table: a row of names, then one set per row; an empty cell keeps the default.
 
     Raises
     ------
     SweepError
-        If the file cannot be read as such a table.
+        If the file is not such a table.
     """
     try:
         lines = read_csv(path)
     except (OSError, ValueError) as error:
         raise SweepError(f"cannot read the parameter sets {path}: {reason(error)}; give a CSV file") from error
     if len(lines) < 2:
-        raise SweepError(f"{path} holds no parameter sets: give a heading with names and a row for each run")
+        raise SweepError(f"{path} contains no parameter sets: give a row of names, then a row for each run")
     names = [name.strip() for name in lines[0]]
     for number, line in enumerate(lines[1:], start=2):
         if len(line) != len(names):
-            raise SweepError(f"row {number} of {path} has {len(line)} cells instead of {len(names)}: repair it")
+            raise SweepError(f"row {number} of {path} has {len(line)} cells instead of {len(names)}: correct it")
     return [{name: _parsed(cell) for name, cell in zip(names, line, strict=True) if cell.strip()} for line in lines[1:]]
 
 
 def read_ssv_samples(path: Path) -> list[WithUnits]:
-    """The one parameter set of an SSV file, with its units."""
+    """Return the parameter set of an SSV file, with its units."""
     return [read_ssv(path).parameters]
 
 
 READERS: Final[dict[str, Callable[[Path], Sequence[WithUnits]]]] = {".csv": read_csv_samples, ".ssv": read_ssv_samples}
-"""Readers of parameter sets by the ending of the file."""
+"""Readers of parameter sets by file suffix."""
 
 
 def read_samples(paths: Iterable[Path]) -> list[WithUnits]:
-    """The parameter sets of several files, one after the other.
+    """Read the parameter sets of several files, one after the other.
 
     Parameters
     ----------
     paths : iterable of Path
-        A .csv file has a parameter set in each row below the names, an .ssv file is one parameter set.
+        The files. A .csv file has a parameter set in each row below the names; an .ssv file is one parameter set.
 
     Returns
     -------
     list of mappings
-        Values by name, those of an .ssv file with their units.
+        Values by name; those of an .ssv file have units.
 
     Raises
     ------
     SweepError
-        If a file cannot be read, or nothing here reads its format.
+        If a file cannot be read or has an unknown format.
     """
     sets: list[WithUnits] = []
     for path in paths:
         if path.suffix not in READERS:
-            raise SweepError(f"{path} is of no known format: give parameter sets as {', '.join(READERS)}")
+            raise SweepError(f"{path} has no known format: give parameter sets as {', '.join(READERS)}")
         sets += READERS[path.suffix](path)
     return sets
 
 
 def checked_samples(samples: Iterable[Given], system: System) -> list[dict[str, StartValue]]:
-    """Parameter sets with plain Python values, in the units of the system.
+    """Return parameter sets with plain Python values, in the units of the system.
 
     Raises
     ------
     SweepError
-        If there are none, or a value is no number, truth value or text.
+        If there are none, or a value is not a number, a Boolean or a text.
     """
     plain = [
         {str(name): _plain(value, str(name)) for name, value in _in_units(sample, system).items()} for sample in samples
@@ -209,12 +210,12 @@ def checked_samples(samples: Iterable[Given], system: System) -> list[dict[str, 
 
 
 def column_types(samples: Sequence[Sample]) -> dict[str, PortType]:
-    """Type of each swept name over all parameter sets, in the order in which they appear.
+    """Return the type of each swept name over all parameter sets, in order of appearance.
 
     Raises
     ------
     SweepError
-        If the values of a name are of types that do not go together.
+        If the values of a name have incompatible types.
     """
     kinds: dict[str, set[type]] = {}
     for sample in samples:
@@ -225,13 +226,13 @@ def column_types(samples: Sequence[Sample]) -> dict[str, PortType]:
     for name, kind in kinds.items():
         if len(kind) > 1 and not kind <= {int, float}:
             given = " and ".join(sorted(one.__name__ for one in kind))
-            raise SweepError(f"the values of {name} are of types {given}: give values of one type")
+            raise SweepError(f"the values of {name} have the types {given}: give values of one type")
         found[name] = types.get(tuple(kind), "Real")
     return found
 
 
 def _in_units(given: Given, system: System) -> Sample:
-    """Values of parameters that have a unit, in the units of the system."""
+    """Return a parameter set converted to the units of the system."""
     values = given.parameters if isinstance(given, ParameterSet) else given
     with_unit = {name: value for name, value in values.items() if isinstance(value, Parameter)}
     start = system.with_parameters(with_unit).start if with_unit else {}
@@ -239,11 +240,13 @@ def _in_units(given: Given, system: System) -> Sample:
 
 
 def _plain(value: object, name: str = "") -> StartValue:
-    """A value as Python has it: numpy's own types would be strange in a file."""
+    """Return a value as a Python type, as numpy types cannot be stored in all files."""
     value = value.item() if isinstance(value, np.generic) else value
     if isinstance(value, (bool, int, float, str)):
         return value
-    raise SweepError(f"the value {value!r} {f'of {name} ' if name else ''}cannot be swept: give numbers or texts")
+    raise SweepError(
+        f"the value {value!r} {f'of {name} ' if name else ''}cannot be swept: give numbers, Booleans or texts"
+    )
 
 
 def _parsed(cell: str) -> StartValue:
@@ -262,7 +265,7 @@ def _parsed(cell: str) -> StartValue:
 
 def _check_seed(seed: int) -> None:
     if not is_count(seed, 0):
-        raise SweepError(f"the seed is {shown(seed)}: give a whole number, 0 or more")
+        raise SweepError(f"the seed is {shown(seed)}: give an integer, 0 or more")
 
 
 def _dimensions(bounds: Bounds, log: Collection[str]) -> int:
@@ -270,12 +273,12 @@ def _dimensions(bounds: Bounds, log: Collection[str]) -> int:
         raise SweepError("nothing is varied: give bounds for at least one name")
     for name in log:
         if name not in bounds:
-            raise SweepError(f"{name} is to have a logarithmic scale but no bounds: give its bounds")
+            raise SweepError(f"{name} has a logarithmic scale but no bounds: give its bounds")
     for name, (low, high) in bounds.items():
         if not (math.isfinite(low) and math.isfinite(high) and low < high):
-            raise SweepError(f"the bounds of {name} are {low} and {high}: give two finite numbers that increase")
+            raise SweepError(f"the bounds of {name} are {low} and {high}: give two finite numbers in increasing order")
         if name in log and low <= 0.0:
-            raise SweepError(f"{name} has a logarithmic scale from {low}: give positive bounds")
+            raise SweepError(f"{name} has a logarithmic scale that starts at {low}: give positive bounds")
     return len(bounds)
 
 

@@ -1,4 +1,4 @@
-"""What a worker does: chunks of runs of a system of its own, whose FMUs are reset from run to run."""
+"""Workers: each executes chunks of runs with its own system, whose FMUs are reset between runs."""
 
 from __future__ import annotations
 
@@ -22,30 +22,30 @@ from harness.system.experiment import Experiment
 from harness.system.system import System
 
 SETTINGS: Final = ("start", "stop", "step", "master", "decimate", "tolerance", "extrapolation", "loop_tolerance")
-"""Settings of the experiment that can be swept; a start value has a dot in its name."""
+"""Settings of the experiment that can be swept; names of start values contain a dot."""
 
 _PROBED: Final = 1000
-"""Ticks over which a reset FMU is compared with a new one."""
+"""Number of communication steps over which a reset FMU is compared with a new one."""
 
 _LOG = logging.getLogger("harness")
 
 
 @dataclass(frozen=True)
 class Job:
-    """What is common to all runs of a sweep.
+    """Data common to all runs of a sweep.
 
     Parameters
     ----------
     key : str
-        Names the sweep: workers keep a system for each.
+        Identifies the sweep; workers keep a system for each.
     open : callable
-        Makes a system that nobody else uses.
+        Returns a system for exclusive use.
     experiment : Experiment
-        How each run is done, with what is recorded in full names.
+        Settings of each run, with full names of the recorded variables.
     measures : tuple of callable
-        What is made of its result.
+        Functions of the result of a run.
     keep : tuple of str
-        Variables whose whole trajectories are handed back.
+        Variables whose trajectories are returned.
     """
 
     key: str
@@ -57,20 +57,20 @@ class Job:
 
 @dataclass
 class Outcome:
-    """What became of a run.
+    """Outcome of a run.
 
     Attributes
     ----------
     run : int
-        Its number.
+        Number of the run.
     wall_time : float
-        What it took [s].
+        Duration of the run [s].
     measures : dict of str to float
-        Empty if it failed.
+        Values of the measures; empty if the run failed.
     error, warnings : str or None
-        What went wrong, and what was logged about it.
+        Error of the run, and logged warnings.
     kept : xarray.Dataset or None
-        Trajectories.
+        Stored trajectories.
     """
 
     run: int
@@ -82,7 +82,7 @@ class Outcome:
 
 
 class Runner:
-    """A system with which one worker does its runs.
+    """The system of one worker.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class Runner:
         self._reuse(True)
 
     def run(self, number: int, values: Sample) -> Outcome:
-        """One run; whatever goes wrong in it becomes its error."""
+        """Execute one run; any exception becomes the error of its outcome."""
         outcome = Outcome(number)
         with _collected_warnings() as messages:
             begin = perf_counter()
@@ -121,7 +121,7 @@ class Runner:
         return outcome
 
     def close(self) -> None:
-        """Give the system back."""
+        """Close the system."""
         self._reuse(False)
         self.system.close()
 
@@ -158,14 +158,14 @@ class Runner:
                 raise SweepError(f"the measure {label(measure)} failed with {type(error).__name__}: {error}") from error
             for name in given:
                 if name in numbers:
-                    raise SweepError(f"two measures are called '{name}': rename the one of {label(measure)}")
+                    raise SweepError(f"two measures are called '{name}': rename the result of {label(measure)}")
             numbers |= given
         return numbers
 
     def _probe(self, values: Sample) -> None:
-        """Make new instances for every run if those that were reset do not behave like new ones.
+        """Use new instances in every run if reset instances do not behave like new ones.
 
-        An FMU may answer fmi2Reset with fmi2OK and keep a state; what it does after the first run shows that.
+        An FMU may return fmi2OK from fmi2Reset and still keep a state, which shows after the first run.
         """
         self._probed = True
         names = [
@@ -186,10 +186,10 @@ class Runner:
         if was_reset == new:
             self._reuse(True)
         else:
-            _LOG.info("fmi2Reset does not bring all FMUs back to their start: every run gets new instances")
+            _LOG.info("fmi2Reset does not restore the initial state of all FMUs: every run uses new instances")
 
     def _outputs(self, values: Sample, experiment: Experiment) -> bytes | str:
-        """The recorded values to the last bit, or why there are none."""
+        """Return the recorded values as bytes, or the error text of a failed run."""
         try:
             session, start = self._laid_out(values, experiment)
             recorded = session.run(start)
@@ -214,7 +214,7 @@ _runners: dict[tuple[str, int], Runner] = {}
 def run_chunk(
     job: Job, runs: Sequence[tuple[int, Sample]], stopped: Callable[[], bool] = lambda: False
 ) -> list[Outcome]:
-    """Some runs of a sweep, with the system of this thread.
+    """Execute some runs of a sweep with the system of this thread.
 
     Parameters
     ----------
@@ -223,12 +223,12 @@ def run_chunk(
     runs : sequence of (int, mapping)
         Number and values of each run.
     stopped : callable
-        Asked before every run whether to leave the others out.
+        Called before every run; the remaining runs are skipped if it returns True.
 
     Returns
     -------
     list of Outcome
-        One for each run that was done.
+        Outcomes of the executed runs.
     """
     key = (job.key, threading.get_ident())
     if key not in _runners:
@@ -248,7 +248,7 @@ def close_runners(sweep: str) -> None:
 
 
 class _Collector(logging.Handler):
-    """Keeps the different messages of one thread."""
+    """Log handler that collects the distinct messages of one thread."""
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
@@ -256,7 +256,7 @@ class _Collector(logging.Handler):
         self.messages: dict[str, None] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Keep the message; a run that goes wrong at every step would have many."""
+        """Store the message once, as a failing run may repeat it in every step."""
         if record.thread == self._thread and len(self.messages) < 10:
             self.messages[record.getMessage()] = None
 
@@ -268,7 +268,7 @@ _propagated: list[bool] = []
 
 @contextmanager
 def _collected_warnings() -> Iterator[Mapping[str, None]]:
-    """The warnings of this thread's run, which would otherwise go to the screen thousands of times."""
+    """Collect the warnings of this thread's run, which would otherwise appear on the screen for each run."""
     collector = _Collector()
     with _collecting:
         if not _collectors:

@@ -1,4 +1,4 @@
-"""What a run needs to know of a system, so that the files which run it do not depend on the class."""
+"""The interface of a system that a run needs, so that the modules that run it do not depend on the class."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from harness.system.wire import Wire, split_name
 
 
 class Assembly(Protocol):
-    """Parts, the wires between them and their start values; `System` is one."""
+    """Interface with parts, connections and start values; `System` implements it."""
 
     @property
     def name(self) -> str:
@@ -23,7 +23,7 @@ class Assembly(Protocol):
 
     @property
     def wires(self) -> Sequence[Wire]:
-        """The wires."""
+        """The connections."""
 
     @property
     def start(self) -> Mapping[str, StartValue]:
@@ -31,11 +31,11 @@ class Assembly(Protocol):
 
     @property
     def strict(self) -> bool:
-        """Whether every input needs a wire or a value."""
+        """Whether every input needs a connection or a value."""
 
     @property
     def experiment(self) -> Experiment | None:
-        """How it is run when nothing else is said."""
+        """Default settings of a run."""
 
 
 def start_values(start: Mapping[str, StartValue], part: str) -> dict[str, StartValue]:

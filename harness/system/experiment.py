@@ -1,4 +1,4 @@
-"""The experiment: from when to when, in which steps, by which master, and what is recorded."""
+"""The experiment: times, communication step, master algorithm and recorded variables."""
 
 from __future__ import annotations
 
@@ -11,45 +11,44 @@ from harness.system.manipulator import Manipulator
 from harness.values import MOST_TICKS, is_count, is_number, shown
 
 LOOP_TOLERANCE: Final = 3e-8
-"""Default of `Experiment.loop_tolerance`: against 1e-7 it costs at most 9 % more evaluations, 1e-8 up to 12 %."""
+"""Default of `Experiment.loop_tolerance`. It needs at most 9 % more evaluations than 1e-7; 1e-8 needs up to 12 %
+more."""
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """How a system is run.
+    """Settings of a run.
 
     Parameters
     ----------
     stop, step : float
-        End of the run and length of a communication step (tick) [s]. The span must be a whole number of
-        steps: a shorter last step would change the sampling of every controller in it.
+        End of the run and communication step [s]. The span must be an integer multiple of the step, as a shorter last
+        step would change the sample time of the controllers.
     start : float
-        Begin of the run [s].
+        Start of the run [s].
     master : str
         Name of the master algorithm.
     record : tuple of str
-        What is recorded: ``part.port``, with ``*`` and ``?`` standing for any outputs. Inputs, parameters and
-        local variables are recorded when they are named in full.
+        Recorded variables: ``part.port``, in which ``*`` and ``?`` match outputs. Inputs, parameters and local
+        variables need their full names.
     decimate : int
-        Every so many ticks a row is recorded.
+        Number of communication steps from one recorded row to the next.
     tolerance : float or None
-        Relative tolerance handed to the parts.
+        Relative tolerance passed to the parts.
     loop_tolerance : float or None
-        Residual of a solved loop over the size of its values, at which the masters newton and adaptive take the loop
-        as solved; None: 3e-8. A smaller one costs evaluations and reduces noise and creep at rest.
+        Residual relative to the magnitude of the values at which the masters newton and adaptive accept a loop as
+        solved; None stands for 3e-8. A smaller value needs more evaluations, and reduces noise and creep at rest.
     extrapolation : int
-        Order of the polynomials, 0 to 2, through earlier values on which the master jacobi steps all parts; 0 holds
-        the values.
+        Order of the polynomials, 0 to 2, with which the master jacobi extrapolates inputs; 0 holds the values.
     manipulators : tuple of Manipulator
-        What is done to the values of wires.
+        Changes to the values of connections during the run.
     order : tuple of str
-        Names of all parts in the order in which they are stepped, instead of the order found from their
-        dependencies.
+        Names of all parts in stepping order, instead of the order derived from their dependencies.
 
     Raises
     ------
     ExperimentError
-        If the numbers make no sense.
+        If a setting is invalid.
     """
 
     stop: float
@@ -65,15 +64,19 @@ class Experiment:
     manipulators: tuple[Manipulator, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
+        """Check the settings."""
         for name in ("start", "stop", "step"):
-            object.__setattr__(self, name, _seconds(name, getattr(self, name)))  # an FMU takes no other kind of number
+            object.__setattr__(self, name, _seconds(name, getattr(self, name)))  # an FMU accepts no other number type
         if self.step <= 0:
             raise ExperimentError(f"the step is {self.step} s: give a positive number of seconds")
         if self.stop < self.start:
-            raise ExperimentError(f"the run stops at {self.stop} s before it starts at {self.start} s: exchange them")
+            raise ExperimentError(
+                f"the run stops at {self.stop} s before it starts at {self.start} s: give a stop after the start"
+            )
         if not is_count(self.decimate):
-            raise ExperimentError(f"decimate is {shown(self.decimate)}: give 1 to record every tick, or more")
+            raise ExperimentError(
+                f"decimate is {shown(self.decimate)}: give 1 to record every communication step, or more"
+            )
         if self.tolerance is not None and not (is_number(self.tolerance) and 0.0 <= self.tolerance < math.inf):
             raise ExperimentError(f"the tolerance is {shown(self.tolerance)}: give a positive number, or leave it out")
         if self.extrapolation not in (0, 1, 2):
@@ -102,7 +105,7 @@ class Experiment:
 
     @property
     def ticks(self) -> int:
-        """Number of steps."""
+        """Number of communication steps."""
         return round((self.stop - self.start) / self.step)
 
 

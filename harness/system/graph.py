@@ -1,8 +1,8 @@
-"""Who depends on whom: algebraic loops and the order in which parts are stepped.
+"""The dependency graph of a system: algebraic loops and the stepping order of parts.
 
-The graph is one of variables, not of parts: an output depends on the outputs wired to those inputs that it
-reads directly. A mass and a friction block drive each other, yet there is no loop, because the velocity of
-the mass is a state.
+The nodes are variables, not parts: an output depends on the outputs that drive the inputs on which it depends directly.
+A mass and a friction model drive each other, yet there is no algebraic loop, because the velocity of the mass is a
+state.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ Edges = Mapping[Node, Sequence[tuple[Node, Wire]]]
 
 
 def direct_edges(parts: Mapping[str, Part], wires: Iterable[Wire]) -> dict[Node, list[tuple[Node, Wire]]]:
-    """For each output the outputs on which it depends directly, each with the wire in between.
+    """Return for each output the outputs on which it depends directly, with the connection in between.
 
     Parameters
     ----------
     parts : mapping of str to Part
         All parts by name.
     wires : iterable of Wire
-        The wires to be looked at.
+        The connections to consider.
 
     Returns
     -------
     dict
-        (part, output) -> [((part, output), wire), ...].
+        List of ((part, output), connection) for each (part, output).
     """
     drivers: dict[Node, tuple[Node, Wire]] = {wire.ends[1]: (wire.ends[0], wire) for wire in wires}
     return {
@@ -45,7 +45,7 @@ def direct_edges(parts: Mapping[str, Part], wires: Iterable[Wire]) -> dict[Node,
 
 
 def find_loop(edges: Edges) -> list[Wire] | None:
-    """Wires of one algebraic loop, each feeding the next, or None where there is none."""
+    """Return the connections of one algebraic loop in signal direction, or None if there is none."""
     done: set[Node] = set()
     for root in edges:
         path: list[tuple[Node, Wire | None]] = [(root, None)]
@@ -60,7 +60,7 @@ def find_loop(edges: Edges) -> list[Wire] | None:
             on_path = [visited for visited, _ in path]
             if node in on_path:
                 loop = [taken for _, taken in path[on_path.index(node) + 1 :] if taken] + [wire]
-                return loop[::-1]  # the search ran against the direction of the wires
+                return loop[::-1]  # the search runs against the signal direction
             if node not in done:
                 path.append((node, wire))
                 pending.append(iter(edges[node]))
@@ -68,10 +68,10 @@ def find_loop(edges: Edges) -> list[Wire] | None:
 
 
 def instantaneous(parts: Mapping[str, Part], wires: Iterable[Wire]) -> list[Wire]:
-    """The wires that can close an algebraic loop.
+    """Return the connections that can close an algebraic loop.
 
-    A sampled part reads what a continuous one had reached just before the sample (the limit from the left),
-    so a wire from a continuous to a sampled part closes none; neither does a wire with a delay.
+    A sampled part reads the value of a continuous part just before the sample (the limit from the left). Connections
+    from continuous to sampled parts therefore close no loop; neither do connections with a delay.
     """
     return [
         wire
@@ -81,21 +81,22 @@ def instantaneous(parts: Mapping[str, Part], wires: Iterable[Wire]) -> list[Wire
 
 
 def check_loops(parts: Mapping[str, Part], wires: Sequence[Wire], *, implicit: bool) -> None:
-    """Check that there is no algebraic loop which the master cannot run.
+    """Raise an error if there is an algebraic loop that the master cannot solve.
 
     Parameters
     ----------
     parts : mapping of str to Part
         All parts by name.
     wires : sequence of Wire
-        All wires.
+        All connections.
     implicit : bool
-        The master solves loops through Real wires between continuous parts that are stepped at every tick.
+        Whether the master solves loops of Real connections between continuous parts that are stepped in every
+        communication step.
 
     Raises
     ------
     AlgebraicLoopError
-        With the variables of one loop in the order of the signal flow.
+        If there is such a loop; the message lists its variables in signal direction.
     """
     closing = instantaneous(parts, wires)
     if implicit:
@@ -104,28 +105,28 @@ def check_loops(parts: Mapping[str, Part], wires: Sequence[Wire], *, implicit: b
     if loop:
         flow = [name for wire in loop for name in (wire.source, wire.target)] + [loop[0].source]
         solvable = all(parts[wire.ends[0][0]].moves for wire in loop) and any(_solved(parts, wire) for wire in loop)
-        remedy = ", or use newton" if solvable and not implicit else ""
+        remedy = ", or use the master newton" if solvable and not implicit else ""
         raise AlgebraicLoopError(
-            f"algebraic loop: {' -> '.join(flow)}: put a part with a state, a sampled part or a wire with a delay "
-            f"into it{remedy}"
+            f"algebraic loop {' -> '.join(flow)}: add a part with a state, a sampled part or a connection with a "
+            f"delay to it{remedy}"
         )
 
 
 def _solved(parts: Mapping[str, Part], wire: Wire) -> bool:
-    """Whether an implicit master iterates on the value of a wire: a Real one between continuous parts."""
+    """Return whether an implicit master iterates on a connection: a Real one between continuous parts."""
     target, name = wire.ends[1]
     real = any(port.name == name and port.type == "Real" for port in parts[target].inputs)
     return real and all(parts[part].moves for part, _ in wire.ends)
 
 
 def stepping_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[str]:
-    """Names of the parts in the order in which a sequential master steps them.
+    """Return the names of the parts in the order in which a sequential master steps them.
 
-    Sampled parts come first: they take their sample at the beginning of the step, an estimator before the
-    controller that reads it. Then the continuous ones: a part whose outputs are states (a plant) before the
-    sensors and friction blocks through which its outputs pass directly, so that theirs are right at the end
-    of the step. What runs by itself (a reference, a recorded series) comes last unless something reads it
-    directly, so that plants see its value at the beginning of the step.
+    Sampled parts come first, as they take their sample at the beginning of the step, an estimator before the controller
+    that reads it. Continuous parts follow: a part whose outputs are states (a plant) comes before the sensors and
+    friction models with direct feedthrough from it, so that their outputs are correct at the end of the step. A part
+    without inputs (a reference, a recorded series) comes last, so that plants read its value at the beginning of the
+    step, unless an output depends on it directly.
     """
     sampled = [name for name, part in parts.items() if part.sampled]
     continuous = [name for name, part in parts.items() if not part.sampled]
@@ -133,16 +134,16 @@ def stepping_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[str
 
 
 def propagation_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[str]:
-    """Names of the parts in the order in which values spread at the start time, all in one instant."""
+    """Return the names of the parts in the order in which start values propagate."""
     return _sort(parts, wires, list(parts))
 
 
 def _sort(parts: Mapping[str, Part], wires: Sequence[Wire], group: list[str]) -> list[str]:
-    """Topological order of a group; parts that are free keep the order in which they were declared."""
+    """Return a topological order of a group; independent parts keep their declared order."""
     inner = [wire for wire in wires if wire.ends[0][0] in group and wire.ends[1][0] in group]
     depth = _depths(_opened(parts, instantaneous(parts, inner)))
-    before: dict[str, set[str]] = {name: set() for name in group}  # through direct dependence: must come before
-    wished: dict[str, set[str]] = {name: set() for name in group}  # drives at all: better before if sampled
+    before: dict[str, set[str]] = {name: set() for name in group}  # direct feedthrough: must come before
+    wished: dict[str, set[str]] = {name: set() for name in group}  # any connection: preferred before, if sampled
     for wire in inner:
         (source, _), (target, port) = wire.ends
         if source == target or wire.delay:
@@ -163,7 +164,7 @@ def _sort(parts: Mapping[str, Part], wires: Sequence[Wire], group: list[str]) ->
         if free:
             chosen = min(free, key=urgency)
         else:
-            # The parts form a ring although the variables do not: begin nearest to a state.
+            # the parts form a cycle although their variables do not: begin nearest to a state
             chosen = min(
                 remaining,
                 key=lambda name: (
@@ -177,13 +178,13 @@ def _sort(parts: Mapping[str, Part], wires: Sequence[Wire], group: list[str]) ->
 
 
 def _used(part: Part, wires: Sequence[Wire]) -> list[str]:
-    """Outputs that are wired; all of them where none is, because then the part is there to be recorded."""
+    """Return the connected outputs of a part, or all of them if none is connected (the part is only recorded)."""
     wired = {wire.ends[0][1] for wire in wires if wire.ends[0][0] == part.name}
     return [port.name for port in part.outputs if port.name in wired] or [port.name for port in part.outputs]
 
 
 def _opened(parts: Mapping[str, Part], wires: Sequence[Wire]) -> Edges:
-    """Direct dependences without the wires that close algebraic loops."""
+    """Return the direct dependencies without the connections that close algebraic loops."""
     kept = list(wires)
     while loop := find_loop(direct_edges(parts, kept)):
         kept.remove(loop[-1])
@@ -191,7 +192,7 @@ def _opened(parts: Mapping[str, Part], wires: Sequence[Wire]) -> Edges:
 
 
 def _depths(edges: Edges) -> dict[Node, int]:
-    """Number of wires between each output and the farthest state it depends on; the edges have no loop."""
+    """Return the number of connections from each output to the farthest state on which it depends; no loops."""
     depth: dict[Node, int] = {}
     for root in edges:
         stack = [root]

@@ -1,4 +1,4 @@
-"""The start of a run: all parts in initialisation mode, with consistent values in all wires (FMI 2.0, 4.2.4)."""
+"""The start of a run: initialisation mode of all parts, with consistent values in all connections (FMI 2.0, 4.2.4)."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ class Initialisation:
     plan : Plan
         What is started.
     system : Assembly
-        The system of which it is the plan.
+        The system.
     experiment : Experiment
-        Times and tolerance.
+        Settings of the run.
     guard : Guard
         Watches the parts.
     open_end : bool
-        The parts are not told when the run ends, because it may be continued.
+        Whether the run may be continued later; the parts are then not told its stop time.
     """
 
     def __init__(self, plan: Plan, system: Assembly, experiment: Experiment, guard: Guard, *, open_end: bool) -> None:
@@ -99,23 +99,23 @@ class Initialisation:
 
     def _enter(self, index: int, values: Mapping[str, StartValue]) -> None:
         plan, experiment, part = self._plan, self._experiment, self._plan.parts[index]
-        # A part that is stepped over several ticks may end its last step after the end of the run.
+        # a part with a longer sample time may end its last step after the end of the run
         intervals = -(-plan.ticks // part.every)
         stop = np.inf if self._open_end else max(experiment.stop, plan.time(intervals * part.every))
         part.enter_initialisation(experiment.start, stop, experiment.tolerance, start_values(values, part.name))
 
     def _propagate(self) -> None:
-        """Spread the start values through all wires until nothing changes any more.
+        """Propagate the start values through all connections until they settle.
 
-        One sweep in graph order does it, but for rings of parts (a plant whose recorded acceleration depends on
-        the friction that depends on its velocity) and for FMUs whose outputs depend on more inputs during
-        initialisation than later. An algebraic loop is solved.
+        One sweep in graph order suffices, except for cycles of parts (a plant whose recorded acceleration depends on
+        friction, which depends on its velocity) and for FMUs whose outputs depend on more inputs during
+        initialisation than later. Algebraic loops are solved.
         """
         plan = self._plan
         fetchers = [fetcher(plan, index) for index in range(len(plan.parts))]
 
         def spread() -> None:
-            """Set and read all parts once, in the order in which values spread."""
+            """Set and read all parts once, in propagation order."""
             for index in self._order:
                 fetchers[index]()
                 plan.calls[index].get()
@@ -125,7 +125,7 @@ class Initialisation:
         if self._is_loop:
             self._solve(spread)
             return
-        # A loop that is only closed by a sampler or a delay has no solution to converge to: one sweep is its start.
+        # a loop through a sampled part or a delay has no fixed point to converge to: one sweep gives its start values
         for _ in range(1 if self._is_late_loop else len(plan.parts) + 1):
             before = plan.signals.copy()
             spread()
@@ -136,8 +136,8 @@ class Initialisation:
             _LOG.warning("the start values of %s do not settle: the first steps may be wrong", ", ".join(moving))
 
     def _solve(self, spread: Callable[[], None]) -> None:
-        """Find the values of the wires against the order for which spreading gives the same values again."""
-        from scipy.optimize import root  # takes long to import, and few systems need it
+        """Find values of the connections against the order that a sweep reproduces."""
+        from scipy.optimize import root  # slow to import, and few systems need it
 
         signals = self._plan.signals
         places = sorted({self._plan.columns[wire.source] for wire in self._back})
@@ -153,7 +153,7 @@ class Initialisation:
         missed = rest / size
         if not (missed <= _TOLERANCE).all():
             raise AlgebraicLoopError(
-                f"no values at the start satisfy the algebraic loop through {', '.join(map(str, self._back))}: the "
-                f"best ones miss by {float(np.max(missed)):.2g} of their size; give other start values"
+                f"no start values satisfy the algebraic loop through {', '.join(map(str, self._back))}: the best ones "
+                f"have an error of {float(np.max(missed)):.2g} of their size; give other start values"
             )
         spread()

@@ -1,4 +1,4 @@
-"""From a system to the plan of a run: which value lives where."""
+"""The plan of a run from a system: the index of each value."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from harness.system.wire import find_part, split_name, wire_map
 
 
 def recorded_names(parts: Mapping[str, Part], patterns: Iterable[str]) -> list[str]:
-    """Names of the variables that patterns stand for.
+    """Return the names of the variables that match patterns.
 
     Parameters
     ----------
     parts : mapping of str to Part
         All parts by name.
     patterns : iterable of str
-        ``part.port`` in full, of any readable variable, or with ``*`` and ``?`` for outputs.
+        Full names ``part.port`` of any readable variables, or patterns with ``*`` and ``?`` for outputs.
 
     Returns
     -------
     list of str
-        Each name once, in the order of parts and ports for a pattern.
+        Each name once, in the order of the patterns, then of parts and ports.
 
     Raises
     ------
     UnknownNameError
-        If a pattern stands for nothing.
+        If a pattern matches nothing.
     """
     outputs = [f"{name}.{port.name}" for name, part in parts.items() for port in part.outputs]
     found: dict[str, None] = {}
@@ -51,12 +51,12 @@ def recorded_names(parts: Mapping[str, Part], patterns: Iterable[str]) -> list[s
 
 
 def find_port(parts: Mapping[str, Part], dotted: str, context: str) -> Port:
-    """Any readable variable by its full name.
+    """Return a readable variable by its full name.
 
     Raises
     ------
     UnknownNameError
-        If there is none.
+        If the variable does not exist.
     """
     part_name, port_name = split_name(dotted)
     part = find_part(parts, part_name, context)
@@ -69,21 +69,21 @@ def find_port(parts: Mapping[str, Part], dotted: str, context: str) -> Port:
 
 
 def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> Plan:
-    """Lay a system out for running.
+    """Return the plan of a run.
 
     Parameters
     ----------
     system : Assembly
         The checked system.
     experiment : Experiment
-        Times and order.
+        Settings of the run.
     read : sequence of str
-        Names of all variables that something records or taps.
+        Names of all recorded and tapped variables.
 
     Returns
     -------
     Plan
-        Without calls and values, because the parts have not been started.
+        The plan without operations and values, as the parts have not been started.
     """
     parts = [system.parts[name] for name in _order(system, experiment)]
     drivers = {wire.target: wire.source for wire in system.wires}
@@ -134,7 +134,7 @@ def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> 
 
 
 def _order(system: Assembly, experiment: Experiment) -> list[str]:
-    """Stepping order: the one asked for, or the one found."""
+    """Return the stepping order: the requested one, or the one from the dependencies."""
     if not experiment.order:
         return stepping_order(system.parts, system.wires)
     for name in experiment.order:
@@ -147,6 +147,6 @@ def _order(system: Assembly, experiment: Experiment) -> list[str]:
 
 
 def _by_type(part: str, ports: Iterable[Port], wanted: set[str]) -> dict[str, Port]:
-    """Those ports of a part that are wanted, Reals first, so that each type is one contiguous range."""
+    """Return the wanted ports of a part, Reals first, so that each type is a contiguous range."""
     named = {f"{part}.{port.name}": port for port in ports if f"{part}.{port.name}" in wanted}
     return dict(sorted(named.items(), key=lambda item: TYPE_ORDER.index(item[1].type)))

@@ -1,4 +1,4 @@
-"""Manipulators: what is done to the value of a wire during a span of a run, to see what a loop makes of it."""
+"""Manipulators: changes to the value of a connection during a span of a run, such as faults, noise and delays."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from harness.errors import ExperimentError, nearest
 from harness.values import is_count, is_number, number, shown, text
 
 LONGEST_DELAY: Final = 10_000_000
-"""Ticks of a delay; the values in between are kept."""
+"""Largest delay in communication steps, as all values in between are stored."""
 
 
 @dataclass(frozen=True)
 class Manipulator:
-    """What all manipulators have; use one of the classes below.
+    """Base class of manipulators; use one of its subclasses.
 
-    Those of one wire act one after the other, in the order in which they are given, behind the wire's own gain and
-    offset. Each is at work in the steps that begin at start <= t < stop.
+    Several manipulators of one connection act in the given order, after the gain and the offset of the connection. Each
+    is active in the communication steps that begin at start <= t < stop.
 
     Parameters
     ----------
     input : str
-        ``"part.port"`` of the input at the end of the wire.
+        ``"part.port"`` of the input at the end of the connection.
     start, stop : float
-        Span [s]; without them the whole run.
+        Active span [s]; the default is the whole run.
 
     Raises
     ------
     ExperimentError
-        If a number makes no sense.
+        If a number is invalid.
     """
 
     kind: ClassVar[str]
@@ -58,13 +58,13 @@ class Manipulator:
                 )
 
     def __str__(self) -> str:
-        """Kind and place."""
+        """Return the kind and the input."""
         return f"{self.kind} of {self.input}"
 
 
 @dataclass(frozen=True)
 class Override(Manipulator):
-    """The input gets a constant instead of the value of the wire.
+    """Replacement of the value by a constant.
 
     Parameters
     ----------
@@ -80,14 +80,14 @@ class Override(Manipulator):
 
 @dataclass(frozen=True)
 class Bias(Manipulator):
-    """Something is added to the value.
+    """Addition of a constant to the value.
 
     Parameters
     ----------
     input, start, stop
         See `Manipulator`.
     value : float
-        What is added, in the unit of the input.
+        The added constant, in the unit of the input.
     """
 
     kind: ClassVar[str] = "bias"
@@ -96,7 +96,7 @@ class Bias(Manipulator):
 
 @dataclass(frozen=True)
 class Noise(Manipulator):
-    """White noise, normally distributed and new in every step, is added to the value.
+    """Addition of normally distributed white noise, with a new value in every communication step.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class Noise(Manipulator):
     sigma : float
         Standard deviation, in the unit of the input.
     seed : int
-        The same seed gives the same noise.
+        Seed of the random numbers; equal seeds give equal noise.
     """
 
     kind: ClassVar[str] = "noise"
@@ -122,7 +122,7 @@ class Noise(Manipulator):
 
 @dataclass(frozen=True)
 class Freeze(Manipulator):
-    """The input keeps the last value from before the span.
+    """Hold of the last value from before the span.
 
     Parameters
     ----------
@@ -135,16 +135,16 @@ class Freeze(Manipulator):
 
 @dataclass(frozen=True)
 class DropOut(Manipulator):
-    """Values get lost: the input then keeps the last one that arrived.
+    """Random loss of values; the input then keeps the last value that arrived.
 
     Parameters
     ----------
     input, start, stop
         See `Manipulator`.
     probability : float
-        Of losing the value of a step.
+        Probability of losing the value of a communication step.
     seed : int
-        The same seed loses the same values.
+        Seed of the random numbers; equal seeds lose the same values.
     """
 
     kind: ClassVar[str] = "drop-out"
@@ -161,28 +161,28 @@ class DropOut(Manipulator):
 
 @dataclass(frozen=True)
 class Delay(Manipulator):
-    """The input gets what the output was so many ticks earlier, and before that its start value.
+    """Delay of the value by a number of communication steps; until then, the input has its start value.
 
-    Values that a master holds from the beginning of a step, as jacobi does, are one tick old already; a delay of one
-    tick then changes nothing.
+    With a master that holds values from the beginning of a step, such as jacobi, values already arrive one step late; a
+    delay of one step then has no effect.
 
     Parameters
     ----------
     input, start, stop
         See `Manipulator`.
     ticks : int
-        How many, 1 or more.
+        Delay in communication steps, 1 or more.
     """
 
     kind: ClassVar[str] = "delay"
     ticks: int = 1
 
     def __post_init__(self) -> None:
-        """Check the number of ticks."""
+        """Check the number of communication steps."""
         super().__post_init__()
         if not is_count(self.ticks, 1, LONGEST_DELAY):
             raise ExperimentError(
-                f"the {self} is {shown(self.ticks)} ticks: give a whole number, 1 or more, up to {LONGEST_DELAY}"
+                f"the {self} is {shown(self.ticks)} communication steps: give an integer from 1 to {LONGEST_DELAY}"
             )
 
 
@@ -191,11 +191,11 @@ _KINDS: dict[str, type[Manipulator]] = {cls.kind: cls for cls in (Override, Bias
 
 def _check_seed(manipulator: Manipulator, seed: object) -> None:
     if not is_count(seed, 0, 1 << 64):
-        raise ExperimentError(f"the seed of the {manipulator} is {shown(seed)}: give a whole number, 0 or more")
+        raise ExperimentError(f"the seed of the {manipulator} is {shown(seed)}: give an integer, 0 or more")
 
 
 def read_manipulator(table: Mapping[str, Any]) -> Manipulator:
-    """A manipulator from a table such as ``{"kind": "bias", "input": "pid.x", "value": 1e-3, "start": 0.5}``.
+    """Return a manipulator from a table such as ``{"kind": "bias", "input": "pid.x", "value": 1e-3, "start": 0.5}``.
 
     Raises
     ------
@@ -205,15 +205,15 @@ def read_manipulator(table: Mapping[str, Any]) -> Manipulator:
     kind = table.get("kind")
     if not isinstance(kind, str) or kind not in _KINDS:
         remedy = nearest(kind if isinstance(kind, str) else "", _KINDS)
-        raise ExperimentError(f"{shown(kind)} is no kind of manipulator: {remedy}")
+        raise ExperimentError(f"{shown(kind)} is not a kind of manipulator: {remedy}")
     cls = _KINDS[kind]
     settings = {key: value for key, value in table.items() if key != "kind"}
     known = {item.name: item for item in fields(cls)}
     for key, value in settings.items():
         if key not in known:
-            raise ExperimentError(f"'{key}' means nothing to a {kind}: {nearest(key, known)}")
+            raise ExperimentError(f"'{key}' is not a key of a {kind}: {nearest(key, known)}")
         if (text(value) if key == "input" else number(value)) is None:
-            raise ExperimentError(f"{key} of a {kind} is {shown(value)}: that is not of the right type")
+            raise ExperimentError(f"{key} of a {kind} is {shown(value)}, which has the wrong type")
     for name, item in known.items():
         if name not in settings and item.default is MISSING:
             raise ExperimentError(f"a {kind} has no {name}: add it")
@@ -221,7 +221,7 @@ def read_manipulator(table: Mapping[str, Any]) -> Manipulator:
 
 
 def manipulator_table(manipulator: Manipulator) -> dict[str, str | float | int]:
-    """The table that `read_manipulator` reads back; what has its default is left out."""
+    """Return the table that `read_manipulator` reads, without values at their defaults."""
     values = {item.name: getattr(manipulator, item.name) for item in fields(manipulator)}
     defaults = {item.name: item.default for item in fields(manipulator)}
     return {"kind": manipulator.kind, **{name: value for name, value in values.items() if value != defaults[name]}}

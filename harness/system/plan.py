@@ -1,4 +1,4 @@
-"""The plan of a run: all that the inner loop needs, as arrays, and the loop body over operations."""
+"""The plan of a run: everything that the inner loop needs, as arrays, and the loop body in Python."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ GET: Final = 2
 
 @dataclass(frozen=True)
 class MovingWire:
-    """A wire whose value moves during a step: from one continuous part to another one, both stepped at every tick.
+    """A connection whose value varies during a step: between two continuous parts that are both stepped at every tick.
 
     Parameters
     ----------
     input, output : int
-        Signals at its ends.
+        Indices of the signals at its ends.
     source, target : int
-        Parts at its ends.
+        Indices of the parts at its ends.
     """
 
     input: int
@@ -38,42 +38,43 @@ class MovingWire:
 
 @dataclass(frozen=True)
 class Plan:
-    """A system laid out for running. All values are in one vector; parts and wires are index ranges of it.
+    """A system prepared for a run. One vector holds all values; parts and connections are index ranges of it.
 
-    The same plan serves for all runs that differ in their start values only.
+    Runs that differ in their start values only share a plan.
 
     Parameters
     ----------
     parts : tuple of Part, length P
-        In stepping order.
+        The parts in stepping order.
     calls : list of Calls, length P
-        What is done to each part; empty until the parts have been started.
+        Operations of each part; empty until the parts have been started.
     signals : float64 array, shape (S,)
-        The values: exchanged outputs of all parts, then wired inputs of all parts, then constant inputs.
+        The values: exchanged outputs of all parts, then connected inputs of all parts, then constant inputs.
     outputs, inputs : int64 arrays, shape (P, 2)
-        First and last+1 index into signals of each part's exchanged outputs and wired inputs.
+        Range in ``signals`` of each part's exchanged outputs and connected inputs: first index and last index + 1.
     sources : int64 array, shape (S,)
-        For a wired input the index of the output that drives it, otherwise the index itself.
+        Index of the output that drives a connected input; for any other signal its own index.
     wire_gains, wire_offsets : float64 arrays, shape (S,)
-        A wired input gets gain * output + offset.
+        A connected input gets gain * output + offset.
     gains, offsets : float64 arrays, shape (S,)
-        The same numbers as manipulators change them during a run.
+        The same numbers, as manipulators change them during a run.
     delays : int64 array, shape (S,)
-        Delay of each wire in ticks.
+        Delay of each connection in communication steps.
     plain : bool
-        All wires hand over just the value of the output, and nothing will change that.
+        Whether all connections always pass the value of the output unchanged.
     every, phase : int64 arrays, shape (P,)
-        A part is operated on at the ticks k with k % every == phase; it is then stepped over ``every`` ticks,
-        from tick k - phase on. Sampled parts have phase 0 (their sample is due at the beginning), continuous
-        ones every - 1 (their outputs are due at the end).
+        Sample time of each part in communication steps, and its phase. A part is set, stepped and read at the ticks k
+        with k % every == phase; it is then stepped over ``every`` ticks, from tick k - phase on. Sampled parts have
+        phase 0 (their sample is taken at the beginning), continuous parts every - 1 (their outputs are needed at the
+        end).
     columns : mapping of str to int
-        "part.port" -> index into signals.
+        Index in ``signals`` of each "part.port".
     ports : mapping of str to Port
-        "part.port" -> description of the port.
+        Port of each "part.port".
     start, step : float
-        Time of tick k is start + k * step [s].
+        Tick k begins at start + k * step [s].
     ticks : int
-        Number of steps.
+        Number of communication steps.
     """
 
     parts: tuple[Part, ...]
@@ -97,7 +98,18 @@ class Plan:
     ticks: int
 
     def time(self, tick: int) -> float:
-        """Time of a tick [s], by multiplication, so that rounding does not accumulate."""
+        """Return the time of a tick, computed by multiplication so that rounding errors do not accumulate.
+
+        Parameters
+        ----------
+        tick : int
+            Number of the communication step.
+
+        Returns
+        -------
+        float
+            Time at its beginning [s].
+        """
         return self.start + tick * self.step
 
     def begin(self, start: Mapping[str, StartValue]) -> None:
@@ -122,12 +134,12 @@ class Plan:
 
     @cached_property
     def owners(self) -> Mapping[int, int]:
-        """The part that each exchanged output belongs to."""
+        """The part of each exchanged output."""
         return {signal: part for part in range(len(self.parts)) for signal in range(*self.outputs[part])}
 
     @cached_property
     def moving_wires(self) -> tuple[MovingWire, ...]:
-        """The wires of Reals that are not held, between continuous parts stepped at every tick, part by part."""
+        """The Real connections between continuous parts stepped at every tick, part by part."""
         wires = []
         for target, part in enumerate(self.parts):
             for signal in range(*(int(index) for index in self.inputs[target])):
@@ -139,11 +151,11 @@ class Plan:
         return tuple(wires)
 
     def fresh_inputs(self, schedule: Schedule) -> dict[int, bool]:
-        """For every wired input whether the output is already that of the end of the step when it is handed over."""
+        """Return for each connected input whether it gets its source's value from the end of the step."""
         place = {operation: index for index, operation in enumerate(schedule.operations)}
         moving = {wire.input for wire in self.moving_wires}
 
-        def rank(part: int) -> tuple[int, int]:  # of an implicit master: sampled, continuous, slow parts
+        def rank(part: int) -> tuple[int, int]:  # implicit master: sampled, continuous, slow parts
             return (0 if self.parts[part].sampled else 1 if self.parts[part].moves else 2), part
 
         found = {}
@@ -159,19 +171,19 @@ class Plan:
 
 @dataclass(frozen=True)
 class Schedule:
-    """What a master does at every tick.
+    """The operations of a master in every communication step.
 
     Parameters
     ----------
     operations : tuple of (int, int)
-        (SET | STEP | GET, index of the part) one after the other; of an implicit master none.
+        Sequence of (SET | STEP | GET, index of the part); empty for an implicit master.
     tolerance : float
-        Of an implicit master: residual over the size of the values, 0 for an explicit one.
+        Tolerated residual of an implicit master relative to the magnitude of the values; 0 for an explicit master.
     error : float
-        Tolerated coupling error over the size of the values, from which an adaptive master finds its inner steps; 0:
-        one step for every tick.
+        Tolerated coupling error relative to the magnitude of the values, from which an adaptive master chooses its
+        inner steps; 0 for one step per communication step.
     extrapolation : int
-        Order of the polynomials through earlier values that all parts step on at once; 0: what the operations say.
+        Order of the polynomials with which Jacobi extrapolates inputs; 0 for none.
     """
 
     operations: tuple[tuple[int, int], ...]
@@ -181,25 +193,25 @@ class Schedule:
 
 
 def map_of(gain: float, offset: float, output: float) -> float:
-    """What a wire hands over; a plain one keeps the sign of zero, and gain 0 means that no output is asked."""
+    """Return the value that a connection passes; a plain one keeps the sign of zero, gain 0 ignores the output."""
     if gain == 1.0 and offset == 0.0:
         return output
     return offset if gain == 0.0 else gain * output + offset
 
 
 class Program:
-    """A fixed list of operations that is run through at every tick, in Python.
+    """A fixed list of operations that Python executes in every communication step.
 
-    The compiled engine runs the same list from the arrays of the plan, with the same results to the last bit.
+    The compiled engine executes the same list from the arrays of the plan, with bit-identical results.
 
     Parameters
     ----------
     plan : Plan
         The started plan.
     operations : sequence of (int, int)
-        (SET | STEP | GET, index of the part). SET first fetches the inputs from the outputs that drive them.
+        Sequence of (SET | STEP | GET, index of the part). SET first copies the driving outputs to the inputs.
     manipulate : callable or None
-        ``manipulate(tick)`` sets the gains and offsets of the wires for a tick.
+        ``manipulate(tick)`` sets the gains and offsets of the connections for a tick.
     """
 
     def __init__(
@@ -219,7 +231,7 @@ class Program:
         Raises
         ------
         PartError
-            If a part fails; the error knows the time.
+            If a part fails; the message states the time.
         """
         time = self._start + tick * self._step
         if self._manipulate is not None:
@@ -234,7 +246,7 @@ class Program:
 
 
 def _call(plan: Plan, operation: int, part: int) -> Callable[[int, float], None]:
-    """One operation as a function of tick and time."""
+    """Return one operation as a function of tick and time."""
     step = plan.step
     every, phase = int(plan.every[part]), int(plan.phase[part])
     calls = plan.calls[part]
@@ -252,7 +264,7 @@ def _call(plan: Plan, operation: int, part: int) -> Callable[[int, float], None]
 
 
 def fetcher(plan: Plan, part: int) -> Callable[[], None]:
-    """Function that copies the driving outputs to the inputs of a part and hands them over."""
+    """Return a function that copies the driving outputs to the inputs of a part and sets them."""
     first, last = (int(index) for index in plan.inputs[part])
     pairs = tuple((target, int(plan.sources[target])) for target in range(first, last))
     signals = memoryview(plan.signals.data)  # item access is three times faster than on the array

@@ -1,4 +1,4 @@
-"""Systems: parts, the wires between them, and their start values."""
+"""Systems: parts, the connections between them, and their start values."""
 
 from __future__ import annotations
 
@@ -36,38 +36,37 @@ _LOG = logging.getLogger("harness")
 
 
 class System:
-    """Parts wired together; everything is checked when the system is made.
+    """A system of connected parts; all names, types, units and values are checked when it is made.
 
     Parameters
     ----------
     parts : iterable of Part
         The parts; their names must differ.
     wires : iterable of str, (str, str) or Wire
-        ``"a.y -> b.u"``.
+        The connections, such as ``"a.y -> b.u"``.
     start : mapping of str to value
-        Start values of parameters, and constants for inputs that have no wire: ``{"mass.m": 2.0}``.
+        Start values of parameters, and constants for unconnected inputs, such as ``{"mass.m": 2.0}``.
     experiment : Experiment or None
-        How the system is run when nothing else is said.
+        Default settings of a run.
     name : str
         Name of the system.
     strict : bool
-        Whether every input needs a wire or a value. Otherwise an input of an FMU of another tool that has neither keeps
-        the start value that its FMU states, and a warning lists such inputs.
+        Whether every input needs a connection or a value. Otherwise, inputs of FMUs of other tools that have neither
+        keep the start values of their FMUs, and a warning lists them.
 
     Attributes
     ----------
     parts : dict of str to Part
         The parts by name.
     wires : tuple of Wire
-        The wires.
+        The connections.
     start : dict of str to value
-        The start values, also those that were not given but kept.
+        The start values, including those kept from FMUs.
 
     Raises
     ------
     HarnessError
-        `UnknownNameError`, `WireError`, `UnitError`, `UnconnectedError`, `StartValueError`: at the first
-        thing that is wrong.
+        The first error found: `UnknownNameError`, `WireError`, `UnitError`, `UnconnectedError` or `StartValueError`.
     """
 
     def __init__(
@@ -79,7 +78,7 @@ class System:
         name: str = "system",
         strict: bool = False,
     ) -> None:
-        """Check everything."""
+        """Check the system."""
         self.name = name
         self.strict = strict
         self.parts: dict[str, Part] = {}
@@ -92,7 +91,8 @@ class System:
                 raise HarnessError(f"two parts are called '{part.name}': rename one")
             if not is_count(part.every):
                 raise ExperimentError(
-                    f"'{part.name}' is to be stepped every {shown(part.every)} ticks: give a whole number, 1 or more"
+                    f"'{part.name}' has every = {shown(part.every)}: give an integer number of communication steps, 1 "
+                    "or more"
                 )
             self.parts[part.name] = part
         self.wires = tuple(parse_wire(wire) for wire in wires)
@@ -105,7 +105,7 @@ class System:
         self._check_connected()
 
     def __repr__(self) -> str:
-        """Return its name, its parts and the number of connections."""
+        """Return the name, the parts and the number of connections."""
         return system_text(self)
 
     def _repr_html_(self) -> str:
@@ -121,24 +121,34 @@ class System:
         path : path-like
             The TOML file; paths in it are relative to its folder.
         resolve : callable or None
-            ``resolve("LuGre") -> Path`` finds the FMU of a part that is given as ``model = "LuGre"``.
+            ``resolve("LuGre") -> Path`` finds the FMU of a part with ``model = "LuGre"``.
+
+        Returns
+        -------
+        System
+            The system.
 
         Raises
         ------
         SystemFileError
-            If the file cannot be read or has keys that are not understood.
+            If the file cannot be read or has unknown keys.
         HarnessError
-            If what it describes is wrong.
+            If the described system is invalid.
         """
         return cls._made(read_system(Path(path), resolve))
 
     def to_toml(self, path: str | Path) -> None:
-        """Write a system file that `from_toml` reads back.
+        """Write a system file for `from_toml`.
+
+        Parameters
+        ----------
+        path : path-like
+            The TOML file.
 
         Raises
         ------
         SystemFileError
-            If a part has no file (a callable, or a series made from arrays).
+            If a part has no file (a Python function, or a series made from arrays).
         OutputError
             If the file cannot be written.
         """
@@ -148,34 +158,44 @@ class System:
     def from_ssp(cls, path: str | Path, folder: str | Path | None = None) -> Self:
         """Read an archive of System Structure and Parameterization 1.0.
 
-        Nested systems are dissolved: the FMU ``c`` in the system ``s`` becomes the part ``s_c``. An input that
-        nothing drives keeps the start value that its FMU states. The experiment is None where the file states no
-        stop time or no communication step (its own, or the base step of the Open Simulation Platform).
+        Nested systems are flattened: the FMU ``c`` in the system ``s`` becomes the part ``s_c``. Unconnected inputs
+        keep the start values of their FMUs. The experiment is None if the file has no stop time or no communication
+        step (from this project or the base step of the Open Simulation Platform).
 
         Parameters
         ----------
         path : path-like
             The .ssp file.
         folder : path-like or None
-            Where the FMUs are unpacked to; None: to a temporary folder that vanishes with the parts.
+            Folder for the unpacked FMUs; None uses a temporary folder that is removed with the parts.
+
+        Returns
+        -------
+        System
+            The system.
 
         Raises
         ------
         SystemFileError
-            If the file cannot be read, is not valid, or has what the harness has no place for: signal dictionaries,
-            components that are not FMUs, values mapped by a table, calculated parameters.
+            If the file cannot be read, is invalid, or contains unsupported elements: signal dictionaries, components
+            that are not FMUs, tables that map values, calculated parameters.
         HarnessError
-            If what it describes is wrong.
+            If the described system is invalid.
         """
         return cls._made(read_ssp(Path(path), None if folder is None else Path(folder)))
 
     def to_ssp(self, path: str | Path) -> None:
-        """Write an archive that `from_ssp` reads back, with the FMUs in it.
+        """Write an SSP archive for `from_ssp`, including the FMUs.
+
+        Parameters
+        ----------
+        path : path-like
+            The .ssp file.
 
         Raises
         ------
         SystemFileError
-            If a part is not an FMU, or a start value is not finite or not of the type of its variable.
+            If a part is not an FMU, or a start value is not finite or has the wrong type.
         OutputError
             If the file cannot be written.
         """
@@ -184,15 +204,21 @@ class System:
     def with_parameters(
         self, parameters: str | Path | ParameterSet | Mapping[str, Parameter | StartValue], prefix: str = ""
     ) -> System:
-        """A system with some start values changed, converted to the units of the variables; see `with_start`.
+        """Return a copy of the system with changed start values, converted to the units of the variables.
+
+        The copy shares the parts, so run only one of the systems at a time.
 
         Parameters
         ----------
         parameters : path-like, ParameterSet or mapping of str to Parameter or value
-            An SSV file, or what `read_ssv` returns, or parameters by name; a plain value is in the unit of the
-            variable.
+            An SSV file, a parameter set, or parameters by name; a plain value is in the unit of its variable.
         prefix : str
-            Stands before all names: ``"friction."`` for a set that was made for one part.
+            Prefix of all names, such as ``"friction."`` for a parameter set of one part.
+
+        Returns
+        -------
+        System
+            The system with the new start values.
 
         Raises
         ------
@@ -213,12 +239,25 @@ class System:
             port = next((port for port in (*part.inputs, *part.parameters) if port.name == name), None)
             if not isinstance(given, Parameter):
                 values[dotted] = given
-            else:  # a name that does not exist, or cannot be set, is refused by the new system
+            else:  # the new system rejects a name that does not exist or cannot be set
                 values[dotted] = given.value if port is None else given.start_value(port, dotted)
         return self.with_start(values)
 
     def with_start(self, values: Mapping[str, StartValue]) -> System:
-        """A system with some start values changed; the parts are shared, so run one of them at a time."""
+        """Return a copy of the system with changed start values.
+
+        The copy shares the parts, so run only one of the systems at a time.
+
+        Parameters
+        ----------
+        values : mapping of str to value
+            Start values by ``part.variable``.
+
+        Returns
+        -------
+        System
+            The system with the new start values.
+        """
         start = {**self.start, **values}
         return System(self.parts.values(), self.wires, start, self.experiment, self.name, self.strict)
 
@@ -242,21 +281,21 @@ class System:
         checkpoint: str | Path | None = None,
         pace: float | None = None,
     ) -> Result:
-        """Run the system; what is not given is taken from its experiment, see `Experiment`.
+        """Run the system; arguments that are not given are taken from its experiment.
 
         Parameters
         ----------
         start, stop, step, master, record, decimate, tolerance, order, extrapolation, loop_tolerance, manipulators
             See `Experiment`.
         taps : sequence of Tap
-            Functions that are shown values during the run.
+            Functions that receive values during the run.
         progress : Progress or None
-            Told how far the run is.
+            Receives reports of progress.
         resume, checkpoint : path-like or None
-            File with the state from which the run goes on, and file for the state at its end. A run that goes on
-            has the same start and step, and gives the same values as one that was not interrupted, to the last bit.
+            File with the state from which the run continues, and file for the state at its end. A continued run must
+            have the same start and step; its values are bit-identical to those of an uninterrupted run.
         pace : float or None
-            Simulated seconds for each second of the clock, 1 is real time; None: as fast as it goes.
+            Simulated time per wall-clock time, 1 for real time; None runs as fast as possible.
 
         Returns
         -------
@@ -266,9 +305,9 @@ class System:
         Raises
         ------
         ExperimentError
-            If the times make no sense, or stop and step are given nowhere.
+            If a setting is invalid, or stop and step are not given.
         HarnessError
-            If a part fails; what was recorded until then is in the ``result`` of the error.
+            If a part fails; the ``result`` of the error holds the values recorded until then.
         """
         given = {
             "start": start,
@@ -300,7 +339,7 @@ class System:
                     part.close()
 
     def __reduce__(self) -> tuple[object, ...]:
-        """A copy has parts of its own, so that it can run at the same time in another thread or process."""
+        """Pickle the description: a copy has its own parts, so that it can run in another thread or process."""
         return System, (tuple(self.parts.values()), self.wires, self.start, self.experiment, self.name, self.strict)
 
     def __enter__(self) -> Self:
@@ -336,11 +375,11 @@ class System:
             if name in settable:
                 continue
             if name in {port.name for port in (*part.outputs, *part.observables)}:
-                raise StartValueError(f"{dotted} is computed by the part: set a parameter or an input instead")
+                raise StartValueError(f"{dotted} is computed by its part: set a parameter or an input instead")
             raise UnknownNameError(f"'{owner}' has no input or parameter '{name}': {nearest(name, settable)}")
 
     def _keep_stated(self) -> None:
-        """Give the inputs of foreign FMUs that nothing drives the start values that they state."""
+        """Give unconnected inputs of FMUs of other tools the start values that the FMUs state."""
         kept = {
             name: port.start
             for name, port in self._undriven().items()
@@ -348,18 +387,19 @@ class System:
         }
         if kept:
             values = ", ".join(f"{name} = {value}" for name, value in kept.items())
-            _LOG.warning("nothing drives %s: kept at these start values of their FMUs", values)
+            _LOG.warning("nothing drives %s: these inputs keep the start values of their FMUs", values)
             self.start |= kept
 
     def _check_connected(self) -> None:
         missing = list(self._undriven())
         if missing:
             raise UnconnectedError(
-                f"nothing drives {', '.join(missing)}: wire each one to an output or give it a constant as start value"
+                f"nothing drives {', '.join(missing)}: connect each input to an output, or give it a constant start "
+                "value"
             )
 
     def _undriven(self) -> dict[str, Port]:
-        """The inputs without a wire and a start value that need one."""
+        """Return the inputs that need a connection or a start value and have neither."""
         driven = {wire.target for wire in self.wires} | set(self.start)
         inputs = {f"{name}.{port.name}": port for name, part in self.parts.items() for port in part.inputs}
         return {name: port for name, port in inputs.items() if name not in driven and not port.optional}

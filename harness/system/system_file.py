@@ -27,13 +27,13 @@ _TOP_KEYS = ("name", "strict", "parts", "wires", "experiment")
 _FMU_KEYS = ("every", "start", "isolate", "timeout")
 _RECORD_KEYS = ("interpolation", "beyond")
 
-# what each key may be: a function that returns None for what it may not, and what to say then; the numbers themselves
-# are checked by what they are given to, also when they come from Python
+# for each key: a function that returns None for a value of the wrong kind, and a text for the message; ranges are
+# checked by the classes that receive the values, as they may also come from Python
 _Kinds: TypeAlias = Mapping[str, tuple[Callable[[object], Any], str]]
-_NUMBER, _WHOLE, _TEXT = (number, "a number"), (whole, "a whole number"), (text, "a text on one line")
+_NUMBER, _WHOLE, _TEXT = (number, "a number"), (whole, "an integer"), (text, "a text on one line")
 _PART_KINDS: Final[_Kinds] = {
     **dict.fromkeys(("model", "fmu", "record", "interpolation", "beyond"), _TEXT),
-    "every": (whole, "a whole number of ticks"),
+    "every": (whole, "an integer number of communication steps"),
     "isolate": (flag, "true or false"),
     "timeout": (number, "a number of seconds"),
 }
@@ -49,7 +49,7 @@ _EXPERIMENT_KINDS: Final[_Kinds] = {
 
 @dataclass(frozen=True)
 class SystemDescription:
-    """What a system file says: the arguments of System."""
+    """The content of a system file: the arguments of System."""
 
     parts: tuple[Part, ...]
     wires: tuple[Wire, ...]
@@ -65,7 +65,7 @@ def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDesc
     Raises
     ------
     SystemFileError
-        If the file cannot be read or has keys that are not understood.
+        If the file cannot be read or has unknown keys.
     """
     try:
         document = read_toml(path)
@@ -129,7 +129,7 @@ def _read_part(name: str, entry: Mapping[str, Any], path: Path, resolve: Callabl
     kinds = [kind for kind in ("model", "fmu", "record") if kind in entry]
     if len(kinds) != 1:
         raise SystemFileError(
-            f"part '{name}' in {path} has {' and '.join(kinds) or 'no origin'}: give one of model, fmu, record"
+            f"part '{name}' in {path} has {' and '.join(kinds) or 'no source'}: give one of model, fmu, record"
         )
     kind = kinds[0]
     where = f"part '{name}' in {path}"
@@ -143,26 +143,26 @@ def _read_part(name: str, entry: Mapping[str, Any], path: Path, resolve: Callabl
             return FmuPart(name, path.parent / origin, **settings)
         if resolve is None:
             raise SystemFileError(
-                f"{where} names the model '{origin}' but nothing here knows models: give fmu = \"path.fmu\""
+                f"{where} names the model '{origin}', but no function resolves models: give fmu = \"path.fmu\""
             )
         return FmuPart(name, resolve(origin), model=origin, **settings)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise SystemFileError(f"{kind} of {where} cannot be used: {reason}; give another one") from error
+        raise SystemFileError(f"{kind} of {where} is not usable: {reason}; give another path") from error
 
 
 def _read_wire(entry: object, path: Path) -> Wire:
-    """A wire from ``"a.y -> b.u"`` or ``{wire = "a.y -> b.u", gain = 2.0, offset = 1.0, delay = 1}``."""
+    """Return a connection from ``"a.y -> b.u"`` or ``{wire = "a.y -> b.u", gain = 2.0, offset = 1.0, delay = 1}``."""
     ends = text(entry.get("wire") if isinstance(entry, dict) else entry)
     if ends is None:
         raise SystemFileError(
-            f'{shown(entry)} among the wires in {path} is no wire: write "a.y -> b.u" or '
+            f'{shown(entry)} among the wires in {path} is not a connection: write "a.y -> b.u" or '
             '{wire = "a.y -> b.u", gain = 2.0}'
         )
     wire = parse_wire(ends)
     if not isinstance(entry, dict):
         return wire
-    where = f"the wire {wire} in {path}"
+    where = f"the connection {wire} in {path}"
     _check_keys(entry, ("wire", *_WIRE_KINDS), where)
     return replace(wire, **{key: _take(entry, key, where, *_WIRE_KINDS[key]) for key in entry if key != "wire"})
 
@@ -188,7 +188,7 @@ def _read_experiment(table: Mapping[str, Any], path: Path) -> Experiment:
 
 
 def _take(table: Mapping[str, Any], key: str, where: str, read: Callable[[object], Any], remedy: str) -> Any:
-    """The value of a key, which must be of its kind."""
+    """Return the value of a key after checking its kind."""
     value = read(table[key])
     if value is None:
         raise SystemFileError(f"{key} of {where} is {shown(table[key])}: give {remedy}")
@@ -217,7 +217,7 @@ def _start_values(part: str, entry: Mapping[str, Any], path: Path) -> dict[str, 
 def _check_keys(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
     for key in table:
         if key not in known:
-            raise SystemFileError(f"'{key}' means nothing in {where}: {nearest(key, known)}")
+            raise SystemFileError(f"'{key}' is not a key of {where}: {nearest(key, known)}")
 
 
 def _part_lines(part: Part, path: Path) -> list[str]:
@@ -233,7 +233,7 @@ def _part_lines(part: Part, path: Path) -> list[str]:
             f"beyond = {_literal(part.beyond)}",
         ]
     raise SystemFileError(
-        f"part '{part.name}' cannot be written to {path}: only FMUs and recorded files have a place in it"
+        f"part '{part.name}' cannot be written to {path}: a system file contains FMUs and recorded files only"
     )
 
 
@@ -249,7 +249,7 @@ def _key(name: str) -> str:
 
 
 def _literal(value: object) -> str:
-    """A value as TOML writes it."""
+    """Return a value as TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, dict):

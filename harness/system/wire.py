@@ -1,4 +1,4 @@
-"""Wires: which output drives which input."""
+"""Connections: which output drives which input."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from harness.values import is_count, shown
 
 @dataclass(frozen=True)
 class Wire:
-    """One connection from an output to an input.
+    """A connection from an output to an input.
 
     Parameters
     ----------
     source, target : str
-        ``"part.port"`` of the output and of the input. A part name has no dot, a port name may have some.
+        ``"part.port"`` of the output and of the input. Names of parts contain no dot; names of ports may contain dots.
     gain, offset : float
         The input gets gain * output + offset; the offset is in the unit of the input.
     delay : int
-        The input gets what the output was so many ticks earlier, and before that its start value, see `Delay`.
+        Delay in communication steps, see `Delay`.
     """
 
     source: str
@@ -36,22 +36,22 @@ class Wire:
 
     @cached_property
     def ends(self) -> tuple[tuple[str, str], tuple[str, str]]:
-        """((part, output), (part, input))."""
+        """Both ends as ((part, output), (part, input))."""
         return split_name(self.source), split_name(self.target)
 
     def __str__(self) -> str:
-        """Its ends."""
+        """Return a text with both ends."""
         return f"{self.source} -> {self.target}"
 
 
-@lru_cache(maxsize=10_000)  # the same few names in every run
+@lru_cache(maxsize=10_000)  # every run has the same few names
 def split_name(dotted: str) -> tuple[str, str]:
-    """Part and port of ``"part.port"``.
+    """Return part and port of ``"part.port"``.
 
     Raises
     ------
     WireError
-        If there is no dot.
+        If the text has no dot.
     """
     part, dot, port = dotted.partition(".")
     if not (part and dot and port):
@@ -60,7 +60,7 @@ def split_name(dotted: str) -> tuple[str, str]:
 
 
 def parse_wire(text: str | tuple[str, str] | Wire) -> Wire:
-    """A wire from ``"a.y -> b.u"`` or from the pair ``("a.y", "b.u")``.
+    """Return the connection for ``"a.y -> b.u"`` or the pair ``("a.y", "b.u")``.
 
     Raises
     ------
@@ -71,19 +71,19 @@ def parse_wire(text: str | tuple[str, str] | Wire) -> Wire:
         return text
     ends = text.split("->") if isinstance(text, str) else text
     if len(ends) != 2:
-        raise WireError(f"'{text}' is not a wire: write it as 'part.output -> part.input'")
+        raise WireError(f"'{text}' is not a connection: write it as 'part.output -> part.input'")
     wire = Wire(ends[0].strip(), ends[1].strip())
     split_name(wire.source), split_name(wire.target)
     return wire
 
 
 def check_wires(parts: Mapping[str, Part], wires: Sequence[Wire]) -> None:
-    """Check names, types and units of all wires, and that no input is driven twice.
+    """Check names, types and units of all connections, and that no input is driven twice.
 
     Raises
     ------
     UnknownNameError, WireError, UnitError
-        At the first wire that is wrong.
+        At the first invalid connection.
     """
     driven: dict[str, Wire] = {}
     for wire in wires:
@@ -92,7 +92,7 @@ def check_wires(parts: Mapping[str, Part], wires: Sequence[Wire]) -> None:
         if wire.target in driven:
             raise WireError(
                 f"{wire.target} is driven twice, by {driven[wire.target].source} and by {wire.source}: "
-                "remove one of the wires"
+                "remove one of the connections"
             )
         driven[wire.target] = wire
         _check_types(wire, source, target)
@@ -100,12 +100,12 @@ def check_wires(parts: Mapping[str, Part], wires: Sequence[Wire]) -> None:
 
 
 def find_part(parts: Mapping[str, Part], name: str, context: str) -> Part:
-    """The part of this name.
+    """Return the part with this name.
 
     Raises
     ------
     UnknownNameError
-        If there is none; the message names the context and the nearest part.
+        If the part does not exist; the message names the context and the most similar part.
     """
     if name not in parts:
         raise UnknownNameError(f"there is no part '{name}' (in {context}): {nearest(name, parts)}")
@@ -114,38 +114,40 @@ def find_part(parts: Mapping[str, Part], name: str, context: str) -> Part:
 
 def _end(parts: Mapping[str, Part], wire: Wire, dotted: str, role: str) -> Port:
     part_name, port_name = split_name(dotted)
-    part = find_part(parts, part_name, f"wire {wire}")
+    part = find_part(parts, part_name, f"connection {wire}")
     ports: dict[str, Port] = {port.name: port for port in getattr(part, role)}
     if port_name in ports:
         return ports[port_name]
     if any(port.name == port_name and port.type == "String" for port in part.parameters):
-        raise WireError(f"{dotted} is a text (in wire {wire}), which no wire carries: give it a start value instead")
+        raise WireError(
+            f"{dotted} is a text (in connection {wire}), which cannot be connected: give it a start value instead"
+        )
     other = "inputs" if role == "outputs" else "outputs"
     if any(port.name == port_name for port in getattr(part, other)):
         raise WireError(
-            f"{dotted} is one of the {other} of '{part_name}' (in wire {wire}): a wire runs from an output to an input"
+            f"{dotted} is one of the {other} of '{part_name}' (in connection {wire}): connect an output to an input"
         )
     raise UnknownNameError(
-        f"'{part_name}' has no '{port_name}' among its {role} (in wire {wire}): {nearest(port_name, ports)}"
+        f"'{part_name}' has no '{port_name}' among its {role} (in connection {wire}): {nearest(port_name, ports)}"
     )
 
 
 def _check_types(wire: Wire, source: Port, target: Port) -> None:
-    # Boolean -> Integer -> Real loses nothing, the other direction would round silently.
+    # Boolean -> Integer -> Real is lossless; the other direction would round silently
     if TYPE_ORDER.index(source.type) < TYPE_ORDER.index(target.type):
         raise WireError(
             f"{wire.source} is {source.type} but {wire.target} is {target.type}: "
-            f"put a part between them that makes a {target.type}"
+            f"insert a part that converts to {target.type}"
         )
 
 
 def wire_map(wire: Wire, source: Port, target: Port) -> tuple[float, float]:
-    """Gain and offset from the number of the output to the number of the input, with the conversion of units.
+    """Return gain and offset from the output to the input, including unit conversion.
 
     Raises
     ------
     UnitError
-        If the units are of different quantities.
+        If the units measure different quantities.
     """
     factor, shift = _conversion(wire, source, target)
     return wire.gain * factor, wire.gain * shift + wire.offset
@@ -156,13 +158,13 @@ def _conversion(wire: Wire, source: Port, target: Port) -> tuple[float, float]:
         return 1.0, 0.0
     base_source = source.base or parse_unit(source.unit or "")
     base_target = target.base or parse_unit(target.unit or "")
-    assert base_source is not None and base_target is not None, "units that are not known agree"
+    assert base_source is not None and base_target is not None, "unknown units agree"
     converted = conversion(base_source, base_target)
     if converted is None:
         raise UnitError(
             f"{wire.source} is in {source.unit} [{base_source}] but "
             f"{wire.target} is in {target.unit} [{base_target}]: "
-            "connect ports of the same quantity or put a conversion between them"
+            "connect ports of the same quantity, or insert a conversion"
         )
     return converted
 
@@ -170,11 +172,13 @@ def _conversion(wire: Wire, source: Port, target: Port) -> tuple[float, float]:
 def _check_map(wire: Wire, source: Port, target: Port) -> None:
     gain, offset = wire_map(wire, source, target)
     if not (math.isfinite(gain) and math.isfinite(offset)):
-        raise WireError(f"the wire {wire} has the gain {wire.gain} and the offset {wire.offset}: give finite numbers")
+        raise WireError(
+            f"the connection {wire} has the gain {wire.gain} and the offset {wire.offset}: give finite numbers"
+        )
     if (gain, offset) != (1.0, 0.0) and target.type != "Real":
-        raise WireError(f"{wire.target} is {target.type}: only a wire to a Real can have a gain or an offset")
+        raise WireError(f"{wire.target} is {target.type}: only a connection to a Real can have a gain or an offset")
     if not is_count(wire.delay, 0, LONGEST_DELAY):
         raise WireError(
-            f"the delay of the wire {wire} is {shown(wire.delay)}: "
-            f"give a whole number of ticks, 0 or more, up to {LONGEST_DELAY}"
+            f"the delay of the connection {wire} is {shown(wire.delay)}: "
+            f"give an integer number of communication steps from 0 to {LONGEST_DELAY}"
         )

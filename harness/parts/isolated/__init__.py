@@ -1,1 +1,1 @@
-"""FMUs in a process of their own: the part, its process, the line between both, and what runs at the other end."""
+"""FMUs in their own process: the part, its process, the channel between them, and the code that runs there."""

@@ -1,9 +1,9 @@
-"""The line between the harness and the process of an isolated FMU: messages over a socket, values in shared memory.
+"""Channel between the harness and the process of an isolated FMU: messages over a socket, values in shared memory.
 
-A message has a head of one byte and the length of what follows. The harness sends CALL with a method and its arguments,
-pickled, or which of SET, STEP and GET are to be done on the shared values. The process answers DONE with nothing, a
-number (JSON) or bytes, or FAILED with an error (JSON), before that LOG for every message of the FMU (JSON). Nothing
-that comes from the process is unpickled: the FMU in it may have written it.
+A message has a header with one byte for its kind and the length of its content. The harness sends CALL with a method
+and its arguments (pickled), or a combination of SET, STEP and GET, which act on the shared values. The process answers
+with LOG for each message of the FMU (JSON), then with DONE and nothing, a number (JSON) or bytes, or with FAILED and an
+error (JSON). The harness never unpickles data from the process, because the FMU may have written them.
 """
 
 from __future__ import annotations
@@ -37,45 +37,45 @@ _HEAD: Final = struct.Struct("<BI")
 
 
 class Line:
-    """One end of the line.
+    """One end of the channel.
 
     Parameters
     ----------
     end : socket.socket
-        Connected to the other end.
+        A socket connected to the other end.
     """
 
     def __init__(self, end: socket.socket) -> None:
-        """Take the socket over."""
+        """Take ownership of the socket."""
         self.socket = end
 
     def ask(self, kind: int, content: object = None) -> None:
-        """Send a message to the process; a content of None is not sent."""
+        """Send a message to the process; None sends no content."""
         self._send(kind, b"" if content is None else pickle.dumps(content))
 
     def answer(self, kind: int, content: object = None) -> None:
-        """Send a message to the harness: None, bytes, or what JSON knows."""
+        """Send a message to the harness: None, bytes, or a JSON value."""
         if isinstance(content, bytes):
             self._send(BYTES, content)
         else:
             self._send(kind, b"" if content is None else json.dumps(content).encode())
 
     def asked(self) -> tuple[int, Any]:
-        """Wait for a message from the harness: its kind and content; raises as `answered` does."""
+        """Wait for a message from the harness and return its kind and content; errors are those of `answered`."""
         kind, data = self._receive()
         return kind, pickle.loads(data) if data else None
 
     def answered(self) -> tuple[int, Any]:
-        """Wait for a message from the process: its kind and content.
+        """Wait for a message from the process and return its kind and content.
 
         Raises
         ------
         EOFError
             If the other end is closed.
         TimeoutError
-            If nothing comes in the time that the socket waits.
+            If no message arrives within the timeout of the socket.
         ValueError
-            If it is no such message.
+            If the message is malformed.
         """
         kind, data = self._receive()
         if kind not in _FROM_PROCESS:
@@ -102,19 +102,19 @@ class Line:
 
 
 def as_plain(error: HarnessError) -> dict[str, Any]:
-    """Return an error of the harness as JSON has it."""
+    """Return an error of the harness as a JSON value."""
     if isinstance(error, PartError):
         return {"part": [error.part, error.function, error.reason, error.time]}
     return {"error": type(error).__name__, "text": str(error)}
 
 
 def as_error(plain: Mapping[str, Any]) -> HarnessError:
-    """Return the error that `as_plain` was given, at least one of the same text.
+    """Return the error that `as_plain` encoded, or an error with the same text.
 
     Raises
     ------
     KeyError, TypeError, ValueError
-        If it is none.
+        If the value does not encode an error.
     """
     if "part" in plain:
         part, function, reason, time = plain["part"]
@@ -123,25 +123,25 @@ def as_error(plain: Mapping[str, Any]) -> HarnessError:
 
 
 class Shared:
-    """Values that both processes see.
+    """Values in memory shared by both processes.
 
     Parameters
     ----------
     path : Path
-        The file that is mapped.
+        The mapped file.
     inputs, outputs : int
-        How many values there are.
+        Numbers of values.
 
     Attributes
     ----------
     head : memoryview of 3 doubles
-        What is being done (SET, STEP or GET), and t and h [s] of the step.
+        The current operation (SET, STEP or GET), and t and h [s] of the step.
     u, y : float64 array, shapes (inputs,) and (outputs,)
         The values.
     """
 
     def __init__(self, path: Path, inputs: int, outputs: int) -> None:
-        """Map the file; make it if it is not there."""
+        """Map the file, and make it if it does not exist."""
         size = 8 * (3 + inputs + outputs)
         with path.open("a+b") as file:
             file.truncate(size)

@@ -1,4 +1,4 @@
-"""What runs in the process of an isolated FMU."""
+"""The code that runs in the process of an isolated FMU."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from harness.parts.part import Calls
 
 
 def serve(descriptor: int, name: str, path: str) -> None:
-    """Do with an FMU what is asked for on a line until its other end is closed.
+    """Serve requests for an FMU until the other end of the channel is closed.
 
     Parameters
     ----------
     descriptor : int
-        File descriptor of the socket, inherited.
+        Inherited file descriptor of the socket.
     name : str
         Name of the part.
     path : str
@@ -56,19 +56,19 @@ def serve(descriptor: int, name: str, path: str) -> None:
 
 
 class _Host:
-    """The FMU with what is kept for the harness: calls, shared values and states."""
+    """The FMU with its prepared calls, shared values and saved states."""
 
     def __init__(self, part: FmuPart) -> None:
         self.part = part
         self._states: list[object] = []
 
     def call(self, method: str, *arguments: object) -> object:
-        """A method of this class, or else of the part."""
+        """Call a method of this class, or else of the part."""
         result: object = getattr(self if method in _OWN else self.part, method)(*arguments)
         return result
 
     def exchange(self, kind: int) -> None:
-        """Set, step and get, as far as asked for."""
+        """Set, step and get, as requested."""
         if kind & SET:
             self._head[0] = SET
             self._calls.set()
@@ -86,7 +86,7 @@ class _Host:
         self._calls: Calls = self.part.bind(inputs, outputs, shared.u, shared.y)
 
     def save(self, number: int | None) -> int:
-        """Keep a state, in the place of an earlier one or in a new one; the number of that place."""
+        """Save a state, under the number of an earlier one or a new number, and return the number."""
         if number is None:
             number = len(self._states)
             self._states.append(None)
@@ -94,7 +94,7 @@ class _Host:
         return number
 
     def restore(self, number: int) -> None:
-        """Return to the state in that place."""
+        """Return to the state with this number."""
         self.part.restore(self._states[number])
 
 
@@ -102,19 +102,19 @@ _OWN = ("bind", "save", "restore")
 
 
 class _Forward(logging.Handler):
-    """Sends log messages to the harness."""
+    """Log handler that sends messages to the harness."""
 
     def __init__(self, line: Line) -> None:
         super().__init__()
         self._line = line
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Send one."""
+        """Send one message."""
         self._line.answer(LOG, (record.name, record.levelno, record.getMessage()))
 
 
 def _end_with_the_harness() -> None:
-    """End at once when the harness is gone, even from an endless loop: standard input is a pipe from it."""
+    """End this process when the harness ends, even in an endless loop: stdin is a pipe from the harness."""
     while os.read(0, 1):
         pass
     os._exit(1)

@@ -1,4 +1,4 @@
-"""FMUs in a process of their own, so that one that crashes or hangs ends its run and not the harness."""
+"""FMUs in their own process, so that one that crashes or hangs ends its run and not the harness."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ _EXCHANGES: Final = {SET: "fmi2SetXXX", STEP: "fmi2DoStep", GET: "fmi2GetXXX"}
 
 
 class IsolatedPart(FmuPart):
-    """An FMU in a process of its own: what `FmuPart` makes with ``isolate=True``.
+    """An FMU in its own process, made by `FmuPart` with ``isolate=True``.
 
-    Inputs, step and outputs of a communication step cross in one exchange. The native engine takes such a part for one
-    in Python; the master newton hands no slopes of the inputs to it.
+    Inputs, step and outputs of a communication step are transferred in one exchange. The native engine treats such a
+    part like a Python part. The master newton passes no input derivatives to it.
     """
 
     _process: Process | None = None
     _shared: Shared
-    _due = 0  # SET: the inputs have not been handed over yet; GET: the outputs have not been fetched
+    _due = 0  # SET: the inputs have not been sent yet; GET: the outputs have not been fetched yet
 
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
     ) -> None:
-        """Start the process if there is none, and instantiate the FMU in it."""
+        """Start the process if necessary, and instantiate the FMU in it."""
         if self._process is None:
             try:
                 self._process = Process(self.name, self.path, self.timeout)
@@ -74,7 +74,7 @@ class IsolatedPart(FmuPart):
         return Calls(set_, step, get)
 
     def native(self, inputs: Sequence[str], outputs: Sequence[str]) -> Native | None:
-        """None: there are no addresses in another process."""
+        """Return None: there are no addresses in another process."""
         return None
 
     def exit_initialisation(self) -> None:
@@ -95,14 +95,14 @@ class IsolatedPart(FmuPart):
         self._due = GET
 
     def serialise(self) -> bytes:
-        """The state as fmi2SerializeFMUstate gives it."""
+        """Return the state from fmi2SerializeFMUstate."""
         self._hand_over()
         data = self._call("serialise")
         assert isinstance(data, bytes)
         return data
 
     def deserialise(self, data: bytes) -> None:
-        """Return to a state that `serialise` gave."""
+        """Return to a state from `serialise`."""
         self._hand_over()
         self._call("deserialise", data)
         self._due = GET
@@ -113,7 +113,7 @@ class IsolatedPart(FmuPart):
             try:
                 self._call("terminate")
             except PartError as error:
-                _LOG.warning("%s", error)  # the run is over, and its result is good
+                _LOG.warning("%s", error)  # the run is over and its result is valid
 
     def close(self) -> None:
         """End the process."""
@@ -123,7 +123,7 @@ class IsolatedPart(FmuPart):
 
     def _started_process(self) -> Process:
         if self._process is None:
-            raise HarnessError(f"part '{self.name}' is not running: initialise it first")
+            raise HarnessError(f"part '{self.name}' is not running: call enter_initialisation first")
         return self._process
 
     def _hand_over(self) -> None:

@@ -1,4 +1,4 @@
-"""The process of an isolated FMU, as the harness sees it."""
+"""The process of an isolated FMU, on the side of the harness."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from harness.errors import HarnessError
 from harness.parts.isolated.channel import FAILED, LOG, Line, as_error
 from harness.storage.scratch import ScratchFolder
 
-# A Python that starts on a busy machine takes its time, and the FMU has no part in it.
+# Python may start slowly on a busy machine, which is not the fault of the FMU.
 _START_TIME: Final = 60.0
 
 
 class ProcessError(Exception):
-    """The process is no more; the text says how it ended, as the end of a sentence."""
+    """The process has ended; the text says how, as the end of a sentence."""
 
 
 class Process:
-    """A Python process that does for one FMU what it is asked for, see `harness.parts.isolated.host.serve`.
+    """A Python process that serves one FMU, see `harness.parts.isolated.host.serve`.
 
     Parameters
     ----------
@@ -35,32 +35,32 @@ class Process:
     path : Path
         The .fmu file.
     timeout : float
-        How long it may take to answer [s].
+        Longest time to answer [s].
 
     Attributes
     ----------
     folder : Path
-        Temporary folder of both processes, which goes with this one.
+        Temporary folder of both processes, removed at the end of this one.
     last_message : str
-        What the FMU logged last, cited when the process dies.
+        The last log message of the FMU, quoted if the process dies.
 
     Raises
     ------
     HarnessError
-        If this system has no such processes.
+        If the operating system does not support such processes.
     ProcessError
         If the process does not start.
     """
 
     def __init__(self, name: str, path: Path, timeout: float) -> None:
-        """Start it and wait until it listens."""
+        """Start the process and wait until it listens."""
         if os.name != "posix":
             raise HarnessError(f"part '{name}' cannot be isolated on {sys.platform}: leave isolate out")
         folder = ScratchFolder("harness-")
         self.folder = Path(folder.name)
         ours, theirs = socket.socketpair()
         arguments = (theirs.fileno(), name, str(path.absolute()))
-        # not multiprocessing: its new processes run the script of the user once more
+        # not multiprocessing, whose new processes run the user's script again
         program = (
             f"import sys; sys.path[:] = {sys.path!r}; "
             f"from harness.parts.isolated.host import serve; serve(*{arguments!r})"
@@ -71,7 +71,7 @@ class Process:
                 stdin=subprocess.PIPE,
                 pass_fds=[theirs.fileno()],
                 env=os.environ | {"TMPDIR": folder.name},
-                process_group=0,  # Ctrl-C is for the harness
+                process_group=0,  # Ctrl-C goes to the harness only
             )
         self.close = weakref.finalize(self, _end, process, ours, folder, timeout)
         self._process, self._line, self._timeout = process, Line(ours), timeout
@@ -81,14 +81,14 @@ class Process:
         ours.settimeout(timeout)
 
     def ask(self, kind: int, content: object = None) -> object:
-        """Have something done; see `harness.parts.isolated.channel`.
+        """Send a request and return the answer, see `harness.parts.isolated.channel`.
 
         Raises
         ------
         HarnessError
-            That the process answers with.
+            If the process reports an error.
         ProcessError
-            If it does not answer.
+            If the process does not answer.
         """
         try:
             self._line.ask(kind, content)
@@ -110,13 +110,13 @@ class Process:
         except TimeoutError:
             self._kill()
             raise ProcessError(
-                f"its process gave no answer within {timeout:g} s and was killed{self._said()}"
+                f"its process did not answer within {timeout:g} s and was killed{self._said()}"
             ) from None
         except (EOFError, OSError):
             raise ProcessError(self._how_it_ended()) from None
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             self._kill()
-            raise ProcessError(f"its process sent what is no answer and was killed{self._said()}") from None
+            raise ProcessError(f"its process sent an invalid answer and was killed{self._said()}") from None
         except BaseException:
             self._kill()  # interrupted in the middle of a message
             raise
@@ -136,12 +136,12 @@ class Process:
         self.close()
 
     def _how_it_ended(self) -> str:
-        """Signal or status of a process that hung up."""
+        """Return the signal or exit status of a process that closed the channel."""
         try:
             status = self._process.wait(5.0)
         except subprocess.TimeoutExpired:
             self._kill()
-            return f"its process hung up{self._said()}"
+            return f"its process closed the connection{self._said()}"
         self.close()
         if status >= 0:
             return f"its process ended with exit status {status}{self._said()}"
@@ -151,7 +151,7 @@ class Process:
 
 
 def _end(process: subprocess.Popen[bytes], line: socket.socket, folder: ScratchFolder, timeout: float) -> None:
-    """Hang up, give the process time to free the FMU, and remove what is left of it."""
+    """Close the channel, give the process time to free the FMU, and remove its temporary files."""
     line.close()
     try:
         process.wait(timeout)
