@@ -164,7 +164,12 @@ class Loops:
         data = self.data = NewtonData()
         keep = engine.keep
         places = Moving * max(1, len(moving))
-        self._arrays = ((Group * len(rows))(*rows), places(*moving), (StepCheck * len(rows))(), places())
+        self._arrays = (
+            (Group * len(rows))(*(Group(*row) for row in rows)),
+            places(*moving),
+            (StepCheck * len(rows))(),
+            places(),
+        )
         data.groups, data.moving, data.guards, data.kept_lines = (ctypes.addressof(array) for array in self._arrays)
         data.kept = keep(np.zeros(6 * most + most * most + 2 * len(moving)))
         data.group_count = len(rows)

@@ -82,8 +82,11 @@ class Initialisation:
                 if index < len(earlier) and part.instance is not None and earlier[index].instance is part.instance:
                     plan.calls.append(earlier[index])
                     continue
-                ranges = plan.inputs[index], plan.outputs[index]
-                plan.calls.append(part.bind(*self._bound[index], *(plan.signals[slice(*ports)] for ports in ranges)))
+                inputs, outputs = self._bound[index]
+                values_in, values_out = (
+                    plan.signals[slice(*ports)] for ports in (plan.inputs[index], plan.outputs[index])
+                )
+                plan.calls.append(part.bind(inputs, outputs, values_in, values_out))
             self._propagate()
             guard.look()
             for part in plan.parts:
