@@ -10,8 +10,8 @@ from friction_fmus.blocks.arithmetic import names_in
 from friction_fmus.blocks.macros import table
 from friction_fmus.errors import FrictionError, nearest
 
-METHODS: Final = ("hysteresis", "none")
-"""Methods that a model can ask for: that of elastic, perfectly plastic elements, and no identification at all."""
+NOT_IDENTIFIED: Final = "none"
+"""The method of a model that a record of motion and force does not identify."""
 
 SEEN: Final = ("level", "peak", "viscous", "stiffness", "damping", "speed", "distance")
 """Names in the start of a parameter: what a look at the data tells of the friction, see `identification.Traits`."""
@@ -59,7 +59,8 @@ class Identified:
     Attributes
     ----------
     method : str
-        Of `METHODS`; empty: inverse or output error, depending on whether the block has states.
+        A module of `friction_fmus.identification.methods`, or `NOT_IDENTIFIED`; empty: inverse or output error,
+        depending on whether the block has states.
     fits : mapping of str to Fitted
         Parameters that are identified although their names do not say so, or from another start.
     state, size : str
@@ -87,7 +88,7 @@ def identified(code: str) -> Identified:
         match kind, arguments:
             case "FIT", (name, start, experiment):
                 fits[name] = _checked(name, Fitted(start, experiment))
-            case "METHOD", (method,) if method in METHODS:
+            case "METHOD", (method,):
                 pass
             case "SLIDING", (state, size):
                 names_in(size)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     )
     from friction_fmus.identification.fit.presliding import PreslidingFit, identify_presliding
     from friction_fmus.identification.fit.scores import Score
-    from friction_fmus.identification.identifying import Method, identify
+    from friction_fmus.identification.identifying import identify
     from friction_fmus.identification.result import Identification
     from friction_fmus.identification.survey import Survey, Task, compare_models
 else:
@@ -50,7 +50,7 @@ else:
             "friction_fmus.identification.data.excitation": ["examine", "examine_pieces"],
             "friction_fmus.identification.data.findings": ["Finding", "RecordWarning"],
             "friction_fmus.identification.fit.grid": ["HysteresisGrid", "identify_hysteresis"],
-            "friction_fmus.identification.identifying": ["Method", "identify"],
+            "friction_fmus.identification.identifying": ["identify"],
             "friction_fmus.identification.fit.idim": [
                 "InverseModelFit",
                 "InverseModelSettings",
@@ -101,7 +101,6 @@ __all__ = [
     "InverseModelSettings",
     "Mapper",
     "Measurement",
-    "Method",
     "Motion",
     "OutputErrorFit",
     "PreslidingFit",

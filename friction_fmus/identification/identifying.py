@@ -5,33 +5,28 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from friction_fmus.data import MeasuredAxis
+from friction_fmus.identification.closed_loop import identify_closed_loop, validated
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.drives import driven
 from friction_fmus.identification.fit.estimate import Estimate
+from friction_fmus.identification.fit.fitting import Fit, FitData
 from friction_fmus.identification.fit.idim import InverseModelSettings
 from friction_fmus.identification.fit.models import ContactModel, contact_model
 from friction_fmus.identification.fit.problem import Problem
 from friction_fmus.identification.fit.scores import Score, criteria, independent_samples, score, weak_parameters
-from friction_fmus.identification.fit.search import Found, Loss, covariance, search
-from friction_fmus.identification.fit.setup import Setup, Wishes, check_wishes, scalar_setup
+from friction_fmus.identification.fit.search import Loss, covariance
+from friction_fmus.identification.fit.setup import Setup, Wishes, check_wishes
 from friction_fmus.identification.fit.simulation_data import Piece, prepare, signal_of, traits
-from friction_fmus.identification.methods.closed_loop import identify_closed_loop, validated
-from friction_fmus.identification.methods.hysteresis import hysteresis_setup
+from friction_fmus.identification.methods import find_method
 from friction_fmus.identification.result import Identification
-
-Method = Literal["auto", "inverse", "output-error", "hysteresis", "closed-loop"]
 
 #: Part of a column of the Jacobian's size that counts as no dependence at all.
 UNSEEN = 1e-9
-
-#: Largest number of finer grids around the elements found, and the part of the cost that is worth another one.
-REFINEMENTS, WORTHWHILE = 3, 0.01
 
 
 def identify(
@@ -42,7 +37,7 @@ def identify(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     start: Mapping[str, float] | None = None,
     loss: Loss = "linear",
-    method: Method = "auto",
+    method: str = "auto",
     validation: Record | Sequence[Record] | None = None,
     starts: int | None = None,
     settings: InverseModelSettings | None = None,
@@ -65,10 +60,10 @@ def identify(
         `bounds` names them.
     loss : {"linear", "soft_l1", "huber", "cauchy", "arctan"}
         How errors count; all but the first make little of outliers.
-    method : {"auto", "inverse", "output-error", "hysteresis", "closed-loop"}
-        By default what suits model and data: "inverse" for laws without a state (the law evaluated along the measured
-        motion), "hysteresis" for those with elements, "output-error" for the others (the block is simulated along the
-        measured motion), "closed-loop" for a `MeasuredAxis`.
+    method : str
+        By default ("auto") the one that suits model and data: "inverse" for laws without a state (the law evaluated
+        along the measured motion), "hysteresis" for those with elements, "output-error" for the others (the block is
+        simulated along the measured motion), "closed-loop" for a `MeasuredAxis`.
     validation : Record or sequence of Record, optional
         Data that are predicted with the result, only their initial states fitted.
     starts : int, optional
@@ -118,45 +113,14 @@ def identify(
     contact = contact_model(model, records[0].units)
     signal, unit = signal_of(records)
     check_wishes(contact, signal, wishes)
-    chosen = _method(contact, method)
+    name, chosen = find_method(contact, method)
     pieces = [prepare(record, contact, signal, settings) for record in records]
     Fn0 = _reference_load(wishes, pieces)
-    looked = traits(pieces, Fn0 or 1.0)
     with driven(contact.path) as drive:
-
-        def problem_of(setup: Setup) -> Problem:
-            return Problem(drive, pieces, setup.coordinates, setup.assemble, setup.states, setup.constants)
-
-        if chosen == "hysteresis":
-            common = contact, pieces, looked, wishes, records[0].units, Fn0
-            setup = hysteresis_setup(*common)
-            problem = problem_of(setup)
-            found = search(problem, loss, starts or 1)
-            for _ in range(REFINEMENTS):
-                finer = hysteresis_setup(*common, problem.values(found.x, None))
-                again = problem_of(finer)
-                again.simulations = problem.simulations
-                better = search(again, loss, 1)
-                improved = better.cost < (1.0 - WORTHWHILE) * found.cost
-                if better.cost < found.cost:
-                    setup, problem, found = finer, again, better
-                if not improved:
-                    break
-        else:
-            setup = scalar_setup(contact, pieces, looked, wishes, records[0].units, Fn0)
-            problem = problem_of(setup)
-            known = all(c.name in wishes.start or c.name == "OF" for c in problem.shared)
-            found = search(problem, loss, starts or (1 if known else 3))
-        result = _result(model, contact, chosen, problem, setup, found, signal, unit, records, settings)
+        given = FitData(contact, drive, pieces, traits(pieces, Fn0 or 1.0), wishes, records[0].units, Fn0)
+        result = _result(model, contact, name, chosen.fit(given, loss, starts), signal, unit, records, settings)
     checked = None if validation is None else _validated(result, validation)
     return result.timed(time.perf_counter() - begin, checked)
-
-
-def _method(contact: ContactModel, method: str) -> str:
-    natural = "inverse" if contact.static else "hysteresis" if contact.told.method == "hysteresis" else "output-error"
-    if method in ("auto", natural):
-        return natural
-    raise FitError(f"{contact.name} is identified by the method {natural!r}, not by {method!r}; leave method out.")
 
 
 def _reference_load(wishes: Wishes, pieces: Sequence[Piece]) -> float | None:
@@ -191,14 +155,13 @@ def _result(
     model: str | Path,
     contact: ContactModel,
     method: str,
-    problem: Problem,
-    setup: Setup,
-    found: Found,
+    fit: Fit,
     signal: str,
     unit: str,
     records: Sequence[Record],
     settings: InverseModelSettings | None,
 ) -> Identification:
+    setup, problem, found = fit.setup, fit.problem, fit.found
     lengths = [len(piece.measured) for piece in problem.pieces]
     spread, robust = covariance(found, lengths)
     G = _sensitivity(setup, problem, found.x)

@@ -10,8 +10,8 @@ import pytest
 from friction_fmus import identify
 from friction_fmus.data import MeasuredAxis, load_emps
 from friction_fmus.identification import FitError
+from friction_fmus.identification.closed_loop import write_axis
 from friction_fmus.identification.fit.models import contact_model
-from friction_fmus.identification.methods.closed_loop import write_axis
 
 #: Found by `benchmarks/identification.py`.
 LUGRE = {

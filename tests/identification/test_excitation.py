@@ -185,7 +185,7 @@ def test_a_window_that_holds_nothing_is_an_error() -> None:
 
 def test_the_page_on_identification_lists_every_finding() -> None:
     root = Path(__file__).parents[2]
-    sources = [path.read_text(encoding="utf-8") for path in (root / "friction_fmus" / "identification").glob("*.py")]
+    sources = [path.read_text(encoding="utf-8") for path in (root / "friction_fmus" / "identification").rglob("*.py")]
     made = {name for source in sources for name in re.findall(r'Finding\(\s*"([a-z-]+)"', source)}
     page = (root / "docs" / "identification.md").read_text(encoding="utf-8")
     assert len(made) > 15

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 
 from friction_fmus.cli.arguments import parse_assignment
 from friction_fmus.errors import FrictionError
+from friction_fmus.identification.methods import method_names
 from harness.processors import available
 
 if TYPE_CHECKING:
     from friction_fmus.identification import Measurement
 
-METHODS = ("auto", "inverse", "output-error", "hysteresis")
 LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
 SHOWN = 3
 """Up to so many models have their parameters on the screen; of more only the best one."""
@@ -41,7 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--train", help="fit from A to B seconds", **window)  # type: ignore[arg-type]
     parser.add_argument("--validation", help="predict from A to B seconds, and rank by that", **window)  # type: ignore[arg-type]
     parser.add_argument("--fixed", action="append", metavar="NAME=VALUE", help="a known parameter; may be repeated")
-    parser.add_argument("--method", choices=METHODS, default="auto", help="auto: what suits the model")
+    methods = ("auto", *method_names())
+    parser.add_argument("--method", choices=methods, default="auto", help="auto: what suits the model")
     parser.add_argument(
         "--loss",
         choices=LOSSES,

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from friction_fmus.blocks.arithmetic import evaluate, names_in
 from friction_fmus.blocks.catalogue import catalogue, find
-from friction_fmus.blocks.identified import Fitted, Identified
+from friction_fmus.blocks.identified import NOT_IDENTIFIED, Fitted, Identified
 from friction_fmus.fmi.package import fmu
 from friction_fmus.identification.data.record import ROTARY, AxisUnits
 from friction_fmus.identification.errors import IdentificationError
@@ -208,7 +208,7 @@ def identifiable() -> tuple[str, ...]:
         if block.kind == "friction"
         and re.search(r"\bINPUT\s*\(v,", block.code)
         and not {"random", "mass inside"} & set(block.features)
-        and block.about.identified.method != "none"
+        and block.about.identified.method != NOT_IDENTIFIED
     )
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from friction_fmus.identification.closed_loop import axis_response
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.drives import driven
 from friction_fmus.identification.fit.models import ContactModel, contact_model, state_sizes
@@ -15,7 +16,6 @@ from friction_fmus.identification.fit.problem import Coordinate, Problem
 from friction_fmus.identification.fit.search import search
 from friction_fmus.identification.fit.setup import INITIAL_LIMIT
 from friction_fmus.identification.fit.simulation_data import Piece, prepare
-from friction_fmus.identification.methods.closed_loop import axis_response
 
 if TYPE_CHECKING:
     from friction_fmus.identification.result import Identification

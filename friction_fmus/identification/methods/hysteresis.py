@@ -9,9 +9,11 @@ import numpy as np
 
 from friction_fmus.identification.data.record import AxisUnits
 from friction_fmus.identification.errors import FitError
+from friction_fmus.identification.fit.fitting import Fit, FitData
 from friction_fmus.identification.fit.grid import BEGINNINGS, BLOCK_ELEMENTS, coarse, fit_grid, with_count
 from friction_fmus.identification.fit.models import ContactModel, Traits
 from friction_fmus.identification.fit.problem import Coordinate
+from friction_fmus.identification.fit.search import Loss, search
 from friction_fmus.identification.fit.setup import Setup, Wishes, constants_of, coordinate, surroundings
 from friction_fmus.identification.fit.simulation_data import Piece
 
@@ -27,6 +29,45 @@ AROUND = (0.75, 0.9, 1.0, 1.1, 1.35)
 
 #: Initial forces on a finer grid, in parts of the limit.
 FINER = (-1.0, -0.66, -0.33, 0.0, 0.33, 0.66, 1.0)
+
+
+#: Largest number of finer grids around the elements found, and the decrease of the cost that makes another one
+#: worthwhile.
+REFINEMENTS, WORTHWHILE = 3, 0.01
+
+
+def fit(data: FitData, loss: Loss, starts: int | None) -> Fit:
+    """Fit elements from a coarse grid of break-away distances, then from finer grids around those found.
+
+    Parameters
+    ----------
+    data : FitData
+        The block and the records.
+    loss : str
+        Loss function, see `search`.
+    starts : int or None
+        Number of searches from the coarse grid; None: one.
+
+    Raises
+    ------
+    FitError
+        N is out of range, an element is fixed, or Fc of a law whose elements add up to it.
+    """
+    common = data.model, data.pieces, data.traits, data.wishes, data.units, data.Fn0
+    setup = hysteresis_setup(*common)
+    problem = data.problem(setup)
+    found = search(problem, loss, starts or 1)
+    for _ in range(REFINEMENTS):
+        finer = hysteresis_setup(*common, problem.values(found.x, None))
+        again = data.problem(finer)
+        again.simulations = problem.simulations
+        better = search(again, loss, 1)
+        improved = better.cost < (1.0 - WORTHWHILE) * found.cost
+        if better.cost < found.cost:
+            setup, problem, found = finer, again, better
+        if not improved:
+            break
+    return Fit(setup, problem, found)
 
 
 def hysteresis_setup(
