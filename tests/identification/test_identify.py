@@ -240,3 +240,13 @@ def test_an_asymmetric_law_has_parameters_for_either_direction(tmp_path: Path) -
     rows = drive.run({"v": v}, ["F"], STEP, between="linear")
     drive.close()
     np.testing.assert_allclose(rows[:, 0], result.predicted, atol=1e-9)
+
+
+def test_a_block_that_names_a_method_that_does_not_exist(tmp_path: Path, lugre: Truth) -> None:
+    source = Path(friction_fmus.catalogue()["MaxwellSlip"].path)
+    text = source.read_text(encoding="utf-8")
+    assert "METHOD(hysteresis)" in text
+    mine = tmp_path / "Slips.c"
+    mine.write_text(text.replace("METHOD(hysteresis)", "METHOD(hysteresiss)"), encoding="utf-8")
+    with pytest.raises(FitError, match=r"names the method 'hysteresiss', which does not exist.*hysteresis"):
+        identify(mine, lugre[0])
