@@ -14,7 +14,7 @@ import pytest
 from friction_fmus import fmu
 from friction_fmus.cli.main import parser
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 STICK_SLIP = EXAMPLES / "stick_slip.toml"
 
 # command -> its arguments, the statuses it may end with, and what it is asked to write

@@ -24,7 +24,7 @@ from friction_fmus.cli.main import main, parser
 from harness import Parameter, ParameterSet, System, load_result, masters, write_ssv
 from harness.platforms import NATIVE
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 STICK_SLIP = ROOT / "examples" / "stick_slip.toml"
 
 

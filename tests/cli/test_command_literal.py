@@ -12,7 +12,7 @@ from rich.text import Text
 from friction_fmus.cli.console import RunBar, console, literal_console, progress_bar, styled
 from friction_fmus.cli.main import main
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 STICK_SLIP = ROOT / "examples" / "stick_slip.toml"
 NAMES = ("o[/b].csv", "o[red].csv", "o[x] :bug:.csv", "100 %(s) {y}.csv")
 SYSTEM = """[experiment]

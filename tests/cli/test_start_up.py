@@ -19,7 +19,7 @@ from friction_fmus.blocks.catalogue import OWN_BLOCKS, Entry, catalogue, listing
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.headings import law_paths, read_headings
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 COMMANDS = sorted(path.stem for path in (ROOT / "friction_fmus" / "cli" / "commands").glob("[!_]*.py"))
 SLOW = {
     *("casadi", "fmpy", "h5py", "jinja2", "lxml", "markdown_it", "matplotlib", "numpy", "pandas", "pint"),

@@ -17,7 +17,7 @@ from friction_fmus import fmu
 from friction_fmus.__main__ import main
 from harness import System
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 
 SYSTEM = """
 wires = []

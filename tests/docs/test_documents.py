@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -22,7 +21,7 @@ from friction_fmus.fmi.documentation import notes_as_html
 from friction_fmus.fmi.models_page import models_page
 from harness import DropOut, System
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 FRICTION = [block for block in catalogue().values() if block.kind == "friction"]
 ADDING = [ROOT / "docs" / "adding-a-model.md", ROOT / "docs" / "adding-a-law.md"]
@@ -81,24 +80,6 @@ def test_versions_of_the_page_on_importers_are_the_pinned_ones() -> None:
     for pinned in project["project"]["optional-dependencies"]["interop"]:
         name, version = pinned.split(";")[0].split("==")
         assert f"| {name} {version} " in page
-
-
-def test_main_command_of_the_readme_does_its_own_set_up(tmp_path: Path) -> None:
-    (command,) = blocks(ROOT / "README.md", "main command")
-    copy = tmp_path / "checkout"
-    shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".*", "out", "__pycache__", "tests"))
-    result = subprocess.run(["bash", "-c", command], cwd=copy, capture_output=True, text=True, check=False)
-    assert result.returncode == 0, result.stderr
-    assert "95.1089" in result.stdout
-    assert (copy / "out" / "report.html").is_file()
-
-
-@pytest.mark.skipif(shutil.which("clang") is None, reason="clang is not installed")
-def test_commands_of_the_robustness_page_work(tmp_path: Path) -> None:
-    (commands,) = blocks(ROOT / "docs" / "reliability.md", "commands")
-    (tmp_path / "tests").symlink_to(ROOT / "tests")
-    for command in commands.splitlines():
-        run(command, tmp_path)
 
 
 def test_python_of_the_readme_gives_the_published_stick_slip(tmp_path: Path) -> None:
@@ -164,7 +145,7 @@ def test_programs_and_commands_are_marked_to_be_run(page: Path) -> None:
     """But for the scripts of claims and effects, long runs by hand, and the commands of the pages on adding."""
     text = page.read_text(encoding="utf-8")
     fences = re.findall(r"^(<!-- [^\n]* -->\n)?```(sh|python)\n(.*?)^```$", text, re.S | re.M)
-    known = r"python examples/\w+/\w+\.py figures\n|tests/nightly\.sh\n|tests/robustness/sanitized\.sh.*"
+    known = r"python examples/\w+/\w+\.py figures\n|tests/nightly\.sh\n|tests/slow/sanitized\.sh.*"
     known += r"|(friction-fmus [^\n]*\n)+" if page in ADDING else ""
     assert [code for mark, _, code in fences if not mark and not re.fullmatch(known, code, re.S)] == []
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 FILES = {"models": "claims.md", "compensation": "effects.md"}
 SCRIPTS = {
     folder: sorted(p.stem for p in (ROOT / "examples" / folder).glob("*.py") if p.stem[0] != "_") for folder in FILES

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 FIGURES = {f"Figure {number}" for number in ("1.1", "1.2", "1.3", "1.4", "2.1", "2.2", "2.3")}
 FOLDERS = ("models", "compensation")

@@ -23,7 +23,7 @@ from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.blocks.probe import OUTPUT, PARAMETER
 from harness.platforms import NATIVE
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
 PUBLIC = ("", ".law", ".identification", ".conditions", ".procedures", ".doctor", ".check", ".codegen")
 PRINTED = {

@@ -9,8 +9,8 @@ from pathlib import Path
 import fmpy
 import html5lib
 import pytest
-from fmi.instance import Library
 from lxml import etree
+from shell.instance import Library
 
 from friction_fmus import build, catalogue
 from friction_fmus.version import VERSION

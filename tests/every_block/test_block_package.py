@@ -13,9 +13,10 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-from fmi.instance import SIGNATURES, Instance, Library, RefusedError, signals
 from fmpy.validation import validate_fmu
 from lxml import etree
+from shell.instance import SIGNATURES, Instance, Library, RefusedError, signals
+from shell.selection import CONTINUOUS_BLOCKS
 
 from friction_fmus import build, catalogue
 from harness import toolchain
@@ -283,13 +284,13 @@ def _outputs_differ(library: Library, name: str, draw: random.Random, outputs: l
     return histories[0] != histories[1]
 
 
+@pytest.mark.parametrize("library", CONTINUOUS_BLOCKS, indirect=True)
 def test_parameters_of_continuous_blocks_are_declared_as_dependencies(library: Library, xml: etree._Element) -> None:
-    if not library.sampled:
-        declared = set().union(*dependencies(xml, library, "InitialUnknowns").values())
-        in_steps = (
-            {"seed"} if "kT" in library.names("parameter") and "R" in library.variables else set()
-        )  # its first draw acts in the first step
-        assert declared >= set(library.names("parameter")) - in_steps
+    declared = set().union(*dependencies(xml, library, "InitialUnknowns").values())
+    in_steps = (
+        {"seed"} if "kT" in library.names("parameter") and "R" in library.variables else set()
+    )  # its first draw acts in the first step
+    assert declared >= set(library.names("parameter")) - in_steps
 
 
 def test_what_is_not_declared_as_dependency_has_no_influence(library: Library, xml: etree._Element) -> None:

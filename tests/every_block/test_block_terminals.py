@@ -7,8 +7,8 @@ import struct
 from pathlib import Path
 
 import fmpy
-from fmi.instance import Instance, Library
 from lxml import etree
+from shell.instance import Instance, Library
 
 from friction_fmus import build
 

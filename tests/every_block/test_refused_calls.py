@@ -11,7 +11,7 @@ from itertools import product
 from pathlib import Path
 
 import pytest
-from fmi.instance import DISCARD, ERROR, OK, Instance, Library, load
+from shell.instance import DISCARD, ERROR, OK, Instance, Library, load
 
 H = 1e-3
 HEADER = 64  # bytes of a serialised state before the model

@@ -13,8 +13,8 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-from fmi.instance import Library, load
 from fmpy.build import build_platform_binary
+from shell.instance import Library, load
 
 from harness.toolchain import header_folder
 

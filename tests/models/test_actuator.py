@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import OK, WARNING, Instance, Library, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shell.instance import OK, WARNING, Instance, Library, load
 
 reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
 

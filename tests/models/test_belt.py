@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import OK, Instance, Library, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
+from shell.instance import OK, Instance, Library, load
 
 from harness import FmuPart, System
 

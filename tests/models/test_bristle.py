@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import DISCARD, OK, Instance, Library, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shell.instance import DISCARD, OK, Instance, Library, load
 
 reproducibly = settings(max_examples=60, deadline=20_000, derandomize=True, database=None)
 N, SIGMA0, DELTA_S, DELTA = 20, 5e3, 1.2e-5, 6e-6

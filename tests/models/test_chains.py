@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import OK, Instance, Library, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import OptimizeResult as OdeResult
+from shell.instance import OK, Instance, Library, load
 
 reproducibly = settings(max_examples=25, deadline=20_000, derandomize=True, database=None)
 GOLDEN = {(55, 34): 34 / 55, (89, 55): 55 / 89}

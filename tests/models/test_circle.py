@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import Instance, Library, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
+from shell.instance import Instance, Library, load
 
 reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
 AXES = ("x", "xd", "xdd", "y", "yd", "ydd")

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import OK, Instance, Library, load
 from scipy.integrate import quad
+from shell.instance import OK, Instance, Library, load
 
 from harness import FmuPart, System
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import Instance, load
 from scipy.signal import butter, filtfilt
+from shell.instance import Instance, load
 
 from harness import CallablePart, FmuPart, System
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fmi.instance import DISCARD, OK, Instance, load
+from shell.instance import DISCARD, OK, Instance, load
 
 REASON = b"takes more work than one communication step may, so make shorter steps"
 SECONDS = 5.0

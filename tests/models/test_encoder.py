@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import OK, Instance, Library, load
+from shell.instance import OK, Instance, Library, load
 
 Ts = 1e-3
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import Instance, load
+from shell.instance import Instance, load
 
 from friction_fmus.blocks.catalogue import Block, catalogue
 

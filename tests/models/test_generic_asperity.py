@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import DISCARD, OK, Instance, Library, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from shell.instance import DISCARD, OK, Instance, Library, load
 
 reproducibly = settings(max_examples=60, deadline=20_000, derandomize=True, database=None)
 K_N, K_T, K_H, M, HEIGHT, A, WAVELENGTH, MU0 = 2e5, 5e3, 2e3, 1e-7, 1e-6, 2.5e-7, 1e-5, 0.25

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fmi.instance import OK, WARNING, Instance, Library, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from shell.instance import OK, WARNING, Instance, Library, load
 
 reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
 velocity = st.one_of(st.floats(-5e-3, 5e-3), st.floats(-2e-4, 2e-4), st.sampled_from([0.0, 1e-6, -1e-6])).map(

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import Instance, Library, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shell.instance import Instance, Library, load
 
 TS = 2.0**-10
 UNIT = 2.0**-22  # [m/s] of the velocities

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import DISCARD, ERROR, OK, Instance, Library, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
+from shell.instance import DISCARD, ERROR, OK, Instance, Library, load
 
 reproducibly = settings(max_examples=150, deadline=20_000, derandomize=True, database=None)
 FORCES = {"F_drive": 1.0, "F_load": 1.0, "F_friction": -1.0}

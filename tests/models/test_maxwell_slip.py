@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import DISCARD, OK, Instance, Library, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from shell.instance import DISCARD, OK, Instance, Library, load
 
 reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
 velocity = st.one_of(st.floats(-5e-3, 5e-3), st.floats(-0.5, 0.5), st.sampled_from([0.0, 1e-9, -1e-9])).map(

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import Instance, Library, load
 from scipy.optimize import minimize_scalar
+from shell.instance import Instance, Library, load
 
 SHAPES = {
     "one line": {"lines": 1, "first": 3},

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import DISCARD, OK, Instance, Library, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from shell.instance import DISCARD, OK, Instance, Library, load
 
 reproducibly = settings(max_examples=25, deadline=20_000, derandomize=True, database=None)
 START = {"m": 1.0, "damping": 2.0, "k": 1.0, "E0": 0.25, "a": 1.0}

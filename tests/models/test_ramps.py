@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import OK, Instance, Library, load
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
+from shell.instance import OK, Instance, Library, load
 
 reproducibly = settings(max_examples=60, deadline=20_000, derandomize=True, database=None)
 

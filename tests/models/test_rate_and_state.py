@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import OK, Instance, Library, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from shell.instance import OK, Instance, Library, load
 
 reproducibly = settings(max_examples=150, deadline=20_000, derandomize=True, database=None)
 SET = {"mu0": 0.6, "a": 0.01, "b": 0.015, "Dc": 1e-5, "V0": 1e-6, "sigma_n": 1.0}

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import OK, WARNING, Instance, Library, load
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
+from shell.instance import OK, WARNING, Instance, Library, load
 
 reproducibly = settings(max_examples=80, deadline=20_000, derandomize=True, database=None)
 

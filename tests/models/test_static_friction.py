@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import OK, Instance, Library, load
 from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from shell.instance import OK, Instance, Library, load
 
 reproducibly = settings(max_examples=60, deadline=20_000, derandomize=True, database=None)
 velocities = st.one_of(st.floats(-5e-3, 5e-3), st.floats(-1.0, 1.0), st.sampled_from([0.0, -0.0, 1e-9, -1e-9, 30.0]))

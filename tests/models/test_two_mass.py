@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import DISCARD, OK, Instance, Library, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import simpson
 from scipy.linalg import expm
+from shell.instance import DISCARD, OK, Instance, Library, load
 
 from friction_fmus import build
 from harness import CallablePart, FmuPart, Port, System

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import Instance, Library, load
 from scipy.linalg import expm
+from shell.instance import Instance, Library, load
 
 KT, M, DT = 0.7, 2e-3, 0.01
 

@@ -8,7 +8,7 @@ from graphlib import CycleError, TopologicalSorter
 from importlib.util import resolve_name
 from pathlib import Path
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 ALLOWED = {("harness.parts.fmu", "harness.parts.isolated.part")}
 """`FmuPart(..., isolate=True)` makes an object of its subclass, as `pathlib.Path` does."""
 

@@ -151,7 +151,7 @@ def test_they_stand_in_lists_and_tables(
     listed = capsys.readouterr().out
     assert "SlippingSpring" in listed and "SlippingFeedforward" in listed
     assert "## SlippingSpring" in models_page()
-    monkeypatch.syspath_prepend(str(Path(__file__).parent.parent / "docs"))
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "docs"))
     tables = import_module("tables")
     sys.modules.pop("tables")
     assert tables.choices("presliding") == ["Dahl", "SlippingSpring"]

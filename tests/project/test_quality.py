@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 C_FILES = sorted(
     str(path.relative_to(ROOT))
     for folder in ("fmu_src", "harness/engine", "benchmarks")
@@ -45,3 +47,24 @@ def test_no_file_is_longer_than_its_idea() -> None:
     ]
     long = {path.name: len(path.read_text(encoding="utf-8").splitlines()) for path in paths}
     assert {name: lines for name, lines in long.items() if lines > 400} == {}
+
+
+def own_statements(function: ast.FunctionDef) -> Iterator[ast.AST]:
+    """What stands in a function, but not in functions within it."""
+    waiting: list[ast.AST] = [*function.body]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        if not isinstance(node, (ast.FunctionDef, ast.Lambda, ast.ClassDef)):
+            waiting += ast.iter_child_nodes(node)
+
+
+def test_no_test_returns_early_and_counts_as_passed() -> None:
+    """Give a test only the cases that it is for, by its parameters."""
+    found = []
+    for path in sorted((ROOT / "tests").rglob("test_*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
+                returns = [each.lineno for each in own_statements(node) if isinstance(each, ast.Return)]
+                found += [f"{path.name}:{line} in {node.name}" for line in returns]
+    assert found == []

@@ -109,6 +109,10 @@ class Library:
             if (not causalities or v.causality in causalities) and type in (None, v.type)
         ]
 
+    def settable(self) -> list[str]:
+        """Names of what may be set during a run: inputs and tunable parameters."""
+        return [v.name for v in self.variables.values() if v.causality == "input" or v.variability == "tunable"]
+
     @property
     def sampled(self) -> bool:
         """Whether the block acts at sample times: its Real outputs are then discrete."""

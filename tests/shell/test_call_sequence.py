@@ -11,7 +11,7 @@ from ctypes import byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p,
 from pathlib import Path
 
 import pytest
-from fmi.instance import (
+from shell.instance import (
     DISCARD,
     ERROR,
     LAST_SUCCESSFUL_TIME,

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import DISCARD, ERROR, OK, Instance, Library, load, signals
-from lxml import etree
 from scipy.integrate import solve_ivp
+from shell.instance import DISCARD, ERROR, OK, Instance, Library, load
 
 P95 = {"sigma0": 1e5, "sigma1": math.sqrt(1e5), "sigma2": 0.4, "Fc": 1.0, "Fs": 1.5, "vs": 1e-3}
 
@@ -19,14 +18,6 @@ P95 = {"sigma0": 1e5, "sigma1": math.sqrt(1e5), "sigma2": 0.4, "Fc": 1.0, "Fs": 
 @pytest.fixture
 def mass(build_fmu: Callable[..., Path]) -> Library:
     return load(build_fmu("Mass"))
-
-
-@pytest.fixture
-def running(library: Library, instance: Instance) -> Instance:
-    instance.initialise(**signals(library, 1, 1)[0])
-    instance.step(0.0, 0.01)
-    instance.everything()
-    return instance
 
 
 def stribeck(v: float) -> tuple[float, float]:
@@ -69,13 +60,6 @@ def test_slopes_of_one_step_may_come_in_several_calls(mass: Library) -> None:
             assert run.input_derivatives({"F_load": 1.0}) == OK
             run.step(t, 1.0)
         assert run.get("F_drive", "F_load") == [6.0, 2.0]
-
-
-def test_held_inputs_are_constant(library: Library, running: Instance) -> None:
-    names = library.names("input")
-    before = running.get(*names)
-    running.step(0.01, 0.01)
-    assert running.get(*names) == before
 
 
 @pytest.mark.parametrize("order", [-1, 0, 2, 3])
@@ -163,18 +147,6 @@ def test_the_rate_of_the_friction_force_is_the_chain_rule(lugre: Library, v0: fl
         assert run.output_derivatives("F") == pytest.approx([expected], rel=1e-7)
 
 
-def test_outputs_of_sampled_blocks_stay_between_samples(library: Library, running: Instance) -> None:
-    outputs = library.names("output", type="Real")
-    if library.sampled:
-        assert running.output_derivatives(*outputs) == [0.0] * len(outputs)
-
-
-def test_asking_for_output_derivatives_changes_nothing(library: Library, running: Instance) -> None:
-    before = running.everything(), running.serialised()
-    running.output_derivatives(*library.names("output", type="Real"))
-    assert (running.everything(), running.serialised()) == before
-
-
 # ---- directional derivatives
 
 
@@ -231,25 +203,6 @@ def test_in_initialization_mode_parameters_are_known_too(lugre: Library, mass: L
         run.setup()
         run.must("EnterInitializationMode")
         assert run.directional(["x", "v"], {"x0": 1.0, "v0": 2.0}) == pytest.approx([1.0, 2.0], rel=1e-9)
-
-
-def test_directional_derivatives_are_zero_where_nothing_is_declared(library: Library, running: Instance) -> None:
-    root = etree.parse(library.folder / "modelDescription.xml").getroot()
-    names = list(library.variables)
-    for unknown in root.iterfind("ModelStructure/Outputs/Unknown"):
-        output = names[int(unknown.get("index")) - 1]
-        declared = {names[int(i) - 1] for i in unknown.get("dependencies").split()}
-        if library.variables[output].type == "Real":
-            for known in library.names("input", type="Real"):
-                (value,) = running.directional([output], {known: 1.0})
-                assert math.isfinite(value)
-                assert value == 0.0 or known in declared
-
-
-def test_asking_for_directional_derivatives_changes_nothing(library: Library, running: Instance) -> None:
-    before = running.everything(), running.serialised()
-    running.directional(library.names("output", type="Real"), dict.fromkeys(library.names("input", type="Real"), 1.0))
-    assert (running.everything(), running.serialised()) == before
 
 
 def test_directional_derivatives_of_and_by_the_wrong_variables_are_errors(library: Library, running: Instance) -> None:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from ctypes import c_char_p, create_string_buffer
 
 import pytest
-from fmi.instance import DISCARD, ERROR, OK, Instance, Library
 from lxml import etree
+from shell.instance import DISCARD, ERROR, OK, Instance, Library
 
 
 def debug(run: Instance, on: bool, *categories: bytes) -> int:
@@ -112,12 +112,3 @@ def test_an_unknown_category_is_an_error_and_changes_nothing(lugre: Library) -> 
         assert debug(run, False, b"logStatusError", b"logEverything") == ERROR
         assert b"logEverything" in run.messages[-1][3]
         assert provoke(run) == ["logStatusError", "logStatusDiscard"]
-
-
-def test_nothing_is_printed(library: Library, capfd: pytest.CaptureFixture[str]) -> None:
-    with Instance(library) as run:
-        assert run.call("DoStep", 0.0, 0.1, 1) == ERROR
-        run.initialise()
-        run.step(0.0, 0.1)
-        assert run.call("DoStep", 0.0, -1.0, 1) == ERROR
-    assert capfd.readouterr() == ("", "")

@@ -9,9 +9,9 @@ from ctypes import c_double
 
 import numpy as np
 import pytest
-from fmi.instance import DISCARD, LAST_SUCCESSFUL_TIME, OK, Instance, Library, drive, load
 from fmpy.validation import validate_fmu
 from scipy.integrate import solve_ivp
+from shell.instance import DISCARD, LAST_SUCCESSFUL_TIME, OK, Instance, Library, drive, load
 
 from friction_fmus import build
 

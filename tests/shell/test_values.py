@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-import random
-import shutil
-import subprocess
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from ctypes import c_char_p, c_double, c_int, c_uint
 from pathlib import Path
 
 import pytest
-from fmi.instance import DISCARD, ERROR, LAST_SUCCESSFUL_TIME, OK, TERMINATED, Instance, Library, load, signals
+from shell.elsewhere import Elsewhere
+from shell.instance import DISCARD, ERROR, LAST_SUCCESSFUL_TIME, OK, TERMINATED, Instance, Library, load
+from shell.jobs import called
 
 NOT_FINITE = (math.nan, math.inf, -math.inf)
 TYPES = ("Real", "Integer", "Boolean")
@@ -22,32 +20,7 @@ def unused_reference(library: Library) -> int:
     return 1 + max(int(v.valueReference) for v in library.variables.values())
 
 
-def settable(library: Library) -> list[str]:
-    """What may be set during a run: inputs and tunable parameters."""
-    return [v.name for v in library.variables.values() if v.causality == "input" or v.variability == "tunable"]
-
-
-@pytest.fixture
-def running(library: Library, instance: Instance) -> Instance:
-    instance.initialise(**signals(library, 1, 1)[0])
-    instance.step(0.0, 0.01)
-    instance.everything()
-    return instance
-
-
 # ---- reading
-
-
-def test_everything_declared_can_be_read_in_initialization_mode_and_later(instance: Instance) -> None:
-    instance.setup()
-    instance.must("EnterInitializationMode")
-    instance.everything()
-    instance.must("ExitInitializationMode")
-    instance.everything()
-    instance.step(0.0, 0.01)
-    instance.everything()
-    instance.must("Terminate")
-    instance.everything()
 
 
 def test_one_call_reads_all_reals_and_time_among_them(library: Library, running: Instance) -> None:
@@ -55,84 +28,6 @@ def test_one_call_reads_all_reals_and_time_among_them(library: Library, running:
     names = library.names(type="Real")
     assert "time" in names
     assert dict(zip(names, running.get(*names), strict=True)) == {name: running.get1(name) for name in names}
-
-
-def test_what_was_set_is_read_back(library: Library, running: Instance) -> None:
-    for name in settable(library):
-        v = library.variables[name]
-        if v.type == "Boolean":
-            value = 1.0 - running.get1(name)
-        else:
-            value = max(min(0.75, float(v.max or "inf")), float(v.min or "-inf"))
-        running.set({name: value})
-        assert running.get1(name) == value, name
-
-
-def test_reading_twice_gives_the_same(running: Instance) -> None:
-    assert running.everything() == running.everything()
-
-
-def test_outputs_follow_inputs_that_are_set_without_a_step(library: Library) -> None:
-    """Masters read outputs again after setting inputs: what feeds through must be computed on the way."""
-    with Instance(library) as in_run, Instance(library) as new:
-        in_run.initialise()
-        inputs = signals(library, 9, 1)[0]
-        outputs = library.names("output")
-        in_run.everything()
-        in_run.set(inputs)
-        after = in_run.get(*outputs)
-        new.initialise(**inputs)
-        assert after == new.get(*outputs)
-
-
-def test_inputs_pass_to_outputs_in_initialization_mode(library: Library) -> None:
-    """Masters iterate over connected inputs there: whatever was set before, the last set counts."""
-    outputs = library.names("output")
-    with Instance(library) as once, Instance(library) as iterated:
-        for run in (once, iterated):
-            run.setup()
-            run.must("EnterInitializationMode")
-        for inputs in signals(library, 10, 10):
-            iterated.set(inputs)
-            iterated.get(*outputs)
-        once.set(inputs)
-        assert once.get(*outputs) == iterated.get(*outputs)
-        for run in (once, iterated):
-            run.must("ExitInitializationMode")
-        assert once.get(*outputs) == iterated.get(*outputs)
-        once.step(0.0, 0.1)
-        iterated.step(0.0, 0.1)
-        assert once.everything() == iterated.everything()
-
-
-@pytest.mark.parametrize("when", ["instantiated", "before initialization mode", "initialization mode", "after it"])
-def test_inputs_and_parameters_may_be_set_early(library: Library, when: str) -> None:
-    values = signals(library, 11, 1)[0]
-    draw = random.Random(11)
-    for name in library.names("parameter", type="Real"):
-        v = library.variables[name]
-        if when != "after it" or v.variability == "tunable":
-            unset = 2.0 if name.startswith("pair[") else 0.1  # zeros belong outside the unit circle
-            value = (library.start(name) or unset) * draw.uniform(0.9, 1.1)
-            values[name] = min(max(value, float(v.min or "-inf")), float(v.max or "inf"))
-    with Instance(library) as run:
-        if when == "instantiated":
-            run.set(values)
-        run.setup()
-        if when == "before initialization mode":
-            run.set(values)
-        run.must("EnterInitializationMode")
-        if when == "initialization mode":
-            run.set(values)
-        run.must("ExitInitializationMode")
-        if when == "after it":
-            run.set(values)
-        assert run.get(*values) == list(values.values())
-        run.step(0.0, 0.01)
-        with Instance(library) as other:
-            other.initialise(**values)
-            other.step(0.0, 0.01)
-            assert run.everything() == other.everything()
 
 
 # ---- refusing
@@ -146,7 +41,7 @@ def guarded(library: Library) -> set[str]:
 @pytest.mark.parametrize("bad", NOT_FINITE)
 def test_values_that_are_not_finite_are_discarded(library: Library, running: Instance, bad: float) -> None:
     before = running.everything(), running.serialised()
-    for name in settable(library):
+    for name in library.settable():
         if library.variables[name].type == "Real" and name not in guarded(library):
             running.messages.clear()
             assert running.try_set({name: bad}) == [DISCARD], name
@@ -166,26 +61,6 @@ def test_start_values_that_are_not_finite_are_discarded(library: Library, instan
         assert instance.try_set({name: bad}) == [DISCARD], name
         assert instance.serialised() == before
     assert len(instance.messages) == len(started)
-
-
-def test_values_outside_their_limits_are_discarded(library: Library, instance: Instance) -> None:
-    before = instance.serialised()
-    tried = 0
-    for v in library.variables.values():
-        if v.causality not in ("parameter", "input") or v.type == "Boolean":
-            continue
-        for limit, way in ((v.min, -1.0), (v.max, 1.0)):
-            if limit is not None:
-                outside = (
-                    int(limit) + int(way) if v.type == "Integer" else float(limit) + way * max(abs(float(limit)), 1e-3)
-                )
-                assert instance.try_set({v.name: outside}) == [DISCARD], v.name
-                assert instance.messages[-1][1] == DISCARD
-                assert instance.try_set({v.name: float(limit)}) == [OK], v.name
-                instance.set({v.name: library.start(v.name)})
-                tried += 1
-    assert instance.serialised() == before
-    assert len(instance.messages) == tried
 
 
 @pytest.mark.parametrize("type", TYPES)
@@ -258,7 +133,7 @@ def test_fixed_parameters_cannot_be_set_during_the_run(library: Library, running
 @pytest.mark.parametrize("kind", ["not finite", "unknown"])
 def test_a_set_with_one_bad_value_sets_none(library: Library, running: Instance, position: str, kind: str) -> None:
     before = running.everything(), running.serialised()
-    names = [name for name in settable(library) if library.variables[name].type == "Real"]
+    names = [name for name in library.settable() if library.variables[name].type == "Real"]
     for good in names:
         v = library.variables[good]
         other = min(max(0.75 * running.get1(good) + 0.01, float(v.min or "-inf")), float(v.max or "inf"))
@@ -343,26 +218,21 @@ NULL_CALLS = {
     "GetRealStatus": (f"{LAST_SUCCESSFUL_TIME}, none",),
     "GetBooleanStatus": (f"{TERMINATED}, none",),
 }
-CALL = """
-import sys
-from ctypes import c_uint
-from pathlib import Path
-sys.path.insert(0, sys.argv[1])
-from fmi.instance import Instance, load
-none, one, two = None, (c_uint * 1)(1), (c_uint * 1)(2)
-with Instance(load(Path(sys.argv[2]))) as run:
-    run.initialise()
-    print(run.call(sys.argv[3], *eval(f"({sys.argv[4]},)")), len(run.messages))
-"""
+
+
+@pytest.fixture(scope="module")
+def elsewhere() -> Iterator[Elsewhere]:
+    made = Elsewhere(called)
+    yield made
+    made.end()
 
 
 @pytest.mark.parametrize(
     ("function", "arguments"), [(name, each) for name, calls in NULL_CALLS.items() for each in calls]
 )
 def test_a_null_pointer_for_an_array_is_an_error_with_a_message(
-    build_fmu: Callable[..., Path], tmp_path: Path, function: str, arguments: str
+    build_fmu: Callable[..., Path], elsewhere: Elsewhere, tmp_path: Path, function: str, arguments: str
 ) -> None:
-    """In a child process, as a crash would end this one."""
-    command = [sys.executable, "-c", CALL, Path(__file__).parents[1], shutil.copy(build_fmu("LuGre"), tmp_path)]
-    run = subprocess.run([*command, function, arguments], capture_output=True, text=True, check=False)
-    assert (run.returncode, run.stdout.split()) == (0, [str(ERROR), "1"]), run.stderr
+    """In another process, as a crash would end this one."""
+    given = tuple(int(each) if each.isdigit() else each for each in arguments.split(", "))
+    assert elsewhere.run(build_fmu("LuGre"), tmp_path / "trace.txt", function, given) == (ERROR, 1)

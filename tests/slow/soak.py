@@ -12,7 +12,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from fmi.instance import Instance, load
+from shell.instance import Instance, load
 
 from friction_fmus import build
 from harness import FmuPart, System

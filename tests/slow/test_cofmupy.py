@@ -1,19 +1,13 @@
-"""Every FMU whose ports are all Real in CoFmuPy, alone and in a closed loop; it couples as gauss-seidel does.
-
-It pins an old fmpy, and so has an environment of its own, in the cache.
-"""
+"""Every FMU whose ports are all Real in CoFmuPy, alone and in a closed loop; it couples as gauss-seidel does."""
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
+from install_cofmupy import PYTHON
 from interop.importers import (
     alone_job,
     as_trajectories,
@@ -26,30 +20,24 @@ from interop.importers import (
 )
 from interop.loops import REAL_PARTS, Loop, all_loops, ports, start_value, variables
 
-from harness.toolchain import cache_folder
+from friction_fmus import catalogue
 
-VERSION = "1.0.0"
+needs_cofmupy = pytest.mark.skipif(
+    not PYTHON.exists(), reason="CoFmuPy is not installed: run tests/slow/install_cofmupy.py"
+)
 
 
 @pytest.fixture(scope="session")
-def python() -> str:
-    """The interpreter of an environment with CoFmuPy, made once."""
-    home = cache_folder() / f"cofmupy-{VERSION}-python{sys.version_info.major}.{sys.version_info.minor}"
-    python = home / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-    if not python.exists():
-        home.parent.mkdir(parents=True, exist_ok=True)
-        made = Path(tempfile.mkdtemp(dir=home.parent))
-        subprocess.run([sys.executable, "-m", "venv", str(made)], check=True)
-        install = [str(made / python.relative_to(home)), "-m", "pip", "install", "-q", f"cofmupy=={VERSION}"]
-        done = subprocess.run(install, capture_output=True, text=True, check=False)
-        if "NewConnectionError" in done.stderr or "Failed to establish" in done.stderr:
-            pytest.skip("no network to install CoFmuPy from")
-        assert done.returncode == 0, done.stderr
-        try:
-            made.rename(home)
-        except OSError:
-            assert python.exists()  # another process was faster
-    return str(python)
+def fmus(build_fmu: Callable[..., Path]) -> Mapping[str, Path]:
+    """All FMUs of the catalogue by name."""
+    return {block: build_fmu(block) for block in catalogue()}
+
+
+@pytest.fixture
+def python(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> str:
+    """The interpreter of the environment with CoFmuPy, which leaves temporary files behind."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    return str(PYTHON)
 
 
 @pytest.fixture(scope="session")
@@ -68,6 +56,7 @@ def test_models_plants_and_signals_are_all_real(fmus: Mapping[str, Path], real_f
     assert all("fault" in ports(fmus[name], "output") for name in others)
 
 
+@needs_cofmupy
 def test_every_real_fmu_simulates_its_default_experiment(python: str, real_fmus: Mapping[str, Path]) -> None:
     def job(name: str, fmu: Path) -> dict[str, Any]:
         inputs = {f"block.{port}": start_value(variables(fmu)[port]) for port in ports(fmu, "input")}
@@ -82,6 +71,7 @@ def test_every_real_fmu_simulates_its_default_experiment(python: str, real_fmus:
     assert failures(jobs, in_worker("in_cofmupy", jobs.values(), python), judge, 1e-8) == {}
 
 
+@needs_cofmupy
 def test_every_real_fmu_in_a_closed_loop_gives_the_trajectory_of_gauss_seidel(
     python: str, build_fmu: Callable[..., Path], real_fmus: Mapping[str, Path]
 ) -> None:

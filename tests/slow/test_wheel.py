@@ -13,7 +13,7 @@ import pytest
 from friction_fmus import catalogue
 from harness.platforms import PLATFORMS
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 SESSION = """
 import sys

@@ -20,9 +20,9 @@ from hypothesis import HealthCheck, Phase, note, seed, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule, run_state_machine_as_test
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from fmi.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, load
+from shell.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, load
 
 INSTANTIATED, INITIALIZING, STEP_COMPLETE, STEP_FAILED, TERMINATED = "INCFT"
 BEFORE, WITH_RESULTS, STEPPED, ALWAYS = "IN", "NCFT", "CFT", "INCFT"

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from ctypes import byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p, create_string_buffer
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from fmi.instance import OK, Instance, Library, drive, load, signals
+from shell.instance import OK, Instance, Library, drive, load, signals
 
 H = 1e-3
 HEADER = 64  # bytes of a serialised state before the model

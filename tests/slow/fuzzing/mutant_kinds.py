@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +15,10 @@ import h5netcdf  # noqa: F401
 import h5py  # noqa: F401
 import mutant_seeds as seeds
 import pyarrow.parquet  # noqa: F401
-from mutate import BYTES, TEXT, damaged, damaged_archive, members, odd_values, zipped
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from robustness.mutate import BYTES, TEXT, damaged, damaged_archive, members, odd_values, zipped
 
 # all that the commands import on their way, once for all processes
 import friction_fmus.identification.export

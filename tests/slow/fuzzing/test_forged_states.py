@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from elsewhere import Elsewhere
 from forgery import forge
+from shell.elsewhere import Elsewhere
 
 from friction_fmus import catalogue
 
-SOURCES = Path(__file__).parents[2] / "fmu_src"
+SOURCES = Path(__file__).parents[3] / "fmu_src"
 REMEMBERING = tuple(
     path.stem
     for path in sorted(SOURCES.glob("*/*.c"))

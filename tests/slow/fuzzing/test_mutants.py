@@ -13,7 +13,7 @@ import pytest
 if not hasattr(os, "fork") or not Path("/proc/self/stat").is_file():
     pytest.skip("mutants are tried in forked processes that are watched in /proc", allow_module_level=True)
 
-from mutate import BYTES, TEXT, damaged, damaged_archive, members, odd_values, zipped
+from robustness.mutate import BYTES, TEXT, damaged, damaged_archive, members, odd_values, zipped
 
 FOLDER = Path(__file__).parent
 
@@ -21,7 +21,7 @@ FOLDER = Path(__file__).parent
 def test_no_mutant_gives_a_traceback_a_hang_or_a_crash(tmp_path: Path) -> None:
     """6 of each kind, always the same ones."""
     command = [sys.executable, str(FOLDER / "mutants.py"), "6", "--keep", str(tmp_path / "mutants")]
-    environment = os.environ | {"PYTHONPATH": str(FOLDER.parents[1])}
+    environment = os.environ | {"PYTHONPATH": str(FOLDER.parents[2])}
     run = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stdout[-5000:] + run.stderr[-2000:]
 

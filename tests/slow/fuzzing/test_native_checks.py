@@ -21,7 +21,7 @@ from native_checks import (
     fuzz,
     run_threads,
 )
-from platforms.foreign import case, host
+from slow.platforms.foreign import case, host
 
 from friction_fmus import catalogue
 

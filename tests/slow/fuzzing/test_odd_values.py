@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from robustness.cases import run_cases
 
 from friction_fmus import build
 
-ROOT = Path(__file__).parents[2]
 DEEP = 10_000
 EVERY = 1 if "ALL_ODD_VALUES" in os.environ else 4
 """A test run tries every fourth of the 2000 system files, `tests/nightly.sh` all of them."""
@@ -70,21 +67,6 @@ ODD: dict[str, str] = {
     "date": "1979-05-27T07:32:00Z",
     "time": "07:32:00",
 }
-
-
-def run_cases(folder: Path, cases: list[tuple[str, str, str, list[str]]]) -> dict[str, int]:
-    """All cases in a process of their own; nothing may be wrong with any."""
-    with (folder / "cases.jsonl").open("w") as file:
-        file.writelines(json.dumps(case) + "\n" for case in cases)
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
-    command = [sys.executable, str(ROOT / "tests" / "robustness" / "odd_values.py"), str(folder)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=1500)
-    bad = [json.loads(line) for line in (folder / "bad.jsonl").read_text().splitlines()]
-    said = "\n".join(f"{label}: {status} {text}" for label, status, text in bad[:40])
-    where = (folder / "current").read_text() if done.returncode else ""
-    assert (done.returncode, bad) == (0, []), f"{len(bad)} bad; {where}\n{said}\n{done.stderr[-3000:]}"
-    counts: dict[str, int] = json.loads((folder / "counts.json").read_text())
-    return counts
 
 
 SYSTEM = """

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from call_machine import run
-from elsewhere import Elsewhere
+from shell.elsewhere import Elsewhere
 
 from friction_fmus import catalogue
 

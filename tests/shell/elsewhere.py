@@ -7,6 +7,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,15 +21,15 @@ class Elsewhere:
         Its first arguments are an FMU and a file, to which it writes what it is about to do.
     """
 
-    def __init__(self, function: Callable[..., None]) -> None:
+    def __init__(self, function: Callable[..., object]) -> None:
         self._function = function
         self._pool: ProcessPoolExecutor | None = None
 
-    def run(self, fmu: Path, trace: Path, *arguments: object) -> None:
-        """Call the function; a crash fails the test and shows the file."""
+    def run(self, fmu: Path, trace: Path, *arguments: object) -> Any:
+        """What the function returns; a crash fails the test and shows the file."""
         self._pool = self._pool or ProcessPoolExecutor(1, mp_context=get_context("spawn"))
         try:
-            self._pool.submit(self._function, fmu, trace, *arguments).result(timeout=120)
+            return self._pool.submit(self._function, fmu, trace, *arguments).result(timeout=120)
         except BrokenProcessPool:
             self.end()
             pytest.fail(f"the process crashed at the end of this:\n{trace.read_text()}")
