@@ -22,7 +22,7 @@ from benchmarks.rows import Row
 from friction_fmus import build
 from harness import FmuPart, System
 
-PERIOD = 6.36271982  # [s], by scipy's LSODA at 1e-12, as tests/blocks/test_benchmarks.py computes it
+PERIOD = 6.36271982  # [s], by scipy's LSODA at 1e-12, as tests/models/test_benchmarks.py computes it
 STOP = 34.0  # [s], five slips
 PULL, SPRING = 0.1, 2.0  # [m/s], [N/m]
 LUGRE = {"sigma0": 1e5, "sigma1": math.sqrt(1e5), "sigma2": 0.4, "Fc": 1.0, "Fs": 1.5, "vs": 1e-3}

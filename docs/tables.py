@@ -22,7 +22,7 @@ from friction_fmus.blocks.probe import (
     PARAMETER,
     STATE,
     STATE_OUTPUT,
-    Description,
+    Rows,
     Variable,
 )
 from friction_fmus.fmi.model_description import CAPABILITIES, ROLE
@@ -35,7 +35,7 @@ DOCS = Path(__file__).parent
 
 
 @cache
-def described(name: str) -> Description:
+def described(name: str) -> Rows:
     """The variables of a block of the catalogue."""
     return describe_block(catalogue()[name])
 

@@ -16,14 +16,14 @@ step() {
     echo "== $*"
     "$@" || failed=1
 }
-step "$python" tests/robustness/native_checks.py warnings
-step "$python" tests/robustness/native_checks.py threads
-step "$python" tests/robustness/native_checks.py fuzz "$((2 * seconds))"
-step "$python" tests/robustness/call_machine.py "$seconds"
-step tests/robustness/sanitized.sh address
-step tests/robustness/sanitized.sh thread
-step "$python" tests/robustness/soak.py
-step "$python" tests/robustness/mutants.py "$mutants"
+step "$python" tests/slow/fuzzing/native_checks.py warnings
+step "$python" tests/slow/fuzzing/native_checks.py threads
+step "$python" tests/slow/fuzzing/native_checks.py fuzz "$((2 * seconds))"
+step "$python" tests/slow/fuzzing/call_machine.py "$seconds"
+step tests/slow/sanitized.sh address
+step tests/slow/sanitized.sh thread
+step "$python" tests/slow/soak.py
+step "$python" tests/slow/fuzzing/mutants.py "$mutants"
 for kernel in Prescott Haswell SkylakeX; do
     step env OPENBLAS_CORETYPE="$kernel" ALL_ODD_VALUES=1 "$python" -m pytest -q -n 2
 done

@@ -57,8 +57,8 @@ class Variable:
 
 
 @dataclass(frozen=True)
-class Description:
-    """A block's variables and structure.
+class Rows:
+    """What a compiled block says of its variables.
 
     Attributes
     ----------
@@ -68,20 +68,30 @@ class Description:
         Hash of the rows, computed in the library.
     sampled : bool
         Whether it acts at sample times.
-    dependencies, initial_dependencies : dict of int to tuple of int
-        Value reference of an unknown -> those of the knowns it depends on, in step mode (inputs, continuous
-        states, time) and in initialization mode (inputs, exact variables, time).
     """
 
     variables: tuple[Variable, ...]
     guid: str
     sampled: bool
+
+
+@dataclass(frozen=True)
+class Description(Rows):
+    """A block's variables and structure.
+
+    Attributes
+    ----------
+    dependencies, initial_dependencies : dict of int to tuple of int
+        Value reference of an unknown -> those of the knowns it depends on, in step mode (inputs, continuous
+        states, time) and in initialization mode (inputs, exact variables, time).
+    """
+
     dependencies: dict[int, tuple[int, ...]]
     initial_dependencies: dict[int, tuple[int, ...]]
 
 
 def describe(library: Path, computed: Mapping[str, Iterable[str]] | None = None) -> Description:
-    """Reads the row table of a compiled block and probes its dependencies.
+    """Read the variables of a compiled block and find out what depends on what, which takes up to some seconds.
 
     Parameters
     ----------
@@ -92,6 +102,22 @@ def describe(library: Path, computed: Mapping[str, Iterable[str]] | None = None)
         only matters at a limit.
     """
     handle = ctypes.CDLL(str(library))
+    rows, size = _read(handle)
+    block = _Probe(handle, size, rows.variables, rows.sampled)
+    found = block.dependencies(False), block.dependencies(True)
+    for dependencies, roles in zip(found, ((INPUT,), (INPUT, PARAMETER, FIXED, STATE)), strict=True):
+        _add(dependencies, rows.variables, computed or {}, roles)
+        _follow_limit(dependencies, rows.variables)
+    return Description(rows.variables, rows.guid, rows.sampled, *found)
+
+
+def read_rows(library: Path) -> Rows:
+    """Return what a compiled block says of its variables."""
+    return _read(ctypes.CDLL(str(library)))[0]
+
+
+def _read(handle: ctypes.CDLL) -> tuple[Rows, int]:
+    """Return the rows, and the number of values of the block."""
     handle.block_rows.restype = ctypes.POINTER(_Row)
     handle.block_rows.argtypes = (
         *(ctypes.POINTER(ctypes.c_size_t),) * 2,
@@ -116,13 +142,7 @@ def describe(library: Path, computed: Mapping[str, Iterable[str]] | None = None)
             start = row.starts[k] if row.starts else row.start
             limits = (row.min, row.max, row.nominal, row.role, row.type)
             variables.append(Variable(element, unit, text, start, *limits, row.index + k, row.origin + k))
-
-    block = _Probe(handle, size.value, tuple(variables), bool(sampled.value))
-    found = block.dependencies(False), block.dependencies(True)
-    for dependencies, roles in zip(found, ((INPUT,), (INPUT, PARAMETER, FIXED, STATE)), strict=True):
-        _add(dependencies, tuple(variables), computed or {}, roles)
-        _follow_limit(dependencies, tuple(variables))
-    return Description(tuple(variables), guid.value.decode(), bool(sampled.value), *found)
+    return Rows(tuple(variables), guid.value.decode(), bool(sampled.value)), size.value
 
 
 def _add(

@@ -18,7 +18,7 @@ from friction_fmus.blocks.probe import (
     PARAMETER,
     STATE,
     STATE_OUTPUT,
-    Description,
+    Rows,
     Variable,
 )
 
@@ -53,11 +53,11 @@ class Entry:
     limits: str
 
 
-def variable_groups(description: Description) -> dict[str, tuple[Entry, ...]]:
+def variable_groups(rows: Rows) -> dict[str, tuple[Entry, ...]]:
     """The groups that are not empty, in the order of `GROUPS`."""
     groups = {}
     for title, roles in GROUPS.items():
-        members = [v for role in roles for v in description.variables if v.role == role]
+        members = [v for role in roles for v in rows.variables if v.role == role]
         if entries := tuple(_entry(list(same)) for _, same in groupby(members, _vector)):
             groups[title] = entries
     return groups

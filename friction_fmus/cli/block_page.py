@@ -10,14 +10,14 @@ from rich.text import Text
 
 from friction_fmus.blocks.catalogue import FEATURES, Block
 from friction_fmus.blocks.comment import INDENT, Paragraph, paragraphs
-from friction_fmus.blocks.probe import Description
+from friction_fmus.blocks.probe import Rows
 from friction_fmus.blocks.variable_table import Entry, variable_groups
 
 WIDE = 100
 """Columns from which the table of variables has room for their ranges."""
 
 
-def show_block(console: Console, block: Block, description: Description) -> None:
+def show_block(console: Console, block: Block, rows: Rows) -> None:
     """Prints what it is, what it is for and cannot do, its equations, and its variables."""
     first, *rest = paragraphs(block.notes) or (Paragraph((block.summary,)),)
     console.print(Text.assemble((block.name, "bold"), f", {block.kind}: {block.summary}"), end="\n\n")
@@ -25,7 +25,7 @@ def show_block(console: Console, block: Block, description: Description) -> None
     console.print(_choice(block, [p for p in rest if p.lead]))
     console.print(Text("\nEquations\n", "bold"))
     _print_paragraphs(console, [p for p in rest if not p.lead])
-    console.print(_variables(description, ranges=console.width >= WIDE))
+    console.print(_variables(rows, ranges=console.width >= WIDE))
 
 
 def _print_paragraphs(console: Console, parts: list[Paragraph]) -> None:
@@ -58,13 +58,13 @@ def _choice(block: Block, leads: list[Paragraph]) -> Table:
     return grid
 
 
-def _variables(description: Description, ranges: bool) -> Table:
+def _variables(rows: Rows, ranges: bool) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
     for heading in ("Variables", "start", "unit"):
         table.add_column(heading, justify="right" if heading == "start" else "left", no_wrap=True)
     for heading in ("range", "meaning") if ranges else ("meaning",):
         table.add_column(heading)
-    for title, entries in variable_groups(description).items():
+    for title, entries in variable_groups(rows).items():
         table.add_row()
         table.add_row(Text(title, "bold"))
         for entry in entries:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from friction_fmus.blocks.catalogue import PACKAGE, Block, find, package_text, source_folder, with_room
 from friction_fmus.blocks.customise import Start, identified, renamed, rotational, with_start_values
-from friction_fmus.blocks.probe import Description, describe
+from friction_fmus.blocks.probe import Rows, read_rows
 from friction_fmus.errors import BuildError
 from friction_fmus.version import VERSION, build_time
 from harness.compiling import toolchain
@@ -149,18 +149,15 @@ def fmu(name: str | Path, domain: Literal["translational", "rotational"] = "tran
     return _write(content, toolchain.cache_folder() / "models" / hashlib.sha256(content).hexdigest()[:16] / file)
 
 
-def describe_block(block: Block) -> Description:
-    """Compiles a block and reads its variables.
+def describe_block(block: Block) -> Rows:
+    """Compile a block and return what it says of its variables.
 
     Raises
     ------
     BuildError
         If it does not compile.
     """
-    from friction_fmus.fmi.contents import computed
-
-    library = native_library(identified(_sources(block, {}), block.name), block.name)
-    return describe(library, computed(block))
+    return read_rows(native_library(identified(_sources(block, {}), block.name), block.name))
 
 
 def build_record(

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
-from fmi.instance import Library, load
 from interop.loops import Loop, all_loops
+from shell.instance import Library, load
 
 from friction_fmus import catalogue
 

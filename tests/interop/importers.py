@@ -14,10 +14,10 @@ from typing import Any
 
 import fmpy
 import numpy as np
-from fmi.instance import Instance, load
 from fmpy import fmi2
 from fmpy.logging import addLoggerProxy
 from interop.loops import EVERY, STEP, STOP, Loop, Trajectories, description, ports, start_value, variables
+from shell.instance import Instance, load
 
 WORKERS = Path(__file__).parent / "workers"
 SMALL = 1e-6

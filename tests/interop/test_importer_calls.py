@@ -1,7 +1,7 @@
 """What importers call, in their order, against the plainest run of the same block: the same bits.
 
 OMSimulator, PyFMI, MasterSim, fmusim, the FMU Compliance Checker and containers, whether they are installed or not, as
-traces of them show. `tests/fmi` has the functions one by one.
+traces of them show. `tests/shell` has the functions one by one.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import pytest
-from fmi.instance import OK, Instance, Library, signals
+from shell.instance import OK, Instance, Library, signals
 
 STEPS, H = 20, 2.0**-9
 

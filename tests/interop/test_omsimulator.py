@@ -16,12 +16,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import OK, WARNING, Instance, load
+from shell.instance import OK, WARNING, Instance, load
 
 from friction_fmus import fmu
 from harness import System
 
-ROOT = Path(__file__).parent.parent.parent
+ROOT = Path(__file__).parents[2]
 SIGMA0, DAMPING = 1e5, math.sqrt(1e5) + 0.4
 """Stiffness [N/m] and viscous damping [N.s/m] of the contact at rest: start values of LuGre."""
 
@@ -136,10 +136,10 @@ STICK_SLIP = {"k": 2.0, "v_support": 0.1, "F_drive": 0.0}
 def test_a_step_of_10_ms_diverges(build_fmu: Callable[..., Path]) -> None:
     """To velocities that the block no longer takes, or far beyond the 0.37 m/s of the slips."""
     try:
-        v = run(build_fmu, STICK_SLIP, 2000, 1e-2)[:, 1]
+        fastest = np.abs(run(build_fmu, STICK_SLIP, 2000, 1e-2)[:, 1]).max()
     except AssertionError:
-        return
-    assert np.abs(v).max() > 10.0
+        fastest = np.inf
+    assert fastest > 10.0
 
 
 @pytest.mark.parametrize("extrapolate", [False, True])

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, load, signals
+from shell.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, load, signals
 
 from friction_fmus import build
 from friction_fmus.blocks.catalogue import catalogue, laws_folder

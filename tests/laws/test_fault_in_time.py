@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import ERROR, OK, WARNING, Instance, load
+from shell.instance import ERROR, OK, WARNING, Instance, load
 
 Ts = 1e-3
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import ERROR, OK, Instance, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shell.instance import ERROR, OK, Instance, load
 
 TS = 1e-3
 speeds = st.lists(st.one_of(st.just(0.0), st.floats(-3e-2, 3e-2)), min_size=40, max_size=40)

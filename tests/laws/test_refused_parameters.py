@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fmi.instance import ERROR, OK, Instance, load
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shell.instance import ERROR, OK, Instance, load
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.lawkit.files import discover_laws

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mutate import SCRAPS
+from robustness.mutate import SCRAPS
 
 from friction_fmus import FrictionError, fmu
 from harness import HarnessError, System, load_result, read_samples, read_ssv, save_result

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 import pytest
-from test_odd_values import ROOT, run_cases
+from robustness.cases import ROOT, run_cases
 
 from friction_fmus import BuildError, build
 from friction_fmus.identification.data import text_table

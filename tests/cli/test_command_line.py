@@ -1,0 +1,340 @@
+"""The command line, run as a user runs it."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from friction_fmus import build, fmu
+from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.cli import commands
+from friction_fmus.cli.console import RunBar
+from friction_fmus.cli.main import main, parser
+from harness import Parameter, ParameterSet, System, load_result, masters, write_ssv
+from harness.compiling.platforms import NATIVE
+
+ROOT = Path(__file__).parents[2]
+STICK_SLIP = ROOT / "examples" / "stick_slip.toml"
+
+
+def fails(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """Status 2, nothing on stdout; the one sentence on stderr."""
+    assert main([str(argument) for argument in arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("friction-fmus: ")
+    assert captured.err.count("\n") == 1
+    return captured.err
+
+
+def test_what_a_library_says_in_several_lines_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """libxml2 ends a line behind the character that it refuses."""
+    path = tmp_path / "system.ssp"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("SystemStructure.ssd", b"<?xml version='1.0'?>\n<a>\0</a>")
+    assert "is not XML" in fails(capsys, "run", path, "-o", tmp_path / "o.csv")
+
+
+def test_module_and_script_are_the_same_program() -> None:
+    for command in ([sys.executable, "-m", "friction_fmus"], [str(Path(sys.executable).parent / "friction-fmus")]):
+        run = subprocess.run([*command, "--version"], capture_output=True, text=True, check=True)
+        assert run.stdout.startswith("friction-fmus ")
+
+
+def test_list_json_names_kind_summary_and_source_of_every_block(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "--json"]) == 0
+    entries = json.loads(capsys.readouterr().out)
+    assert {"LuGre", "Stribeck", "Mass", "PID", "CascadePPI", "StaticFeedforward"} <= {e["name"] for e in entries}
+    for entry in entries:
+        assert set(entry) == {"name", "kind", "summary", "source"}
+        assert entry["kind"] in {"friction", "plant", "law", "controller", "signal"}
+        assert entry["summary"]
+        assert entry["source"]
+
+
+def test_list_shows_every_block(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list"]) == 0
+    assert "LuGre" in capsys.readouterr().out
+
+
+def shown(name: str, width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """The lines that `show` prints on a terminal of that width."""
+    monkeypatch.setattr("friction_fmus.cli.console.console", Console(width=width))
+    assert main(["show", name]) == 0
+    return [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_show_says_when_to_use_a_model_and_what_it_cannot_do(
+    width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = shown("LuGre", width, monkeypatch, capsys)
+    assert max(map(len, lines)) <= width
+    for lead in (
+        "Use it     as the first model",
+        "Limits     F jumps with",
+        "Features   presliding: ",
+        "Source     Canudas",
+    ):
+        assert any(line.startswith(lead) for line in lines), lead
+    # prose fills the width: no line ends where the next one's first word would still fit
+    start = next(i for i, line in enumerate(lines) if line.startswith("Use it"))
+    for line, following in itertools.pairwise(lines[start : lines.index("", start)]):
+        assert len(line) + 1 + len(following.split()[0]) > width
+    # equations keep their layout
+    first = lines.index("    g(v)  = Fc + (Fs - Fc) exp(-|v/vs|^delta)")
+    assert lines[first + 1] == "    dz/dt = v - sigma0 |v| z / g(v)"
+
+
+def test_show_groups_the_variables(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = shown("GMS", 120, monkeypatch, capsys)
+    table = lines[next(i for i, line in enumerate(lines) if line.startswith("Variables")) :]
+    titles = ("Inputs", "Outputs", "Inner values", "Parameters", "Fixed parameters")
+    assert [line for line in table if line in titles] == list(titles)
+    rows = [re.split(r"\s{2,}", line) for line in table]
+    assert ["v", "0", "m/s", "relative sliding velocity"] in rows
+    assert ["k[1...10]", "28000 ... 2100", "N/m", "at least 0", "stiffness of the element"] in rows
+    assert ["N", "10", "Integer", "1 to 10", "number of elements"] in rows
+
+
+@pytest.mark.parametrize("name", [*(b.name for b in catalogue().values() if b.kind != "friction"), "SevenParameter"])
+def test_show_fits_the_terminal(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = shown(name, 80, monkeypatch, capsys)
+    assert [line for line in lines if len(line) > 80] == []
+
+
+def test_build_burns_start_values_into_xml_and_source(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["build", "LuGre", "-o", str(tmp_path), "--set", "Fc=2.25", "--set", "asymmetric=true"]
+    assert main([*arguments, "--name", "MyContact"]) == 0
+    path = tmp_path / "MyContact.fmu"
+    assert capsys.readouterr().out.split() == [str(path)]
+    assert main(["check", str(path)]) == 0
+    with zipfile.ZipFile(path) as archive:
+        xml = archive.read("modelDescription.xml").decode()
+        assert 'modelIdentifier="MyContact"' in xml
+        assert 'start="2.25"' in xml
+        assert "2.25," in archive.read("sources/MyContact.c").decode()
+
+
+def test_build_says_which_platform_it_compiles_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FRICTION_FMUS_CACHE", str(tmp_path / "cache"))
+    shown: list[tuple[str, int]] = []
+    for _ in range(2):  # the second time it is in the cache
+        build(
+            "Viscous", tmp_path, platforms=["native"], compiling=lambda platform, done: shown.append((platform, done))
+        )
+    assert shown == [(NATIVE.folder, 0)]
+
+
+def test_run_writes_csv_parquet_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    csv, parquet, picture = tmp_path / "a.csv", tmp_path / "a.parquet", tmp_path / "a.png"
+    common = ["run", str(STICK_SLIP), "--stop", "0.1", "-o"]
+    assert main([*common, str(csv), "--plot", str(picture)]) == 0
+    assert main([*common, str(parquet), "--master", "gauss-seidel", "--step", "1e-3"]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    frame = pd.read_csv(csv)
+    assert list(frame.columns) == ["time [s]", "mass.x [m]", "mass.v [m/s]", "friction.F [N]"]
+    assert len(frame) == 101
+    assert (pd.read_parquet(parquet).to_numpy() == frame.to_numpy()).all()
+    assert capsys.readouterr().err == ""  # no bar where the output is no terminal
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".mat"])
+def test_run_writes_what_it_also_writes_as_parquet(suffix: str, tmp_path: Path) -> None:
+    for path in (tmp_path / "a.parquet", tmp_path / f"a{suffix}"):
+        assert main(["run", str(STICK_SLIP), "--stop", "0.05", "-o", str(path)]) == 0
+    assert load_result(tmp_path / f"a{suffix}").identical(load_result(tmp_path / "a.parquet"))
+
+
+def test_run_goes_on_from_a_checkpoint_with_parameters_and_an_archive(tmp_path: Path) -> None:
+    """A run in two parts of an .ssp archive, with a parameter set and a value: the same as in one part of the .toml."""
+    write_ssv(ParameterSet("soft", {"friction.sigma0": Parameter(20.0, "N/mm")}), tmp_path / "soft.ssv")
+    with System.from_toml(STICK_SLIP, resolve=fmu) as system:
+        system.to_ssp(tmp_path / "system.ssp")
+    options = ["--parameters", str(tmp_path / "soft.ssv"), "--set", "mass.k=3", "--record", "mass.*"]
+    whole, first, second = (str(tmp_path / f"{name}.parquet") for name in ("whole", "first", "second"))
+    state, archive = str(tmp_path / "state"), str(tmp_path / "system.ssp")
+    assert main(["run", str(STICK_SLIP), "--stop", "0.2", "-o", whole, *options]) == 0
+    assert main(["run", archive, "--stop", "0.1", "-o", first, "--checkpoint", state, *options]) == 0
+    assert main(["run", archive, "--stop", "0.2", "-o", second, "--resume", state, "--pace", "10", *options]) == 0
+    frames = [pd.read_parquet(path) for path in (whole, first, second)]
+    assert {name.partition(".")[0] for name in frames[0]} == {"time", "mass"}
+    assert (pd.concat([frames[1], frames[2].iloc[1:]]).to_numpy() == frames[0].to_numpy()).all()
+    with System.from_toml(STICK_SLIP, resolve=fmu) as system:
+        soft = system.with_start({"friction.sigma0": 2e4, "mass.k": 3.0}).run(stop=0.2)
+    assert (soft["mass.x"].to_numpy() == frames[0]["mass.x"].to_numpy()).all()
+
+
+def test_ctrl_c_keeps_what_was_recorded(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def press(_bar: RunBar, done: int, _total: int) -> None:
+        if done:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(RunBar, "update", press)
+    path = tmp_path / "a.parquet"
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where a shell runs this behind its back
+    try:
+        assert main(["run", str(STICK_SLIP), "-o", str(path), "--stop", "60"]) == 130
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert "friction-fmus: interrupted; what was recorded until then is in " in capsys.readouterr().err
+    result = load_result(path)
+    assert result.attrs["incomplete"] == "interrupted"
+    assert 1 < len(result["time"]) < 4000
+
+
+@pytest.mark.parametrize("command", ["run", "sweep"])
+def test_help_of_run_and_sweep_names_every_master(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    shown = " ".join(capsys.readouterr().out.split())
+    *others, last = masters()
+    assert f"--master NAME master algorithm: {', '.join(others)} or {last}" in shown
+    assert "Raises" not in shown
+
+
+def test_help_of_run_names_every_format(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["run", "--help"])
+    assert "result: .csv, .parquet, .nc or .mat" in " ".join(capsys.readouterr().out.split())
+
+
+def test_unknown_model_suggests_the_nearest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "did you mean LuGre?" in fails(capsys, "build", "lugree", "-o", tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_unknown_variable_suggests_the_nearest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "did you mean sigma" in fails(capsys, "build", "LuGre", "-o", tmp_path / "new", "--set", "sigma=1")
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("value", ["Fc=-1", "Fc=nan", "Fc=inf", "Fc", "Fc=two"])
+def test_bad_start_value_is_refused(value: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fails(capsys, "build", "LuGre", "-o", tmp_path / "new", "--set", value)
+    assert not (tmp_path / "new").exists()
+
+
+def test_name_that_is_no_identifier_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "3 bad" in fails(capsys, "build", "LuGre", "-o", tmp_path, "--name", "3 bad")
+
+
+def test_build_needs_names_or_all(capsys: pytest.CaptureFixture[str]) -> None:
+    fails(capsys, "build")
+    fails(capsys, "build", "LuGre", "--all")
+    fails(capsys, "build", "LuGre", "Mass", "--set", "Fc=1")
+
+
+@pytest.mark.parametrize(
+    "options", [("--step", "0"), ("--step", "-1"), ("--stop", "nan"), ("--master", "newtonn")], ids=" ".join
+)
+def test_bad_run_options_leave_no_file(
+    options: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fails(capsys, "run", STICK_SLIP, "-o", tmp_path / "a.csv", *options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_missing_system_file_and_unknown_formats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "nowhere.toml" in fails(capsys, "run", tmp_path / "nowhere.toml", "-o", tmp_path / "a.csv")
+    formats = ".csv, .parquet, .nc or .mat"
+    assert formats in fails(capsys, "run", STICK_SLIP, "-o", tmp_path / "a.xls")
+    assert ".png" in fails(capsys, "run", STICK_SLIP, "-o", tmp_path / "a.csv", "--plot", tmp_path / "a.doc")
+
+
+def test_check_names_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    no_zip, sneaky = tmp_path / "text.fmu", tmp_path / "sneaky.fmu"
+    no_zip.write_text("this is no archive")
+    with zipfile.ZipFile(sneaky, "w") as archive:
+        archive.writestr("../evil", "x")
+    for path, text in ((no_zip, "not a zip"), (sneaky, "../evil")):
+        assert main(["check", str(path)]) == 1
+        assert text in capsys.readouterr().out
+    assert not (tmp_path.parent / "evil").exists()
+    assert "No such file" in fails(capsys, "check", tmp_path / "none.fmu")
+
+
+def test_debug_shows_the_traceback(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "friction_fmus", "--debug", "build", "lugree", "-o", str(tmp_path)]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode != 0
+    assert "Traceback" in run.stderr
+
+
+def test_a_compiler_that_does_not_run_is_named(tmp_path: Path) -> None:
+    environment = os.environ | {"CC": "no-such-compiler", "FRICTION_FMUS_CACHE": str(tmp_path / "cache")}
+    command = [sys.executable, "-m", "friction_fmus", "build", "LuGre", "-o", str(tmp_path / "out")]
+    run = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert run.returncode == 2
+    assert "no-such-compiler" in run.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_help_of_every_command_says_what_it_does() -> None:
+    text = parser().format_help()
+    for name in ("list", "show", "build", "check", "run", "study"):
+        assert f"    {name} " in text
+
+
+def test_a_new_command_is_one_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "greet.py").write_text(
+        '"""Say hello.\n\nTo anyone.\n"""\n\n'
+        "def add_arguments(parser):\n    parser.add_argument('name')\n\n"
+        "def run(options):\n    print(f'hello {options.name}')\n    return 3\n",
+        encoding="utf-8",
+    )
+    monkeypatch.setattr(commands, "__path__", [*commands.__path__, str(tmp_path)])
+    assert re.search(r"^ +greet +say hello$", parser().format_help(), re.M)
+    assert main(["greet", "world"]) == 3
+    assert capsys.readouterr().out == "hello world\n"
+
+
+def test_a_result_reported_as_wrong_has_the_status_1_unless_that_is_allowed(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Mass on LuGre over the first 10 ms: held values are stable to 3.9 ms, and wrong while it breaks loose."""
+    run = ["run", str(STICK_SLIP), "--stop", "0.01", "-o", str(tmp_path / "out.csv")]
+    assert main(run) == 1
+    assert "the result is wrong" in caplog.text
+    assert load_result(tmp_path / "out.csv").sizes["time"] == 11
+    assert main([*run, "--allow-inaccurate"]) == 0
+    caplog.clear()
+    assert main([*run, "--master", "newton"]) == 0
+    assert caplog.text == ""
+
+
+def test_a_sweep_with_a_result_reported_as_wrong_has_the_status_1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sweep = ["sweep", str(STICK_SLIP), "--stop", "0.01", "--executor", "serial", "--vary", "master=gauss-seidel,newton"]
+    assert main([*sweep, "-o", str(tmp_path / "a")]) == 1
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == f"{tmp_path / 'a'}: 2 runs, 1 with warnings, 1 of them reported as wrong"
+    assert main([*sweep, "-o", str(tmp_path / "b"), "--allow-inaccurate"]) == 0
+    assert main(["sweep", *sweep[1:-1], "master=newton", "-o", str(tmp_path / "c")]) == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="file names are bytes on Linux")
+def test_a_file_name_that_is_no_utf_8(tmp_path: Path) -> None:
+    path = os.fsencode(tmp_path) + b"/o\xff.csv"
+    command = [sys.executable, "-m", "friction_fmus", "run", str(STICK_SLIP), "--stop", "0.1", "-o"]
+    run = subprocess.run([*command, path], cwd=ROOT, capture_output=True, check=False)
+    assert (run.returncode, run.stderr) == (0, b"")
+    assert b"o\\udcff.csv: 101 rows" in run.stdout

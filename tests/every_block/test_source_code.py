@@ -1,0 +1,126 @@
+"""The sources of an FMU are enough: for three compilers, for fmpy, and for a program that links several blocks."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.build import build_platform_binary
+from shell.instance import Library, load
+
+from harness.compiling.toolchain import header_folder
+
+COMPILERS = {
+    "gcc": ["gcc", "-fsyntax-only"],
+    "clang": ["clang", "-fsyntax-only"],
+    "zig cc": [sys.executable, "-m", "ziglang", "cc", "-O0", "-c", "-o", "block.o"],
+}
+STANDARD = """#define P_(a, b) a##b
+#define P(a, b) P_(a, b)
+#define fmi2FullName(name) P(FMI2_FUNCTION_PREFIX, name)"""
+"""How the standard's own header makes names; fmpy's copy drops the prefix."""
+PAIR = """
+#include <stdio.h>
+#include "fmi2FunctionTypes.h"
+#define DECLARE(block)                             \\
+    fmi2InstantiateTYPE block##_fmi2Instantiate;   \\
+    fmi2EnterInitializationModeTYPE block##_fmi2EnterInitializationMode; \\
+    fmi2ExitInitializationModeTYPE block##_fmi2ExitInitializationMode;   \\
+    fmi2SetRealTYPE block##_fmi2SetReal;           \\
+    fmi2GetRealTYPE block##_fmi2GetReal;           \\
+    fmi2DoStepTYPE block##_fmi2DoStep;             \\
+    fmi2FreeInstanceTYPE block##_fmi2FreeInstance;
+DECLARE(Coulomb)
+DECLARE(Viscous)
+#define RUN(block, guid, v, F)                                                                          \\
+    {                                                                                                   \\
+        const fmi2CallbackFunctions none = {0};                                                         \\
+        const fmi2ValueReference in = v, out = F;                                                       \\
+        const fmi2Real speed = 0.25;                                                                    \\
+        fmi2Real force = 0.0;                                                                           \\
+        fmi2Component c = block##_fmi2Instantiate("one", fmi2CoSimulation, guid, "", &none, 0, 0);      \\
+        if (!c || block##_fmi2EnterInitializationMode(c) || block##_fmi2ExitInitializationMode(c) ||    \\
+            block##_fmi2SetReal(c, &in, 1, &speed) || block##_fmi2DoStep(c, 0.0, 0.125, fmi2True) ||    \\
+            block##_fmi2GetReal(c, &out, 1, &force))                                                    \\
+            return 1;                                                                                   \\
+        printf("%.17g\\n", force);                                                                      \\
+        block##_fmi2FreeInstance(c);                                                                    \\
+    }
+"""
+
+
+def unpacked(fmu: Path, folder: Path) -> Path:
+    """The sources of an FMU, alone."""
+    with zipfile.ZipFile(fmu) as archive:
+        for entry in archive.namelist():
+            if entry.startswith("sources/"):
+                archive.extract(entry, folder)
+    return folder / "sources"
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_sources_are_c99_for_every_compiler(library: Library, compiler: str, tmp_path: Path) -> None:
+    command = COMPILERS[compiler]
+    if shutil.which(command[0]) is None:
+        pytest.skip(f"{compiler} is not installed")
+    flags = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-I", str(header_folder())]
+    run = subprocess.run(
+        [*command, *flags, f"{library.identifier}.c"],
+        cwd=unpacked(library.fmu, tmp_path),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (run.returncode, run.stderr) == (0, "")
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("cc") is None, reason="builds with cmake and cc")
+@pytest.mark.parametrize("name", ["LuGre", "Mass", "PID", "RepetitiveController"])
+def test_fmpy_compiles_a_binary_that_works(
+    name: str, build_fmu: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It computes what our binary does, but for the rounding of what its compiler contracts."""
+    monkeypatch.delenv("CC", raising=False)
+    fmu = build_fmu(name)
+    folder = Path(fmpy.extract(str(fmu), str(tmp_path / "fmu")))
+    shutil.rmtree(folder / "binaries")
+    (tmp_path / "build").mkdir()
+    build_platform_binary(folder, tmp_path / "build")
+    ours, theirs = (fmpy.simulate_fmu(str(path), stop_time=0.1) for path in (fmu, folder))
+    assert ours.dtype.names == theirs.dtype.names
+    for column in ours.dtype.names:
+        np.testing.assert_allclose(theirs[column], ours[column], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="links with gcc")
+def test_blocks_linked_into_one_program_run(build_fmu: Callable[..., Path], tmp_path: Path) -> None:
+    """F = Fc sign(v) and F = Fv v at v = 0.25 m/s, with the start values of the XML."""
+    headers = tmp_path / "headers"
+    shutil.copytree(header_folder(), headers)
+    functions = headers / "fmi2Functions.h"
+    text = functions.read_text(encoding="utf-8")
+    assert "#define fmi2FullName(name) name" in text
+    functions.write_text(text.replace("#define fmi2FullName(name) name", STANDARD), encoding="utf-8")
+    objects, calls, expected = [], [], []
+    for name, parameter, factor in (("Coulomb", "Fc", 1.0), ("Viscous", "Fv", 0.25)):
+        library = load(build_fmu(name))
+        objects.append(tmp_path / f"{name}.o")
+        command = ["gcc", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-I", headers, "-c", f"{name}.c"]
+        subprocess.run([*command, "-o", objects[-1]], cwd=unpacked(library.fmu, tmp_path / name), check=True)
+        v, F = (library.variables[each].valueReference for each in ("v", "F"))
+        calls.append(f'RUN({name}, "{library.description.guid}", {v}, {F})')
+        expected.append(library.start(parameter) * factor)
+    program = tmp_path / ("pair.exe" if os.name == "nt" else "pair")
+    body = "\n".join([PAIR, "int main(void) {", *calls, "return 0; }"])
+    (tmp_path / "pair.c").write_text(body, encoding="utf-8")
+    subprocess.run(["gcc", "-I", headers, tmp_path / "pair.c", *objects, "-o", program, "-lm"], check=True)
+    run = subprocess.run([program], capture_output=True, text=True, check=True)
+    assert [float(line) for line in run.stdout.split()] == expected

@@ -1,0 +1,56 @@
+"""No module imports itself by way of others, neither at its top nor inside a function."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from importlib.util import resolve_name
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+ALLOWED = {("harness.parts.fmu", "harness.parts.isolated.part")}
+"""`FmuPart(..., isolate=True)` makes an object of its subclass, as `pathlib.Path` does."""
+
+
+def modules() -> dict[str, Path]:
+    """Names and files of all modules."""
+    found = {}
+    for package in ("friction_fmus", "harness"):
+        for file in (ROOT / package).rglob("*.py"):
+            parts = file.relative_to(ROOT).with_suffix("").parts
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
+    return found
+
+
+def imports(nodes: list[ast.stmt], package: str) -> Iterator[tuple[str, str]]:
+    """Modules that are imported when this code runs, each with a name that is taken from it, or an empty one."""
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            yield from ((name.name, "") for name in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            module = resolve_name("." * node.level + (node.module or ""), package)
+            yield from ((module, name.name) for name in node.names)
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            yield from imports(node.orelse, package)
+        else:
+            inner = [part for part in ast.iter_child_nodes(node) if isinstance(part, ast.stmt | ast.excepthandler)]
+            yield from imports(inner, package)  # type: ignore[arg-type]
+
+
+def test_there_is_no_cycle() -> None:
+    files = modules()
+    graph: dict[str, set[str]] = {name: set() for name in files}
+    for name, file in files.items():
+        package = name if file.stem == "__init__" else name.rpartition(".")[0]
+        for module, taken in imports(ast.parse(file.read_text(encoding="utf-8")).body, package):
+            source = f"{module}.{taken}" if f"{module}.{taken}" in files else module
+            while source and not f"{name}.".startswith(f"{source}."):  # the packages around it are imported, too
+                if source in files and (name, source) not in ALLOWED:
+                    graph[name].add(source)
+                source = source.rpartition(".")[0]
+    assert sum(map(len, graph.values())) > 500
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        raise AssertionError(" <- ".join(error.args[1])) from error

@@ -1,0 +1,70 @@
+"""The linters, so that one command tests everything."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+C_FILES = sorted(
+    str(path.relative_to(ROOT))
+    for folder in ("fmu_src", "harness/engine", "benchmarks")
+    for path in (ROOT / folder).rglob("*.[ch]")
+)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["ruff", "check", "."],
+        ["ruff", "format", "--check", "."],
+        ["mypy"],
+        ["clang-format", "--dry-run", "--Werror", *C_FILES],
+    ],
+    ids=lambda command: " ".join(command[:2]),
+)
+def test_linter_finds_nothing(command: list[str]) -> None:
+    result = subprocess.run(
+        [str(Path(sys.executable).parent / command[0]), *command[1:]],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_no_file_is_longer_than_its_idea() -> None:
+    paths = [
+        *(ROOT / "fmu_src").rglob("*.[ch]"),
+        *(ROOT / "friction_fmus").rglob("*.py"),
+        *(ROOT / "harness").rglob("*.py"),
+    ]
+    long = {path.name: len(path.read_text(encoding="utf-8").splitlines()) for path in paths}
+    assert {name: lines for name, lines in long.items() if lines > 400} == {}
+
+
+def own_statements(function: ast.FunctionDef) -> Iterator[ast.AST]:
+    """What stands in a function, but not in functions within it."""
+    waiting: list[ast.AST] = [*function.body]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        if not isinstance(node, (ast.FunctionDef, ast.Lambda, ast.ClassDef)):
+            waiting += ast.iter_child_nodes(node)
+
+
+def test_no_test_returns_early_and_counts_as_passed() -> None:
+    """Give a test only the cases that it is for, by its parameters."""
+    found = []
+    for path in sorted((ROOT / "tests").rglob("test_*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
+                returns = [each.lineno for each in own_statements(node) if isinstance(each, ast.Return)]
+                found += [f"{path.name}:{line} in {node.name}" for line in returns]
+    assert found == []

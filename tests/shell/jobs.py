@@ -1,0 +1,29 @@
+"""What tests do in another process, see `shell.elsewhere`."""
+
+from __future__ import annotations
+
+from ctypes import c_uint
+from pathlib import Path
+
+from shell.instance import Instance, drive, load, signals
+
+POINTERS = {"none": None, "one": (c_uint * 1)(1), "two": (c_uint * 1)(2)}
+"""Arguments by name, as pointers cannot be sent to a process."""
+
+
+def continued(fmu: Path, trace: Path, data: bytes, t: float, h: float) -> bytes:
+    """Restore a state straight after fmi2Instantiate and make 30 steps: the bits of all variables after each."""
+    library = load(fmu)
+    trace.write_text(f"a state of {library} at t = {t}", encoding="utf-8")
+    with Instance(library) as run:
+        run.restore(data)
+        return b"".join(drive(run, signals(library, 2, 30), t, h))
+
+
+def called(fmu: Path, trace: Path, function: str, arguments: tuple[str | int, ...]) -> tuple[int, int]:
+    """Call a function of an initialised instance: its status and the number of messages."""
+    trace.write_text(f"{function}{arguments}", encoding="utf-8")
+    with Instance(load(fmu)) as run:
+        run.initialise()
+        status = run.call(function, *(POINTERS[each] if isinstance(each, str) else each for each in arguments))
+        return status, len(run.messages)

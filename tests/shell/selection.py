@@ -1,0 +1,29 @@
+"""Selections of blocks."""
+
+from __future__ import annotations
+
+import re
+
+from friction_fmus import catalogue
+
+SHELL_BLOCKS = (
+    "Karnopp",  # no state
+    "LuGre",  # a state, stepped by the block, and a Boolean parameter
+    "GMS",  # a memory, vectors and an Integer parameter
+    "SevenParameter",  # a memory that is large and little used, and a warning
+    "Mass",  # states that are outputs
+    "PID",  # sampled and guarded, with Boolean inputs
+    "ImpulsiveControl",  # a memory that goes on while samples are skipped, an Integer result
+    "ModifiedLeuvenFeedforward",  # sampled vectors
+    "Encoder",  # sampled and not guarded
+    "Record",  # neither input nor parameter
+)
+"""The blocks on which the tests of the FMI shell run: together they compile all of it.
+
+`test_selection.py` fails if a branch of the shell or a kind of variable is missing here.
+"""
+
+SAMPLED_BLOCKS = tuple(
+    name for name, block in catalogue().items() if re.search(r"^#define\s+SAMPLED\b", block.code, re.M)
+)
+CONTINUOUS_BLOCKS = tuple(name for name in catalogue() if name not in SAMPLED_BLOCKS)

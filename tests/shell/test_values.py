@@ -1,0 +1,238 @@
+"""Setting and getting values: everything can be read, nothing wrong can be set, and a refusal changes nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from ctypes import c_char_p, c_double, c_int, c_uint
+from pathlib import Path
+
+import pytest
+from shell.elsewhere import Elsewhere
+from shell.instance import DISCARD, ERROR, LAST_SUCCESSFUL_TIME, OK, TERMINATED, Instance, Library, load
+from shell.jobs import called
+
+NOT_FINITE = (math.nan, math.inf, -math.inf)
+TYPES = ("Real", "Integer", "Boolean")
+
+
+def unused_reference(library: Library) -> int:
+    return 1 + max(int(v.valueReference) for v in library.variables.values())
+
+
+# ---- reading
+
+
+def test_one_call_reads_all_reals_and_time_among_them(library: Library, running: Instance) -> None:
+    """As libcosim does each step, parameters and the independent variable included."""
+    names = library.names(type="Real")
+    assert "time" in names
+    assert dict(zip(names, running.get(*names), strict=True)) == {name: running.get1(name) for name in names}
+
+
+# ---- refusing
+
+
+def guarded(library: Library) -> set[str]:
+    """Inputs that may be NaN: those of a law, see tests/laws/test_fault.py."""
+    return set(library.names("input")) if "fault" in library.variables else set()
+
+
+@pytest.mark.parametrize("bad", NOT_FINITE)
+def test_values_that_are_not_finite_are_discarded(library: Library, running: Instance, bad: float) -> None:
+    before = running.everything(), running.serialised()
+    for name in library.settable():
+        if library.variables[name].type == "Real" and name not in guarded(library):
+            running.messages.clear()
+            assert running.try_set({name: bad}) == [DISCARD], name
+            _, status, category, message = running.messages[-1]
+            assert (status, category) == (DISCARD, "logStatusDiscard")
+            assert name.split("[")[0].encode() in message and b"not finite" in message
+            assert (running.everything(), running.serialised()) == before
+    running.step(0.01, 0.01)
+
+
+@pytest.mark.parametrize("bad", NOT_FINITE)
+def test_start_values_that_are_not_finite_are_discarded(library: Library, instance: Instance, bad: float) -> None:
+    reals = [v.name for v in library.variables.values() if v.start is not None and v.type == "Real"]
+    started = [name for name in reals if name not in guarded(library)]
+    before = instance.serialised()
+    for name in started:
+        assert instance.try_set({name: bad}) == [DISCARD], name
+        assert instance.serialised() == before
+    assert len(instance.messages) == len(started)
+
+
+@pytest.mark.parametrize("type", TYPES)
+@pytest.mark.parametrize("function", ["Get", "Set"])
+def test_unknown_and_wrongly_typed_references_are_errors(
+    library: Library, running: Instance, function: str, type: str
+) -> None:
+    before = running.everything(), running.serialised()
+    wrong = [int(v.valueReference) for v in library.variables.values() if v.type != type]
+    for reference in (*wrong, unused_reference(library), 2**31, 2**32 - 1):
+        running.messages.clear()
+        assert running.call_values(f"{function}{type}", [reference], [0]) == ERROR
+        assert running.messages[-1][1:3] == (ERROR, "logStatusError")
+        assert type.encode() in running.messages[-1][3]
+    assert (running.everything(), running.serialised()) == before
+
+
+def test_a_get_with_one_wrong_reference_writes_nothing(library: Library, running: Instance) -> None:
+    buffer = (c_double * 2)(-7.0, -7.0)
+    assert running.call("GetReal", (c_uint * 2)(0, unused_reference(library)), 2, buffer) == ERROR
+    assert list(buffer) == [-7.0, -7.0]
+
+
+def test_there_are_no_strings(running: Instance) -> None:
+    references, values = (c_uint * 1)(0), (c_char_p * 1)(b"text")
+    assert running.call("GetString", references, 1, values) == ERROR
+    assert running.call("SetString", references, 1, values) == ERROR
+    assert running.call("GetString", None, 0, None) == OK
+    assert running.call("SetString", None, 0, None) == OK
+
+
+def test_nothing_is_a_legal_number_of_variables(running: Instance) -> None:
+    """PyFMI's master calls fmi2SetReal with n = 0."""
+    before = running.everything()
+    for type in TYPES:
+        for function in ("Get", "Set"):
+            assert running.call(f"{function}{type}", None, 0, None) == OK
+    assert running.call("SetRealInputDerivatives", None, 0, None, None) == OK
+    assert running.call("GetRealOutputDerivatives", None, 0, None, None) == OK
+    assert running.call("GetDirectionalDerivative", None, 0, None, 0, None, None) == OK
+    assert running.everything() == before
+
+
+def test_outputs_locals_and_time_cannot_be_set(library: Library, running: Instance) -> None:
+    before = running.everything(), running.serialised()
+    for v in library.variables.values():
+        if v.causality in ("output", "local", "independent"):
+            assert running.try_set({v.name: running.get1(v.name)}) == [ERROR], v.name
+            assert v.name.split("[")[0].encode() in running.messages[-1][3]
+    assert (running.everything(), running.serialised()) == before
+
+
+def test_outputs_and_time_cannot_be_set_before_the_run_either(library: Library, instance: Instance) -> None:
+    before = instance.serialised()
+    for v in library.variables.values():
+        if v.causality in ("output", "independent") or v.initial == "calculated":
+            assert instance.try_set({v.name: 0.0}) == [ERROR], v.name
+    assert instance.serialised() == before
+
+
+def test_fixed_parameters_cannot_be_set_during_the_run(library: Library, running: Instance) -> None:
+    before = running.everything(), running.serialised()
+    for v in library.variables.values():
+        if v.variability == "fixed":
+            assert running.try_set({v.name: running.get1(v.name)}) == [ERROR], v.name
+    assert (running.everything(), running.serialised()) == before
+
+
+@pytest.mark.parametrize("position", ["first", "last"])
+@pytest.mark.parametrize("kind", ["not finite", "unknown"])
+def test_a_set_with_one_bad_value_sets_none(library: Library, running: Instance, position: str, kind: str) -> None:
+    before = running.everything(), running.serialised()
+    names = [name for name in library.settable() if library.variables[name].type == "Real"]
+    for good in names:
+        v = library.variables[good]
+        other = min(max(0.75 * running.get1(good) + 0.01, float(v.min or "-inf")), float(v.max or "inf"))
+        pair = [(running.reference(good), other)]
+        bad = (running.reference(names[-1]), math.nan) if kind == "not finite" else (unused_reference(library), 1.0)
+        pair.insert(0 if position == "first" else 1, bad)
+        references, values = zip(*pair, strict=True)
+        assert running.call_values("SetReal", references, values) == (DISCARD if kind == "not finite" else ERROR)
+        assert (running.everything(), running.serialised()) == before
+
+
+# ---- failed steps
+
+
+@pytest.mark.parametrize(("name", "values", "h"), [("LuGre", {"v": 1e308}, 0.01), ("Mass", {"F_drive": 1e308}, 10.0)])
+def test_a_step_that_overflows_is_discarded_and_leaves_the_instance_at_its_start(
+    build_fmu: Callable[..., Path], name: str, values: dict[str, float], h: float
+) -> None:
+    library = load(build_fmu(name))
+    with Instance(library) as run, Instance(library) as undisturbed:
+        for each in (run, undisturbed):
+            each.initialise()
+            each.step(0.0, 0.5)
+        with run.saved() as before:
+            run.set(values)
+            assert run.call("DoStep", 0.5, h, 1) == DISCARD
+            assert run.messages[-1][1:3] == (DISCARD, "logStatusDiscard")
+            time, ended = c_double(), c_int(7)
+            assert run.call("GetRealStatus", LAST_SUCCESSFUL_TIME, time) == OK
+            assert run.call("GetBooleanStatus", TERMINATED, ended) == OK
+            assert (time.value, ended.value) == (0.5, 0)
+            assert run.call("DoStep", 0.5, 0.1, 1) == ERROR, "a failed step is left by a restored state only"
+            run.must("SetFMUstate", before)
+        for each in (run, undisturbed):
+            each.step(0.5, 0.5)
+        assert run.everything() == undisturbed.everything()
+
+
+def test_initial_values_that_overflow_are_refused_at_the_end_of_initialization(lugre: Library) -> None:
+    with Instance(lugre) as run:
+        run.setup()
+        run.must("EnterInitializationMode")
+        run.set({"v": 1e308, "sigma2": 1e10})
+        assert run.call("ExitInitializationMode") == ERROR
+        assert run.messages[-1][1:3] == (ERROR, "logStatusError")
+        run.set({"v": 0.0})
+        run.must("ExitInitializationMode")
+        run.step(0.0, 0.1)
+
+
+def test_an_output_that_would_be_nan_is_an_error_of_the_get(lugre: Library) -> None:
+    with Instance(lugre) as run:
+        run.initialise()
+        run.set({"v": 1e308})
+        value = c_double(-7.0)
+        assert run.call("GetReal", (c_uint * 1)(run.reference("F")), 1, value) == ERROR
+        assert value.value == -7.0
+        run.set({"v": 1e-3})
+        assert math.isfinite(run.get1("F"))
+
+
+# ---- null pointers
+
+NULL_CALLS = {
+    "GetReal": ("none, 1, none", "one, 1, none"),
+    "SetReal": ("none, 1, none", "one, 1, none"),
+    "GetInteger": ("none, 1, none",),
+    "SetInteger": ("none, 1, none",),
+    "GetBoolean": ("none, 1, none",),
+    "SetBoolean": ("none, 1, none",),
+    "GetString": ("none, 1, none",),
+    "SetString": ("none, 1, none",),
+    "SetDebugLogging": ("1, 1, none",),
+    "GetFMUstate": ("none",),
+    "SetFMUstate": ("none",),
+    "SerializedFMUstateSize": ("none, none",),
+    "SerializeFMUstate": ("none, none, 100",),
+    "DeSerializeFMUstate": ("none, 100, none",),
+    "GetDirectionalDerivative": ("none, 1, none, 1, none, none", "one, 1, one, 1, none, none"),
+    "SetRealInputDerivatives": ("none, 1, none, none", "one, 1, none, none"),
+    "GetRealOutputDerivatives": ("none, 1, none, none", "two, 1, none, none"),
+    "GetRealStatus": (f"{LAST_SUCCESSFUL_TIME}, none",),
+    "GetBooleanStatus": (f"{TERMINATED}, none",),
+}
+
+
+@pytest.fixture(scope="module")
+def elsewhere() -> Iterator[Elsewhere]:
+    made = Elsewhere(called)
+    yield made
+    made.end()
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments"), [(name, each) for name, calls in NULL_CALLS.items() for each in calls]
+)
+def test_a_null_pointer_for_an_array_is_an_error_with_a_message(
+    build_fmu: Callable[..., Path], elsewhere: Elsewhere, tmp_path: Path, function: str, arguments: str
+) -> None:
+    """In another process, as a crash would end this one."""
+    given = tuple(int(each) if each.isdigit() else each for each in arguments.split(", "))
+    assert elsewhere.run(build_fmu("LuGre"), tmp_path / "trace.txt", function, given) == (ERROR, 1)

@@ -1,0 +1,39 @@
+"""A state that is forged, with the right checksum, is refused or bears any use: no crash, no step without end."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from forgery import forge
+from shell.elsewhere import Elsewhere
+
+from friction_fmus import catalogue
+
+SOURCES = Path(__file__).parents[3] / "fmu_src"
+REMEMBERING = tuple(
+    path.stem
+    for path in sorted(SOURCES.glob("*/*.c"))
+    if re.search(r"^#define\s+MEMORY\b", path.read_text(encoding="utf-8"), re.MULTILINE)
+)
+"""Blocks with a memory."""
+
+
+@pytest.fixture(scope="module")
+def elsewhere() -> Iterator[Elsewhere]:
+    made = Elsewhere(forge)
+    yield made
+    made.end()
+
+
+@pytest.mark.parametrize("name", REMEMBERING)
+def test_a_forged_memory_is_refused_or_bears_any_use(
+    name: str, build_fmu: Callable[..., Path], elsewhere: Elsewhere, tmp_path: Path
+) -> None:
+    elsewhere.run(build_fmu(name), tmp_path / "forged.txt")
+
+
+def test_the_blocks_with_a_memory_are_found() -> None:
+    assert len(REMEMBERING) >= 19 and {*REMEMBERING} <= {*catalogue()}

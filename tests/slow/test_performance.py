@@ -1,0 +1,55 @@
+"""The benchmarks run, and docs/performance.md has their rows."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ERRORS = ("Stick-slip", "Servo loop", "Stuck mass", "Two masses")
+MISSED = ("Stick-slip: error of the period at 1 ms, newton over MuJoCo RK4 (four evaluations a step)",)
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
+BENCHMARKS = re.findall(r"^\$ python benchmarks/(\w+)\.py --json", PAGE, flags=re.M)
+
+
+def test_the_page_names_every_benchmark() -> None:
+    helpers = {
+        "rows",
+        "page",
+        "pairs",
+        "peers",
+        "step_cost",
+        "stick_slip_errors",
+        "sampled_loop",
+        "linear_loops",
+        "law_runs",
+        "effects",  # has a page of its own
+        "law_variants",
+        "identification",  # its figures stand in the page of identification
+    }
+    assert set(BENCHMARKS) == {path.stem for path in (ROOT / "benchmarks").glob("*.py")} - helpers
+
+
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_benchmark_runs_and_its_rows_stand_in_the_page(name: str, tmp_path: Path) -> None:
+    """Times depend on the machine: the page says whether their targets are met. Errors do not."""
+    file = tmp_path / f"{name}.json"
+    command = [sys.executable, f"benchmarks/{name}.py", "--short", "--json", str(file)]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    rows = json.loads(file.read_text(encoding="utf-8"))
+    assert rows
+    for row in rows:
+        assert row.keys() == {"name", "value", "unit", "target", "ok"}
+        assert row["name"] in run.stdout.replace("│", " ") or len(row["name"]) > 30
+        assert (f"| {row['name']} |" in PAGE) == (row["unit"] not in ("ns", "ms", "runs/s")), row["name"]
+        if row["name"].startswith(ERRORS) and row["name"] not in MISSED:
+            assert row["ok"], row
+    command = [sys.executable, "benchmarks/page.py", str(file)]
+    written = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert written.startswith("# Performance")
