@@ -22,7 +22,7 @@ from friction_fmus.blocks.probe import (
     PARAMETER,
     STATE,
     STATE_OUTPUT,
-    Rows,
+    BlockVariables,
     Variable,
 )
 from friction_fmus.fmi.model_description import CAPABILITIES, ROLE
@@ -35,7 +35,7 @@ DOCS = Path(__file__).parent
 
 
 @cache
-def described(name: str) -> Rows:
+def described(name: str) -> BlockVariables:
     """The variables of a block of the catalogue."""
     return describe_block(catalogue()[name])
 

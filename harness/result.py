@@ -89,7 +89,7 @@ def select(result: Result, *patterns: str) -> Result:
     ----------
     result : xarray.Dataset
         Result of a run.
-    patterns : str
+    *patterns : str
         Names, in which ``*`` matches any text and ``?`` any character: ``select(result, "mass.*", "friction.F")``.
         Brackets, as in ``k[1]``, are literal.
 

@@ -1,1 +1,1 @@
-"""What a block tells of itself in its own file, read once for everything that needs it."""
+"""The content of a block's file, read once for everything that needs it."""

@@ -1,4 +1,4 @@
-"""What a block tells of itself beside its equations, for the page, the doctor, the study and the identification."""
+"""Declarations in a block's file beside its equations, for its page, the doctor, the study and the identification."""
 
 from __future__ import annotations
 
@@ -16,24 +16,23 @@ from friction_fmus.errors import FrictionError, nearest
 
 @dataclass(frozen=True)
 class About:
-    """What the file of a block says of it.
+    """Declarations in the file of a block.
 
     Attributes
     ----------
     portrait : str
-        Name of the experiment that shows what the block does, see `friction_fmus.fmi.portrait.choice`; empty: the ports
-        decide.
+        Name of the experiment for the figures, see `friction_fmus.fmi.portrait.choice`; if empty, the ports select it.
     quotes : tuple of str
-        Functions of `friction_fmus.conditions` that the documentation page quotes; the doctor evaluates them where the
-        block is used.
+        Functions of `friction_fmus.conditions` that the documentation page quotes. The doctor evaluates them for
+        systems with the block.
     needs : mapping of str to int
-        Rows of the decision tables in the documentation that recommend the block -> its place among those recommended.
+        Rows of the decision tables in the documentation that recommend the block, with its rank in each.
     identified : Identified
         How a friction model is identified.
     in_loop : InLoop
-        What it is in a control loop.
+        The role of the block in a control loop.
     use : Use or None
-        How a law or controller is used as a compensator; None: the study leaves it out.
+        How a law or controller is used as a compensator; None excludes it from studies.
     """
 
     portrait: str = ""
@@ -45,7 +44,7 @@ class About:
 
     @property
     def reads(self) -> frozenset[str]:
-        """Names of the variables of the block that its expressions read."""
+        """Names of the block's variables in its expressions."""
         texts = [self.identified.size, *self.identified.fits]
         friction, plant, law = self.in_loop.friction, self.in_loop.plant, self.in_loop.law
         for part in (friction, law.friction if law is not None else None):
@@ -62,16 +61,16 @@ class About:
         return frozenset().union(*(names_in(text) for text in texts if text))
 
     def check(self, variables: Iterable[str]) -> None:
-        """Raise a FrictionError for an expression that reads what is no variable of the block."""
+        """Raise a FrictionError for an expression that reads a name other than the block's variables."""
         known = set(variables)
         for name in sorted(self.reads - known):
             raise FrictionError(
-                f"the description of the block reads {name}, which is no variable{nearest(name, known)}"
+                f"the description of the block reads {name}, which is not a variable{nearest(name, known)}"
             )
 
 
 def about_c_block(code: str) -> About:
-    """Return what the macros of a C file say.
+    """Return the declarations in the macros of a C file.
 
     Parameters
     ----------
@@ -81,7 +80,7 @@ def about_c_block(code: str) -> About:
     Raises
     ------
     FrictionError
-        A macro is not understood.
+        If a macro is malformed.
     """
     about = About(
         string(code, "PORTRAIT"),
@@ -96,8 +95,8 @@ def about_c_block(code: str) -> About:
 
 
 def _place(need: str) -> tuple[str, int]:
-    """Return the name and the place of ``name: place``; the first place if none is given."""
+    """Return the name and the rank of ``name: rank``; the rank is 1 if none is given."""
     name, colon, place = need.partition(":")
     if colon and not place.strip().isdigit():
-        raise FrictionError(f"NEEDS names the place {place.strip()!r} of {name}; give a number")
+        raise FrictionError(f"NEEDS states the rank {place.strip()!r} of {name}; give a number")
     return name.strip(), int(place) if colon else 1

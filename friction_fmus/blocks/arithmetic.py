@@ -1,4 +1,4 @@
-"""Arithmetic in the files of blocks: ``Fc / sigma0``, ``max(Fc, Fs)``, ``sum(k)``; nothing but numbers is evaluated."""
+"""Arithmetic in the files of blocks: ``Fc / sigma0``, ``max(Fc, Fs)``, ``sum(k)``; only arithmetic is evaluated."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FUNCTIONS: Final[Mapping[str, Callable[..., Number]]] = {
 }
 
 OF_NAMES: Final = ("either", "sum")
-"""Functions of names: the first argument that is known, and the sum of the elements of a vector that are in use."""
+"""Functions of names: the first argument with a value, and the sum of the used elements of a vector."""
 
 _OPERATORS: Final[Mapping[type[ast.AST], Callable[..., Number]]] = {
     ast.Add: operator.add,
@@ -46,7 +46,7 @@ _OPERATORS: Final[Mapping[type[ast.AST], Callable[..., Number]]] = {
 
 @cache
 def names_in(text: str) -> frozenset[str]:
-    """Return the names that an expression reads, of an element ``k[i]`` the name of the vector.
+    """Return the names in an expression; for an element ``k[i]``, the name of the vector.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def names_in(text: str) -> frozenset[str]:
     Raises
     ------
     FrictionError
-        The text is no expression of the kind that `evaluate` takes.
+        If the text is not an expression for `evaluate`.
     """
     found = {node.id for node in ast.walk(_parsed(text)) if isinstance(node, ast.Name)}
     return frozenset(found - FUNCTIONS.keys() - {*OF_NAMES, "pi", "i"})
@@ -70,7 +70,7 @@ def vectors_in(text: str) -> frozenset[str]:
 
 
 def is_known(text: str, values: Numbers) -> bool:
-    """Return whether the names of an expression, vectors included, have values."""
+    """Return whether all names in an expression, including vectors, have values."""
     return all(name in values or f"{name}[1]" in values for name in names_in(text))
 
 
@@ -82,19 +82,19 @@ def evaluate(text: str, values: Numbers) -> Number:
     text : str
         Numbers, names, ``pi``, elements ``k[i]``, + - * / ** and comparisons, `FUNCTIONS` and `OF_NAMES`.
     values : mapping of str to number
-        Values of the names; elements of vectors are ``k[1]``, and ``N`` is the number of them in use, if there is one.
+        Values of the names. Elements of vectors are ``k[1]``; ``N``, if present, is the number of used elements.
 
     Raises
     ------
     FrictionError
-        The text is no such expression, or reads a name without a value.
+        If the text is not such an expression, or reads a name without a value.
     """
     return _value(_parsed(text), text, values)
 
 
 @cache
 def _parsed(text: str) -> ast.expr:
-    """Return the syntax tree of an expression, checked."""
+    """Return the checked syntax tree of an expression."""
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError) as error:
@@ -103,17 +103,19 @@ def _parsed(text: str) -> ast.expr:
         known = isinstance(node, ast.Name | ast.Load | ast.BinOp | ast.UnaryOp | ast.Compare | ast.Call | ast.Subscript)
         constant = isinstance(node, ast.Constant) and type(node.value) in (int, float)
         if not (known or constant or type(node) in _OPERATORS):
-            raise FrictionError(f"{text!r} is not arithmetic: it contains {type(node).__name__}")
+            raise FrictionError(f"{text!r} contains {type(node).__name__}, which is not arithmetic")
         if isinstance(node, ast.Call):
             name = node.func.id if isinstance(node.func, ast.Name) else ""
             if node.keywords or name not in {*FUNCTIONS, *OF_NAMES}:
-                raise FrictionError(f"{text!r} calls {name or 'no function'}; known are {', '.join(FUNCTIONS)}")
+                raise FrictionError(
+                    f"{text!r} calls {name or 'an expression'}; known functions are {', '.join(FUNCTIONS)}"
+                )
             if name == "sum" and not (len(node.args) == 1 and isinstance(node.args[0], ast.Name)):
-                raise FrictionError(f"{text!r}: sum takes the name of one vector")
+                raise FrictionError(f"{text!r}: sum needs the name of one vector")
         if isinstance(node, ast.Subscript) and not (
             isinstance(node.value, ast.Name) and isinstance(node.slice, ast.Name) and node.slice.id == "i"
         ):
-            raise FrictionError(f"{text!r}: an element of a vector is written k[i]")
+            raise FrictionError(f"{text!r}: write an element of a vector as k[i]")
     return tree
 
 
@@ -150,7 +152,7 @@ def _known(name: str, text: str, values: Numbers) -> Number:
 
 
 def _elements(name: str, values: Numbers) -> list[Number]:
-    """Return the elements of a vector that are in use: all, or as many as N says."""
+    """Return the used elements of a vector: the first N, or all without N."""
     if "N" in values:
         return [values[f"{name}[{i}]"] for i in range(1, int(values["N"]) + 1)]
     return [value for key, value in values.items() if re.fullmatch(rf"{name}\[\d+\]", key)]

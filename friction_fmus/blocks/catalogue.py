@@ -1,4 +1,4 @@
-"""What there is to build: one C file per block, one Python file per law, found by directory."""
+"""The catalogue of blocks: one C file per block and one Python file per law, found by folder."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ from harness.storage.files import read_source, reason
 PACKAGE = Path(__file__).parents[1]
 
 KINDS = {"friction": "friction", "plants": "plant", "controllers": "controller", "signals": "signal"}
-"""Folder of ``fmu_src`` -> kind of block; laws come from ``friction_fmus/laws``."""
+"""Kind of the blocks in each folder of ``fmu_src``; laws are in ``friction_fmus/laws``."""
 
 _ORDER = ("friction", "plant", "law", "controller", "signal")
 """Order of the kinds in the catalogue."""
 
 OWN_BLOCKS = "FRICTION_FMUS_BLOCKS"
-"""Environment variable with folders of the user's own blocks, separated as in PATH."""
+"""Environment variable with folders of user blocks, separated as in PATH."""
 
 FEATURES = {
     "presliding": "the contact is elastic before it slides",
-    "nonlocal memory": "inner hysteresis loops close and leave the outer ones as they were",
-    "drift-free": "no creep under a bias with small vibrations",
-    "Stribeck": "friction falls with speed where sliding begins",
-    "lag": "friction follows changes of the speed late",
-    "dwell": "static friction grows with the time at rest",
-    "rate dependent": "the force depends on how fast a path is gone",
-    "needs force": "an input takes the other forces on the mass, which decide at rest",
-    "mass inside": "it contains the mass that it moves",
-    "random": "random numbers, the same for the same seed",
+    "nonlocal memory": "inner hysteresis loops close and do not change the outer ones",
+    "drift-free": "no drift under a constant force with small vibrations",
+    "Stribeck": "friction decreases with speed at the onset of sliding",
+    "lag": "friction lags behind changes of the speed",
+    "dwell": "static friction grows with the dwell time",
+    "rate dependent": "the force depends on how fast a path is followed",
+    "needs force": "an input for the other forces on the mass determines friction at rest",
+    "mass inside": "the model contains the moving mass",
+    "random": "random numbers, reproducible with a seed",
 }
-"""What a friction model can show, in the order of the table in docs/models.md -> what that means."""
+"""Phenomena that a friction model can show, in the order of the table in docs/models.md, with their meaning."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """A block that can become an FMU.
+    """A block that can be built as an FMU.
 
     Attributes
     ----------
@@ -52,21 +52,21 @@ class Block:
     kind : str
         friction, plant, law, controller or signal.
     summary, source : str
-        One line each: what it is, where it comes from.
+        One line each: a short description, and the literature.
     notes : str
-        The documentation page as plain text; indented paragraphs are equations.
+        The documentation as plain text; indented paragraphs are equations.
     path : Path
-        The one file that defines it.
+        The file that defines it.
     code : str
         Its C source.
     features : tuple of str
-        What the friction model shows, of `FEATURES`.
+        Phenomena that the friction model shows, from `FEATURES`.
     bibtex : tuple of str
         BibTeX entries of its sources.
     status : str
-        Where its equations were taken from: their numbers in the source, or that they are from memory.
+        Origin of its equations: their numbers in the source, or that they are from memory.
     about : About
-        What else its file says of it.
+        Further declarations in its file.
     """
 
     name: str
@@ -83,12 +83,12 @@ class Block:
 
     @property
     def origin(self) -> str:
-        """Return the source and, if it is known, where the equations were taken from."""
+        """Return the source and, if known, the origin of the equations."""
         return f"{self.source}; {self.status}" if self.status else self.source
 
 
 class Entry(NamedTuple):
-    """What a list shows of a block; the names are those of `Block`."""
+    """A line in a list of blocks; the names are those of `Block`."""
 
     name: str
     kind: str
@@ -98,29 +98,29 @@ class Entry(NamedTuple):
 
 
 def source_folder() -> Path:
-    """The folder of the C sources: inside an installed package, beside it in a checkout."""
+    """Return the folder of the C sources: inside an installed package, beside it in a checkout."""
     inside = PACKAGE / "fmu_src"
     return inside if inside.is_dir() else PACKAGE.parent / "fmu_src"
 
 
 def package_text(name: str) -> str:
-    """The text of ``LICENSE`` or ``CHANGELOG.md``: inside an installed package, beside it in a checkout."""
+    """Return the text of ``LICENSE`` or ``CHANGELOG.md``: inside an installed package, beside it in a checkout."""
     inside = PACKAGE / name
     return (inside if inside.is_file() else PACKAGE.parent / name).read_text(encoding="utf-8")
 
 
 def laws_folder() -> Path:
-    """The folder of the laws that come with the package."""
+    """Return the folder of the laws in this package."""
     return PACKAGE / "laws"
 
 
 def read_c_block(path: Path, kind: str) -> Block:
-    """A block from its C file.
+    """Return the block in a C file.
 
     Raises
     ------
     FrictionError
-        If the file lacks ``MODEL`` or ``VARIABLES`` and so is not a block.
+        If the file has no ``MODEL`` or ``VARIABLES``.
     """
     try:
         code = read_source(path)
@@ -139,7 +139,7 @@ def read_c_block(path: Path, kind: str) -> Block:
     page = "\n".join(line.removeprefix("   ").rstrip() for line in lines).strip()
     features = tuple(part.strip() for part in text("FEATURES").split(",") if part.strip())
     if unknown := set(features) - set(FEATURES):
-        raise FrictionError(f"{path} names the feature {unknown.pop()!r}; known are {', '.join(FEATURES)}")
+        raise FrictionError(f"{path} states the feature {unknown.pop()!r}; known features are {', '.join(FEATURES)}")
     found = re.findall(r"/\*\s*(@\w+\{.*?\})\s*\*/", code, re.S)
     entries = tuple("\n  ".join(line.strip() for line in entry.splitlines()) for entry in found)
     return Block(
@@ -169,12 +169,12 @@ def _read_laws(path: Path) -> list[Block]:
 
 
 def listing() -> dict[str, Entry]:
-    """Return all blocks by name without translating the laws, in the order of `catalogue`.
+    """Return all blocks by name, in the order of `catalogue`, without translating the laws to C.
 
     Raises
     ------
     FrictionError
-        As of `catalogue`.
+        See `catalogue`.
     """
     return _listing(os.environ.get(OWN_BLOCKS, ""))
 
@@ -213,13 +213,13 @@ def _law_entries(folder: Path) -> list[Entry]:
 def catalogue() -> dict[str, Block]:
     """Return all blocks by name, in the order friction, plant, law, controller, signal.
 
-    They come with the package, or from the folders that the environment variable ``FRICTION_FMUS_BLOCKS`` names: C
-    files of friction models, law files, and C files of other kinds in the subfolders of `KINDS`.
+    They are in this package and in the folders of the environment variable ``FRICTION_FMUS_BLOCKS``: C files of
+    friction models, law files, and C files of other kinds in the subfolders of `KINDS`.
 
     Raises
     ------
     FrictionError
-        A folder does not exist, a file in it is not a block, or two blocks have the same name.
+        If a folder does not exist, a file is not a block, or two blocks have the same name.
     """
     return {name: _read(entry) for name, entry in listing().items()}
 
@@ -232,12 +232,12 @@ def _read(entry: Entry) -> Block:
 
 
 def find(model: str | Path) -> Block:
-    """The block of that name, or of a ``.c`` or law ``.py`` file of the user's.
+    """Return the block with this name, or from a user's ``.c`` or law ``.py`` file.
 
     Raises
     ------
     UnknownNameError
-        If there is no such block; the message names the nearest.
+        If the block does not exist; the message suggests the most similar name.
     FrictionError
         If the file is not a block.
     """
@@ -247,10 +247,12 @@ def find(model: str | Path) -> Block:
     path = Path(model)
     if path.suffix not in (".c", ".py"):
         raise UnknownNameError(
-            f"There is no model {str(model)!r}{nearest(str(model), known)} (`friction-fmus list` shows them all)"
+            f"There is no model {str(model)!r}{nearest(str(model), known)} (`friction-fmus list` lists all models)"
         )
     if not path.is_file():
-        raise UnknownNameError(f"There is no file {path}; give the path of a block's .c file or a law's .py file")
+        raise UnknownNameError(
+            f"The file {path} does not exist; give the path of a block's .c file or a law's .py file"
+        )
     if path.suffix == ".c":
         return read_c_block(path, "friction")
     laws = _read_laws(path)
@@ -260,12 +262,12 @@ def find(model: str | Path) -> Block:
 
 
 def with_room(block: Block, start: Mapping[str, Any]) -> Block:
-    """The block, if it is a law with the vectors that these start values need.
+    """Return the block; for a law, with vectors as large as these start values need.
 
     Raises
     ------
     FrictionError
-        A start value is above the largest size, or not a whole number.
+        If a start value exceeds the largest size or is not an integer.
     """
     if block.kind != "law" or not start:
         return block

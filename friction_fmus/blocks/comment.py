@@ -1,4 +1,4 @@
-"""The notes of a block, the first comment of its C file or the docstring of its law, as paragraphs."""
+"""The notes of a block as paragraphs: the first comment of its C file, or the docstring of its law."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 LEADS = ("Use it", "Limits:")
-"""Words that begin the paragraphs by which a model is chosen: when to use it, and what it cannot do."""
+"""First words of the paragraphs that help to choose a model: when to use it, and its limits."""
 
 INDENT = "    "
 
@@ -18,11 +18,11 @@ class Paragraph:
     Attributes
     ----------
     lines : tuple of str
-        As written, without the indentation of equations, the mark of an item and the lead.
+        The lines, without the indentation of equations, the hyphen of an item and the lead.
     lead : str
         One of `LEADS`, or empty.
     equations, item : bool
-        Whether it is such a block, whose layout counts; whether it is such an item.
+        Whether it is a block of equations, which keeps its layout; whether it is an item of a list.
     """
 
     lines: tuple[str, ...]
@@ -32,12 +32,12 @@ class Paragraph:
 
     @property
     def text(self) -> str:
-        """Prose as one line, equations as they stand."""
+        """Prose as one line, or equations with their line breaks."""
         return "\n".join(self.lines) if self.equations else " ".join(self.lines)
 
 
 def paragraphs(notes: str) -> tuple[Paragraph, ...]:
-    """The paragraphs of notes: blank lines part them, indentation marks equations, hyphens mark items."""
+    """Split notes into paragraphs: blank lines separate them, indentation marks equations, hyphens mark items."""
     found: list[Paragraph] = []
     for part in re.split(r"\n\s*\n", notes.strip("\n")):
         lines = part.splitlines()

@@ -1,4 +1,4 @@
-"""Friction as the conditions need it, and what the parameters of a block are in these terms."""
+"""Friction in terms of the conditions, and the meaning of a block's parameters in these terms."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Level:
-    """Friction in steady sliding in one direction: g(v) = Fc + (Fs - Fc) exp(-(v/vs)^delta), and viscous friction.
+    """Steady-state friction in one direction: g(v) = Fc + (Fs - Fc) exp(-(v/vs)^delta), and viscous friction.
 
     Parameters
     ----------
     Fc, Fs, viscous : float
-        Coulomb and static friction [N], viscous friction [N.s/m].
+        Coulomb and static friction [N], viscous coefficient [N.s/m].
     vs : float or None
-        Stribeck velocity [m/s]; None: static friction acts at rest only.
+        Stribeck velocity [m/s]; with None, static friction acts at rest only.
     delta : float
         Stribeck exponent.
     """
@@ -35,12 +35,14 @@ class Level:
     delta: float = 2.0
 
     def at(self, speeds: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the level g at speeds above 0 [N]."""
-        import numpy as np  # not at the top: every command reads blocks, and few compute
+        """Return the level g at positive speeds [N]."""
+        import numpy as np  # imported here, as every command reads blocks, but few need numpy
 
         if self.vs is None:
             return np.full_like(speeds, self.Fc)
-        power = np.exp(np.minimum(self.delta * np.log(speeds / self.vs), 10.0))  # beyond that the curve has fallen
+        power = np.exp(
+            np.minimum(self.delta * np.log(speeds / self.vs), 10.0)
+        )  # the exponential is negligible beyond this
         return self.Fc + (self.Fs - self.Fc) * np.exp(-power)
 
 
@@ -53,9 +55,10 @@ class Contact:
     levels : (Level, Level)
         Forward and backward.
     stiffness, damping : float
-        Of the contact at rest [N/m, N.s/m], in proportion to the normal force; stiffness 0: rigid.
+        Stiffness and damping of the contact at rest [N/m, N.s/m], proportional to the normal force; stiffness 0 if
+        rigid.
     viscous : float
-        Viscous friction that acts at rest, too [N.s/m].
+        Viscous coefficient that also acts at rest [N.s/m].
     """
 
     levels: tuple[Level, Level]
@@ -64,29 +67,29 @@ class Contact:
     viscous: float = 0.0
 
     def loaded(self, load: float) -> Contact:
-        """The same under another normal force; viscous friction does not depend on it."""
+        """Return the contact under another normal force, which does not affect viscous friction."""
         forward, backward = (replace(level, Fc=load * level.Fc, Fs=load * level.Fs) for level in self.levels)
         return Contact((forward, backward), load * self.stiffness, load * self.damping, self.viscous)
 
 
 @dataclass(frozen=True)
 class Friction:
-    """What the parameters of a block are as friction: expressions of them, see `friction_fmus.blocks.arithmetic`.
+    """Friction of a block as expressions of its parameters, see `friction_fmus.blocks.arithmetic`.
 
-    Where the parameter ``asymmetric`` is true, a backward motion takes the parameters whose names end in ``_neg``.
+    If the parameter ``asymmetric`` is true, backward motion uses the parameters whose names end in ``_neg``.
 
     Attributes
     ----------
     coulomb, static : str
-        Coulomb and static friction; no static friction: it is the Coulomb friction.
+        Coulomb and static friction; an empty static friction equals the Coulomb friction.
     viscous : str
         Viscous coefficient in sliding.
     stribeck, exponent : str
-        Velocity and exponent of the Stribeck curve; no velocity: static friction acts at rest only.
+        Stribeck velocity and exponent; without a velocity, static friction acts at rest only.
     falls : str
-        Whether the block has this Stribeck curve; 0: its shape is another one.
+        Whether the block has this Stribeck curve; 0 for another shape.
     stiffness, damping, viscous_at_rest : str
-        Of the contact at rest: stiffness, damping in proportion to the normal force, and viscous coefficient.
+        Stiffness, damping proportional to the normal force, and viscous coefficient of the contact at rest.
     """
 
     coulomb: str = "0"
@@ -100,13 +103,13 @@ class Friction:
     viscous_at_rest: str = "0"
 
     def __post_init__(self) -> None:
-        """Refuse what is no expression."""
+        """Raise an error for a text that is not an expression."""
         for text in vars(self).values():
             if text:
                 names_in(text)
 
     def level(self, values: Numbers) -> Level:
-        """Return the friction of a forward motion; parameters without a value count as absent."""
+        """Return the friction in forward motion; parameters without a value count as absent."""
 
         def value(text: str, otherwise: float) -> float:
             return float(evaluate(text, values)) if text and is_known(text, values) else otherwise
@@ -116,7 +119,7 @@ class Friction:
         return Level(Fc, value(self.static, Fc), value(self.viscous, 0.0), vs, value(self.exponent, 2.0))
 
     def levels(self, values: Numbers) -> tuple[Level, Level]:
-        """Return the friction forward and backward."""
+        """Return the friction in forward and in backward motion."""
         backward = values
         if values.get("asymmetric"):
             backward = {name: values.get(f"{name}_neg", value) for name, value in values.items()}
@@ -136,20 +139,20 @@ _ROWS = {
     "STIFFNESS": ("stiffness",),
     "DAMPING": ("damping", "viscous_at_rest"),
 }
-"""Row of the macro CONTACT -> attributes of `Friction` that are its arguments."""
+"""Attributes of `Friction` that the rows of the macro CONTACT set."""
 
 
 def friction_of(code: str) -> Friction | None:
-    """Return what the macro CONTACT of a C file says; None if there is none.
+    """Return the friction that the macro CONTACT of a C file declares, or None without this macro.
 
     Raises
     ------
     FrictionError
-        A row is not understood.
+        If a row is malformed.
     """
     found: dict[str, str] = {}
     for kind, arguments in table(code, "CONTACT", tuple(_ROWS)):
         if not 1 <= len(arguments) <= len(_ROWS[kind]):
-            raise FrictionError(f"CONTACT: {kind} takes 1 to {len(_ROWS[kind])} arguments, not {len(arguments)}")
+            raise FrictionError(f"CONTACT: {kind} has {len(arguments)} arguments; give 1 to {len(_ROWS[kind])}")
         found |= dict(zip(_ROWS[kind], arguments, strict=False))
     return Friction(**found) if found else None

@@ -1,4 +1,4 @@
-"""A block's C source with other start values or another name, as the user's FMU carries it."""
+"""The C source of a block with other start values or another name, as in a customised FMU."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ START_ARGUMENT = {
     "STATE": 2,
     "STATES": 3,
 }
-"""Row macro of block.h -> position of its start value."""
+"""Position of the start value in each row macro of block.h."""
 
 ROW = re.compile(rf"\b({'|'.join(START_ARGUMENT)})\s*\(\s*(\w+)\s*,")
 
@@ -28,7 +28,7 @@ Start = Mapping[str, float | int | bool]
 
 
 def renamed(code: str, name: str) -> str:
-    """The source with another model identifier.
+    """Return the source with another model identifier.
 
     Raises
     ------
@@ -36,14 +36,16 @@ def renamed(code: str, name: str) -> str:
         If the name is not a C identifier.
     """
     if not re.fullmatch(r"[A-Za-z]\w*", name):
-        raise BuildError(f"{name!r} cannot name an FMU; use letters, digits and underscores, a letter first")
+        raise BuildError(
+            f"{name!r} is not a valid name of an FMU; use letters, digits and underscores, and begin with a letter"
+        )
     return re.sub(r"^(#define\s+MODEL\s+)\w+", rf"\g<1>{name}", code, count=1, flags=re.M)
 
 
 def identified(sources: Mapping[str, str], name: str) -> dict[str, str]:
-    """The sources with a hash of all of them in the block ``NAME.c``, which its GUID takes up.
+    """Return the sources with a hash of all of them in the block ``NAME.c``, which becomes part of the GUID.
 
-    An importer that compiles them again gets the same GUID, and a state saved by other code is refused.
+    An importer that compiles them again gets the same GUID, and a state saved by other code is rejected.
     """
     text = "\0".join(part for item in sorted(sources.items()) for part in item)
     line = f'#define IDENTITY "{hashlib.sha256(text.encode()).hexdigest()[:32]}"\n'
@@ -52,30 +54,30 @@ def identified(sources: Mapping[str, str], name: str) -> dict[str, str]:
 
 
 def rotational(code: str) -> str:
-    """The source of the rotational twin: forces become torques, lengths angles."""
+    """Return the source of the rotational twin, with torques for forces and angles for lengths."""
     return re.sub(r"^(#define\s+MODEL\s+\w+)$", r"#define ROTATIONAL\n\1Rotational", code, count=1, flags=re.M)
 
 
 def with_start_values(code: str, start: Start) -> str:
-    """The source with start values replaced in its VARIABLES table.
+    """Return the source with other start values in its VARIABLES table.
 
     Parameters
     ----------
     code : str
         Source of a block.
     start : mapping of str to number
-        Variable -> start value; elements of vectors are ``k[1]``.
+        Start values by variable; elements of vectors are ``k[1]``.
 
     Raises
     ------
     UnknownNameError
-        If the block has no such variable, or it has no start value of its own.
+        If a variable does not exist or has no start value of its own.
     BuildError
-        If the value is not finite.
+        If a value is not finite.
     """
     for variable, value in start.items():
         if not float(value) - float(value) == 0.0:
-            raise BuildError(f"The start value {variable} = {value} is not finite; give a number")
+            raise BuildError(f"The start value {variable} = {value} is not finite; give a finite number")
         code = _with_start_value(code, variable, value)
     return code
 
@@ -103,7 +105,7 @@ def _with_start_value(code: str, variable: str, value: float | int | bool) -> st
 
 
 def _arguments(code: str, begin: int) -> list[tuple[int, int]]:
-    """Spans of a macro's arguments, without the blanks around them; commas in strings and brackets do not count."""
+    """Return the trimmed spans of a macro's arguments; commas in strings and brackets do not separate."""
     spans, depth, start, quoted = [], 0, begin, False
     for position in range(begin, len(code)):
         character = code[position]
@@ -122,4 +124,4 @@ def _arguments(code: str, begin: int) -> list[tuple[int, int]]:
                 return spans
         elif character == ")":
             depth -= 1
-    raise BuildError("The VARIABLES table has a row that does not end; close its bracket")
+    raise BuildError("The VARIABLES table has a row without an end; close its bracket")

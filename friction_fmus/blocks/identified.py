@@ -1,4 +1,4 @@
-"""What the file of a friction model says of its identification from a record."""
+"""How a friction model is identified from a record, as declared in its file."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from friction_fmus.blocks.macros import table
 from friction_fmus.errors import FrictionError, nearest
 
 NOT_IDENTIFIED: Final = "none"
-"""The method of a model that a record of motion and force does not identify."""
+"""Method of a model that cannot be identified from motion and force."""
 
 SEEN: Final = ("level", "peak", "viscous", "stiffness", "damping", "speed", "distance")
-"""Names in the start of a parameter: what a look at the data tells of the friction, see `identification.Traits`."""
+"""Names in the start value of a parameter: properties of the measured friction, see `identification.Traits`."""
 
 MEASURED: Final[Mapping[str, str]] = {
-    "slow": "slow constant velocities of both directions around it",
+    "slow": "slow constant velocities around it in both directions",
     "fast": "constant velocities up to the largest speed",
     "sliding": "sliding at constant velocity in both directions",
-    "small": "motions to and fro that are smaller than the presliding distance",
-    "small_fast": "small motions to and fro at a higher frequency",
-    "loops": "reversals with many samples over the presliding distance",
-    "rest": "break-aways after rests of different length",
+    "small": "oscillating motion with amplitudes below the presliding distance",
+    "small_fast": "small oscillating motion at a higher frequency",
+    "loops": "reversals with many samples in the presliding distance",
+    "rest": "break-aways after different dwell times",
     "accelerations": "accelerations in both directions",
     "directions": "the same speeds in both directions",
-    "swinging": "sliding with a velocity that swings about a mean one",
+    "swinging": "sliding with a velocity that oscillates about a mean",
 }
-"""Experiments that determine a parameter."""
+"""Experiments that determine a parameter, as texts."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class Fitted:
     Attributes
     ----------
     start : str
-        Where the search starts, an expression of `SEEN`.
+        Start value of the search, an expression of the names in `SEEN`.
     experiment : str
-        What to measure if the parameter is poorly identifiable, of `MEASURED`.
+        Key in `MEASURED` of the experiment to run if the parameter is poorly identifiable.
     """
 
     start: str
@@ -48,13 +48,13 @@ class Fitted:
 
     @property
     def measure(self) -> str:
-        """What to measure, in words."""
+        """The experiment as a text."""
         return MEASURED[self.experiment]
 
 
 @dataclass(frozen=True)
 class Identified:
-    """How a friction model is identified, where its ports, features and names of parameters do not tell.
+    """Declarations on identification that do not follow from ports, features and parameter names.
 
     Attributes
     ----------
@@ -62,10 +62,10 @@ class Identified:
         A module of `friction_fmus.identification.methods`, or `NOT_IDENTIFIED`; empty: inverse or output error,
         depending on whether the block has states.
     fits : mapping of str to Fitted
-        Parameters that are identified although their names do not say so, or from another start.
+        Parameters that are identified although their names do not imply it, or with another start value.
     state, size : str
-        First state, whose value at the beginning of the record is identified as well, and an expression of its size
-        in steady sliding; both empty if no state is.
+        First state, whose initial value is identified as well, and an expression for its magnitude in steady sliding;
+        both empty if no initial state is identified.
     """
 
     method: str = ""
@@ -75,12 +75,12 @@ class Identified:
 
 
 def identified(code: str) -> Identified:
-    """Return what the macro IDENTIFIED of a C file says; nothing if there is none.
+    """Return the declarations in the macro IDENTIFIED of a C file, or the defaults without this macro.
 
     Raises
     ------
     FrictionError
-        A row is not understood.
+        If a row is malformed.
     """
     method, state, size = "", "", ""
     fits = {}
@@ -93,13 +93,15 @@ def identified(code: str) -> Identified:
             case "SLIDING", (state, size):
                 names_in(size)
             case _:
-                raise FrictionError(f"IDENTIFIED has the row {kind}({', '.join(arguments)}), which is not understood")
+                raise FrictionError(f"IDENTIFIED has the malformed row {kind}({', '.join(arguments)})")
     return Identified(method, fits, state, size)
 
 
 def _checked(name: str, fit: Fitted) -> Fitted:
     if fit.experiment not in MEASURED:
-        raise FrictionError(f"FIT({name}) names {fit.experiment!r}{nearest(fit.experiment, MEASURED)}")
+        raise FrictionError(
+            f"FIT({name}) names the unknown experiment {fit.experiment!r}{nearest(fit.experiment, MEASURED)}"
+        )
     if unknown := sorted(names_in(fit.start) - set(SEEN)):
-        raise FrictionError(f"FIT({name}) starts at {fit.start!r}; {unknown[0]} is none of {', '.join(SEEN)}")
+        raise FrictionError(f"FIT({name}) starts at {fit.start!r}; {unknown[0]} is not one of {', '.join(SEEN)}")
     return fit

@@ -1,4 +1,4 @@
-"""What the doctor needs of a block in a control loop: as plant, sensor, drive or law."""
+"""The role of a block in a control loop, for the doctor: plant, sensor, drive or law."""
 
 from __future__ import annotations
 
@@ -13,22 +13,23 @@ from friction_fmus.errors import FrictionError
 
 @dataclass(frozen=True)
 class Plant:
-    """A mass, maybe with a spring and a damper to the ground, by the names of the block's variables.
+    """A mass, optionally with a spring and a damper to the ground, in terms of the block's variables.
 
     Attributes
     ----------
     forces : tuple of str
         Inputs for applied forces.
     friction : tuple of str
-        Inputs for friction forces, of which the first that is wired counts; empty if the block holds its own friction.
+        Inputs for friction forces, of which the first connected one counts; empty if the block contains its own
+        friction.
     mass : str
         Mass [kg], an expression of the parameters.
     damping, stiffness : str
-        Parameters; empty where there is none.
+        Parameters; empty if there are none.
     flexible : tuple of str
-        Where it is motor and load with a spring between them: both masses, stiffness and damping; else empty.
+        For a motor and a load connected by a spring: both masses, stiffness and damping; else empty.
     belt : str
-        Parameter with the speed of the ground; empty where it rests.
+        Parameter with the speed of the ground; empty if the ground is at rest.
     """
 
     forces: tuple[str, ...]
@@ -42,15 +43,15 @@ class Plant:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A block between a plant and its laws that measures or estimates.
+    """A block between a plant and its laws that measures or estimates signals.
 
     Attributes
     ----------
     quantum : str
-        Step of the measured position, an expression; empty: none.
+        Resolution of the measured position, an expression; empty if it is not quantised.
     velocity, window, smoothing : str
-        Output with a velocity from differences of positions, their distance in samples, and the time constant of a
-        filter behind that.
+        Output with a velocity from position differences, their distance in samples, and the time constant of a
+        subsequent filter.
     """
 
     quantum: str = ""
@@ -71,7 +72,7 @@ class Drive:
 
 @dataclass(frozen=True)
 class Cogging:
-    """A force that depends on position: parameter of the pitch, vectors of amplitudes and phases of the harmonics."""
+    """A cogging force: parameter with the pitch, vectors with amplitudes and phases of the harmonics."""
 
     pitch: str
     amplitude: str
@@ -80,38 +81,38 @@ class Cogging:
 
 @dataclass(frozen=True)
 class Loop:
-    """A law or controller in a control loop; texts are expressions of its parameters.
+    """A law or controller in a control loop; strings are expressions of its parameters.
 
     Attributes
     ----------
     gains : mapping of str to str
-        Its position loop as PID: Kp, Kd, and if there are Ki, db (error up to which the integral is held) and m (mass
-        of its inertia feedforward). Empty: it closes no position loop.
+        Gains of its position loop in PID form: Kp, Kd and optionally Ki, db (error below which the integral is held)
+        and m (mass of its inertia feedforward). Empty if it closes no position loop.
     friction : Friction or None
         The friction that it compensates.
     measured : bool
-        Whether it computes the friction from the measured velocity, otherwise from the reference.
+        Whether it computes friction from the measured velocity, otherwise from the reference.
     at_rest : bool
-        Whether, from the measured velocity, it also compensates friction at rest.
+        Whether it computes friction from the measured velocity and also compensates it at rest.
     inertia : str
-        Mass of an inertia feedforward for another law's position loop; empty: none.
+        Mass of an inertia feedforward for the position loop of another law; empty if there is none.
     linear : mapping of str to float or None
-        Values of parameters with which its equations are linearised for the poles of the loop; None: it has no part in
+        Parameter values at which its equations are linearised for the poles of the loop; None if it does not affect
         them.
     filter : str
-        For a controller in C instead: a function of `friction_fmus.doctor.linear` that gives its part of the loop.
+        For a controller in C: the function of `friction_fmus.doctor.linear` that returns its part of the loop.
     estimates : bool
-        Whether it estimates the force without a friction model, so that the poles of the loop contain the estimator.
+        Whether it estimates the force without a friction model, so that the poles of the loop include the estimator.
     hunts : bool
-        Whether its integral, if there is one, hunts with static friction.
+        Whether its integral action, if any, causes hunting with static friction.
     amplifies : str
-        How many times what comes in at f leaves the law in small movements; empty: once.
+        Gain from its input f to its output in small motions; 1 if empty.
     adapts : tuple of str
-        Rate of an adaptation [N/m] and the damping [N.s/m] that must hold it; empty: it adapts nothing.
+        Rate of an adaptation [N/m] and the damping [N.s/m] that must stabilise it; empty if it does not adapt.
     rules : tuple of str
-        Further conditions, by name of the rule, see `friction_fmus.doctor.known`.
+        Names of further rules, see `friction_fmus.doctor.known`.
     shapes : bool
-        Whether it shapes the reference of a law, by the inverse of the gains Kp, Kd, Ki that it has as parameters.
+        Whether it shapes the reference of a law by the inverse of the gains Kp, Kd, Ki in its parameters.
     """
 
     gains: Mapping[str, str] = field(default_factory=dict)
@@ -129,7 +130,7 @@ class Loop:
     shapes: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse what is no expression."""
+        """Raise an error for a text that is not an expression."""
         for text in (*self.gains.values(), self.inertia, self.amplifies, *self.adapts):
             if text:
                 names_in(text)
@@ -137,14 +138,14 @@ class Loop:
 
 @dataclass(frozen=True)
 class InLoop:
-    """What a block is in a control loop: at most one of these, beside a friction of its own.
+    """The role of a block in a control loop: at most one of the following, and optionally its own friction.
 
     Attributes
     ----------
     friction : Friction or None
-        Of a friction model, or of a plant that holds its own friction.
+        Friction of a friction model, or of a plant that contains its own friction.
     plant, sensor, drive, cogging, law : optional
-        What else it is.
+        The role.
     """
 
     friction: Friction | None = None
@@ -168,12 +169,12 @@ _KINDS = (
 
 
 def in_loop(code: str) -> InLoop:
-    """Return what the macros CONTACT and IN_LOOP of a C file say.
+    """Return the role that the macros CONTACT and IN_LOOP of a C file declare.
 
     Raises
     ------
     FrictionError
-        A row is not understood.
+        If a row is malformed.
     """
     friction = friction_of(code)
     rows = dict(table(code, "IN_LOOP", _KINDS))
@@ -191,7 +192,9 @@ def in_loop(code: str) -> InLoop:
     except (TypeError, ValueError) as error:
         raise FrictionError(f"IN_LOOP has a row with too few or too many arguments: {rows}") from error
     if rows:
-        raise FrictionError("IN_LOOP lacks a row MASS, SENSOR, DRIVE, COGGING or LAW that says what the block is")
+        raise FrictionError(
+            "IN_LOOP has no row MASS, SENSOR, DRIVE, COGGING or LAW, which states the role of the block; add one"
+        )
     return InLoop(friction)
 
 

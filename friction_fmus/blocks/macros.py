@@ -9,13 +9,13 @@ from friction_fmus.errors import FrictionError, nearest
 
 
 def macro(code: str, name: str) -> str | None:
-    """Return the text of a macro without its line continuations; None if the code does not define it."""
+    """Return the text of a macro without its line continuations, or None if it is not defined."""
     found = re.search(rf"^#define\s+{name}\b((?:.*\\\n)*.*)$", code, re.M)
     return " ".join(line.rstrip("\\").strip() for line in found[1].splitlines()).strip() if found else None
 
 
 def string(code: str, name: str) -> str:
-    """Return the string that a macro is, empty if there is none; adjacent literals are joined."""
+    """Return a string macro with adjacent literals joined; empty if it is not defined."""
     parts = re.findall(r'"((?:[^"\\]|\\.)*)"', macro(code, name) or "")
     return re.sub(r"\\(.)", r"\1", "".join(parts))
 
@@ -26,7 +26,7 @@ def words(text: str) -> tuple[str, ...]:
 
 
 def table(code: str, name: str, known: tuple[str, ...]) -> list[tuple[str, tuple[str, ...]]]:
-    """Return the rows of a macro: the kind of each and its arguments.
+    """Return the rows of a macro as kinds and arguments.
 
     Parameters
     ----------
@@ -35,22 +35,23 @@ def table(code: str, name: str, known: tuple[str, ...]) -> list[tuple[str, tuple
     name : str
         Name of the macro.
     known : tuple of str
-        Kinds of rows that there are.
+        Known kinds of rows.
 
     Raises
     ------
     FrictionError
-        A row is of another kind, or there is text that is no row.
+        If a row is of an unknown kind, or there is other text than rows.
     """
     rows = []
     rest = macro(code, name) or ""
     while rest:
         match = re.match(r"([A-Z_]+)\s*\(", rest)
         if match is None:
-            raise FrictionError(f"{name} has {rest!r} where a row such as {known[0]}(...) should begin")
+            raise FrictionError(f"{name} contains {rest!r} in place of a row such as {known[0]}(...)")
         if match[1] not in known:
             raise FrictionError(
-                f"{name} has no rows {match[1]}{nearest(match[1], known)}; there are {', '.join(known)}"
+                f"{name} contains the unknown row {match[1]}{nearest(match[1], known)}; known rows are "
+                f"{', '.join(known)}"
             )
         end = _end(rest, match.end(), name)
         rows.append((match[1], tuple(_arguments(rest[match.end() : end]))))
@@ -59,18 +60,18 @@ def table(code: str, name: str, known: tuple[str, ...]) -> list[tuple[str, tuple
 
 
 def _end(text: str, begin: int, name: str) -> int:
-    """Return the place of the parenthesis that closes the one before `begin`."""
+    """Return the position of the parenthesis that closes the one before `begin`."""
     depth, quoted = 1, False
     for place in range(begin, len(text)):
         quoted ^= text[place] == '"'
         depth += 0 if quoted else (text[place] == "(") - (text[place] == ")")
         if depth == 0:
             return place
-    raise FrictionError(f"{name} lacks a closing parenthesis after {text[:begin]!r}")
+    raise FrictionError(f"{name} has no closing parenthesis after {text[:begin]!r}")
 
 
 def _arguments(text: str) -> Iterator[str]:
-    """Yield what stands between the commas outside of parentheses and strings; string literals without quotes."""
+    """Yield the arguments between commas outside parentheses and strings; string literals without quotes."""
     depth, quoted, begin = 0, False, 0
     for place, letter in enumerate(f"{text},"):
         quoted ^= letter == '"'

@@ -1,4 +1,4 @@
-"""What a compiled block says of itself: its rows, its fingerprint, and which variable depends on which."""
+"""The row table of a compiled block, its fingerprint, and the dependencies between its variables."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ class Variable:
     Attributes
     ----------
     name, unit, text : str
-        Name as in the XML (elements of vectors are ``k[1]``, derivatives ``der(z)``), unit, description.
+        Name as in the XML (elements of vectors are ``k[1]``, derivatives ``der(z)``), unit and description.
     start, min, max, nominal : float
-        Start is NaN where the initial value is taken from a parameter.
+        Start value, limits and nominal value. The start value is NaN if a parameter provides the initial value.
     role, type : int
-        The constants of this module.
+        Constants of this module.
     reference : int
         Value reference.
     origin : int
-        Value reference of the state (derivatives) or of the parameter with the initial value (state outputs).
+        Value reference of the state (for derivatives) or of the parameter with the initial value (for state outputs).
     """
 
     name: str
@@ -57,17 +57,17 @@ class Variable:
 
 
 @dataclass(frozen=True)
-class Rows:
-    """What a compiled block says of its variables.
+class BlockVariables:
+    """Variables of a compiled block.
 
     Attributes
     ----------
     variables : tuple of Variable
-        In the order of the XML, time first.
+        Variables in the order of the XML, time first.
     guid : str
         Hash of the rows, computed in the library.
     sampled : bool
-        Whether it acts at sample times.
+        Whether the block acts at sample times.
     """
 
     variables: tuple[Variable, ...]
@@ -76,14 +76,14 @@ class Rows:
 
 
 @dataclass(frozen=True)
-class Description(Rows):
+class Description(BlockVariables):
     """A block's variables and structure.
 
     Attributes
     ----------
     dependencies, initial_dependencies : dict of int to tuple of int
-        Value reference of an unknown -> those of the knowns it depends on, in step mode (inputs, continuous
-        states, time) and in initialization mode (inputs, exact variables, time).
+        For the value reference of each unknown, the value references of the knowns on which it depends: in step mode
+        (inputs, continuous states, time) and in initialization mode (inputs, exact variables, time).
     """
 
     dependencies: dict[int, tuple[int, ...]]
@@ -91,15 +91,15 @@ class Description(Rows):
 
 
 def describe(library: Path, computed: Mapping[str, Iterable[str]] | None = None) -> Description:
-    """Read the variables of a compiled block and find out what depends on what, which takes up to some seconds.
+    """Read the variables of a compiled block and probe its dependencies, which takes up to some seconds.
 
     Parameters
     ----------
     library : Path
         The compiled block.
     computed : mapping of str to iterable of str, or None
-        Outputs and what else they are computed from, where the source of the block tells it; a probe may miss what
-        only matters at a limit.
+        Outputs with dependencies known from the source of the block; a probe may miss dependencies that only matter at
+        a limit.
     """
     handle = ctypes.CDLL(str(library))
     rows, size = _read(handle)
@@ -111,12 +111,12 @@ def describe(library: Path, computed: Mapping[str, Iterable[str]] | None = None)
     return Description(rows.variables, rows.guid, rows.sampled, *found)
 
 
-def read_rows(library: Path) -> Rows:
-    """Return what a compiled block says of its variables."""
+def read_variables(library: Path) -> BlockVariables:
+    """Return the variables of a compiled block, without dependencies."""
     return _read(ctypes.CDLL(str(library)))[0]
 
 
-def _read(handle: ctypes.CDLL) -> tuple[Rows, int]:
+def _read(handle: ctypes.CDLL) -> tuple[BlockVariables, int]:
     """Return the rows, and the number of values of the block."""
     handle.block_rows.restype = ctypes.POINTER(_Row)
     handle.block_rows.argtypes = (
@@ -142,7 +142,7 @@ def _read(handle: ctypes.CDLL) -> tuple[Rows, int]:
             start = row.starts[k] if row.starts else row.start
             limits = (row.min, row.max, row.nominal, row.role, row.type)
             variables.append(Variable(element, unit, text, start, *limits, row.index + k, row.origin + k))
-    return Rows(tuple(variables), guid.value.decode(), bool(sampled.value)), size.value
+    return BlockVariables(tuple(variables), guid.value.decode(), bool(sampled.value)), size.value
 
 
 def _add(
@@ -151,7 +151,7 @@ def _add(
     computed: Mapping[str, Iterable[str]],
     roles: tuple[int, ...],
 ) -> None:
-    """Adds what is known beforehand; the name of a vector stands for its elements."""
+    """Add known dependencies; the name of a vector stands for its elements."""
     references = {v.name: v.reference for v in variables}
     for output, names in computed.items():
         known = set(names)
@@ -161,7 +161,7 @@ def _add(
 
 
 def _follow_limit(dependencies: dict[int, tuple[int, ...]], variables: tuple[Variable, ...]) -> None:
-    """u_sat says which limit u is at, so that it depends on what u does; a probe away from the limits sees nothing."""
+    """Give u_sat the dependencies of u: it states the active limit of u, which a probe away from the limits misses."""
     references = {v.name: v.reference for v in variables}
     if {"u", "u_sat"} <= references.keys():
         flag, limited = references["u_sat"], references["u"]
@@ -169,12 +169,12 @@ def _follow_limit(dependencies: dict[int, tuple[int, ...]], variables: tuple[Var
 
 
 def _element(name: str, k: int) -> str:
-    """k[1] of k, der(z[1]) of der(z)."""
+    """Return the name of element k: k[1] for k, der(z[1]) for der(z)."""
     return f"{name[:-1]}[{k + 1}])" if name.startswith("der(") else f"{name}[{k + 1}]"
 
 
 def _per_second(unit: str) -> str:
-    """m -> m/s, m/s -> m/s2: FMI's notation has one slash and exponents behind it."""
+    """Return the unit of a derivative: m -> m/s, m/s -> m/s2; FMI allows one slash, then exponents."""
     if "/" not in unit:
         return f"{unit or 1}/s"
     above, below = unit.split("/")
@@ -187,10 +187,10 @@ def _per_second(unit: str) -> str:
 
 
 class _Probe:
-    """Finds dependencies by setting one value to NaN and, as comparisons swallow NaN, by moving it."""
+    """Search for dependencies: one value is set to NaN and, as comparisons hide NaN, also changed."""
 
     FAR = 1e9
-    LARGE, FEW_POINTS, MOST_POINTS = 500, 60, 400  # a block with as many values takes minutes for more points
+    LARGE, FEW_POINTS, MOST_POINTS = 500, 60, 400  # with so many values, more points would take minutes
 
     def __init__(self, handle: ctypes.CDLL, size: int, variables: tuple[Variable, ...], sampled: bool) -> None:
         self._evaluate = handle.block_evaluate
@@ -202,13 +202,13 @@ class _Probe:
         self._random = random.Random(1)
 
     def dependencies(self, initial: bool) -> dict[int, tuple[int, ...]]:
-        """Unknown -> knowns, both as value references."""
+        """Return the knowns on which each unknown depends, both as value references."""
         unknown_roles = (OUTPUT, LOCAL, DERIVATIVE, STATE_OUTPUT)
         known_roles: tuple[int, ...] = (TIME, INPUT, STATE, STATE_OUTPUT)
         if initial:
             known_roles = (TIME, INPUT, PARAMETER, FIXED, STATE)
         elif self._sampled:
-            known_roles = (TIME, INPUT)  # what a discrete output may be said to depend on
+            known_roles = (TIME, INPUT)  # the dependencies that FMI allows for a discrete output
         unknowns = [v.reference for v in self._variables if v.role in unknown_roles]
         knowns = [v for v in self._variables if v.role in known_roles]
         found: dict[int, set[int]] = {reference: set() for reference in unknowns}
@@ -219,7 +219,7 @@ class _Probe:
             for known in knowns:
                 poisons = [self._moved(known, values[known.reference])]
                 if known.type == REAL:
-                    # a limit that is far from being reached is met by one that is beyond everything; 0 is a flag's "no"
+                    # a huge value reaches limits that are otherwise out of reach; 0 is the "no" of a flag
                     places = (-self.FAR, 0.0, self.FAR)
                     poisons += [math.nan, *(min(max(place, known.min), known.max) for place in places)]
                 for poison in poisons:
@@ -230,11 +230,11 @@ class _Probe:
                                 found[reference].add(known.reference)
         states = {v.reference for v in self._variables if v.role == STATE_OUTPUT}
         for reference in states & found.keys() if not initial else ():
-            found[reference] = {reference}  # a state is known as itself
+            found[reference] = {reference}  # a state depends on itself
         return {reference: tuple(sorted(knowns_of)) for reference, knowns_of in found.items()}
 
     def _point(self, plain: bool) -> list[float]:
-        """Start values, or values drawn around them within their limits."""
+        """Return start values, or random values around them within their limits."""
         values = [0.0] * self._size
         for v in self._variables:
             start = 0.0 if math.isnan(v.start) else v.start
@@ -246,16 +246,16 @@ class _Probe:
         if v.type == BOOLEAN:
             return float(draw.random() < 0.5)
         if v.type == INTEGER:
-            most = int(min(v.max, start + 10))  # often, as it brings all elements of vectors into play
+            most = int(min(v.max, start + 10))  # often the largest size, which uses all elements of vectors
             return float(most if draw.random() < 0.3 else draw.randint(int(max(v.min, start - 10)), most))
         if v.role in (PARAMETER, FIXED):
             value = start * draw.uniform(0.5, 2.0) if start != 0.0 else draw.choice((0.0, 1.0)) * draw.uniform(0.1, 2.0)
-            if start < 0.0 < v.max and draw.random() < 0.5:  # a negative value may stand for "not given"
+            if start < 0.0 < v.max and draw.random() < 0.5:  # a negative value may mean "not given"
                 value = -value
             return min(max(value, v.min), v.max)
         if v.role == TIME:
             return draw.uniform(0.0, 2.0)
-        far = 8.0 if draw.random() < 0.25 else 1.0  # beyond the limits of saturations, too
+        far = 8.0 if draw.random() < 0.25 else 1.0  # also beyond the limits of saturations
         size = math.pow(10.0, draw.uniform(-6.0, far)) * (v.nominal if v.role in (STATE, STATE_OUTPUT) else 1.0)
         return draw.choice((0.0, 1.0, -1.0, 1.0, -1.0)) * size
 
@@ -274,7 +274,7 @@ class _Probe:
         unknowns: list[int],
         changed: tuple[int, float] | None = None,
     ) -> list[float]:
-        """The unknowns, with one of the values changed."""
+        """Return the unknowns, with one of the values changed."""
         buffer = type(values).from_buffer_copy(values)
         if changed:
             buffer[changed[0]] = changed[1]

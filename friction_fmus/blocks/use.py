@@ -11,30 +11,31 @@ from friction_fmus.blocks.macros import table
 from friction_fmus.errors import FrictionError, nearest
 
 KINDS: Final = ("feedforward", "model feedback", "estimator", "dither", "learning", "controller", "other")
-"""What compensators are."""
+"""Kinds of compensators."""
 
 
 @dataclass(frozen=True)
 class Use:
-    """How a law or controller is used as a compensator beside a servo.
+    """Use of a law or controller as a compensator that is added to a servo.
 
     Attributes
     ----------
     kind : str
-        Of `KINDS`.
+        One of `KINDS`.
     models : tuple of str
-        Friction models whose parameters it takes over by name, the first that was identified; empty: none needed.
+        Friction models in order of preference; the law gets the parameters of the first identified one, by name. Empty
+        if it needs no model.
     renamed : mapping of str to str
-        Parameter of the model -> that of the law, where they have other names.
+        Parameters of the law that have another name in the model: model name to law name.
     tuned : mapping of str to str
-        Further parameters -> expressions of what is known of the axis, see `friction_fmus.study.compensators.Known`,
-        and of the model's parameters. ``W[i]`` stands for all elements of a vector.
+        Expressions for further parameters, in terms of the model's parameters and of known data of the axis, see
+        `friction_fmus.study.compensators.Known`. ``W[i]`` stands for all elements of a vector.
     output : str
         The output that is added to the force of the servo.
     never : str
-        Why the law is not compared, a sentence; empty: it is.
+        A sentence that explains why the law is excluded from the comparison; empty if it is not excluded.
     period : str
-        Parameter that takes the period of the reference in samples; empty: the reference need not be periodic.
+        Parameter for the period of the reference in samples; empty if the reference need not be periodic.
     """
 
     kind: str
@@ -46,32 +47,32 @@ class Use:
     period: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse unknown kinds and what is no expression."""
+        """Raise an error for an unknown kind or a text that is not an expression."""
         if self.kind not in KINDS:
-            raise FrictionError(f"A compensator is no {self.kind!r}{nearest(self.kind, KINDS)}")
+            raise FrictionError(f"{self.kind!r} is not a kind of compensator{nearest(self.kind, KINDS)}")
         for text in self.tuned.values():
             names_in(text)
 
 
 REPLACES_SERVO: Final = Use(
-    "controller", never="It replaces the feedback controller, and so cannot be compared at the same feedback gains."
+    "controller", never="It replaces the feedback controller and cannot be compared at the same feedback gains."
 )
 """Use of a law that closes the position loop itself."""
 
 SHAPES_REFERENCE: Final = Use(
     "other",
-    never="It passes the force of a feedforward through the reference, for servos without an input for a force.",
+    never="It applies a feedforward force by way of the reference, for servos without a force input.",
 )
 """Use of a law that shapes the reference."""
 
 
 def use_of(code: str) -> Use | None:
-    """Return what the macro USE of a C file says; None if there is none.
+    """Return the use that the macro USE of a C file declares, or None without this macro.
 
     Raises
     ------
     FrictionError
-        A row is not understood.
+        If a row is malformed.
     """
     rows = table(code, "USE", ("KIND", "MODELS", "RENAMED", "TUNED", "OUTPUT", "NEVER", "PERIOD"))
     if not rows:

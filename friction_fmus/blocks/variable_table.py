@@ -1,4 +1,4 @@
-"""A block's variables for people to read: in groups, vectors as one row."""
+"""Tables of a block's variables for readers: grouped, with one row per vector."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from friction_fmus.blocks.probe import (
     PARAMETER,
     STATE,
     STATE_OUTPUT,
-    Rows,
+    BlockVariables,
     Variable,
 )
 
 GROUPS = {
     "Inputs": (INPUT,),
     "Outputs": (OUTPUT, STATE_OUTPUT),
-    "Inner values": (STATE, LOCAL, DERIVATIVE),
+    "Internal variables": (STATE, LOCAL, DERIVATIVE),
     "Parameters": (PARAMETER,),
     "Fixed parameters": (FIXED,),
 }
-"""Title of a group -> the roles in it; fixed parameters cannot be changed during a run."""
+"""Title of each group and the roles in it; fixed parameters cannot be changed during a run."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,11 @@ class Entry:
     Attributes
     ----------
     name, unit, text : str
-        Name (``k[1...10]`` for a vector), unit or type, and what it is.
+        Name (``k[1...10]`` for a vector), unit or type, and description.
     starts : tuple of str
-        Start values, one if they are all the same, none of what is computed.
+        Start values; one if all are equal, none for computed variables.
     limits : str
-        Range of the values that are accepted, empty if all are.
+        Range of accepted values; empty if there are no limits.
     """
 
     name: str
@@ -53,8 +53,8 @@ class Entry:
     limits: str
 
 
-def variable_groups(rows: Rows) -> dict[str, tuple[Entry, ...]]:
-    """The groups that are not empty, in the order of `GROUPS`."""
+def variable_groups(rows: BlockVariables) -> dict[str, tuple[Entry, ...]]:
+    """Return the groups that are not empty, in the order of `GROUPS`."""
     groups = {}
     for title, roles in GROUPS.items():
         members = [v for role in roles for v in rows.variables if v.role == role]
@@ -64,7 +64,7 @@ def variable_groups(rows: Rows) -> dict[str, tuple[Entry, ...]]:
 
 
 def _vector(v: Variable) -> str:
-    """The name without the number of the element."""
+    """Return the name without the index of the element."""
     return re.sub(r"\[\d+\]", "[]", v.name)
 
 

@@ -10,14 +10,14 @@ from rich.text import Text
 
 from friction_fmus.blocks.catalogue import FEATURES, Block
 from friction_fmus.blocks.comment import INDENT, Paragraph, paragraphs
-from friction_fmus.blocks.probe import Rows
+from friction_fmus.blocks.probe import BlockVariables
 from friction_fmus.blocks.variable_table import Entry, variable_groups
 
 WIDE = 100
 """Columns from which the table of variables has room for their ranges."""
 
 
-def show_block(console: Console, block: Block, rows: Rows) -> None:
+def show_block(console: Console, block: Block, rows: BlockVariables) -> None:
     """Prints what it is, what it is for and cannot do, its equations, and its variables."""
     first, *rest = paragraphs(block.notes) or (Paragraph((block.summary,)),)
     console.print(Text.assemble((block.name, "bold"), f", {block.kind}: {block.summary}"), end="\n\n")
@@ -58,7 +58,7 @@ def _choice(block: Block, leads: list[Paragraph]) -> Table:
     return grid
 
 
-def _variables(rows: Rows, ranges: bool) -> Table:
+def _variables(rows: BlockVariables, ranges: bool) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
     for heading in ("Variables", "start", "unit"):
         table.add_column(heading, justify="right" if heading == "start" else "left", no_wrap=True)

@@ -26,23 +26,23 @@ def assemble(
     platforms: Sequence[Platform],
     compiling: Callable[[str, int], None] | None,
 ) -> bytes:
-    """Return an FMU as bytes: binaries, description, documentation, terminals and figures.
+    """Return an FMU as bytes: binaries, model description, documentation, terminals and figures.
 
     Parameters
     ----------
     block : Block
         The block, with the name of the FMU.
     sources : mapping of str to str
-        File name -> text of the C sources.
+        Text of each C source file.
     platforms : sequence of Platform
-        What it is compiled for.
+        Target platforms.
     compiling : callable or None
-        Called with a platform and the number of platforms that are done, before each.
+        Called before each platform with its name and the number of completed platforms.
 
     Raises
     ------
     BuildError
-        If it does not compile, or a start value lies outside its limits.
+        If the block does not compile, or a start value lies outside its limits.
     """
     with ScratchFolder("friction-fmus-") as folder:
         _stage(block, sources, Path(folder))
@@ -62,7 +62,7 @@ def _compile(platform: Platform, sources: Mapping[str, str], name: str, binaries
 
 
 def _stage(block: Block, sources: Mapping[str, str], folder: Path) -> None:
-    """Make the unzipped FMU without binaries in the folder ``fmu`` of a temporary one."""
+    """Write the unzipped FMU without binaries to the subfolder ``fmu``."""
     staged = folder / "fmu"
     (staged / "sources").mkdir(parents=True)
     for name, text in sources.items():
@@ -94,12 +94,12 @@ def _check_start_values(block: Block, description: Description) -> None:
         if v.role in (INPUT, PARAMETER, FIXED, STATE) and not v.min <= v.start <= v.max:
             raise BuildError(
                 f"The start value {v.name} = {v.start:g} of {block.name} lies outside "
-                f"[{v.min:g}, {v.max:g}]; choose one inside"
+                f"[{v.min:g}, {v.max:g}]; choose a value inside"
             )
 
 
 def _zipped(folder: Path) -> bytes:
-    """Sorted entries with one time and mode, so that equal contents are equal bytes."""
+    """Return the zip archive, with sorted entries, one time and one mode, so that equal contents give equal bytes."""
     stamp = build_time()
     moment = tuple(int(part) for part in re.findall(r"\d+", stamp))
     content = io.BytesIO()
@@ -114,7 +114,7 @@ def _zipped(folder: Path) -> bytes:
 
 
 def computed(block: Block) -> dict[str, tuple[str, ...]]:
-    """Return the outputs of a law and what they are computed from, as casadi knows; nothing of other blocks."""
+    """Return the dependencies of a law's outputs as casadi finds them; empty for other blocks."""
     if block.kind != "law":
         return {}
     from friction_fmus.lawkit.files import discover_laws

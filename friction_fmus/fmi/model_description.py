@@ -1,4 +1,4 @@
-"""modelDescription.xml of a block (FMI 2.0.5, section 2.2), written from what the binary says of itself."""
+"""modelDescription.xml of a block (FMI 2.0.5, section 2.2), from the row table of its binary."""
 
 from __future__ import annotations
 
@@ -36,45 +36,48 @@ ROLE = {  # role -> causality, variability of a Real in a continuous block, init
     STATE_OUTPUT: ("output", "continuous", "calculated"),
     DERIVATIVE: ("local", "continuous", "calculated"),
 }
-"""What the XML says of each role."""
+"""Attributes in the XML for each role."""
 
 CAPABILITIES = {
-    "canHandleVariableCommunicationStepSize": ("true", "Communication steps of any length, also varying ones."),
-    "canInterpolateInputs": ("true", "Inputs may have a derivative: they are then linear in time over a step."),
-    "maxOutputDerivativeOrder": ("1", "First time derivatives of the outputs at the end of a step."),
-    "canNotUseMemoryManagementFunctions": ("true", "Several instances in one process; no memory is taken in a step."),
-    "canGetAndSetFMUstate": ("true", "The state can be saved and restored: steps can be repeated."),
-    "canSerializeFMUstate": ("true", "The saved state is bytes that a file can keep."),
-    "providesDirectionalDerivative": ("true", "Directional derivatives, for masters that solve implicitly."),
+    "canHandleVariableCommunicationStepSize": ("true", "Communication steps may have any length and may vary."),
+    "canInterpolateInputs": ("true", "Inputs may have a first derivative; they then vary linearly during a step."),
+    "maxOutputDerivativeOrder": ("1", "First time derivatives of the outputs are available at the end of a step."),
+    "canNotUseMemoryManagementFunctions": (
+        "true",
+        "Several instances can run in one process; a step allocates no memory.",
+    ),
+    "canGetAndSetFMUstate": ("true", "The state can be saved and restored, so that steps can be repeated."),
+    "canSerializeFMUstate": ("true", "The saved state can be written to a file."),
+    "providesDirectionalDerivative": ("true", "Directional derivatives are available, for implicit masters."),
 }
-"""Attribute of CoSimulation -> its value, and what it means for a user."""
+"""Attributes of CoSimulation: value, and meaning for a user."""
 
 LOG_CATEGORIES = {
-    "logStatusWarning": "what is unusual but does not stop the simulation",
-    "logStatusDiscard": "refused values and steps",
+    "logStatusWarning": "warnings that do not stop the simulation",
+    "logStatusDiscard": "rejected values and steps",
     "logStatusError": "calls that are not allowed",
     "logEvents": "events inside the model",
     "logAll": "all messages",
 }
-"""As in fmi2.h."""
+"""Log categories, as in fmi2.h."""
 
 
 def model_description(block: Block, description: Description, identifier: str) -> bytes:
-    """The XML file.
+    """Return the XML file.
 
     Parameters
     ----------
     block : Block
-        Texts about the model.
+        The block, for its texts.
     description : Description
-        Read from its binary.
+        The description read from its binary.
     identifier : str
         Model identifier.
 
     Returns
     -------
     bytes
-        UTF-8, byte-identical for the same block.
+        The file in UTF-8, byte-identical for the same block.
     """
     variables = description.variables
     index = {v.reference: i for i, v in enumerate(variables, start=1)}

@@ -1,4 +1,4 @@
-"""docs/models.md, written from the friction models: ``python -m friction_fmus.fmi.models_page > docs/models.md``."""
+"""The page docs/models.md, from the friction models: ``python -m friction_fmus.fmi.models_page > docs/models.md``."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from friction_fmus.fmi.package import describe_block
 
 INTRODUCTION = """# Friction models
 
-Each is an FMU with the input `v`, the relative sliding velocity, and the output `F`, the friction force that opposes
-it. `friction-fmus show NAME` prints its equations and parameters, `friction-fmus cite NAME` the BibTeX entry of its
-source.
+Each model is an FMU with the relative sliding velocity `v` as input and the friction force `F`, which opposes `v`, as
+output. `friction-fmus show NAME` prints the equations and parameters of a model, and `friction-fmus cite NAME` prints
+the BibTeX entry of its source.
 """
 
 
 def models_page() -> str:
-    """The page: a feature table, then what each model is, its equations and limits."""
+    """Return the page: a table of features, then the equations and limits of each model."""
     blocks = [block for block in catalogue().values() if block.kind == "friction"]
     heads = ("model", *FEATURES, "states")
     table = [f"| {' | '.join(heads)} |", f"|---|{':-:|' * (len(heads) - 1)}"]

@@ -1,4 +1,4 @@
-"""From the name or file of a block to an FMU: its sources, and the FMU from the cache or built."""
+"""The FMU of a block, from its name or file: collected sources, and the FMU from the cache or a new build."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from friction_fmus.blocks.catalogue import PACKAGE, Block, find, package_text, source_folder, with_room
 from friction_fmus.blocks.customise import Start, identified, renamed, rotational, with_start_values
-from friction_fmus.blocks.probe import Rows, read_rows
+from friction_fmus.blocks.probe import BlockVariables, read_variables
 from friction_fmus.errors import BuildError
 from friction_fmus.version import VERSION, build_time
 from harness.compiling import toolchain
@@ -26,13 +26,13 @@ from harness.storage.cache import cached
 from harness.storage.files import read_source, reason
 
 SHIPPED = PACKAGE / "fmus"
-"""FMUs for all platforms in an installed package; a checkout has none."""
+"""Folder of the FMUs for all platforms in an installed package; a checkout has none."""
 
 SHARED_FOLDERS = ("", "numerics", "friction")
-"""Folders of ``fmu_src`` whose headers any block may include; in an FMU all sources are in one folder."""
+"""Folders of ``fmu_src`` with headers for all blocks; in an FMU, all sources are in one folder."""
 
 FMI_HEADER = "fmi2Functions.h"
-"""The header of the standard, which importers have and FMUs do not carry."""
+"""The header of the FMI standard, which importers provide."""
 
 
 def build(
@@ -53,30 +53,30 @@ def build(
     model : str or Path
         Name of a block (`friction-fmus list`), or path of a block's ``.c`` or a law's ``.py`` file.
     out_dir : path-like
-        Folder for ``NAME.fmu``; made if needed.
+        Folder for ``NAME.fmu``; it is created if needed.
     start : mapping of str to number, optional
-        Start values to burn in, in the units of the block.
+        New default start values, in the units of the block.
     name : str, optional
-        Other model identifier and file name.
+        Model identifier and file name, if different from the model's name.
     files : mapping of str to str, optional
-        Further or replaced headers of the block, such as ``series.h`` of `Record`.
+        Additional or replaced headers of the block, such as ``series.h`` of `Record`.
     domain : {"translational", "rotational"}
-        The rotational twin has N.m, rad and kg.m2 for N, m and kg, and the suffix ``Rotational``.
+        The rotational twin uses N.m, rad and kg.m2 in place of N, m and kg, and has the suffix ``Rotational``.
     platforms : sequence of str
-        Which binaries it gets: ``"native"``, ``"all"`` or names such as ``"win64"``, see `PLATFORMS`.
+        Platforms of the binaries: ``"native"``, ``"all"`` or names such as ``"win64"``, see `PLATFORMS`.
     compiling : callable, optional
-        Called with a platform and the number of platforms that are done, before the FMU is compiled for it; for a
-        progress bar. It is not called for an FMU in the cache.
+        Called before each platform is compiled, with its name and the number of completed platforms, for a progress
+        bar. It is not called for an FMU in the cache.
 
     Returns
     -------
     Path
-        The FMU, complete or not there at all.
+        The FMU, which is written completely or not at all.
 
     Raises
     ------
     UnknownNameError, BuildError
-        See their messages.
+        If the model is unknown; if it cannot be built.
     """
     file, content = _built(model, start, name, files, domain, platforms, compiling)
     return _write(content, Path(out_dir) / file)
@@ -91,7 +91,7 @@ def _built(
     platforms: Sequence[str],
     compiling: Callable[[str, int], None] | None = None,
 ) -> tuple[str, bytes]:
-    """Return the file name of an FMU and its content, from the cache or built."""
+    """Return the file name and the content of an FMU, from the cache or a new build."""
     block = find(model)
     chosen = select(tuple(platforms))
     twin = domain == "rotational"
@@ -108,7 +108,7 @@ def _built(
 
     def make() -> bytes:
         from friction_fmus.fmi.contents import (
-            assemble,  # takes several libraries, which an FMU in the cache does not need
+            assemble,  # imports several libraries that are not needed for an FMU in the cache
         )
 
         return assemble(block, sources, chosen, compiling)
@@ -117,20 +117,23 @@ def _built(
 
 
 def _shipped(model: str | Path, block: Block) -> Path | None:
-    """The FMU of the installed package, if it is one of its blocks that is asked for."""
+    """Return the FMU in the installed package, if the model is one of its blocks."""
     path = SHIPPED / f"{block.name}.fmu"
     return path if str(model) == block.name and path.is_file() else None
 
 
 def fmu(name: str | Path, domain: Literal["translational", "rotational"] = "translational") -> Path:
-    """Return the FMU of a block with its own start values: that of the installed package, for all platforms.
+    """Return the FMU of a block with its default start values.
+
+    An installed package contains the FMUs of its blocks for all platforms. For a user's file, or in a checkout, the FMU
+    is built for this machine and cached.
 
     Parameters
     ----------
     name : str or Path
-        As of `build`. For a file, or in a checkout, the FMU is built, for this machine, and cached.
+        Name or file of the block, see `build`.
     domain : {"translational", "rotational"}
-        As of `build`.
+        See `build`.
 
     Returns
     -------
@@ -140,24 +143,24 @@ def fmu(name: str | Path, domain: Literal["translational", "rotational"] = "tran
     Raises
     ------
     UnknownNameError, BuildError
-        See their messages.
+        If the model is unknown; if it cannot be built.
     """
     if domain == "translational" and (shipped := _shipped(name, find(name))):
         return shipped
     file, content = _built(name, None, None, None, domain, ("native",))
-    # a folder for each content: another version of this package may use the same cache
+    # one folder per content, as another version of this package may use the same cache
     return _write(content, toolchain.cache_folder() / "models" / hashlib.sha256(content).hexdigest()[:16] / file)
 
 
-def describe_block(block: Block) -> Rows:
-    """Compile a block and return what it says of its variables.
+def describe_block(block: Block) -> BlockVariables:
+    """Compile a block and read its variables.
 
     Raises
     ------
     BuildError
-        If it does not compile.
+        If the block does not compile.
     """
-    return read_rows(native_library(identified(_sources(block, {}), block.name), block.name))
+    return read_variables(native_library(identified(_sources(block, {}), block.name), block.name))
 
 
 def build_record(
@@ -170,18 +173,23 @@ def build_record(
     *,
     domain: Literal["translational", "rotational"] = "translational",
 ) -> Path:
-    """Builds a `Record` FMU that plays a measured or computed reference.
+    """Build a `Record` FMU that plays back a measured or computed reference.
 
     Parameters
     ----------
     times, r, rd, rdd : array_like, shape (n,)
-        Strictly increasing times [s], position [m], velocity [m/s], acceleration [m/s2].
+        Strictly increasing times [s], and position [m], velocity [m/s] and acceleration [m/s2] at these times.
     out_dir : path-like
         Folder for the FMU.
     name : str
         Model identifier.
     domain : {"translational", "rotational"}
-        The rotational twin has rad for m.
+        The rotational twin uses rad in place of m.
+
+    Returns
+    -------
+    Path
+        The FMU.
 
     Raises
     ------
@@ -190,17 +198,19 @@ def build_record(
     """
     columns = [np.asarray(column, dtype=float) for column in (times, r, rd, rdd)]
     if len({column.shape for column in columns}) != 1 or columns[0].ndim != 1 or columns[0].size < 2:
-        raise BuildError("A record needs times, r, rd and rdd as vectors of one length, at least 2")
+        raise BuildError("A record needs times, r, rd and rdd as vectors of the same length, at least 2")
     table = np.column_stack(columns)
     if not np.isfinite(table).all() or not (np.diff(columns[0]) > 0.0).all():
-        raise BuildError("A record needs finite values at strictly increasing times; sort it and drop the gaps")
+        raise BuildError(
+            "A record needs finite values at strictly increasing times; sort the samples and remove missing values"
+        )
     rows = "".join("    {" + ", ".join(repr(float(value)) for value in row) + "},\n" for row in table)
     text = f"/* t [s], r [m], rd [m/s], rdd [m/s2] */\nstatic const double series[][4] = {{\n{rows}}};\n"
     return build("Record", out_dir, name=name, files={"series.h": text}, domain=domain)
 
 
 def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:
-    """Return file name -> text: the block and all headers that it includes, directly or through others."""
+    """Return the text of each source file: the block and all headers that it includes, directly or indirectly."""
     sources = {f"{block.name}.c": block.code}
     places = (block.path.parent, *(source_folder() / folder for folder in SHARED_FOLDERS))
     pending = [(block.path, block.code)]
@@ -212,7 +222,7 @@ def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:
             given = header in files
             found = None if given else next((p / header for p in places if (p / header).is_file()), None)
             if found is None and not given:
-                raise BuildError(f"{includer} includes {header!r}, which is neither beside it nor in fmu_src")
+                raise BuildError(f"{includer} includes {header!r}, which is neither in the same folder nor in fmu_src")
             sources[header] = files[header] if found is None else _header(found)
             pending.append((Path(header), sources[header]))
     return sources
@@ -226,7 +236,7 @@ def _header(path: Path) -> str:
 
 
 def _key(sources: Mapping[str, str], block: Block, platforms: Sequence[Platform]) -> str:
-    """Hash of all that decides the bytes of the FMU."""
+    """Return a hash of everything that determines the bytes of the FMU."""
     digest = hashlib.sha256()
     texts = [
         VERSION,
@@ -246,12 +256,12 @@ def _key(sources: Mapping[str, str], block: Block, platforms: Sequence[Platform]
 
 @cache
 def _package() -> tuple[str, ...]:
-    """The texts of the modules that make the FMU, and of those that they quote."""
+    """Return the texts of the modules that generate the FMU, and of those that they quote."""
     return tuple(path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py")))
 
 
 def _write(content: bytes, target: Path) -> Path:
-    """Writes a file that is complete or absent; makes its folder."""
+    """Write a file completely or not at all, and create its folder if needed."""
     target.parent.mkdir(parents=True, exist_ok=True)
     with atomic_path(target) as temporary:
         temporary.write_bytes(content)

@@ -1,4 +1,4 @@
-"""Terminals of a block and ``terminalsAndIcons.xml``, which FMI 2.0.4 takes over from FMI 3.0 (section 2.4.9 there)."""
+"""Terminals of a block and ``terminalsAndIcons.xml``, which FMI 2.0.4 adopts from FMI 3.0 (section 2.4.9 there)."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ FLANGES = (
     ("v", "F_load", "inflow"),
     ("v", "F_drive", "inflow"),
 )
-"""Velocity and force of a flange, the first pair of an input and an output that a block has, and the direction of the
-force: a friction model takes up F, a mass gives F_friction away and takes up the other forces. So the forces that meet
-add up to zero, and one mass may bear several contacts."""
+"""Velocity and force of a flange, and the direction of the force. The first pair with an input and an output in the
+block counts. F flows into a friction model; F_friction flows out of a mass, and other forces flow into it. The forces
+at a connection thus add up to zero, and a mass can have several contacts."""
 
 SIDES = (("flange", ""), ("flange_a", "1"), ("flange_b", "2"))
-"""Name of a flange, and what its variables end with: the sides of a drive are named as in the Modelica library."""
+"""Name of a flange and suffix of its variables; the sides of a drive are named as in the Modelica library."""
 
 REFERENCES: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
@@ -33,18 +33,18 @@ REFERENCES: Mapping[str, Mapping[str, str]] = MappingProxyType(
         "reference_y": {"r": "y", "rd": "yd", "rdd": "ydd"},
     }
 )
-"""Name of a terminal with a reference -> member -> variable; it has those that are there, if they are two or more."""
+"""Members of each reference terminal and their variables; a terminal exists if two or more of them do."""
 
 DOMAINS: Mapping[str, str] = MappingProxyType({"m/s": "translational", "rad/s": "rotational"})
-"""Unit of the velocity -> domain of a flange; the chains of atoms have no units."""
+"""Domain of a flange for each unit of the velocity; the atomic chains have no units."""
 
 SHAPES: Mapping[str, str] = MappingProxyType(
     {"translational": "square", "rotational": "circle", "dimensionless": "square", "reference": "triangle"}
 )
-"""Last word of the kind of a terminal -> shape of its icon."""
+"""Shape of the icon for the last word of a terminal's kind."""
 
 COLOURS: Mapping[str, str] = MappingProxyType({"square": "0 127 0", "circle": "0 0 0", "triangle": "0 0 127"})
-"""Shape of a terminal -> colour of the lines to it, as in the Modelica library."""
+"""Colour of the lines to each shape of terminal, as in the Modelica library."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Member:
     Attributes
     ----------
     name, variable : str
-        Its name in the terminal, which is matched, and in the block.
+        Name in the terminal, by which members are matched, and name in the block.
     kind : str
         ``signal``, ``inflow`` or ``outflow``.
     """
@@ -66,20 +66,20 @@ class Member:
 
 @dataclass(frozen=True)
 class Terminal:
-    """Variables that are connected together.
+    """A group of variables that are connected in one step.
 
     Attributes
     ----------
     name, description : str
-        Its name and what it is.
+        Name and description.
     domain : str
         ``translational``, ``rotational``, ``dimensionless`` or ``reference``.
     rule : str
-        ``plug``: all members are connected, or ``bus``: those that both sides have.
+        ``plug`` connects all members, ``bus`` those that both sides have.
     members : tuple of Member
-        Its variables.
+        The variables.
     right : bool
-        Whether it is on the right side of the icon.
+        Whether the terminal is on the right side of the icon.
     """
 
     name: str
@@ -91,12 +91,12 @@ class Terminal:
 
     @property
     def shape(self) -> str:
-        """Name of its icon: ``square``, ``circle`` or ``triangle``."""
+        """Name of the icon: ``square``, ``circle`` or ``triangle``."""
         return SHAPES[self.domain]
 
 
 def terminals(description: Description) -> tuple[Terminal, ...]:
-    """The flanges and references of a block, by the names of its inputs and outputs."""
+    """Return the flanges and references of a block, found by the names of its inputs and outputs."""
     ports = {v.name: v for v in description.variables if v.role in (INPUT, OUTPUT, STATE_OUTPUT)}
     return tuple(chain(_flanges(ports), _references(ports)))
 
@@ -124,17 +124,17 @@ def _references(ports: Mapping[str, Variable]) -> Iterator[Terminal]:
 
 
 def terminals_and_icons(found: tuple[Terminal, ...]) -> bytes:
-    """The XML file.
+    """Return the XML file.
 
     Parameters
     ----------
     found : tuple of Terminal
-        Of the block.
+        Terminals of the block.
 
     Returns
     -------
     bytes
-        UTF-8, byte-identical for the same terminals.
+        The file in UTF-8, byte-identical for the same terminals.
     """
     root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     graphics = etree.SubElement(root, "GraphicalRepresentation")

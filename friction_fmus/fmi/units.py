@@ -1,4 +1,4 @@
-"""Units of the blocks: base-unit exponents for the XML, and the quantity each unit measures."""
+"""Units of the blocks: base-unit exponents for the XML, and the quantity of each unit."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ BASE_UNITS = {
     "candela": "cd",
     "radian": "rad",
 }
-"""pint's names -> the attributes of the FMI element BaseUnit."""
+"""Attributes of the FMI element BaseUnit by pint's names."""
 
 QUANTITIES = {
     "s": "Time",
@@ -44,7 +44,7 @@ QUANTITIES = {
     "N.m/rad": "RotationalStiffness",
     "N.m.s/rad": "RotationalDamping",
 }
-"""Unit -> physical quantity; torque and energy share exponents, so the quantity tells them apart."""
+"""Physical quantity of each unit; it distinguishes torque and energy, which have the same exponents."""
 
 DISPLAY_UNITS = {
     "m": (("mm", 1e3), ("um", 1e6)),
@@ -52,7 +52,7 @@ DISPLAY_UNITS = {
     "rad": (("deg", 57.29577951308232),),
     "rad/s": (("deg/s", 57.29577951308232), ("rev/min", 9.549296585513721)),
 }
-"""Unit -> display units with factors: shown value = factor x value."""
+"""Display units of each unit, with factors: displayed value = factor x value."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class BaseUnit:
 @cache
 def _registry() -> pint.UnitRegistry[float]:
     registry: pint.UnitRegistry[float] = pint.UnitRegistry(None)
-    # FMI counts rad among the base units; pint's own definition makes it a number
+    # rad is a base unit in FMI, but dimensionless in pint
     for name, symbol, dimension in (
         ("kilogram", "kg", "mass"),
         ("meter", "m", "length"),
@@ -95,45 +95,46 @@ def _everyday_registry() -> pint.UnitRegistry[float]:
 
 
 def _parsed(text: str, registry: pint.UnitRegistry[float]) -> BaseUnit:
-    """A unit in base units. The only place where pint parses a text: it evaluates all that it gets.
+    """Return a unit in base units. Only this function lets pint parse a text, as pint evaluates expressions.
 
     Raises
     ------
     Exception
-        Of many kinds: pint's, also for bad syntax and units with an offset; ValueError for what is no unit name.
+        Several kinds: those of pint, also for syntax errors and units with an offset; ValueError if the text is not a
+        unit name.
     """
     if not is_unit_text(text):
-        raise ValueError("it is not made of symbols, powers, products and quotients")
+        raise ValueError("it contains more than symbols, powers, products and quotients")
     expression = re.sub(r"([A-Za-z])([-+]?\d+)", r"\1**\2", text.strip().replace(".", "*"))
     quantity = registry.Quantity(1.0, registry.parse_units(expression)).to_base_units()
     powers = {BASE_UNITS[name]: float(str(power)) for name, power in quantity.unit_items()}
     factor = float(quantity.magnitude)
     if not (all(power.is_integer() for power in powers.values()) and 0.0 < factor < math.inf):
-        raise ValueError("it has a fractional power, or a factor that is no number")
+        raise ValueError("it has a fractional power, or a factor that is not a number")
     return BaseUnit({name: int(powers[name]) for name in BASE_UNITS.values() if name in powers}, factor)
 
 
 @cache
 def base_unit(unit: str) -> BaseUnit:
-    """Exponents and factor of a unit such as ``N.s/m`` or ``kg.m2``.
+    """Return exponents and factor of a unit such as ``N.s/m`` or ``kg.m2``.
 
     Raises
     ------
     FrictionError
-        If the unit is not made of known units.
+        If the unit contains unknown units.
     """
     try:
         return _parsed(unit, _registry())
-    except Exception as error:  # see there
+    except Exception as error:  # see _parsed
         raise FrictionError(
-            f"The unit {unit[:LONGEST_UNIT]!r} is not known; write it from SI units, such as N.s/m"
+            f"The unit {unit[:LONGEST_UNIT]!r} is unknown; write it in SI units, such as N.s/m"
         ) from error
 
 
 @cache
 def everyday_unit(unit: str) -> BaseUnit | None:
-    """Exponents and factor of any unit that pint knows, such as ``rpm``, ``inch``, ``lbf``; None for others."""
+    """Return exponents and factor of any unit known to pint, such as ``rpm``, ``inch``, ``lbf``, or None."""
     try:
         return _parsed(unit, _everyday_registry())
-    except Exception:  # see there
+    except Exception:  # see _parsed
         return None

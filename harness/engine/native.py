@@ -282,7 +282,7 @@ class Engine:
     def _floats_changed(self) -> HarnessError:
         """Return the error for a part that changes the results of all other parts."""
         data = self.data
-        what = f"it changed {described_floats(data.float_change)} of the process, which affects all parts"
+        what = f"it changed {described_floats(data.float_change)} of the whole process, which affects all parts"
         remedy = "run it in its own process (isolate = true)"
         time = float(data.failed_time)
         if data.failed_part >= 0:

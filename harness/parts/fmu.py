@@ -262,7 +262,8 @@ class FmuPart(Part):
                 buffer = (ctypes.c_int * 1)(_whole(value))
         except (TypeError, ValueError, OverflowError) as error:
             raise StartValueError(
-                f"start value {shown(value)} of {self.name}.{port.name} is not of type {port.type}: give a {port.type}"
+                f"start value {shown(value)} of {self.name}.{port.name} is not of type {port.type}: give a value of "
+                "this type"
             ) from error
         try:
             instance.last_message = ""

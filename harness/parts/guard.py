@@ -63,9 +63,7 @@ class Guard:
         changed = [*_changed_floats(before), *_changed_folder(before), *_changed_locale(before)]
         if changed:
             who = f"part '{name}'" if name else candidates(self.watched)
-            _LOG.warning(
-                "%s changed %s of the process, which has been restored: %s", who, " and ".join(changed), _ISOLATE
-            )
+            _LOG.warning("%s changed %s of the whole process, now restored: %s", who, " and ".join(changed), _ISOLATE)
 
     @contextmanager
     def watching(self, name: str) -> Iterator[None]:

@@ -118,7 +118,7 @@ class Parameter:
             return float(value)
         if type(value) is {"Integer": int, "Boolean": bool, "String": str}.get(port.type):
             return value
-        raise StartValueError(f"{where} is {value!r}, which is not of type {port.type}: give a {port.type}")
+        raise StartValueError(f"{where} is {value!r}, which is not of type {port.type}: give a value of this type")
 
 
 @dataclass(frozen=True)

@@ -157,7 +157,7 @@ class SweepFolder:
         for outcome in outcomes:
             if outcome.measures and outcome.measures.keys() != set(self._measures or ()):
                 outcome.error = (
-                    f"the measures are called {', '.join(outcome.measures)}, but {', '.join(self._measures or ())} "
+                    f"the measures are called {', '.join(outcome.measures)} but were {', '.join(self._measures or ())} "
                     "in an earlier run: return the same names in every run"
                 )
                 outcome.measures = {}

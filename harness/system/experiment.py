@@ -35,15 +35,15 @@ class Experiment:
         Number of communication steps from one recorded row to the next.
     tolerance : float or None
         Relative tolerance passed to the parts.
+    order : tuple of str
+        Names of all parts in stepping order, instead of the order derived from their dependencies.
+    extrapolation : int
+        Order of the polynomials, 0 to 2, with which the master jacobi extrapolates inputs; 0 holds the values.
     loop_tolerance : float or None
         Residual relative to the magnitude of the values at which the masters newton and adaptive accept a loop as
         solved; None stands for 3e-8. A smaller value needs more evaluations, and reduces noise and creep at rest.
-    extrapolation : int
-        Order of the polynomials, 0 to 2, with which the master jacobi extrapolates inputs; 0 holds the values.
     manipulators : tuple of Manipulator
         Changes to the values of connections during the run.
-    order : tuple of str
-        Names of all parts in stepping order, instead of the order derived from their dependencies.
 
     Raises
     ------

@@ -68,10 +68,12 @@ class Override(Manipulator):
 
     Parameters
     ----------
-    input, start, stop
-        See `Manipulator`.
+    input : str
+        ``"part.port"`` of the input at the end of the connection.
     value : float
         The constant, in the unit of the input.
+    start, stop : float
+        Active span [s]; the default is the whole run.
     """
 
     kind: ClassVar[str] = "override"
@@ -84,10 +86,12 @@ class Bias(Manipulator):
 
     Parameters
     ----------
-    input, start, stop
-        See `Manipulator`.
+    input : str
+        ``"part.port"`` of the input at the end of the connection.
     value : float
         The added constant, in the unit of the input.
+    start, stop : float
+        Active span [s]; the default is the whole run.
     """
 
     kind: ClassVar[str] = "bias"
@@ -100,12 +104,14 @@ class Noise(Manipulator):
 
     Parameters
     ----------
-    input, start, stop
-        See `Manipulator`.
+    input : str
+        ``"part.port"`` of the input at the end of the connection.
     sigma : float
         Standard deviation, in the unit of the input.
     seed : int
         Seed of the random numbers; equal seeds give equal noise.
+    start, stop : float
+        Active span [s]; the default is the whole run.
     """
 
     kind: ClassVar[str] = "noise"
@@ -126,8 +132,10 @@ class Freeze(Manipulator):
 
     Parameters
     ----------
-    input, start, stop
-        See `Manipulator`.
+    input : str
+        ``"part.port"`` of the input at the end of the connection.
+    start, stop : float
+        Active span [s]; the default is the whole run.
     """
 
     kind: ClassVar[str] = "freeze"
@@ -139,12 +147,14 @@ class DropOut(Manipulator):
 
     Parameters
     ----------
-    input, start, stop
-        See `Manipulator`.
+    input : str
+        ``"part.port"`` of the input at the end of the connection.
     probability : float
         Probability of losing the value of a communication step.
     seed : int
         Seed of the random numbers; equal seeds lose the same values.
+    start, stop : float
+        Active span [s]; the default is the whole run.
     """
 
     kind: ClassVar[str] = "drop-out"
@@ -168,10 +178,12 @@ class Delay(Manipulator):
 
     Parameters
     ----------
-    input, start, stop
-        See `Manipulator`.
+    input : str
+        ``"part.port"`` of the input at the end of the connection.
     ticks : int
         Delay in communication steps, 1 or more.
+    start, stop : float
+        Active span [s]; the default is the whole run.
     """
 
     kind: ClassVar[str] = "delay"

@@ -158,9 +158,8 @@ class System:
     def from_ssp(cls, path: str | Path, folder: str | Path | None = None) -> Self:
         """Read an archive of System Structure and Parameterization 1.0.
 
-        Nested systems are flattened: the FMU ``c`` in the system ``s`` becomes the part ``s_c``. Unconnected inputs
-        keep the start values of their FMUs. The experiment is None if the file has no stop time or no communication
-        step (from this project or the base step of the Open Simulation Platform).
+        The FMU ``c`` in a nested system ``s`` becomes the part ``s_c``. Unconnected inputs keep the start values of
+        their FMUs. The experiment is None without a stop time or a communication step (or base step of OSP).
 
         Parameters
         ----------
@@ -177,8 +176,8 @@ class System:
         Raises
         ------
         SystemFileError
-            If the file cannot be read, is invalid, or contains unsupported elements: signal dictionaries, components
-            that are not FMUs, tables that map values, calculated parameters.
+            If the file cannot be read or is invalid, or if it contains signal dictionaries, components that are not
+            FMUs, tables that map values or calculated parameters.
         HarnessError
             If the described system is invalid.
         """
@@ -206,8 +205,6 @@ class System:
     ) -> System:
         """Return a copy of the system with changed start values, converted to the units of the variables.
 
-        The copy shares the parts, so run only one of the systems at a time.
-
         Parameters
         ----------
         parameters : path-like, ParameterSet or mapping of str to Parameter or value
@@ -218,7 +215,7 @@ class System:
         Returns
         -------
         System
-            The system with the new start values.
+            The new system. It shares the parts, so run only one of the systems at a time.
 
         Raises
         ------
@@ -246,8 +243,6 @@ class System:
     def with_start(self, values: Mapping[str, StartValue]) -> System:
         """Return a copy of the system with changed start values.
 
-        The copy shares the parts, so run only one of the systems at a time.
-
         Parameters
         ----------
         values : mapping of str to value
@@ -256,7 +251,7 @@ class System:
         Returns
         -------
         System
-            The system with the new start values.
+            The new system. It shares the parts, so run only one of the systems at a time.
         """
         start = {**self.start, **values}
         return System(self.parts.values(), self.wires, start, self.experiment, self.name, self.strict)
@@ -292,8 +287,8 @@ class System:
         progress : Progress or None
             Receives reports of progress.
         resume, checkpoint : path-like or None
-            File with the state from which the run continues, and file for the state at its end. A continued run must
-            have the same start and step; its values are bit-identical to those of an uninterrupted run.
+            Files to read the initial state from and to write the final state to. A continued run needs the same start
+            and step and is bit-identical to an uninterrupted run.
         pace : float or None
             Simulated time per wall-clock time, 1 for real time; None runs as fast as possible.
 

@@ -66,7 +66,7 @@ def test_a_run_that_cannot_be_started_writes_nothing(
     seizing: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["run", str(seizing("gain = -1.0")), "-o", str(tmp_path / "out.nc")]) == 2
-    assert "refused the start value -1.0 of gain" in capsys.readouterr().err
+    assert "rejected the start value -1.0 of gain" in capsys.readouterr().err
     assert not (tmp_path / "out.nc").exists()
 
 

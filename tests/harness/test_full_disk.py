@@ -43,7 +43,7 @@ def test_a_result_that_does_not_fit(suffix: str, there: bool, tmp_path: Path) ->
         [sys.executable, "-c", LIMITED, str(path)], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert (run.returncode, run.stderr) == (0, "")
-    assert run.stdout == f"cannot write {path}: File too large; make room or give a path on another disk\n"
+    assert run.stdout == f"cannot write {path}: File too large; free some space or give a path on another disk\n"
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name] * there
     assert not there or path.read_text() == "the last one"
 
@@ -80,7 +80,7 @@ def test_what_a_command_writes_and_does_not_fit(name: str, tmp_path: Path) -> No
     )
     assert run.returncode == 2
     assert f"cannot write {folder}/" in run.stderr
-    assert run.stderr.endswith(": File too large; make room or give a path on another disk\n")
+    assert run.stderr.endswith(": File too large; free some space or give a path on another disk\n")
     assert run.stderr.count("\n") == 1
     assert not (folder / name).exists()
     assert not list(folder.glob(".*"))

@@ -110,7 +110,7 @@ def test_log_messages_go_to_logging(probe: Path, caplog: pytest.LogCaptureFixtur
 
 
 def test_refused_start_value_gives_the_reason_of_the_fmu(probe: Path) -> None:
-    with pytest.raises(StartValueError, match=r"p refused the start value -1.0 of gain.*'gain = -1 is below 0'"):
+    with pytest.raises(StartValueError, match=r"p rejected the start value -1.0 of gain.*'gain = -1 is below 0'"):
         run_probe(probe, {"p.gain": -1.0})
 
 
@@ -160,7 +160,7 @@ def test_save_and_restore(probe: Path) -> None:
     assert seen == [0.75, 0.75]
     assert part.save(state) is state
     part.terminate()
-    with pytest.raises(PartError, match="not of the present run"):
+    with pytest.raises(PartError, match="this state belongs to another run"):
         part.restore(state)
     part.close()
 
@@ -190,7 +190,7 @@ def refused(path: Path) -> str:
 
 
 def test_missing_file(tmp_path: Path) -> None:
-    assert "there is no such file" in refused(tmp_path / "none.fmu")
+    assert "the file does not exist" in refused(tmp_path / "none.fmu")
 
 
 def test_folder(tmp_path: Path) -> None:

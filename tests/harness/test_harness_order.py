@@ -81,7 +81,7 @@ def test_sampled_source_before_a_sampled_part_with_state() -> None:
 
 def test_algebraic_loop_is_named() -> None:
     parts = [memoryless("a", ["u"], ["y"]), memoryless("b", ["u"], ["y"])]
-    with pytest.raises(AlgebraicLoopError, match=r"algebraic loop: a\.y -> b\.u -> b\.y -> a\.u -> a\.y: ") as caught:
+    with pytest.raises(AlgebraicLoopError, match=r"algebraic loop a\.y -> b\.u -> b\.y -> a\.u -> a\.y: ") as caught:
         System(parts, ["a.y -> b.u", "b.y -> a.u"]).run(stop=1.0, step=0.1)
     assert "\n" not in str(caught.value)
 
@@ -94,7 +94,7 @@ def test_algebraic_loop_of_one_part_with_itself() -> None:
 def test_algebraic_loop_among_sampled_parts() -> None:
     parts = [memoryless("a", ["u"], ["y"], sampled=True), memoryless("b", ["u"], ["y"], sampled=True)]
     for master in ("jacobi", "newton"):
-        with pytest.raises(AlgebraicLoopError, match="algebraic loop: "):
+        with pytest.raises(AlgebraicLoopError, match="algebraic loop "):
             System(parts, ["a.y -> b.u", "b.y -> a.u"]).run(stop=1.0, step=0.1, master=master)
 
 
@@ -187,5 +187,5 @@ def test_order_must_name_every_part_once() -> None:
 
 
 def test_rate_must_be_positive() -> None:
-    with pytest.raises(ExperimentError, match="every 0 ticks"):
+    with pytest.raises(ExperimentError, match="every = 0: give"):
         System([mass(every=0)], start={"mass.F": 0.0})

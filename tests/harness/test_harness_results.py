@@ -184,13 +184,13 @@ def test_a_damaged_file_is_refused_in_one_sentence(suffix: str, tmp_path: Path) 
 
 
 def test_missing_files_and_unknown_suffixes(tmp_path: Path) -> None:
-    with pytest.raises(ResultFileError, match="there is no such file"):
+    with pytest.raises(ResultFileError, match="the file does not exist"):
         load_result(tmp_path / "none.csv")
     with pytest.raises(ResultFileError, match=r"ends in \.csv, \.parquet, \.nc or \.mat"):
         load_result(tmp_path / "out.xls")
-    with pytest.raises(OutputError, match=r"end the name in \.csv, \.parquet, \.nc or \.mat"):
+    with pytest.raises(OutputError, match=r"use a name that ends in \.csv, \.parquet, \.nc or \.mat"):
         save_result(example(), tmp_path / "out.xls")
-    with pytest.raises(OutputError, match=r"slash such as 'p\.a/b'"):
+    with pytest.raises(OutputError, match=r"slash in a name such as 'p\.a/b'"):
         save_result(example().rename({"p.F": "p.a/b"}), tmp_path / "out.nc")
     assert list(tmp_path.iterdir()) == []
 
@@ -198,7 +198,7 @@ def test_missing_files_and_unknown_suffixes(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["x,y\n1,2\n", "time [s],x\n0,high\n"], ids=["no time", "no number"])
 def test_a_csv_that_is_no_result(text: str, tmp_path: Path) -> None:
     (tmp_path / "out.csv").write_text(text)
-    with pytest.raises(ResultFileError, match=r"no column .time.|not all numbers"):
+    with pytest.raises(ResultFileError, match=r"no column .time.|values that are not numbers"):
         load_result(tmp_path / "out.csv")
 
 

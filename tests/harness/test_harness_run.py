@@ -189,7 +189,7 @@ def test_plot_of_nothing_or_to_nowhere(tmp_path: Path) -> None:
         plot(result, tmp_path / "a.png", ["mass.y"])
     with pytest.raises(OutputError, match="suffix must be one of"):
         plot(result, tmp_path / "a.docx")
-    with pytest.raises(OutputError, match="nothing to draw"):
+    with pytest.raises(OutputError, match="nothing to plot"):
         plot(free_fall().run(stop=1.0, step=0.5, record=[]), tmp_path / "a.png")
     assert list(tmp_path.iterdir()) == []
 
@@ -215,7 +215,9 @@ def test_failed_write_leaves_the_old_file_and_nothing_else(
 
 
 def test_record_that_is_too_large() -> None:
-    with pytest.raises(ExperimentError, match="GB, more than there is: record less or raise decimate"):
+    with pytest.raises(
+        ExperimentError, match="GB, more than is available: record fewer variables or increase decimate"
+    ):
         free_fall().run(stop=1e17, step=1.0)
 
 

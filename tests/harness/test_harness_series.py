@@ -31,7 +31,7 @@ def test_previous_with_samples_on_ticks_that_rounding_misses() -> None:
 
 
 def test_run_beyond_the_record() -> None:
-    with pytest.raises(SeriesError, match=r"covers 0 to 2 s but the run goes from 0 to 3 s: .*hold"):
+    with pytest.raises(SeriesError, match=r"covers 0 to 2 s, but the run goes from 0 to 3 s: .*hold"):
         System([SeriesPart("s", TIMES, VALUES)]).run(stop=3.0, step=0.5)
     held = System([SeriesPart("s", TIMES, VALUES, beyond="hold")]).run(start=-1.0, stop=3.0, step=1.0)
     np.testing.assert_array_equal(held["s.r"], [0, 0, -1, 3, 3])
@@ -76,13 +76,13 @@ def test_index_is_not_a_unit(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "no table"),
-        ("time [s],x\n", "no table"),
+        ("", "is not a table"),
+        ("time [s],x\n", "is not a table"),
         ("x,y\n0,1\n", "first column .* is 'x'"),
         ("time [ms],y\n0,1\n", "must be 'time"),
         ("time,x,x\n0,1,2\n", "same name"),
-        ("time,x\n0,one\n", "not all numbers"),
-        ("time,x\n0,1\n1\n", "not all numbers"),
+        ("time,x\n0,one\n", "a text in place of a number"),
+        ("time,x\n0,1\n1\n", "a text in place of a number"),
         ("time,x\n0,1,2\n", "2 headings but 3 columns"),
     ],
 )

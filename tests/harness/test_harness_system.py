@@ -51,9 +51,12 @@ def test_input_driven_by_a_wire_and_a_constant() -> None:
 @pytest.mark.parametrize(
     ("wire", "message"),
     [
-        ("mas.v -> bristle.v", "there is no part 'mas' (in wire mas.v -> bristle.v): did you mean 'mass'?"),
+        ("mas.v -> bristle.v", "there is no part 'mas' (in connection mas.v -> bristle.v): did you mean 'mass'?"),
         ("mass.V2 -> bristle.v", "'mass' has no 'V2' among its outputs"),
-        ("mass.v -> bristle.w", "'bristle' has no 'w' among its inputs (in wire mass.v -> bristle.w): known are v"),
+        (
+            "mass.v -> bristle.w",
+            "'bristle' has no 'w' among its inputs (in connection mass.v -> bristle.w): known are v",
+        ),
     ],
 )
 def test_unknown_names_suggest_the_nearest(wire: str, message: str) -> None:
@@ -120,7 +123,7 @@ def test_unknown_start_value() -> None:
 
 
 def test_start_value_that_is_no_number() -> None:
-    with pytest.raises(StartValueError, match=r"mass\.F is a number, not 'much'"):
+    with pytest.raises(StartValueError, match=r"mass\.F is 'much', which is not a number"):
         System([mass()], start={"mass.F": "much"}).run(stop=1.0, step=1.0)
 
 

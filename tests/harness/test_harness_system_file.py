@@ -102,21 +102,21 @@ def test_models_are_resolved(folder: Path) -> None:
 
     System.from_toml(write(folder, TEXT.replace('fmu = "probe.fmu"', 'model = "Probe"')), resolve).close()
     assert asked == ["Probe"]
-    with pytest.raises(SystemFileError, match="model 'Probe' but nothing here knows models"):
+    with pytest.raises(SystemFileError, match="model 'Probe', but no function resolves models"):
         System.from_toml(folder / "system.toml")
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("name =", "nmae =", "'nmae' means nothing in .*did you mean 'name'"),
-        ("every = 2", "evry = 2", "'evry' means nothing in part 'p' .*did you mean 'every'"),
-        ("master =", "mastre =", r"'mastre' means nothing in \[experiment\]"),
+        ("name =", "nmae =", "'nmae' is not a key of .*did you mean 'name'"),
+        ("every = 2", "evry = 2", "'evry' is not a key of part 'p' .*did you mean 'every'"),
+        ("master =", "mastre =", r"'mastre' is not a key of \[experiment\]"),
         ("every = 2", "every = 2.5", "every of part 'p' .* is 2.5"),
-        ('fmu = "probe.fmu"', "", "part 'p' .* has no origin"),
+        ('fmu = "probe.fmu"', "", "part 'p' .* has no source"),
         ('fmu = "probe.fmu"', 'fmu = "probe.fmu"\nrecord = "force.csv"', "has fmu and record"),
         ('fmu = "probe.fmu"', "fmu = 3", "fmu of part 'p' .* is 3"),
-        ('"force.F -> p.u",', "1,", "1 among the wires in .* is no wire"),
+        ('"force.F -> p.u",', "1,", "1 among the wires in .* is not a connection"),
         ("stop = 1\n", "", "has no stop"),
         ("stop = 1\n", 'stop = "one"\n', "stop of .* is 'one'"),
         ("stop = 1\n", "stop = 1\ndecimate = 1.5\n", "decimate of .* is 1.5"),

@@ -105,7 +105,7 @@ def test_discarded_input_ends_the_run_with_the_reason(build_fmu: BuildFmu) -> No
         pytest.raises(Exception) as caught,
     ):
         system.run(stop=1.0, step=0.1)
-    assert isinstance(caught.value, PartError) or "refused the start value" in str(caught.value)
+    assert isinstance(caught.value, PartError) or "rejected the start value" in str(caught.value)
 
 
 def test_state_of_a_block_is_saved_and_restored(build_fmu: BuildFmu) -> None:

@@ -101,7 +101,7 @@ def test_a_step_without_end_is_ended_when_the_time_is_over(name: str, said: str,
     error = failure(name, probe, fail_time=0.6, timeout=2.0)
     assert time.monotonic() - begin < 20.0
     assert str(error) == (
-        f"part '{name}' failed in fmi2DoStep at t = 0.5 s: its process gave no answer within 2 s and was killed{said}"
+        f"part '{name}' failed in fmi2DoStep at t = 0.5 s: its process did not answer within 2 s and was killed{said}"
     )
     assert error.result is not None
     np.testing.assert_array_equal(error.result[f"{name}.x"], [0.0, 0.75, 1.5])
@@ -217,7 +217,7 @@ def test_save_and_restore(probe: Path) -> None:
     assert seen == [[2.0, 0.5], [2.0, 1.0]] * 2
     assert part.save(state) == state
     part.terminate()
-    with pytest.raises(PartError, match="not of the present run"):
+    with pytest.raises(PartError, match="this state belongs to another run"):
         part.restore(state)
     part.close()
 
@@ -253,7 +253,7 @@ def test_messages_and_refusals_come_through(probe: Path, caplog: pytest.LogCaptu
             assert [(r.name, r.levelno, r.getMessage()) for r in caplog.records] == [
                 ("harness.p", level, "belt seized [logStatusError]")
             ]
-        with pytest.raises(StartValueError, match=r"refused the start value -1.0 of gain.*'gain = -1 is below 0'"):
+        with pytest.raises(StartValueError, match=r"rejected the start value -1.0 of gain.*'gain = -1 is below 0'"):
             system.with_start({"p.gain": -1.0}).run(stop=1.0, step=0.25)
 
 

@@ -72,7 +72,7 @@ def test_what_is_no_answer_ends_the_process(name: str, ends: tuple[Line, socket.
     process = SimpleNamespace(
         _line=line, _kill=lambda: killed.append(True), _said=lambda: "", _log=lambda *text: int(text[1])
     )
-    with pytest.raises(ProcessError, match="its process sent what is no answer and was killed"):
+    with pytest.raises(ProcessError, match="its process sent an invalid answer and was killed"):
         Process._answer(process, 1.0)  # type: ignore[arg-type]
     assert killed == [True]
 

@@ -157,7 +157,7 @@ def test_names_that_nothing_has(start: Callable[..., dict[str, StartValue]], cap
     with caplog.at_level(logging.WARNING):
         found = start(system(component("p", inline(real("Gain", 2.0))), before=bound(inline(real("p.y", 1.0)))))
     assert found == {}
-    assert "nothing is called 'Gain', its value is ignored" in caplog.text
+    assert "there is no variable 'Gain', its value is ignored" in caplog.text
 
 
 def test_start_values_of_connected_inputs_are_not_used(start: Callable[..., dict[str, StartValue]]) -> None:
@@ -172,12 +172,12 @@ def test_start_values_of_connected_inputs_are_not_used(start: Callable[..., dict
         (
             inline('<ssv:Parameter name="n"><ssv:Real value="2"/></ssv:Parameter>'),
             StartValueError,
-            "2.0, .* no Integer",
+            "2.0, .* not of type Integer",
         ),
         (
             inline('<ssv:Parameter name="u"><ssv:Boolean value="1"/></ssv:Parameter>'),
             StartValueError,
-            "True, .* no Real",
+            "True, .* not of type Real",
         ),
         (
             inline('<ssv:Parameter name="n"><ssv:Enumeration value="on"/></ssv:Parameter>'),
@@ -191,9 +191,9 @@ def test_start_values_of_connected_inputs_are_not_used(start: Callable[..., dict
         ),
         (inline(real("u", 1.0), real("u", 2.0)), SystemFileError, "the parameter 'u' twice"),
         (inline(real("u", 1.0), type="text/csv"), SystemFileError, "of type text/csv"),
-        ('<ssd:ParameterBinding source="http://host/a.ssv"/>', SystemFileError, "no file in the archive"),
+        ('<ssd:ParameterBinding source="http://host/a.ssv"/>', SystemFileError, "not a file in the archive"),
         ('<ssd:ParameterBinding source="resources/none.ssv"/>', SystemFileError, "not in the archive"),
-        ("<ssd:ParameterBinding/>", SystemFileError, "no file in the archive"),
+        ("<ssd:ParameterBinding/>", SystemFileError, "not a file in the archive"),
         (mapped(inline(real("u", 1.0)), "", type="text/csv", source="a"), SystemFileError, "mapping of type text/csv"),
         (
             mapped(inline(real("u", 1.0)), mapping(entry("u", "gain"), entry("v", "gain"))),
@@ -213,7 +213,7 @@ def test_start_values_of_connected_inputs_are_not_used(start: Callable[..., dict
                 ),
             ),
             StartValueError,
-            "which its mapping does not have",
+            "which its mapping does not contain",
         ),
     ],
 )

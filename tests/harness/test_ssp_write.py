@@ -246,7 +246,7 @@ def test_files_are_unpacked_to_a_folder(system: System, tmp_path: Path) -> None:
 
 def test_what_has_no_place_in_an_archive(tmp_path: Path) -> None:
     for system in (System([mass()], start={"mass.F": 0.0}), System([SeriesPart("s", [0.0], {"x": [1.0]})])):
-        with pytest.raises(SystemFileError, match=r"cannot be written to .* only FMUs"):
+        with pytest.raises(SystemFileError, match=r"cannot be written to .*: an SSP archive contains FMUs only"):
             system.to_ssp(tmp_path / "out.ssp")
     assert list(tmp_path.iterdir()) == []
 

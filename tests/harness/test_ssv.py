@@ -168,8 +168,8 @@ def test_parameters_from_python(system: System) -> None:
     ("name", "parameter", "error", "message"),
     [
         ("p.u", Parameter(1.0, "m"), UnitError, r"p.u joins \[m\] and \[kg.m.s-2\]"),
-        ("p.n", Parameter(1.0), StartValueError, "p.n is 1.0, which is no Integer"),
-        ("p.y", Parameter(1.0), StartValueError, "p.y is computed by the part"),
+        ("p.n", Parameter(1.0), StartValueError, "p.n is 1.0, which is not of type Integer"),
+        ("p.y", Parameter(1.0), StartValueError, "p.y is computed by its part"),
         ("p.gian[1]", Parameter(1.0), UnknownNameError, r"did you mean 'gain\[1\]'"),
         ("q.u", Parameter(1.0), UnknownNameError, "there is no part 'q'"),
     ],

@@ -96,7 +96,7 @@ def test_sobol_points_lie_one_in_each_elementary_box() -> None:
         (lambda: sobol({"a.x": (0, 1)}, 100, seed=0), "give a power of 2 such as 128"),
         (lambda: latin_hypercube({"a.x": (2, 1)}, 4, seed=0), "bounds of a.x are 2 and 1"),
         (lambda: latin_hypercube({"a.x": (0, 1)}, 4, seed=0, log=["a.x"]), "give positive bounds"),
-        (lambda: latin_hypercube({"a.x": (0, 1)}, 4, seed=0, log=["a.y"]), "a.y is to have a logarithmic scale"),
+        (lambda: latin_hypercube({"a.x": (0, 1)}, 4, seed=0, log=["a.y"]), "a.y has a logarithmic scale but no bounds"),
         (lambda: latin_hypercube({"a.x": (0, 1)}, 0, seed=0), "give 1 or more"),
         (lambda: latin_hypercube({}, 3, seed=0), "nothing is varied"),
         (lambda: grid({"a.x": [None]}), "cannot be swept"),
@@ -215,7 +215,7 @@ def test_instance_that_failed_is_not_used_again(probe: Path) -> None:
     good, failed, refused, last = (str(text) for text in result["error"].to_numpy())
     assert good == last == ""
     assert failed.startswith("part 'p' failed in fmi2DoStep at t = 0.5 s: it returned Error")
-    assert "refused the start value -1.0 of gain" in refused
+    assert "rejected the start value -1.0 of gain" in refused
 
 
 def test_failing_runs_are_rows(tmp_path: Path) -> None:
@@ -342,15 +342,15 @@ def alive(process: int) -> bool:
 def test_folder_of_another_sweep_is_refused(tmp_path: Path) -> None:
     out = tmp_path / "out"
     sweep(counted(tmp_path), numbers(3), measure=root, output=out, executor="serial")
-    with pytest.raises(SweepError, match="out holds another sweep, with other samples: give another folder"):
+    with pytest.raises(SweepError, match="out contains another sweep, which differs in samples: give another folder"):
         sweep(counted(tmp_path), numbers(3, wait=0.001), measure=root, output=out, executor="serial")
-    with pytest.raises(SweepError, match="with other measures:"):
+    with pytest.raises(SweepError, match="differs in measures:"):
         sweep(counted(tmp_path), numbers(3), measure="final(p.y)", output=out, executor="serial")
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "thesis.tex").touch()
-    with pytest.raises(SweepError, match="other holds files but no sweep"):
+    with pytest.raises(SweepError, match="other contains files but no sweep"):
         sweep(counted(tmp_path), numbers(3), measure=root, output=tmp_path / "other", executor="serial")
-    with pytest.raises(SweepError, match="holds no sweep"):
+    with pytest.raises(SweepError, match="contains no sweep"):
         read_sweep(tmp_path / "other")
 
 
@@ -374,7 +374,7 @@ def test_changed_fmu_is_another_sweep(build_fmu: BuildFmu, tmp_path: Path) -> No
             if fc == 1.0:
                 sweep(system, grid({"f.vs": [1e-3]}), output=tmp_path, executor="serial")
                 continue
-            with pytest.raises(SweepError, match="with other system:"):
+            with pytest.raises(SweepError, match="differs in system:"):
                 sweep(system, grid({"f.vs": [1e-3]}), output=tmp_path, executor="serial")
 
 
@@ -383,7 +383,7 @@ def test_two_processes_do_not_write_to_one_folder(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     with (tmp_path / "out" / ".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        with pytest.raises(SweepError, match="another process is doing the sweep"):
+        with pytest.raises(SweepError, match="another process is running the sweep"):
             sweep(counted(tmp_path), numbers(3), measure=root, output=tmp_path / "out", executor="serial")
 
 
@@ -396,7 +396,7 @@ def test_killed_worker_loses_no_run(tmp_path: Path) -> None:
     result = sweep(counted(tmp_path), samples, measure=root, executor="processes", workers=2)
     np.testing.assert_array_equal(result["root"], [np.nan if k == 12 else k for k in range(20)])
     errors = {k: str(text) for k, text in enumerate(result["error"].to_numpy()) if text}
-    assert errors == {12: "3 worker processes died in this run: look for an FMU that crashes"}
+    assert errors == {12: "3 worker processes died in this run: check whether an FMU crashes"}
     assert len({process for _, process in log_of(tmp_path)}) >= 5
 
 
@@ -411,7 +411,7 @@ def test_script_without_a_guard_is_told_so(tmp_path: Path) -> None:
     command = [sys.executable, str(tmp_path / "program.py"), str(tmp_path)]
     run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert run.returncode == 1
-    assert "run the script's sweep below if __name__ == '__main__'" in run.stderr
+    assert "call sweep below if __name__ == '__main__'" in run.stderr
 
 
 @pytest.mark.parametrize(
@@ -423,7 +423,7 @@ def test_script_without_a_guard_is_told_so(tmp_path: Path) -> None:
             {"experiment": ONE_TICK, "measure": root},
             "function that makes the system cannot be sent",
         ),
-        (None, {"executor": "cloud"}, "'cloud' does not run sweeps"),
+        (None, {"executor": "cloud"}, "'cloud' is not an executor of sweeps"),
         (None, {"workers": 0}, "give 1 or more"),
         (None, {"measure": "rms p.y"}, "'rms p.y' is not a measure"),
         (None, {"measure": []}, "measures nothing"),
@@ -441,7 +441,11 @@ def test_unknown_names_are_refused_before_anything_runs(tmp_path: Path) -> None:
     for samples, options, message in [
         ([{"p.nubmer": 1}], {}, "did you mean 'number'"),
         ([{"p.number": 1}, {"q.number": 1}], {}, "'q'"),
-        ([{"stopp": 1.0}], {}, "'stopp' is neither part.port nor a setting of the experiment: did you mean 'stop'"),
+        (
+            [{"stopp": 1.0}],
+            {},
+            "'stopp' is neither a variable 'part.port' nor a setting of the experiment: did you mean 'stop'",
+        ),
         ([{"p.number": 1}], {"measure": "rsm(p.y)"}, "no measure 'rsm': did you mean 'rms'"),
         ([{"p.number": 1}], {"measure": "rms(p.z)"}, "no variable 'z'"),
         ([{"p.number": 1}], {"keep": ["q.*"], "output": tmp_path / "out"}, "no output matches"),

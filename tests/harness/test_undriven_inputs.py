@@ -38,7 +38,7 @@ def test_start_values_of_the_fmu_are_kept(foreign: MakeFmu, caplog: pytest.LogCa
     parts = [FmuPart("pi", foreign("CONTROLLER")), FmuPart("gain", foreign("GAIN"))]
     with System(parts, ["pi.u -> gain.u"]) as system:
         assert said(caplog) == [
-            "nothing drives pi.m = 0.0, pi.reference = 1.0: kept at these start values of their FMUs"
+            "nothing drives pi.m = 0.0, pi.reference = 1.0: these inputs keep the start values of their FMUs"
         ]
         assert system.start == {"pi.m": 0.0, "pi.reference": 1.0}
         result = system.run(stop=1.0, step=0.1, record=["gain.y", "pi.reference"])
@@ -56,7 +56,7 @@ def test_a_sweep_says_it_once(foreign: MakeFmu, caplog: pytest.LogCaptureFixture
 
 
 def test_strict_refuses_them(foreign: MakeFmu, caplog: pytest.LogCaptureFixture) -> None:
-    with pytest.raises(UnconnectedError, match=r"nothing drives gain\.u: wire each one"):
+    with pytest.raises(UnconnectedError, match=r"nothing drives gain\.u: connect each input"):
         System([FmuPart("gain", foreign("GAIN"))], strict=True)
     with System([FmuPart("gain", foreign("GAIN"))], start={"gain.u": 1.0}, strict=True) as system:
         assert system.with_start({"gain.k": 2.0}).strict
@@ -162,7 +162,7 @@ def test_texts_from_an_archive(foreign: MakeFmu, tmp_path: Path) -> None:
 def test_what_is_no_text_is_refused(foreign: MakeFmu, value: object) -> None:
     with (
         System([FmuPart("part", foreign("TEXTS"))], start={"part.mode": value}) as system,
-        pytest.raises(StartValueError, match=r"of part\.mode is no String: give a String"),
+        pytest.raises(StartValueError, match=r"of part\.mode is not of type String: give a value of this type"),
     ):
         system.run(stop=0.1, step=0.1)
 
@@ -170,6 +170,6 @@ def test_what_is_no_text_is_refused(foreign: MakeFmu, value: object) -> None:
 def test_a_wire_carries_no_text(foreign: MakeFmu) -> None:
     parts = [FmuPart("part", foreign("TEXTS")), FmuPart("gain", foreign("GAIN"))]
     with pytest.raises(
-        WireError, match=r"part\.note is a text .*, which no wire carries: give it a start value instead"
+        WireError, match=r"part\.note is a text .*, which cannot be connected: give it a start value instead"
     ):
         System(parts, ["gain.y -> part.note"])

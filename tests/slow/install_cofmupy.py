@@ -8,7 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from harness.toolchain import cache_folder
+from harness.compiling.toolchain import cache_folder
 
 VERSION = "1.0.0"
 HOME = cache_folder() / f"cofmupy-{VERSION}-python{sys.version_info.major}.{sys.version_info.minor}"

@@ -20,11 +20,7 @@ from interop.importers import (
 )
 from interop.loops import REAL_PARTS, Loop, all_loops, ports, start_value, variables
 
-<<<<<<< HEAD:tests/interop/test_cofmupy.py
-from harness.compiling.toolchain import cache_folder
-=======
 from friction_fmus import catalogue
->>>>>>> tests:tests/slow/test_cofmupy.py
 
 needs_cofmupy = pytest.mark.skipif(
     not PYTHON.exists(), reason="CoFmuPy is not installed: run tests/slow/install_cofmupy.py"

@@ -1,4 +1,4 @@
-"""What a block looks like: curves of that very block, run from its binary, as icon and as figures."""
+"""Portraits of blocks: an icon and figures, computed with the block's binary."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Figure:
     Attributes
     ----------
     svg : bytes
-        The file.
+        The SVG file.
     caption, alternative : str
-        What was done to the block; what the picture shows, for those who cannot see it.
+        Caption, which describes the experiment; alternative text for readers who cannot see the figure.
     """
 
     svg: bytes
@@ -36,21 +36,21 @@ class Figure:
 
 @dataclass(frozen=True)
 class Portrait:
-    """Icon and figures of a block; no figures of one that refuses to run with its start values."""
+    """Icon and figures of a block; without figures if the block does not run with its start values."""
 
     icon: Image
     figures: tuple[Figure, ...]
 
 
 def portray(block: Block, description: Description, folder: Path) -> Portrait:
-    """Runs a block and draws what it does.
+    """Run a block and plot its behaviour.
 
     Parameters
     ----------
     block, description : Block, Description
-        What it is.
+        The block.
     folder : Path
-        Unzipped FMU with a binary for this platform.
+        The unzipped FMU with a binary for this platform.
     """
     bench = Bench(block, description, folder)
     panels = _panels(bench)
@@ -62,7 +62,7 @@ def portray(block: Block, description: Description, folder: Path) -> Portrait:
 
 
 def _panels(bench: Bench) -> tuple[Panel, ...]:
-    """What the experiment gives; nothing if the block refuses its start values or gives no numbers."""
+    """Return the panels of the experiment; none if the block rejects its start values or returns no finite numbers."""
     chosen = experiment(bench)
     if chosen is None:
         return ()

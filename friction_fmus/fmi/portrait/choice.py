@@ -1,4 +1,4 @@
-"""Which experiment shows what a block is: the one that its file names, otherwise one that its ports suggest."""
+"""The experiment that shows what a block does: named in the block's file, or chosen from its ports."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ EXPERIMENTS: Final[Mapping[str, Experiment]] = {
         motion.differentiation,
     )
 }
-"""Experiments that the file of a block can name by ``PORTRAIT``, or a law by ``portrait``."""
+"""Experiments that a block's file can select by ``PORTRAIT``, or a law by ``portrait``."""
 
 
 def experiment(bench: Bench) -> Experiment | None:
-    """Return what to do with a block, None for one that has nothing to show.
+    """Return the experiment for a block, or None if there is nothing to show.
 
     Raises
     ------
     FrictionError
-        The file names an experiment that does not exist.
+        If the block's file names an unknown experiment.
     """
     named = bench.portrait
     if named:

@@ -1,4 +1,4 @@
-"""Laws and controllers: what they make of a motion, an error or a command."""
+"""Experiments with laws and controllers: their response to a motion, an error or a command."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from friction_fmus.fmi.portrait.course import Bench, Curve, Panel, Vector
 from friction_fmus.fmi.portrait.friction import speed_scale
 
 POINTS = 400
-"""Samples in a period of the motion."""
+"""Number of samples in a period of the motion."""
 
 TIME = ("time", "s")
 
@@ -20,7 +20,7 @@ def _times(bench: Bench, samples: int) -> Vector:
 
 
 def _sine(bench: Bench, periods: int) -> tuple[Vector, dict[str, Vector]]:
-    """A sinusoidal reference around the speeds at which friction changes."""
+    """Return a sinusoidal reference with speeds in the range where friction varies."""
     times = _times(bench, periods * POINTS)
     w = 2.0 * math.pi / (POINTS * bench.start("Ts", 1e-3))
     peak = 4.0 * speed_scale(bench)
@@ -30,13 +30,13 @@ def _sine(bench: Bench, periods: int) -> tuple[Vector, dict[str, Vector]]:
 
 
 def estimate(bench: Bench) -> tuple[Panel, ...]:
-    """The friction estimate over the velocity of a sinusoidal motion with Coulomb friction, its third period."""
+    """Return the friction estimate over velocity in the third period of a sinusoidal motion with Coulomb friction."""
     times, motion = _sine(bench, 3)
     coulomb, mass = bench.start("Fc", 1.0), bench.start("m", 1.0)
     applied = mass * motion["rdd"] + coulomb * np.sign(motion["rd"])
     measured = {"x": motion["r"], "v": motion["rd"], "u_prev": applied, "f_prev": 0.0 * applied}
     (estimated,) = bench.run(times, {**motion, **measured}, ["F_hat"])
-    return (_over_velocity(bench, motion["rd"], estimated, "Friction estimate along a sinusoidal motion."),)
+    return (_over_velocity(bench, motion["rd"], estimated, "Friction estimate during a sinusoidal motion."),)
 
 
 def _over_velocity(bench: Bench, velocity: Vector, estimated: Vector, caption: str) -> Panel:
@@ -46,9 +46,9 @@ def _over_velocity(bench: Bench, velocity: Vector, estimated: Vector, caption: s
 
 
 def tracking(bench: Bench) -> tuple[Panel, ...]:
-    """The friction estimate of a law that moves a mass with Coulomb friction along a sinusoidal reference.
+    """Return the friction estimate of a law that moves a mass with Coulomb friction along a sinusoidal reference.
 
-    The velocity of the mass is stepped so that friction holds it exactly while it can.
+    The velocity of the mass is stepped so that the mass sticks exactly.
     """
     times, motion = _sine(bench, 6)
     Ts, mass, coulomb = times[1], bench.start("m", 1.0), bench.start("Fc", 1.0)
@@ -71,43 +71,43 @@ def tracking(bench: Bench) -> tuple[Panel, ...]:
 
 
 def held_error(bench: Bench) -> tuple[Panel, ...]:
-    """Force over time after the position error has jumped and stays."""
+    """Return the force over time after a step of the position error."""
     times = _times(bench, 60)
     error = np.where(times > 0.1 * times[-1], 1e-3, 0.0)
     (force,) = bench.run(times, {"r": error}, ["u"])
-    caption = f"Force when the reference jumps by 0.001 {bench.variables['r'].unit} and the axis stays where it is."
+    caption = f"Force after a reference step of 0.001 {bench.variables['r'].unit} with the axis at rest."
     return (Panel((Curve(times, force),), TIME, bench.axis("u"), caption),)
 
 
 def alternating_error(bench: Bench) -> tuple[Panel, ...]:
-    """Force over time while the position error is sinusoidal."""
+    """Return the force over time for a sinusoidal position error."""
     times = _times(bench, 2 * POINTS)
     w = 2.0 * math.pi / times[POINTS]
     inputs = {"r": 1e-3 * np.sin(w * times), "rd": 1e-3 * w * np.cos(w * times)}
     (force,) = bench.run(times, inputs, ["u"])
-    return (Panel((Curve(times, force),), TIME, bench.axis("u"), "Force while the position error is sinusoidal."),)
+    return (Panel((Curve(times, force),), TIME, bench.axis("u"), "Force for a sinusoidal position error."),)
 
 
 def own_course(bench: Bench) -> tuple[Panel, ...]:
-    """Force over time without any input."""
+    """Return the force over time with all inputs at zero."""
     times = _times(bench, 120)
     (force,) = bench.run(times, {}, ["u"])
     return (Panel((Curve(times, force),), TIME, bench.axis("u"), "Force with all inputs at zero."),)
 
 
 def learning(bench: Bench) -> tuple[Panel, ...]:
-    """Force over some periods in which the same error comes again."""
+    """Return the force over some periods of a repeating error."""
     period = int(bench.start("N", 400.0))
     times = _times(bench, 4 * period)
     phase = np.arange(times.size) / period
     error = 1e-4 * np.sin(2.0 * math.pi * phase)
     (force,) = bench.run(times, {"r": error, "trial_end": np.arange(times.size) % period == 0}, ["u"])
-    caption = "Force over four periods with the same sinusoidal error."
+    caption = "Force over four periods of the same sinusoidal error."
     return (Panel((Curve(times, force),), TIME, bench.axis("u"), caption),)
 
 
 def _move(bench: Bench, samples: int) -> tuple[Vector, dict[str, Vector]]:
-    """A move by 1 mm with continuous snap, at rest before and after."""
+    """Return a move by 1 mm with continuous snap, with rest before and after."""
     times = _times(bench, 2 * samples)
     duration = times[samples]
     s = np.clip((times - times[samples // 2]) / duration, 0.0, 1.0)
@@ -117,16 +117,16 @@ def _move(bench: Bench, samples: int) -> tuple[Vector, dict[str, Vector]]:
 
 
 def inversion(bench: Bench) -> tuple[Panel, ...]:
-    """Force over time for a smooth move."""
+    """Return the force over time for a smooth move."""
     times, move = _move(bench, 100)
     (force,) = bench.run(times, move, ["u"])
-    caption = f"Force for a smooth move by 0.001 {bench.variables['r'].unit}."
+    caption = f"Force for a smooth move of 0.001 {bench.variables['r'].unit}."
     return (Panel((Curve(times, force),), TIME, bench.axis("u"), caption),)
 
 
 def shaping(bench: Bench) -> tuple[Panel, ...]:
-    """The shaped reference, and the one it is made of, for a smooth move."""
+    """Return the reference before and after shaping, for a smooth move."""
     times, move = _move(bench, 20)
     (shaped,) = bench.run(times, move, ["r_out"])
     curves = (Curve(times, move["r"], "r", aside=True), Curve(times, shaped, "r_out"))
-    return (Panel(curves, TIME, bench.axis("r_out"), "Reference for a smooth move, before and behind the filter."),)
+    return (Panel(curves, TIME, bench.axis("r_out"), "Reference for a smooth move, before and after the filter."),)

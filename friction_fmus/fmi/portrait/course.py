@@ -1,4 +1,4 @@
-"""Curves of a block, and the bench that runs its binary for them."""
+"""Curves of a block, and the bench that runs its binary to compute them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SILENT = fmi2CallbackFunctions(
     allocateMemory=defaultCallbacks.allocateMemory,
     freeMemory=defaultCallbacks.freeMemory,
 )
-"""Callbacks of a run that may be refused: then there is no picture, and nobody wants to read of it."""
+"""Callbacks without logging, for runs that the block may reject; there is then no figure."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class Curve:
     Attributes
     ----------
     x, y : array, shape (n,)
-        Its points, in the units of the panel.
+        Points in the units of the panel.
     label : str
-        What it is, for a panel with several; empty for the only one.
+        Label, if the panel has several curves; else empty.
     aside : bool
-        Whether it is there for comparison: what goes into the block.
+        Whether the curve is an input of the block, shown for comparison.
     detail : bool
-        Whether it is left out of the icon.
+        Whether the icon omits the curve.
     """
 
     x: Vector
@@ -51,7 +51,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Panel:
-    """A plot: its curves, its axes and a sentence that says what they are.
+    """A plot with its curves, axes and caption.
 
     Attributes
     ----------
@@ -60,9 +60,9 @@ class Panel:
     x, y : tuple of str
         Name and unit of each axis.
     caption : str
-        What was done to the block, for the documentation.
+        Description of the experiment, for the documentation.
     equal : bool
-        Whether both axes have one scale.
+        Whether both axes have the same scale.
     """
 
     curves: tuple[Curve, ...]
@@ -73,16 +73,16 @@ class Panel:
 
 
 class Bench:
-    """Runs a compiled block with its start values.
+    """Test bench that runs a compiled block with its start values.
 
     Parameters
     ----------
     block : Block
-        Which one.
+        The block.
     description : Description
-        Read from its binary.
+        The description read from its binary.
     folder : Path
-        Unzipped FMU with a binary for this platform.
+        The unzipped FMU with a binary for this platform.
     """
 
     def __init__(self, block: Block, description: Description, folder: Path) -> None:
@@ -98,26 +98,26 @@ class Bench:
         )
 
     def has(self, *names: str) -> bool:
-        """Whether these are all inputs or outputs."""
+        """Return whether these are all inputs or outputs."""
         return set(names) <= {*self.inputs, *self.outputs}
 
     def start(self, name: str, otherwise: float) -> float:
-        """Start value of a parameter, if there is one and it is positive."""
+        """Return the start value of a parameter, if it exists and is positive."""
         value = self.variables[name].start if name in self.variables else otherwise
         return value if value > 0.0 else otherwise
 
     def axis(self, name: str) -> tuple[str, str]:
-        """Name and unit of a variable, as a panel takes them."""
+        """Return name and unit of a variable for the axis of a panel."""
         return name, self.variables[name].unit
 
     @contextmanager
     def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[Session]:
-        """A run step by step, of an instance of its own.
+        """Open a run of a new instance, step by step.
 
         Raises
         ------
         FMICallException
-            If the block refuses its start values.
+            If the block rejects its start values.
         """
         fmu = FMU2Slave(
             guid=self._description.guid,
@@ -134,26 +134,26 @@ class Bench:
             fmu.freeInstance()
 
     def run(self, times: Vector, inputs: Mapping[str, Vector], outputs: Sequence[str]) -> tuple[Vector, ...]:
-        """Steps from each time to the next.
+        """Step from each time to the next.
 
         Parameters
         ----------
         times : array, shape (n,)
-            Increasing, in s.
+            Increasing times [s].
         inputs : mapping of str to array, shape (n,)
-            Value of each input from a time to the next; names that the block lacks are left out.
+            Values of the inputs from each time to the next; inputs that the block does not have are ignored.
         outputs : sequence of str
-            What to record.
+            Names of the outputs.
 
         Returns
         -------
         tuple of array, shape (n,)
-            Each output at the times.
+            Values of each output at the times.
 
         Raises
         ------
         FMICallException
-            If the block refuses its start values or a step.
+            If the block rejects its start values or a step.
         """
         rows = [dict(zip(inputs, row, strict=True)) for row in zip(*inputs.values(), strict=True)] or [{}] * times.size
         with self.session(outputs, float(times[0])) as session:
@@ -166,16 +166,16 @@ class Bench:
 
 
 class Session:
-    """An instance in initialization mode, then stepped. Inputs that the block lacks are left out.
+    """A run of one instance. Inputs that the block does not have are ignored.
 
     Parameters
     ----------
     fmu : FMU2Slave
-        The instance.
+        The instance, in initialization mode.
     variables : mapping of str to Variable
-        Of the block, by name.
+        Variables of the block by name.
     outputs : sequence of str
-        What `step` and `values` return.
+        Outputs that `step` and `values` return.
     """
 
     def __init__(self, fmu: FMU2Slave, variables: Mapping[str, Variable], outputs: Sequence[str]) -> None:
@@ -185,12 +185,12 @@ class Session:
         self._outputs = [variables[name].reference for name in outputs]
 
     def begin(self, inputs: Mapping[str, float]) -> None:
-        """Ends the initialization with these inputs."""
+        """Set the inputs and leave initialization mode."""
         self.put(inputs)
         self._fmu.exitInitializationMode()
 
     def put(self, inputs: Mapping[str, float]) -> None:
-        """Sets inputs; those that are Boolean are true if not zero."""
+        """Set the inputs; a Boolean is true if its value is not zero."""
         given = [(self._inputs[name], value) for name, value in inputs.items() if name in self._inputs]
         for type_, write, converted in ((REAL, self._fmu.setReal, float), (BOOLEAN, self._fmu.setBoolean, bool)):
             chosen = {v.reference: converted(value) for v, value in given if v.type == type_}
@@ -198,10 +198,10 @@ class Session:
                 write(list(chosen), list(chosen.values()))
 
     def step(self, time: float, length: float) -> list[float]:
-        """One communication step, and the outputs behind it."""
+        """Perform one communication step and return the outputs after it."""
         self._fmu.doStep(time, length)
         return self.values()
 
     def values(self) -> list[float]:
-        """The outputs as they are."""
+        """Return the current outputs."""
         return list(self._fmu.getReal(self._outputs))

@@ -1,4 +1,4 @@
-"""Icons and figures: matplotlib, with the same bytes for the same curves."""
+"""Icons and figures by matplotlib; the same curves give the same bytes."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from friction_fmus.fmi.portrait.schematic import SCHEMATICS
 COLOURS: Mapping[str, str] = MappingProxyType(
     {"friction": "#1f4e79", "plant": "#3d5a3d", "law": "#5b3a75", "controller": "#5b3a75", "signal": "#7a4a12"}
 )
-"""Kind of block -> colour of its frame and curve."""
+"""Colour of frame and curve for each kind of block."""
 
 SECOND, ASIDE = "#d9730d", "#9aa3ad"
-"""Colours of the loop beside a curve, and of what goes into a block."""
+"""Colours of a loop beside a curve, and of inputs of a block."""
 
 SYMBOLS: Mapping[str, str] = MappingProxyType(
     {
@@ -43,7 +43,7 @@ SYMBOLS: Mapping[str, str] = MappingProxyType(
         "v_est": "v",
     }
 )
-"""Variable -> letter on the axis of an icon; another one that is one letter stands for itself."""
+"""Letter of each variable on the axis of an icon; one-letter names stand for themselves."""
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -51,13 +51,13 @@ SIZE = 2.0
 """Side of an icon [inch]."""
 DPI = 100
 WIDTH, HEIGHT = 152.0, 116.0
-"""Room for the curves in an icon whose side is 200."""
+"""Area of the curves in an icon of size 200."""
 STYLE = {"svg.hashsalt": "friction-fmus", "svg.fonttype": "path", "path.simplify_threshold": 0.2}
 
 
 @dataclass(frozen=True)
 class Image:
-    """A picture as pixels and as vectors.
+    """An image in pixel and in vector format.
 
     Attributes
     ----------
@@ -69,19 +69,19 @@ class Image:
     svg: bytes
 
 
-#: Matplotlib's settings are those of the whole process, and threads may build blocks side by side.
+#: Guards the settings of matplotlib, which all threads share, as several threads may build blocks.
 _STYLED = threading.Lock()
 
 
 @contextmanager
 def _plain_style(**other: str) -> Iterator[None]:
-    """Matplotlib as it comes, whatever the user has set."""
+    """Use matplotlib's default style, independent of user settings."""
     with _STYLED, mpl.style.context(["default", STYLE | other]):
         yield
 
 
 def _svg(figure: Figure, title: str) -> bytes:
-    """The figure without a date, without the address of a document type, and with paths to a hundredth of a point."""
+    """Return the figure without a date and a DOCTYPE, with paths rounded to a hundredth of a point."""
     stream = io.BytesIO()
     figure.savefig(stream, format="svg", metadata={"Title": title, "Date": None, "Creator": None})
     text = re.sub(rb"<!DOCTYPE.*?>\n", b"", stream.getvalue(), flags=re.S)
@@ -95,16 +95,16 @@ def _png(figure: Figure) -> bytes:
 
 
 def icon(name: str, kind: str, portrait: str, panels: Sequence[Panel]) -> Image:
-    """The icon of a block, without its name, which tools write below it.
+    """Return the icon of a block, without its name, which tools write below the icon.
 
     Parameters
     ----------
     name, kind : str
-        Of the block.
+        Name and kind of the block.
     portrait : str
         The experiment that its file names; some of them have a schematic.
     panels : sequence of Panel
-        Its curves; with none there is the frame alone.
+        Curves of the block; if empty, the icon shows the frame only.
     """
     colour = COLOURS[kind]
     with _plain_style():
@@ -123,7 +123,7 @@ def icon(name: str, kind: str, portrait: str, panels: Sequence[Panel]) -> Image:
 
 
 def _trace(axes: Any, panels: Sequence[Panel], colour: str) -> None:
-    """The curves in the frame, each panel with its own abscissa, and letters on the axes."""
+    """Draw the curves in the frame, each panel with its own abscissa, and letters on the axes."""
     if not panels:
         return
     low, high = _range([column for panel in panels for column in _columns(panel)[1]])
@@ -154,20 +154,20 @@ def _trace(axes: Any, panels: Sequence[Panel], colour: str) -> None:
 
 
 def _range(columns: Sequence[Any]) -> tuple[float, float]:
-    """The range of values, not empty."""
+    """Return the range of values, widened if it is empty."""
     low, high = min(float(c.min()) for c in columns), max(float(c.max()) for c in columns)
     return (low, high) if high > low else (low - 1.0, high + 1.0)
 
 
 def symbol(name: str) -> str:
-    """The letter of a variable as mathematics; nothing for one that has none."""
+    """Return the letter of a variable as mathematics; empty for a variable without one."""
     letter = SYMBOLS.get(name, name if len(name) == 1 else "")
     return f"${letter}$" if letter else ""
 
 
 def chart(panel: Panel, title: str) -> bytes:
-    """A panel with axes and units, as SVG for the documentation."""
-    with _plain_style(**{"svg.fonttype": "none"}):  # text that can be read out and searched
+    """Return a panel with axes and units as SVG for the documentation."""
+    with _plain_style(**{"svg.fonttype": "none"}):  # keep texts as texts, for search and screen readers
         figure = Figure(figsize=(4.2, 3.0))
         axes = figure.add_axes((0.16, 0.16, 0.8, 0.79))
         x_power, y_power = (_power(_range(columns)) for columns in _columns(panel))
@@ -193,13 +193,13 @@ def _columns(panel: Panel) -> tuple[list[Any], list[Any]]:
 
 
 def _power(limits: tuple[float, float]) -> int:
-    """Power of ten, a multiple of three, that is taken out of the numbers on an axis; 0 for handy ones."""
+    """Return the power of ten, a multiple of three, to factor out of the numbers on an axis; 0 if not needed."""
     largest = max(map(abs, limits))
     return 0 if 0.02 <= largest < 1e4 else 3 * math.floor(math.log10(largest) / 3.0)
 
 
 def labelled(axis: tuple[str, str], power: int = 0) -> str:
-    """Name and unit of an axis, as in ``F [N]`` or ``v [10⁻³ m/s]``."""
+    """Return name and unit of an axis, as in ``F [N]`` or ``v [10⁻³ m/s]``."""
     name, unit = axis
     scale = f"10{str(power).translate(RAISED)}" if power else ""
     factor = f"{scale} {unit}".strip()
@@ -208,7 +208,7 @@ def labelled(axis: tuple[str, str], power: int = 0) -> str:
 
 @cache
 def terminal_icon(shape: str) -> Image:
-    """A terminal: ``square`` for translation, ``circle`` for rotation, ``triangle`` for signals."""
+    """Return the icon of a terminal: ``square`` for translation, ``circle`` for rotation, ``triangle`` for signals."""
     shapes = {
         "square": Rectangle((12, 12), 76, 76, facecolor="#007f00", edgecolor="#004c00", linewidth=2.0),
         "circle": Circle((50, 50), 38, facecolor="#959595", edgecolor="#404040", linewidth=2.0),

@@ -1,4 +1,4 @@
-"""Friction models: the curve of steady sliding, the loop before sliding, and what the chains and masses do."""
+"""Experiments with friction models: steady sliding, presliding hysteresis, and the motion of chains and masses."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 from friction_fmus.fmi.portrait.course import Bench, Curve, Panel, Vector
 
 SPEEDS = ("vs", "DV", "vt")
-"""Parameters that say where friction changes with speed."""
+"""Parameters with a velocity scale of friction."""
 
 SHARE = 0.9
-"""Part of the largest friction at which a contact counts as about to slide."""
+"""Share of the largest friction at which a contact is considered to be at the onset of sliding."""
 
 
 def friction_panels(bench: Bench) -> tuple[Panel, ...]:
-    """Friction over steady velocities, and over a path before sliding if the contact is elastic."""
+    """Return friction over steady velocities and, for an elastic contact, over displacement in presliding."""
     peak = 4.0 * speed_scale(bench)
     reach = _elastic_reach(bench, peak / 100.0)
     panels = [_sliding(bench, peak, reach or 0.0)]
@@ -27,12 +27,12 @@ def friction_panels(bench: Bench) -> tuple[Panel, ...]:
 
 
 def speed_scale(bench: Bench) -> float:
-    """Speed around which friction changes, by the start values."""
+    """Return the velocity scale of friction from the start values."""
     return max((bench.start(name, 1e-3) for name in SPEEDS if name in bench.variables), default=1e-3)
 
 
 def _elastic_reach(bench: Bench, speed: float) -> float | None:
-    """Path from rest to `SHARE` of the largest friction, None if it is there at once."""
+    """Return the displacement from rest to `SHARE` of the largest friction, or None if the contact is rigid."""
     times = np.concatenate([[0.0], np.geomspace(1e-4, 1e3, 141)])
     (force,) = bench.run(times, _moving(bench, np.full(times.size, speed)), ["F"])
     level = SHARE * np.abs(force).max()
@@ -41,7 +41,7 @@ def _elastic_reach(bench: Bench, speed: float) -> float | None:
 
 
 def _moving(bench: Bench, velocity: Vector) -> dict[str, Vector]:
-    """The inputs of a motion; where other forces matter at rest they are large enough to break away."""
+    """Return the inputs for a motion; other forces are large enough to break away."""
     forces = [
         v.start for v in bench.variables.values() if v.unit == bench.variables["F"].unit and math.isfinite(v.start)
     ]
@@ -49,7 +49,7 @@ def _moving(bench: Bench, velocity: Vector) -> dict[str, Vector]:
 
 
 def _sliding(bench: Bench, peak: float, reach: float) -> Panel:
-    """Each velocity is held until the contact has slid many times its elastic path; then the mean of some samples."""
+    """Hold each velocity until the contact has slid many times its elastic displacement, then average some samples."""
     samples, speeds = 6, peak * np.linspace(0.0, 1.0, 49)[1:] ** 2
     halves = []
     for sign in (-1.0, 1.0):
@@ -64,12 +64,12 @@ def _sliding(bench: Bench, peak: float, reach: float) -> Panel:
         (Curve(speed, np.concatenate([halves[0], halves[1][::-1]])),),
         bench.axis("v"),
         bench.axis("F"),
-        "Friction of steady sliding: each velocity is held until the force has settled.",
+        "Friction in steady sliding: each velocity is held until the force has settled.",
     )
 
 
 def _loop(bench: Bench, speed: float, amplitude: float) -> Panel:
-    """A slow path to and fro, then one with a smaller loop within; the first approach is left out."""
+    """Return a slow oscillating motion, then one with an inner loop, without the first approach."""
     turns = amplitude * np.array([0.0, 1.0, -1.0, 1.0, 0.5, 0.9, -1.0])
     path = np.concatenate([np.linspace(a, b, 60, endpoint=False) for a, b in pairwise(turns)])
     path = np.append(path, turns[-1])
@@ -81,7 +81,7 @@ def _loop(bench: Bench, speed: float, amplitude: float) -> Panel:
         (Curve(path[60:181], force[60:181]), Curve(path[180:], force[180:], detail=True)),
         ("displacement", _path_unit(bench)),
         bench.axis("F"),
-        "Friction before sliding: a slow motion to and fro with a smaller loop within the large one.",
+        "Friction in presliding: a slow oscillating motion with an inner hysteresis loop.",
     )
 
 
@@ -90,57 +90,61 @@ def _path_unit(bench: Bench) -> str:
 
 
 def towed(bench: Bench, speed: float, length: float) -> tuple[Panel, ...]:
-    """Friction of a model that is towed steadily over a length."""
+    """Return the friction of a model that is pulled steadily over a distance."""
     path = np.linspace(0.0, length, 601)
     (force,) = bench.run(path / speed, {"v": np.full(path.size, speed)}, ["F"])
-    caption = f"Friction while the driver moves steadily at {speed:g} {bench.variables['v'].unit}".rstrip()
+    caption = (
+        f"Friction while the driver moves at a constant velocity of {speed:g} {bench.variables['v'].unit}".rstrip()
+    )
     return (Panel((Curve(path, force),), ("displacement", _path_unit(bench)), bench.axis("F"), f"{caption}."),)
 
 
 def towed_to_and_fro(bench: Bench) -> tuple[Panel, ...]:
-    """The loop of a chain whose slider moves by some periods of the substrate."""
+    """Return the loop of a chain whose slider moves by some periods of the substrate."""
     return (_loop(bench, 0.05, 2.0),)
 
 
 def tomlinson(bench: Bench) -> tuple[Panel, ...]:
-    """The saw-tooth of a tip that jumps from one well to the next."""
+    """Return the saw-tooth of a tip that jumps from one potential well to the next."""
     period = bench.start("a", 1.0)
     return towed(bench, 0.02 * period * math.sqrt(bench.start("k", 1.0) / bench.start("m", 1.0)), 4.0 * period)
 
 
 def avalanches(bench: Bench) -> tuple[Panel, ...]:
-    """Loading by the driver and avalanches of slip, over time."""
+    """Return loading by the driver and slip avalanches over time."""
     times = np.linspace(0.0, 4.0 / bench.start("nu", 0.01), 601)
     (force,) = bench.run(times, {}, ["F"])
-    caption = "Friction while the driver loads the chain: avalanches unload it."
+    caption = "Friction while the driver loads the chain and avalanches unload it."
     return (Panel((Curve(times, force),), ("time", ""), bench.axis("F"), caption),)
 
 
 def depinning(bench: Bench) -> tuple[Panel, ...]:
-    """Velocity of a chain while the force on it rises and falls."""
+    """Return the velocity of a chain for a force that increases and decreases slowly."""
     peak = bench.start("K", 1.0) / (2.0 * math.pi)
     force = peak * (1.0 - np.abs(np.linspace(-1.0, 1.0, 161)))
     times = np.linspace(0.0, 800.0, force.size)
     (velocity,) = bench.run(times, {"F_drive": force}, ["v"])
-    caption = "Velocity while the driving force rises slowly and falls again: at rest below the static friction."
+    caption = (
+        "Velocity while the driving force increases and decreases slowly; the chain rests below the static friction."
+    )
     return (Panel((Curve(force, velocity),), bench.axis("F_drive"), bench.axis("v"), caption),)
 
 
 def pushed_mass(bench: Bench) -> tuple[Panel, ...]:
-    """Friction over velocity of a mass that a slow sinusoidal force moves."""
+    """Return friction over velocity for a mass with a slow sinusoidal force."""
     peak, mass = 2.5 * max(bench.start("Fc", 1.0), bench.start("Fs", 1.0)), bench.start("m", 1.0)
     period = math.sqrt(mass * 10.0 * bench.start("DV", 1e-3) / peak) * 10.0
     times = np.linspace(0.0, 2.0 * period, 1201)
     push = peak * np.sin(2.0 * math.pi * times / period)
     velocity, force = bench.run(times, {"F_ext": push}, ["v", "F"])
-    caption = "Friction of the mass while a sinusoidal force pushes it to and fro."
+    caption = "Friction of the mass under a sinusoidal force."
     return (Panel((Curve(velocity[600:], force[600:]),), bench.axis("v"), bench.axis("F"), caption),)
 
 
 def stick_slip(bench: Bench) -> tuple[Panel, ...]:
-    """The limit cycle of a mass on a belt: it rides, slips, and is caught."""
+    """Return the limit cycle of a mass on a belt: the mass sticks, slips back and sticks again."""
     period = 2.0 * math.pi * math.sqrt(bench.start("m", 1.0) / bench.start("k", 1.0))
     times = np.linspace(0.0, 6.0 * period, 1801)
     position, velocity = bench.run(times, {"v_belt": np.full(times.size, 0.2)}, ["x", "v"])
-    caption = "Stick-slip of the mass on the belt: it rides with the belt, slips back, and is caught."
+    caption = "Stick-slip of the mass on the belt: the mass sticks to the belt, slips back and sticks again."
     return (Panel((Curve(position[900:], velocity[900:]),), bench.axis("x"), bench.axis("v"), caption),)

@@ -1,4 +1,4 @@
-"""Plants that an engineer knows by their sketch: masses, springs, ground and belt."""
+"""Schematic drawings of plants: masses, springs, ground and belt."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _arrow(axes: Any, x: float, y: float, length: float, colour: str) -> None:
 
 
 def mass(axes: Any, colour: str) -> None:
-    """A mass on the ground, with a force on it."""
+    """Draw a mass on the ground with a force on it."""
     _ground(axes, -80, 80, -46)
     _box(axes, -20, -42, 78, 74, colour, "m")
     _arrow(axes, -82, -5, 58, "#d9730d")
@@ -50,7 +50,7 @@ def mass(axes: Any, colour: str) -> None:
 
 
 def two_mass(axes: Any, colour: str) -> None:
-    """Two masses on the ground with a spring between them."""
+    """Draw two masses on the ground with a spring between them."""
     _ground(axes, -84, 84, -46)
     _box(axes, -82, -42, 56, 66, colour, "m_1")
     _box(axes, 26, -42, 56, 66, colour, "m_2")
@@ -58,7 +58,7 @@ def two_mass(axes: Any, colour: str) -> None:
 
 
 def belt(axes: Any, colour: str) -> None:
-    """A mass on a belt, held by a spring to the wall."""
+    """Draw a mass on a belt, held by a spring to the wall."""
     axes.plot([-80, -80], [-20, 66], color=GREY, lw=3.6)
     _spring(axes, -80, -18, 16, "#d9730d")
     _box(axes, -18, -16, 62, 62, colour, "m")
@@ -72,4 +72,4 @@ def belt(axes: Any, colour: str) -> None:
 SCHEMATICS: Mapping[str, Callable[[Any, str], None]] = MappingProxyType(
     {"push": mass, "resonance": two_mass, "ride": belt}
 )
-"""Portrait that a block names -> what draws its icon into axes from -100 to 100."""
+"""Function for each portrait that draws the icon into axes from -100 to 100."""

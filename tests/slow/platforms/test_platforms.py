@@ -173,9 +173,9 @@ def test_refused_platform_builds_nothing(tmp_path: Path) -> None:
 
 
 def test_slices_of_a_universal_binary_are_mach_o() -> None:
-    with pytest.raises(ValueError, match="begins with 0x464c457f, it is no 64 bit Mach-O file"):
+    with pytest.raises(ValueError, match="begins with 0x464c457f and is not a 64-bit Mach-O file"):
         universal([b"\x7fELF" + bytes(60)])
-    with pytest.raises(ValueError, match="no 64 bit Mach-O file"):
+    with pytest.raises(ValueError, match="not a 64-bit Mach-O file"):
         universal([b""])
 
 
