@@ -55,7 +55,7 @@ class Plant:
 
 
 @dataclass(frozen=True)
-class Placed:
+class Compensator:
     """Compensator in the servo: block, name of its force output, and parameters of the block."""
 
     model: str
@@ -64,7 +64,7 @@ class Placed:
 
 
 @dataclass(frozen=True)
-class Task:
+class Trajectory:
     """Reference that the axis follows, and its initial state.
 
     Attributes
@@ -121,8 +121,8 @@ def _master(plant: Plant, step: float) -> str:
 def closed_loop(
     servo: Servo,
     plant: Plant,
-    task: Task,
-    placed: Placed | None = None,
+    trajectory: Trajectory,
+    compensator: Compensator | None = None,
     fmus: Mapping[str, Path] | None = None,
     longest: float = FINEST,
 ) -> System:
@@ -134,9 +134,9 @@ def closed_loop(
         Feedback and sensors.
     plant : Plant
         Mass and friction.
-    task : Task
+    trajectory : Trajectory
         Reference and initial state.
-    placed : Placed, optional
+    compensator : Compensator, optional
         Compensator, whose force is added to the output of the servo; see `with_gain`.
     fmus : mapping of str to Path, optional
         FMUs to use instead of those of the library, by name of the part.
@@ -152,41 +152,41 @@ def closed_loop(
     of_its_own = fmus or {}
 
     def part(name: str, model: str, sampled: bool = True) -> FmuPart:
-        path = of_its_own.get(name) or block(model, task.rotary)
+        path = of_its_own.get(name) or block(model, trajectory.rotary)
         return FmuPart(name, path, every=every if sampled else 1)
 
     limits = {"u_min": -servo.force_limit, "u_max": servo.force_limit}
-    start: dict[str, float | int | bool | str] = {"servo.m": plant.mass if task.motion else 0.0}
+    start: dict[str, float | int | bool | str] = {"servo.m": plant.mass if trajectory.motion else 0.0}
     start |= {f"servo.{name}": value for name, value in {**servo.gains, **limits, "Ts": servo.Ts}.items()}
-    start |= {"velocity.Ts": servo.Ts, "velocity.window": servo.window, "velocity.v0": task.v0}
-    start |= {"axis.m": plant.mass, "axis.x0": task.x0, "axis.v0": task.v0, "axis.F_load": -plant.offset}
+    start |= {"velocity.Ts": servo.Ts, "velocity.window": servo.window, "velocity.v0": trajectory.v0}
+    start |= {"axis.m": plant.mass, "axis.x0": trajectory.x0, "axis.v0": trajectory.v0, "axis.F_load": -plant.offset}
     if servo.quantum:
         start["encoder.q"] = servo.quantum
 
-    parts: list[Part] = [FmuPart("reference", task.reference, every=every), part("velocity", "Differentiator")]
+    parts: list[Part] = [FmuPart("reference", trajectory.reference, every=every), part("velocity", "Differentiator")]
     wires: list[str | Wire] = ["reference.r -> servo.r", "servo.u -> axis.F_drive"]
     sensed = {"x": "encoder.y" if servo.quantum else "axis.x", "v": "velocity.v"}
     wires += [f"{sensed['x']} -> velocity.x", *(f"{source} -> servo.{name}" for name, source in sensed.items())]
-    if task.motion or servo.velocity_feedforward:
+    if trajectory.motion or servo.velocity_feedforward:
         wires.append("reference.rd -> servo.rd")
     else:
         start["servo.rd"] = 0.0
-    if task.motion:
+    if trajectory.motion:
         wires.append("reference.rdd -> servo.rdd")
     else:
         start["servo.rdd"] = 0.0
-    if placed is None:
-        start["servo.f"] = task.offset
+    if compensator is None:
+        start["servo.f"] = trajectory.offset
     else:
-        added = part("compensator", placed.model)
+        added = part("compensator", compensator.model)
         parts.append(added)
         known = {**sensed, **{name: f"reference.{name}" for name in ("r", "rd", "rdd")}}
         taken = {port.name for port in added.inputs}
         wires += [f"{source} -> compensator.{name}" for name, source in known.items() if name in taken]
         if "u_prev" in taken:  # without the constant force: it is known, so an estimator must not see it
-            wires.append(Wire("servo.u", "compensator.u_prev", offset=-task.offset, delay=every))
-        wires.append(Wire(f"compensator.{placed.output}", "servo.f", offset=task.offset))
-        own = typed(added, {**limits, "Ts": servo.Ts, **placed.values})
+            wires.append(Wire("servo.u", "compensator.u_prev", offset=-trajectory.offset, delay=every))
+        wires.append(Wire(f"compensator.{compensator.output}", "servo.f", offset=trajectory.offset))
+        own = typed(added, {**limits, "Ts": servo.Ts, **compensator.values})
         start |= {f"compensator.{name}": value for name, value in own.items()}
     contact = part("friction", plant.friction, sampled=False)
     start |= {f"friction.{name}": value for name, value in typed(contact, plant.values).items()}
@@ -201,7 +201,7 @@ def closed_loop(
     if any(port.name == "F_ext" for port in contact.inputs):
         wires.append("axis.F_ext -> friction.F_ext")
     step = servo.Ts / every
-    stop = task.samples * servo.Ts
+    stop = trajectory.samples * servo.Ts
     master = _master(plant, step)
     experiment = Experiment(stop=stop, step=step, master=master, record=RECORDED, decimate=every)
     return System(parts, wires, start, experiment, "axis")

@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from friction_fmus.axis.loop import Placed, Plant, block, typed
+from friction_fmus.axis.loop import Compensator, Plant, block, typed
 from friction_fmus.axis.servo import Servo
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in
 from friction_fmus.blocks.catalogue import catalogue
@@ -152,7 +152,7 @@ class Choice:
     ----------
     name, kind, model : str
         Law, its kind, and the friction model that gives its parameters.
-    placed : Placed or None
+    compensator : Compensator or None
         None if it does not apply.
     reason : str
         Why it does not.
@@ -161,7 +161,7 @@ class Choice:
     name: str
     kind: str
     model: str
-    placed: Placed | None
+    compensator: Compensator | None
     reason: str = ""
 
 
@@ -213,7 +213,7 @@ def _choice(name: str, row: Use, known: Known) -> Choice:
     tuned = typed(part, known.tuned(row, given))
     taken = {row.renamed.get(parameter, parameter): value for parameter, value in given.items()}
     values = {parameter: value for parameter, value in taken.items() if parameter in settable}
-    return Choice(name, row.kind, model, Placed(name, row.output, {**values, **tuned}))
+    return Choice(name, row.kind, model, Compensator(name, row.output, {**values, **tuned}))
 
 
 def compensators() -> dict[str, Use]:

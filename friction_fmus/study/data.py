@@ -11,7 +11,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from friction_fmus.axis.loop import Plant, Task, closed_loop, run_loop
+from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
 from friction_fmus.axis.servo import Servo
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.fmi.package import build_record
@@ -120,8 +120,8 @@ def demo(servo: Servo, scratch: Path) -> Record:
     w = 2.0 * pi / PERIOD
     r = 4e-3 * (1.0 - np.cos(w * t)) + 0.5e-3 * (1.0 - np.cos(5.0 * w * t))
     reference = build_reference(t, r, scratch, "DemoReference")
-    task = Task(reference, len(t), 0.0, 0.0)
-    with closed_loop(servo, Plant("LuGre", LUGRE, 1.0), task) as system:
+    trajectory = Trajectory(reference, len(t), 0.0, 0.0)
+    with closed_loop(servo, Plant("LuGre", LUGRE, 1.0), trajectory) as system:
         trace = run_loop(system)
     q = servo.quantum * np.round(trace.q / servo.quantum) if servo.quantum else trace.q
     # the force of a sample acts from its instant on
@@ -166,7 +166,7 @@ def measured_servo(data: Data, servo: Servo, folder: Path, name: str) -> Measure
     reference = build_reference(t, record.reference, folder, f"{name}Reference", data.rotary)
     # the record may begin in motion
     v0 = float(filtered_motion(record, default_settings(record)).v[0])
-    task = Task(reference, len(record), float(record.q[0]), v0, rotary=data.rotary)
+    trajectory = Trajectory(reference, len(record), float(record.q[0]), v0, rotary=data.rotary)
 
     def samples(records: tuple[Record, ...]) -> tuple[int, int]:
         if not records:
@@ -175,7 +175,9 @@ def measured_servo(data: Data, servo: Servo, folder: Path, name: str) -> Measure
         first, last = (round(float(end) / servo.Ts) for end in ends)
         return max(0, first), min(len(record), last + 1)
 
-    return Measured(servo, task, record.q, record.force, samples(data.train), samples(data.validation or data.train))
+    return Measured(
+        servo, trajectory, record.q, record.force, samples(data.train), samples(data.validation or data.train)
+    )
 
 
 def _windows(

@@ -11,7 +11,17 @@ from typing import Final
 import numpy as np
 from scipy import signal
 
-from friction_fmus.axis.loop import Placed, Plant, Task, Trace, block, closed_loop, run_loop, typed, with_gain
+from friction_fmus.axis.loop import (
+    Compensator,
+    Plant,
+    Trace,
+    Trajectory,
+    block,
+    closed_loop,
+    run_loop,
+    typed,
+    with_gain,
+)
 from friction_fmus.axis.servo import Servo
 from friction_fmus.identification import Array
 from friction_fmus.study.records import Corner, Curve, GainPoint, Metrics
@@ -38,7 +48,7 @@ class Bench:
         Feedback and sensors.
     plant : Plant
         The identified axis.
-    task : Task
+    trajectory : Trajectory
         What it is to follow.
     r : array, shape (samples,)
         The reference.
@@ -46,7 +56,7 @@ class Bench:
 
     servo: Servo
     plant: Plant
-    task: Task
+    trajectory: Trajectory
     r: Array
 
 
@@ -75,14 +85,14 @@ class Trial:
     error: Curve | None
 
 
-def try_out(bench: Bench, placed: Placed | None, gains: Sequence[float], mismatch: float) -> Trial:
+def try_out(bench: Bench, compensator: Compensator | None, gains: Sequence[float], mismatch: float) -> Trial:
     """Co-simulate the axis with one compensator, or without.
 
     Parameters
     ----------
     bench : Bench
         The axis.
-    placed : Placed or None
+    compensator : Compensator or None
         The compensator.
     gains : sequence of float
         Shares of the compensation; without a compensator there is one run.
@@ -91,8 +101,8 @@ def try_out(bench: Bench, placed: Placed | None, gains: Sequence[float], mismatc
     """
     runs: dict[float, tuple[GainPoint, Array | None]] = {}
     corners = []
-    with closed_loop(bench.servo, bench.plant, bench.task, placed) as system:
-        for gain in gains if placed else (0.0,):
+    with closed_loop(bench.servo, bench.plant, bench.trajectory, compensator) as system:
+        for gain in gains if compensator else (0.0,):
             metrics, error, failure = _judged(with_gain(system, gain), bench)
             runs[gain] = GainPoint(gain, metrics, failure), error
         sweep = tuple(point for point, _ in runs.values())
@@ -159,16 +169,16 @@ class Cost:
     ns: float
 
 
-def cost_of(placed: Placed, Ts: float, rotary: bool, samples: int = 100_000) -> Cost:
+def cost_of(compensator: Compensator, Ts: float, rotary: bool, samples: int = 100_000) -> Cost:
     """Time of one sample of the compensator's FMU in the engine, the best of three; start-up does not count."""
-    part = FmuPart("law", block(placed.model, rotary))
+    part = FmuPart("law", block(compensator.model, rotary))
     start: dict[str, StartValue] = {f"law.{port.name}": 0.01 for port in part.inputs if not port.optional}
-    start |= {f"law.{name}": value for name, value in typed(part, placed.values).items()}
+    start |= {f"law.{name}": value for name, value in typed(part, compensator.values).items()}
     with System([part], [], {**start, "law.Ts": Ts}) as system:
 
         def seconds(count: int) -> float:
             begin = perf_counter()
-            system.run(stop=count * Ts, step=Ts, decimate=count, record=[f"law.{placed.output}"])
+            system.run(stop=count * Ts, step=Ts, decimate=count, record=[f"law.{compensator.output}"])
             return perf_counter() - begin
 
         short = samples // 10

@@ -49,23 +49,25 @@ def export_recommended(
     folder = out / OWN
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    placed = choice.placed if choice is not None else None
+    compensator = choice.compensator if choice is not None else None
     fmus = {}
-    if choice is not None and placed is not None:
+    if choice is not None and compensator is not None:
         limits = {"u_min": -bench.servo.force_limit, "u_max": bench.servo.force_limit}
-        given = {**limits, "gain": gain, **placed.values, "Ts": bench.servo.Ts}
-        values = typed(FmuPart("law", block(placed.model, bench.task.rotary)), given)
-        domain: Literal["translational", "rotational"] = "rotational" if bench.task.rotary else "translational"
-        fmus["compensator"] = build(placed.model, folder, values, domain=domain)
-        written.append(WrittenFile(_path(out, fmus["compensator"]), f"{placed.model} with the parameters of the axis"))
+        given = {**limits, "gain": gain, **compensator.values, "Ts": bench.servo.Ts}
+        values = typed(FmuPart("law", block(compensator.model, bench.trajectory.rotary)), given)
+        domain: Literal["translational", "rotational"] = "rotational" if bench.trajectory.rotary else "translational"
+        fmus["compensator"] = build(compensator.model, folder, values, domain=domain)
+        written.append(
+            WrittenFile(_path(out, fmus["compensator"]), f"{compensator.model} with the parameters of the axis")
+        )
         parameters = _parameters(fmus["compensator"], values)
-        write_ssv(ParameterSet(f"{name} {placed.model}", parameters, _cited(citation)), folder / "compensator.ssv")
-        written.append(WrittenFile(f"{OWN}/compensator.ssv", f"Parameters of {placed.model}, SSP 1.0"))
-        if find(placed.model).kind == "law" and not bench.task.rotary:
-            for file in export_law(placed.model, folder / "c", start=values):
+        write_ssv(ParameterSet(f"{name} {compensator.model}", parameters, _cited(citation)), folder / "compensator.ssv")
+        written.append(WrittenFile(f"{OWN}/compensator.ssv", f"Parameters of {compensator.model}, SSP 1.0"))
+        if find(compensator.model).kind == "law" and not bench.trajectory.rotary:
+            for file in export_law(compensator.model, folder / "c", start=values):
                 written.append(WrittenFile(_path(out, file), "C code of the same, for an embedded target"))
-    with closed_loop(bench.servo, bench.plant, bench.task, placed, fmus) as system:
-        whole = with_gain(system, gain) if placed is not None and placed.output != "u" else system
+    with closed_loop(bench.servo, bench.plant, bench.trajectory, compensator, fmus) as system:
+        whole = with_gain(system, gain) if compensator is not None and compensator.output != "u" else system
         whole.to_ssp(folder / "axis.ssp")
         written.append(WrittenFile(f"{OWN}/axis.ssp", "The whole axis: reference, compensator, servo, mass, friction"))
     return tuple(written)

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.axis.loop import Plant, Task, closed_loop, run_loop
+from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
 from friction_fmus.axis.servo import Servo
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import FrictionError
@@ -92,7 +92,7 @@ class Measured:
     ----------
     servo : Servo
         Its feedback and sensors.
-    task : Task
+    trajectory : Trajectory
         The reference and the state at the beginning, of the whole record.
     q, force : array, shape (samples,)
         What was measured.
@@ -101,7 +101,7 @@ class Measured:
     """
 
     servo: Servo
-    task: Task
+    trajectory: Trajectory
     q: Array
     force: Array | None
     train: tuple[int, int]
@@ -218,12 +218,12 @@ def row_of(result: Identification, summary: str, published: Mapping[str, float])
 
 def in_closed_loop(found: Found, measured: Measured) -> Found:
     """Co-simulate the servo with an identified model, from the beginning of the record."""
-    with closed_loop(measured.servo, found.plant, measured.task) as system:
+    with closed_loop(measured.servo, found.plant, measured.trajectory) as system:
         trace = run_loop(system)
     if not (np.isfinite(trace.q).all() and np.isfinite(trace.force).all()):
         raise FrictionError("it is unstable.")
     q, force = measured.q, measured.force
-    units = ROTARY if measured.task.rotary else LINEAR
+    units = ROTARY if measured.trajectory.rotary else LINEAR
     fits = [Fit(_rms(trace.q - q), 100.0 * _rms(trace.q - q) / _rms(q), "position", units.position)]
     t = measured.servo.Ts * np.arange(float(len(q)))
     if force is not None:
@@ -255,7 +255,7 @@ def refine(found: Found, measured: Measured) -> Found:
     def step(p: FoundParameter) -> float:
         return 0.02 * level if p.name == "OF" else _STEPS.get(p.name, 0.04) * p.value
 
-    contact = contact_model(found.block, ROTARY if measured.task.rotary else LINEAR)
+    contact = contact_model(found.block, ROTARY if measured.trajectory.rotary else LINEAR)
     known = contact.parameters
 
     def unknown(p: FoundParameter) -> Unknown:
@@ -266,8 +266,8 @@ def refine(found: Found, measured: Measured) -> Found:
 
     unknowns = [unknown(p) for p in free]
     first, last = measured.train
-    task = replace(measured.task, samples=last)
-    with closed_loop(measured.servo, found.plant, task) as system:
+    trajectory = replace(measured.trajectory, samples=last)
+    with closed_loop(measured.servo, found.plant, trajectory) as system:
 
         def simulate(values: Mapping[str, float]) -> dict[str, Array]:
             own = {f"friction.{name}": value for name, value in values.items() if name not in MEANING}

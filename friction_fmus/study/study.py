@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.axis.loop import Task
+from friction_fmus.axis.loop import Trajectory
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
@@ -229,8 +229,10 @@ class _Study:
         reference = build_reference(at, r, self.out / KEPT, f"{identifier(record.name)}Path", data.rotary)
         plant = best.plant if best.mass > 0.0 else replace(best.plant, mass=servo.mass or 0.0)
         v0 = float((r[1] - r[0]) / servo.Ts)
-        task = Task(reference, len(at), float(r[0]), v0, wanted.motion_feedforward, plant.offset, rotary=data.rotary)
-        return Bench(servo, plant, task, r)
+        trajectory = Trajectory(
+            reference, len(at), float(r[0]), v0, wanted.motion_feedforward, plant.offset, rotary=data.rotary
+        )
+        return Bench(servo, plant, trajectory, r)
 
     def _compensators(
         self, data: Data, models: Sequence[Found], bench: Bench
@@ -246,19 +248,23 @@ class _Study:
             data.rotary,
         )
         choices = candidates(wanted.compensators, known)
-        tried = [choice for choice in choices if choice.placed is not None]
-        as_measured = replace(bench, task=replace(bench.task, motion=False, offset=0.0))
+        tried = [choice for choice in choices if choice.compensator is not None]
+        as_measured = replace(bench, trajectory=replace(bench.trajectory, motion=False, offset=0.0))
         jobs = [
             Job("servo-as-measured", try_out, (as_measured, None, (), 0.0), Trial),
             Job("compensator-none", try_out, (bench, None, (), wanted.mismatch), Trial),
         ]
         jobs += [
-            Job(f"compensator-{choice.name}", try_out, (bench, choice.placed, wanted.gains, wanted.mismatch), Trial)
+            Job(
+                f"compensator-{choice.name}", try_out, (bench, choice.compensator, wanted.gains, wanted.mismatch), Trial
+            )
             for choice in tried
         ]
         plain, without, *trials = self._do(jobs, 0.6, 0.9)
         # one after the other, while nothing else runs here
-        prices = [Job(f"cost-{each.name}", cost_of, (each.placed, bench.servo.Ts, data.rotary), Cost) for each in tried]
+        prices = [
+            Job(f"cost-{each.name}", cost_of, (each.compensator, bench.servo.Ts, data.rotary), Cost) for each in tried
+        ]
         costs = do(prices, self.store, None, self.tell.steps(0.9, 0.95, len(prices)))
         none = compensator_row("none", "The servo without friction compensation", "none", None, without)
         none = extremes(none, none)

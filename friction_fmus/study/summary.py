@@ -83,7 +83,7 @@ def compensator_row(
         True,
         failures[0] if trial.metrics is None and failures else "",
         choice.model if choice is not None else "",
-        dict(choice.placed.values) if choice is not None and choice.placed is not None else {},
+        dict(choice.compensator.values) if choice is not None and choice.compensator is not None else {},
         trial.gain,
         trial.metrics,
         trial.sweep,

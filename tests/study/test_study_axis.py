@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from friction_fmus.axis.loop import Plant, Task, Trace, closed_loop
+from friction_fmus.axis.loop import Plant, Trace, Trajectory, closed_loop
 from friction_fmus.data import load_emps
 from friction_fmus.identification import LINEAR, identifiable
 from friction_fmus.identification.models import contact_model
@@ -26,15 +26,15 @@ R = 4e-3 * (1.0 - np.cos(2.0 * pi * T))
 
 def bench(folder: Path, rotary: bool = False) -> Bench:
     reference = build_reference(T, R, folder, "Reference", rotary)
-    return Bench(SERVO, PLANT, Task(reference, len(T), 0.0, 0.0, motion=True, offset=0.2, rotary=rotary), R)
+    return Bench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2, rotary=rotary), R)
 
 
 def test_an_axis_that_turns_is_the_same_axis(tmp_path: Path) -> None:
     known = Known(SERVO, PLANT, {"LuGre": LUGRE})
     (choice,) = candidates(["LuGreFeedforward"], known)
     (turning,) = candidates(["LuGreFeedforward"], replace(known, rotary=True))
-    straight = try_out(bench(tmp_path), choice.placed, (1.0,), 0.1)
-    turned = try_out(bench(tmp_path, rotary=True), turning.placed, (1.0,), 0.1)
+    straight = try_out(bench(tmp_path), choice.compensator, (1.0,), 0.1)
+    turned = try_out(bench(tmp_path, rotary=True), turning.compensator, (1.0,), 0.1)
     assert straight.metrics is not None
     assert turned == straight
     assert [(corner.friction, corner.mass) for corner in straight.corners] == [
@@ -47,7 +47,7 @@ def test_an_axis_that_turns_is_the_same_axis(tmp_path: Path) -> None:
 
 def test_mismatch_scales_forces_and_mass_alone(tmp_path: Path) -> None:
     given = bench(tmp_path)
-    with closed_loop(SERVO, PLANT, given.task) as system:
+    with closed_loop(SERVO, PLANT, given.trajectory) as system:
         found = off_by(system, 1.1, 0.9)
     expected = {f"friction.{name}": 1.1 * LUGRE[name] for name in ("sigma0", "sigma1", "sigma2", "Fc", "Fs")}
     assert found == pytest.approx({**expected, "axis.m": 0.9})
@@ -110,10 +110,10 @@ def test_candidates_that_do_not_apply_say_why() -> None:
     (long,) = candidates(["RepetitiveController"], replace(known, period=6240))
     assert "repeats after 6240 samples, and 4096 are possible" in long.reason
     assert "same feedback gains" in found["AdaptiveLuGre"].reason
-    periodic = candidates(["RepetitiveController"], replace(known, period=500))[0].placed
+    periodic = candidates(["RepetitiveController"], replace(known, period=500))[0].compensator
     assert periodic is not None
     assert periodic.values["N"] == 500
-    assert all((choice.placed is None) == bool(choice.reason) for choice in found.values())
+    assert all((choice.compensator is None) == bool(choice.reason) for choice in found.values())
 
 
 def test_a_contact_without_a_servo_ends_with_its_models(tmp_path: Path) -> None:
@@ -148,9 +148,9 @@ def test_every_feedforward_law_is_tried_with_one_of_its_models(name: str, tmp_pa
     assert models, f"{name} needs {compensators()[name].models}, none of which a study identifies"
     for model in models:
         (choice,) = candidates([name], Known(SERVO, PLANT, {model: start_values(model)}))
-        assert choice.placed is not None, choice.reason
+        assert choice.compensator is not None, choice.reason
         assert choice.model == model
-    assert try_out(bench(tmp_path), choice.placed, (1.0,), 0.1).metrics is not None
+    assert try_out(bench(tmp_path), choice.compensator, (1.0,), 0.1).metrics is not None
 
 
 def test_modified_leuven_feedforward_has_the_force_of_gms(tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_modified_leuven_feedforward_has_the_force_of_gms(tmp_path: Path) -> Non
     errors = []
     for name in ("ModifiedLeuvenFeedforward", "GMSFeedforward"):
         (choice,) = candidates([name], known)
-        metrics = try_out(given, choice.placed, (1.0,), 0.1).metrics
+        metrics = try_out(given, choice.compensator, (1.0,), 0.1).metrics
         assert metrics is not None
         errors.append(metrics.rms)
     none = try_out(given, None, (0.0,), 0.1).metrics
