@@ -7,7 +7,7 @@ from rich.table import Table
 
 from friction_fmus.cli.console import styled
 from friction_fmus.study.ranking import shown
-from friction_fmus.study.records import CompensatorRow, Fit, ModelRow
+from friction_fmus.study.records import CompensatorResult, Fit, ModelResult
 from friction_fmus.study.result import StudyResult
 
 
@@ -102,7 +102,7 @@ def _headline(result: StudyResult) -> str:
     return "Recommendation: no compensation" if name == "none" else f"Recommendation: {name}"
 
 
-def _mark(row: CompensatorRow) -> str:
+def _mark(row: CompensatorResult) -> str:
     """What keeps a compensator from being recommended."""
     return "" if row.pays and not row.noisy else " (noisy)" if row.pays else " (does not pay)"
 
@@ -111,5 +111,5 @@ def _percent(fit: Fit | None) -> str:
     return "–" if fit is None else f"{fit.percent:.3g} %"
 
 
-def _weak(row: ModelRow) -> str:
+def _weak(row: ModelResult) -> str:
     return ", ".join(p.name for p in row.parameters if p.weak)

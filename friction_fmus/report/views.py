@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from friction_fmus.study.result import CompensatorRow, Curve, Fit, ModelRow, Picture, StudyResult
+from friction_fmus.study.result import CompensatorResult, Curve, Fit, ModelResult, Picture, StudyResult
 
 from .figures import ROWS, STYLES, Bar, Plot, bars, lines, sweep
 from .numbers import multiple, number, quantity
@@ -44,7 +44,7 @@ def label(name: str) -> str:
     return NO_COMPENSATION if name == NONE else name
 
 
-def scores(models: Sequence[ModelRow]) -> dict[str, Score]:
+def scores(models: Sequence[ModelResult]) -> dict[str, Score]:
     """Return the scores of the identified models by name."""
     lowest: dict[tuple[str, tuple[str, str]], float] = {}
     for row in models:
@@ -53,7 +53,7 @@ def scores(models: Sequence[ModelRow]) -> dict[str, Score]:
                 key = (name, _fitted(row))
                 lowest[key] = min(value, lowest.get(key, value))
 
-    def above(row: ModelRow, name: str, value: float | None) -> str:
+    def above(row: ModelResult, name: str, value: float | None) -> str:
         return number(None) if value is None else f"{value - lowest[name, _fitted(row)]:.0f}"
 
     return {
@@ -69,7 +69,7 @@ def scores(models: Sequence[ModelRow]) -> dict[str, Score]:
     }
 
 
-def _fitted(row: ModelRow) -> tuple[str, str]:
+def _fitted(row: ModelResult) -> tuple[str, str]:
     return ("", "") if row.train is None else (row.train.signal, row.train.unit)
 
 
@@ -182,7 +182,7 @@ def friction_table(picture: Picture, rows: int = 9) -> tuple[list[str], list[lis
     return [x_title, *curves], cells if fastest else []
 
 
-def ranked(study: StudyResult) -> list[CompensatorRow]:
+def ranked(study: StudyResult) -> list[CompensatorResult]:
     """Return the rows that were co-simulated: without compensation first, then by rank."""
     none = [row for row in study.compensators if row.name == NONE and row.metrics is not None]
     rows = [row for row in study.compensators if row.rank is not None and row.metrics is not None and row.name != NONE]
@@ -243,7 +243,7 @@ def _drawn(curves: Mapping[str, Curve]) -> dict[str, Curve]:
     return dict(list(curves.items())[: len(STYLES)])
 
 
-def _bars(study: StudyResult, rows: Sequence[CompensatorRow], unit: str, factor: float) -> Plot:
+def _bars(study: StudyResult, rows: Sequence[CompensatorResult], unit: str, factor: float) -> Plot:
     emphasis = {study.recommendation.name: "best", study.recommendation.runner_up: "second"}
     shown = []
     for row in rows[:ROWS]:

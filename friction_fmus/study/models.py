@@ -30,7 +30,7 @@ from friction_fmus.identification.models import contact_model
 from friction_fmus.identification.scores import weak_parameters
 from friction_fmus.identification.simulation_data import default_settings
 from friction_fmus.study.evaluation import thinned
-from friction_fmus.study.records import Curve, Fit, FoundParameter, ModelRow
+from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult
 from harness import HarnessError
 
 ALIKE: Final = 0.05
@@ -52,7 +52,7 @@ class Found:
 
     Attributes
     ----------
-    row : ModelRow
+    row : ModelResult
         For the report.
     block : str
         Friction block that has these parameters.
@@ -68,7 +68,7 @@ class Found:
         Simulated minus measured position, and simulated force, of the servo over time.
     """
 
-    row: ModelRow
+    row: ModelResult
     block: str = ""
     values: Mapping[str, float] = field(default_factory=dict)
     mass: float = 0.0
@@ -134,7 +134,7 @@ def identify_model(
         starts = 3 if contact_model(name, train[0].units).static else 1
         result = identify(name, list(train), validation=list(validation) or None, starts=starts)
     except (FrictionError, HarnessError, ArithmeticError, np.linalg.LinAlgError) as error:
-        return Found(ModelRow(name, summary, reason=str(error)))
+        return Found(ModelResult(name, summary, reason=str(error)))
     found = Found(
         row_of(result, summary, published),
         name,
@@ -161,16 +161,16 @@ def inverse_model(record: Record, published: Mapping[str, float], measured: Meas
     try:
         fit = identify_inverse_model(record, default_settings(record))
     except FrictionError as error:
-        return Found(ModelRow(INVERSE, summary, reason=str(error)))
+        return Found(ModelResult(INVERSE, summary, reason=str(error)))
     rows = tuple(
-        FoundParameter(p.name, p.value, p.standard_error, p.unit, MEANING.get(p.name, ""), published.get(p.name))
+        IdentifiedParameter(p.name, p.value, p.standard_error, p.unit, MEANING.get(p.name, ""), published.get(p.name))
         for p in fit.parameters.values()
     )
     Fc = fit.parameters["Fc"].value
     force = record.column("force")
     train = Fit(fit.relative_residual * _rms(force), 100.0 * fit.relative_residual, "force", record.units.force)
     found = Found(
-        ModelRow(INVERSE, summary, "inverse", rows, train, simulations=0),
+        ModelResult(INVERSE, summary, "inverse", rows, train, simulations=0),
         "Stribeck",
         {"Fc": Fc, "Fs": Fc, "Fv": fit.parameters["Fv"].value},
         fit.parameters["M"].value,
@@ -180,15 +180,15 @@ def inverse_model(record: Record, published: Mapping[str, float], measured: Meas
     return found if measured is None else in_closed_loop(found, measured)
 
 
-def row_of(result: Identification, summary: str, published: Mapping[str, float]) -> ModelRow:
+def row_of(result: Identification, summary: str, published: Mapping[str, float]) -> ModelResult:
     """The row of a result."""
 
     known = contact_model(result.block, result.records[0].units).parameters
 
-    def parameter(name: str, estimate: Estimate) -> FoundParameter:
+    def parameter(name: str, estimate: Estimate) -> IdentifiedParameter:
         error = estimate.standard_error
         meaning = MEANING.get(name) or known[name].text
-        return FoundParameter(
+        return IdentifiedParameter(
             name,
             estimate.value,
             error if np.isfinite(error) else None,
@@ -201,7 +201,7 @@ def row_of(result: Identification, summary: str, published: Mapping[str, float])
     def fit(score: Score | None) -> Fit | None:
         return None if score is None else Fit(score.rms, score.relative_percent, result.signal, result.unit)
 
-    return ModelRow(
+    return ModelResult(
         result.model,
         summary,
         result.method,
@@ -252,13 +252,13 @@ def refine(found: Found, measured: Measured) -> Found:
     if "M" not in {p.name for p in free} or not level:
         return found
 
-    def step(p: FoundParameter) -> float:
+    def step(p: IdentifiedParameter) -> float:
         return 0.02 * level if p.name == "OF" else _STEPS.get(p.name, 0.04) * p.value
 
     contact = contact_model(found.block, ROTARY if measured.trajectory.rotary else LINEAR)
     known = contact.parameters
 
-    def unknown(p: FoundParameter) -> Unknown:
+    def unknown(p: IdentifiedParameter) -> Unknown:
         lower = -np.inf if p.name == "OF" else 1e-3 * p.value
         if p.name in known:
             return Unknown(p.name, p.value, step(p), p.unit, max(lower, known[p.name].lower), known[p.name].upper)
@@ -285,7 +285,7 @@ def refine(found: Found, measured: Measured) -> Found:
     errors = {name: estimate.standard_error for name, estimate in fit.parameters.items()}
     weak = weak_parameters(contact, list(values), values, errors, fit.correlation, {}, ())
 
-    def replaced(p: FoundParameter) -> FoundParameter:
+    def replaced(p: IdentifiedParameter) -> IdentifiedParameter:
         if p.name not in values:
             return p
         error = errors[p.name] if np.isfinite(errors[p.name]) else None

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from friction_fmus.study.records import CompensatorRow, Metrics, Recommendation
+from friction_fmus.study.records import CompensatorResult, Metrics, Recommendation
 
 WORTH: Final = 0.05
 """Least gain, as a share of the error without compensation."""
@@ -32,23 +32,23 @@ NEGLIGIBLE: Final = 0.02
 """High-frequency force over the whole force of the servo alone below which it does not matter."""
 
 
-def rank(none: CompensatorRow, rows: Sequence[CompensatorRow]) -> list[CompensatorRow]:
+def rank(none: CompensatorResult, rows: Sequence[CompensatorResult]) -> list[CompensatorResult]:
     """Judge the compensators and bring them in order.
 
     Parameters
     ----------
-    none : CompensatorRow
+    none : CompensatorResult
         The servo without compensation.
-    rows : sequence of CompensatorRow
+    rows : sequence of CompensatorResult
         The others.
 
     Returns
     -------
-    list of CompensatorRow
+    list of CompensatorResult
         Those that were co-simulated, with `worst`, `best`, `pays`, `noisy` and `rank`, then those that do not apply.
     """
     judged = [_judged(none, row) for row in rows if row.metrics is not None]
-    ordered: list[CompensatorRow] = []
+    ordered: list[CompensatorResult] = []
     for group in ((True, False), (True, True), (False, False), (False, True)):
         left = sorted(
             (row for row in judged if (row.pays, row.noisy) == group), key=lambda row: (_worst(row), row.name)
@@ -62,7 +62,7 @@ def rank(none: CompensatorRow, rows: Sequence[CompensatorRow]) -> list[Compensat
     return ranked + [row for row in rows if row.metrics is None]
 
 
-def extremes(row: CompensatorRow, none: CompensatorRow) -> CompensatorRow:
+def extremes(row: CompensatorResult, none: CompensatorResult) -> CompensatorResult:
     """The row with its smallest and largest error; the largest is None if a corner failed that runs without it."""
     possible = zip(none.corners, row.corners, strict=True)
     runs = [row.metrics, *(corner.metrics for without, corner in possible if without.metrics is not None)]
@@ -71,14 +71,14 @@ def extremes(row: CompensatorRow, none: CompensatorRow) -> CompensatorRow:
     return replace(row, best=min(errors, default=None), worst=None if failed else max(errors))
 
 
-def recommend(none: CompensatorRow, ranked: Sequence[CompensatorRow], unit: str) -> Recommendation:
+def recommend(none: CompensatorResult, ranked: Sequence[CompensatorResult], unit: str) -> Recommendation:
     """Say which one to take.
 
     Parameters
     ----------
-    none : CompensatorRow
+    none : CompensatorResult
         The servo without compensation.
-    ranked : sequence of CompensatorRow
+    ranked : sequence of CompensatorResult
         What `rank` returned.
     unit : str
         Unit of the position, "m" or "rad".
@@ -138,7 +138,7 @@ def shown(value: float, unit: str) -> str:
     return f"{value * 1e9:.3g} n{unit}"
 
 
-def _judged(none: CompensatorRow, row: CompensatorRow) -> CompensatorRow:
+def _judged(none: CompensatorResult, row: CompensatorResult) -> CompensatorResult:
     """The row with what it is judged by."""
     row = extremes(row, none)
     pairs = [
@@ -155,23 +155,23 @@ def _noisy(none: Metrics | None, own: Metrics | None) -> bool:
     return own.effort_high > NOISY * none.effort_high and own.effort_high > NEGLIGIBLE * none.effort
 
 
-def _adds_noise(none: CompensatorRow, row: CompensatorRow) -> bool:
+def _adds_noise(none: CompensatorResult, row: CompensatorResult) -> bool:
     assert none.metrics is not None
     assert row.metrics is not None
     high = row.metrics.effort_high
     return high > QUIET * none.metrics.effort_high and high > NEGLIGIBLE * none.metrics.effort
 
 
-def _cheapest(rows: Sequence[CompensatorRow]) -> CompensatorRow:
+def _cheapest(rows: Sequence[CompensatorResult]) -> CompensatorResult:
     """Of rows in the order of their errors; a measured time is no better than to a factor of two."""
     least = min(row.cost_ns or 0.0 for row in rows)
     return next(row for row in rows if (row.cost_ns or 0.0) <= 2.0 * least)
 
 
-def _worst(row: CompensatorRow) -> float:
+def _worst(row: CompensatorResult) -> float:
     """To six digits: compensators that give the same force differ in the last bits, which are not to order them."""
     return float("inf") if row.worst is None else float(f"{row.worst:.6g}")
 
 
-def _smallest(rows: Sequence[CompensatorRow]) -> float:
+def _smallest(rows: Sequence[CompensatorResult]) -> float:
     return min(_worst(row) for row in rows)

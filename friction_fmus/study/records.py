@@ -14,7 +14,7 @@ Numbers: TypeAlias = tuple[float, ...]
 
 
 @dataclass(frozen=True)
-class FoundParameter:
+class IdentifiedParameter:
     """One identified parameter.
 
     Attributes
@@ -65,7 +65,7 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class ModelRow:
+class ModelResult:
     """One friction model.
 
     Attributes
@@ -74,7 +74,7 @@ class ModelRow:
         Name of the block and what it is.
     method : str
         How it was identified; empty if it was not.
-    parameters : tuple of FoundParameter
+    parameters : tuple of IdentifiedParameter
         What was found.
     train, validation : Fit or None
         On the samples that were fitted, and on those that were not.
@@ -97,7 +97,7 @@ class ModelRow:
     name: str
     summary: str
     method: str = ""
-    parameters: tuple[FoundParameter, ...] = ()
+    parameters: tuple[IdentifiedParameter, ...] = ()
     train: Fit | None = None
     validation: Fit | None = None
     closed_loop: tuple[Fit, ...] = ()
@@ -182,7 +182,7 @@ class Corner:
 
 
 @dataclass(frozen=True)
-class CompensatorRow:
+class CompensatorResult:
     """One compensator.
 
     Attributes
@@ -270,7 +270,7 @@ class Recommendation:
 
 
 @dataclass(frozen=True)
-class DoctorRow:
+class ConditionResult:
     """One condition of the recommended servo; texts are empty where it holds."""
 
     parts: tuple[str, ...]

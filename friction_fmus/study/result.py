@@ -14,15 +14,15 @@ from typing import Any
 from friction_fmus.identification import AxisUnits
 from friction_fmus.notebook import study_html, study_text
 from friction_fmus.study.records import (
-    CompensatorRow,
+    CompensatorResult,
+    ConditionResult,
     Corner,
     Curve,
-    DoctorRow,
     Fit,
-    FoundParameter,
     GainPoint,
+    IdentifiedParameter,
     Metrics,
-    ModelRow,
+    ModelResult,
     Picture,
     Recommendation,
     WrittenFile,
@@ -50,7 +50,7 @@ class StudyResult:
         Friction over velocity: points of the record, curves of the models.
     hysteresis : Picture or None
         Friction over displacement: points of the record, loops of the models.
-    models : tuple of ModelRow
+    models : tuple of ModelResult
         Ranked ones first.
     plant : str
         Friction model of the axis in the co-simulation; empty if there was none.
@@ -59,11 +59,11 @@ class StudyResult:
     servos : mapping of str to Metrics
         The servo without friction compensation: "as measured", and "with motion feedforward" if the compensators were
         compared with that.
-    compensators : tuple of CompensatorRow
+    compensators : tuple of CompensatorResult
         "none" first, then ranked ones, then those that do not apply.
     recommendation : Recommendation
         What to do.
-    doctor : tuple of DoctorRow
+    doctor : tuple of ConditionResult
         Conditions of the servo with the recommended compensator, violated ones first.
     files : tuple of WrittenFile
         What was written.
@@ -82,13 +82,13 @@ class StudyResult:
     record: tuple[Picture, ...]
     friction: Picture | None
     hysteresis: Picture | None
-    models: tuple[ModelRow, ...]
+    models: tuple[ModelResult, ...]
     plant: str
     no_compensation: str
     servos: Mapping[str, Metrics]
-    compensators: tuple[CompensatorRow, ...]
+    compensators: tuple[CompensatorResult, ...]
     recommendation: Recommendation
-    doctor: tuple[DoctorRow, ...]
+    doctor: tuple[ConditionResult, ...]
     files: tuple[WrittenFile, ...]
     command: str
     versions: Mapping[str, str]
@@ -102,7 +102,7 @@ class StudyResult:
         """Return recommendation, models and compensators as HTML, for a notebook."""
         return study_html(self)
 
-    def compensator(self, name: str) -> CompensatorRow:
+    def compensator(self, name: str) -> CompensatorResult:
         """Return the row of that name.
 
         Raises
@@ -115,7 +115,7 @@ class StudyResult:
                 return row
         raise KeyError(f"The study has no compensator {name!r}.")
 
-    def model(self, name: str) -> ModelRow:
+    def model(self, name: str) -> ModelResult:
         """Return the row of that name.
 
         Raises
@@ -145,15 +145,15 @@ def plain(content: Any) -> Any:
 
 
 __all__ = [
-    "CompensatorRow",
+    "CompensatorResult",
+    "ConditionResult",
     "Corner",
     "Curve",
-    "DoctorRow",
     "Fit",
-    "FoundParameter",
     "GainPoint",
+    "IdentifiedParameter",
     "Metrics",
-    "ModelRow",
+    "ModelResult",
     "Picture",
     "Recommendation",
     "StudyResult",

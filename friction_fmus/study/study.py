@@ -26,7 +26,7 @@ from friction_fmus.study.export import OWN, export_models, export_recommended
 from friction_fmus.study.models import INVERSE, Found, identify_model, inverse_model, ranked, refine
 from friction_fmus.study.pictures import over_position, over_velocity, series
 from friction_fmus.study.ranking import extremes, rank, recommend
-from friction_fmus.study.records import CompensatorRow, DoctorRow, Metrics, Recommendation, WrittenFile
+from friction_fmus.study.records import CompensatorResult, ConditionResult, Metrics, Recommendation, WrittenFile
 from friction_fmus.study.result import StudyResult
 from friction_fmus.study.steps import KEPT, Job, Store, do, workers
 from friction_fmus.study.summary import Teller, compensator_row, identifier, overview
@@ -136,10 +136,10 @@ class _Study:
                 f"No friction model could be identified from {data.longest.name!r}; the first reason: {best.row.reason}"
             )
         missing = self._missing(data, best)
-        rows: list[CompensatorRow] = []
+        rows: list[CompensatorResult] = []
         servos: dict[str, Metrics] = {}
         recommendation = Recommendation("", missing)
-        doctor: tuple[DoctorRow, ...] = ()
+        doctor: tuple[ConditionResult, ...] = ()
         files = list(export_models(self.out, models, data.rotary, data.longest.citation))
         if not missing:
             bench = self._bench(data, best)
@@ -236,7 +236,7 @@ class _Study:
 
     def _compensators(
         self, data: Data, models: Sequence[Found], bench: Bench
-    ) -> tuple[list[CompensatorRow], dict[str, Metrics], list[Choice]]:
+    ) -> tuple[list[CompensatorResult], dict[str, Metrics], list[Choice]]:
         """Rows in order, "none" first; the servos without compensation; the choices."""
         wanted = self.config.compensation
         known = Known(
@@ -283,7 +283,7 @@ class _Study:
             servos["with motion feedforward"] = none.metrics
         return [none, *rank(none, rows)], servos, choices
 
-    def _doctor(self) -> tuple[DoctorRow, ...]:
+    def _doctor(self) -> tuple[ConditionResult, ...]:
         """Conditions of the axis as it was exported, violated ones first."""
         with System.from_ssp(self.out / OWN / "axis.ssp") as system:
             findings = examine(system)
@@ -292,7 +292,7 @@ class _Study:
             c = finding.condition
             texts = ("", "", "", "") if c.ok else (c.wrong, c.why, c.change, c.source)
             value, bound = (float(number) if np.isfinite(number) else None for number in (c.value, c.bound))
-            rows.append(DoctorRow(finding.parts, c.name, c.ok, *texts, value, bound))
+            rows.append(ConditionResult(finding.parts, c.name, c.ok, *texts, value, bound))
         return tuple(sorted(rows, key=lambda row: row.ok))
 
     def _do(self, jobs: Sequence[Job], begin: float, end: float) -> list[Any]:

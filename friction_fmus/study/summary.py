@@ -10,7 +10,7 @@ from friction_fmus.study.compensators import Choice
 from friction_fmus.study.config import StudyConfig
 from friction_fmus.study.data import Data
 from friction_fmus.study.evaluation import Trial
-from friction_fmus.study.records import CompensatorRow
+from friction_fmus.study.records import CompensatorResult
 from friction_fmus.study.steps import Job
 from harness import Progress
 
@@ -71,12 +71,12 @@ def overview(config: StudyConfig, data: Data) -> dict[str, str]:
 
 def compensator_row(
     name: str, summary: str, kind: str, choice: Choice | None, trial: Trial | None, cost_ns: float = 0.0
-) -> CompensatorRow:
+) -> CompensatorResult:
     """The row of a law, before it is ranked."""
     if trial is None:
-        return CompensatorRow(name, summary, kind, False, choice.reason if choice is not None else "")
+        return CompensatorResult(name, summary, kind, False, choice.reason if choice is not None else "")
     failures = [point.failure for point in trial.sweep if point.metrics is None]
-    return CompensatorRow(
+    return CompensatorResult(
         name,
         summary,
         kind,
