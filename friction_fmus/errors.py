@@ -31,9 +31,9 @@ def nearest(name: str, names: Iterable[str]) -> str:
     Returns
     -------
     str
-        ``; did you mean X?``, or an empty string if no name is similar.
+        `` (did you mean X?)``, or an empty string if no name is similar.
     """
     candidates = list(names)
     lowered = {candidate.lower(): candidate for candidate in candidates}
     found = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.5)
-    return f"; did you mean {lowered[found[0]]}?" if found else ""
+    return f" (did you mean {lowered[found[0]]}?)" if found else ""

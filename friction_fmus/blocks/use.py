@@ -27,8 +27,8 @@ class Use:
     renamed : mapping of str to str
         Parameter of the model -> that of the law, where they have other names.
     tuned : mapping of str to str
-        Further parameters -> expressions of what is known of the axis, see `friction_fmus.study.compensators.Known`,
-        and of the model's parameters. ``W[i]`` stands for all elements of a vector.
+        Further parameters -> expressions of properties of the axis and of the model's parameters, see
+        `friction_fmus.study.compensators.AxisKnowledge`. ``W[i]`` stands for all elements of a vector.
     output : str
         The output that is added to the force of the servo.
     never : str

@@ -1,4 +1,4 @@
-"""A study with every piece that a report can show, of made-up figures."""
+"""A synthetic study with every element that a report can show."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def compensator(name: str, rank: int) -> CompensatorResult:
         best=0.95 * rms,
         cost_ns=10.0 + 23.0 * ((7 * rank) % 5),
         rank=rank,
-        pays=rank < 5,
+        improves=rank < 5,
         noisy=rank == 4,
         error=curve(T[::2], error(rms, rank)[::2]),
     )
@@ -148,7 +148,7 @@ def hysteresis() -> Picture:
 
 
 def made_up_study() -> StudyResult:
-    """All pieces."""
+    """A study with all elements."""
     return StudyResult(
         name="bench",
         citation="A. Author, B. Author: Data of a bench, 2020. https://example.org/data/of/a/bench/with/a/very/long/address",
@@ -183,8 +183,8 @@ def made_up_study() -> StudyResult:
             "StaticFeedforward has 1.3 times the error for half the cost.",
         ),
         doctor=(
-            ConditionResult(("controller", "friction"), "no_hunting", False, "The loop hunts.", "The integral winds up.",
-                      "Set a dead-band.", "Hensen 2002", 1.2, 1.0),
+            ConditionResult(("controller", "friction"), "no_hunting", False, "The loop hunts.",
+                            "The integral winds up.", "Set a dead-band.", "Hensen 2002", 1.2, 1.0),
             ConditionResult(("controller",), "sampling_fast_enough", True, value=0.1, bound=0.3),
         ),
         files=(WrittenFile("report.html", "this page"), WrittenFile("fmus/bench_LuGre.fmu", "friction of the axis")),

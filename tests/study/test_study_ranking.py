@@ -60,8 +60,8 @@ def test_noise_that_is_small_beside_the_drive_force_does_not_count() -> None:
 
 def test_one_that_does_harm_in_a_corner_does_not_pay() -> None:
     better, worse = rank(without(), [row("harms", 1e-6, (1e-6, 79e-6)), row("helps", 70e-6)])
-    assert (better.name, better.pays) == ("helps", True)
-    assert (worse.name, worse.pays) == ("harms", False)  # 79 µm are less than 5 % below 80 µm
+    assert (better.name, better.improves) == ("helps", True)
+    assert (worse.name, worse.improves) == ("harms", False)  # 79 µm are less than 5 % below 80 µm
 
 
 def test_one_that_fails_in_a_corner_does_not_pay() -> None:
@@ -72,7 +72,7 @@ def test_one_that_fails_in_a_corner_does_not_pay() -> None:
 
 def test_a_corner_in_which_the_servo_alone_fails_does_not_count() -> None:
     (found,) = rank(without(corners=(120e-6, None)), [row("law", 10e-6, (20e-6, None))])
-    assert found.pays
+    assert found.improves
     assert found.worst == 20e-6
 
 
