@@ -1,4 +1,4 @@
-"""The exceptions of the package: one sentence with what was wrong, where, and what to do."""
+"""The exceptions of the package. Each message states in one sentence what is wrong, where, and what to do."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ __all__ = ["BuildError", "FrictionError", "UnknownNameError", "nearest"]
 
 
 class FrictionError(Exception):
-    """Anything the user can mend; the message says how."""
+    """Base class of errors that the user can correct; the message says how."""
 
 
 class UnknownNameError(FrictionError):
-    """A model, variable or command that does not exist."""
+    """Unknown name of a model, variable or command."""
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """A hint for a misspelt name.
+    """Return a hint for a misspelt name.
 
     Parameters
     ----------
     name : str
-        What was asked for.
+        Unknown name.
     names : iterable of str
-        What there is.
+        Existing names.
 
     Returns
     -------
     str
-        ``; did you mean X?`` or an empty string.
+        `` (did you mean X?)``, or an empty string if no name is similar.
     """
     candidates = list(names)
     lowered = {candidate.lower(): candidate for candidate in candidates}
     found = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.5)
-    return f"; did you mean {lowered[found[0]]}?" if found else ""
+    return f" (did you mean {lowered[found[0]]}?)" if found else ""

@@ -1,6 +1,6 @@
-"""The package `harness` under another name, so that ``friction_fmus`` is the one name to remember.
+"""The package `harness` as ``friction_fmus.harness``, so that users only need to know one package name.
 
-The objects are those of `harness`; its submodules are imported by their own names.
+The objects are the same. Import submodules from `harness`.
 """
 
 from typing import TYPE_CHECKING

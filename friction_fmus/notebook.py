@@ -25,7 +25,7 @@ def identification_html(result: Identification) -> str:
         (
             name,
             one.value,
-            one.standard_error if math.isfinite(one.standard_error) else "not known",
+            one.standard_error if math.isfinite(one.standard_error) else "unknown",
             _unit(one.unit),
             result.weak.get(name, ""),
         )
@@ -42,7 +42,7 @@ def survey_text(survey: Survey) -> str:
 
 
 def survey_html(survey: Survey) -> str:
-    """Return the models of a comparison as a table, the best one first."""
+    """Return the models of a comparison as a table, best first."""
     rows = [
         (
             result.model,

@@ -1,4 +1,4 @@
-"""Version of the distribution and the time of its release."""
+"""Version and release time of the distribution."""
 
 import os
 from datetime import UTC, datetime
@@ -8,6 +8,6 @@ RELEASED = "2026-11-20T00:00:00Z"
 
 
 def build_time() -> str:
-    """Return the time stamp of reproducible builds: ``SOURCE_DATE_EPOCH`` if set, otherwise that of the release."""
+    """Return the time stamp of reproducible builds: ``SOURCE_DATE_EPOCH`` if set, otherwise the release time."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     return datetime.fromtimestamp(int(epoch), UTC).strftime("%Y-%m-%dT%H:%M:%SZ") if epoch else RELEASED

@@ -1,1 +1,1 @@
-"""An axis: its servo, its plant, and the closed loop of both. Identification and study build on it."""
+"""An axis: its servo, its plant, and their closed loop. Identification and study build on it."""

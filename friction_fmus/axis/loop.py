@@ -1,6 +1,6 @@
 """The servo axis as a system of FMUs: reference, compensator, feedback, sensors, mass and friction.
 
-Nothing here computes a control law, a plant or a friction force; all of that is in the FMUs.
+This module connects FMUs. Control laws, plants and friction forces are computed inside them.
 """
 
 from __future__ import annotations
@@ -17,27 +17,29 @@ from friction_fmus.fmi.package import fmu
 from harness import Experiment, FmuPart, Part, System, Wire
 
 RECORDED = ("axis.x", "servo.u")
-"""What is recorded of a run, at every sample of the servo."""
+"""Variables recorded at every sample of the servo."""
 
 FINEST = 0.25e-3
 """Longest communication step between mass and friction [s]."""
 
 SOFT = 0.1
-"""Product of that step and the frequency of the mass on its bristles up to which handing over the force will do."""
+"""Largest step times angular frequency of the mass on its bristles for which an explicit coupling is accurate."""
 
 
 @dataclass(frozen=True)
 class Plant:
-    """The identified axis.
+    """Identified mass and friction of an axis.
 
     Attributes
     ----------
     friction : str
         Friction block.
     values : mapping of str to float
-        Its parameters.
-    mass, offset : float
-        Moved mass, and the constant force that the drive needs beside friction.
+        Parameters of the friction block.
+    mass : float
+        Moved mass [kg].
+    offset : float
+        Constant force that the drive needs in addition to friction [N].
     """
 
     friction: str
@@ -47,14 +49,14 @@ class Plant:
 
     @property
     def stiffness(self) -> float:
-        """Of the contact at rest; 0 of a rigid one."""
+        """Contact stiffness at rest [N/m]; 0 if rigid."""
         elements = sum(value for name, value in self.values.items() if name.startswith("k["))
         return max(self.values.get("sigma0", 0.0), self.values.get("sigma", 0.0), self.values.get("kt", 0.0), elements)
 
 
 @dataclass(frozen=True)
-class Placed:
-    """A compensator in the servo: block, the output that is the force, and parameters of the block."""
+class Compensator:
+    """Compensator in the servo: block, name of its force output, and parameters of the block."""
 
     model: str
     output: str = "u"
@@ -62,23 +64,23 @@ class Placed:
 
 
 @dataclass(frozen=True)
-class Task:
-    """What the axis is to follow.
+class Trajectory:
+    """Reference that the axis follows, and its initial state.
 
     Attributes
     ----------
     reference : Path
-        FMU that plays it.
+        FMU that outputs the reference.
     samples : int
         Length in samples of the servo.
     x0, v0 : float
-        Position and velocity of the axis at the beginning.
+        Initial position and velocity of the axis [m, m/s].
     motion : bool
-        Whether the servo is given velocity and acceleration.
+        Whether the servo receives the reference velocity and acceleration.
     offset : float
-        Constant force that is added to that of the servo.
+        Constant force added to the output of the servo [N].
     rotary : bool
-        Whether the axis turns.
+        Whether the axis is rotary.
     """
 
     reference: Path
@@ -92,26 +94,26 @@ class Task:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """Position and drive force of a run, shape (samples,): the force is commanded at the instant of the position."""
+    """Position q [m] and drive force [N] of a run, shape (samples,); the force is commanded at the time of q."""
 
     q: NDArray[np.float64]
     force: NDArray[np.float64]
 
 
 def block(name: str, rotary: bool = False) -> Path:
-    """FMU of a block with its own start values."""
+    """Return the FMU of a block with its default start values."""
     return fmu(name, "rotational" if rotary else "translational")
 
 
 def typed(part: Part, values: Mapping[str, float]) -> dict[str, float | int | bool]:
-    """Those of the values that are parameters of a part, as the types that these have."""
+    """Return the values that are parameters of a part, converted to the parameter's type."""
     kinds: dict[str, type[float | int | bool]] = {"Real": float, "Integer": int, "Boolean": bool}
     types = {port.name: kinds[port.type] for port in part.parameters if port.type in kinds}
     return {name: types[name](value) for name, value in values.items() if name in types}
 
 
 def _master(plant: Plant, step: float) -> str:
-    """Mass and friction are solved together in every step, unless the bristles are so soft that they need not be."""
+    """Return the master: gauss-seidel for soft bristles, otherwise newton, which solves mass and friction jointly."""
     soft = 0.0 < step * (plant.stiffness / plant.mass) ** 0.5 <= SOFT
     return "gauss-seidel" if soft else "newton"
 
@@ -119,72 +121,72 @@ def _master(plant: Plant, step: float) -> str:
 def closed_loop(
     servo: Servo,
     plant: Plant,
-    task: Task,
-    placed: Placed | None = None,
+    trajectory: Trajectory,
+    compensator: Compensator | None = None,
     fmus: Mapping[str, Path] | None = None,
     longest: float = FINEST,
 ) -> System:
-    """Wire the axis.
+    """Return the closed loop of an axis as a system.
 
     Parameters
     ----------
     servo : Servo
         Feedback and sensors.
     plant : Plant
-        What it moves.
-    task : Task
-        Along what.
-    placed : Placed, optional
-        A compensator, whose force is added to that of the servo; see `with_gain`.
+        Mass and friction.
+    trajectory : Trajectory
+        Reference and initial state.
+    compensator : Compensator, optional
+        Compensator, whose force is added to the output of the servo; see `with_gain`.
     fmus : mapping of str to Path, optional
-        FMUs to use for parts, by name of the part, instead of those of the library.
+        FMUs to use instead of those of the library, by name of the part.
     longest : float
         Longest communication step between mass and friction [s].
 
     Returns
     -------
     System
-        With its experiment; the caller closes it.
+        System with its experiment; the caller closes it.
     """
     every = max(1, int(np.ceil(servo.Ts / longest - 1e-9)))  # steps of mass and friction in a sample
     of_its_own = fmus or {}
 
     def part(name: str, model: str, sampled: bool = True) -> FmuPart:
-        path = of_its_own.get(name) or block(model, task.rotary)
+        path = of_its_own.get(name) or block(model, trajectory.rotary)
         return FmuPart(name, path, every=every if sampled else 1)
 
     limits = {"u_min": -servo.force_limit, "u_max": servo.force_limit}
-    start: dict[str, float | int | bool | str] = {"servo.m": plant.mass if task.motion else 0.0}
+    start: dict[str, float | int | bool | str] = {"servo.m": plant.mass if trajectory.motion else 0.0}
     start |= {f"servo.{name}": value for name, value in {**servo.gains, **limits, "Ts": servo.Ts}.items()}
-    start |= {"velocity.Ts": servo.Ts, "velocity.window": servo.window, "velocity.v0": task.v0}
-    start |= {"axis.m": plant.mass, "axis.x0": task.x0, "axis.v0": task.v0, "axis.F_load": -plant.offset}
+    start |= {"velocity.Ts": servo.Ts, "velocity.window": servo.window, "velocity.v0": trajectory.v0}
+    start |= {"axis.m": plant.mass, "axis.x0": trajectory.x0, "axis.v0": trajectory.v0, "axis.F_load": -plant.offset}
     if servo.quantum:
         start["encoder.q"] = servo.quantum
 
-    parts: list[Part] = [FmuPart("reference", task.reference, every=every), part("velocity", "Differentiator")]
+    parts: list[Part] = [FmuPart("reference", trajectory.reference, every=every), part("velocity", "Differentiator")]
     wires: list[str | Wire] = ["reference.r -> servo.r", "servo.u -> axis.F_drive"]
     sensed = {"x": "encoder.y" if servo.quantum else "axis.x", "v": "velocity.v"}
     wires += [f"{sensed['x']} -> velocity.x", *(f"{source} -> servo.{name}" for name, source in sensed.items())]
-    if task.motion or servo.velocity_feedforward:
+    if trajectory.motion or servo.velocity_feedforward:
         wires.append("reference.rd -> servo.rd")
     else:
         start["servo.rd"] = 0.0
-    if task.motion:
+    if trajectory.motion:
         wires.append("reference.rdd -> servo.rdd")
     else:
         start["servo.rdd"] = 0.0
-    if placed is None:
-        start["servo.f"] = task.offset
+    if compensator is None:
+        start["servo.f"] = trajectory.offset
     else:
-        added = part("compensator", placed.model)
+        added = part("compensator", compensator.model)
         parts.append(added)
         known = {**sensed, **{name: f"reference.{name}" for name in ("r", "rd", "rdd")}}
         taken = {port.name for port in added.inputs}
         wires += [f"{source} -> compensator.{name}" for name, source in known.items() if name in taken]
-        if "u_prev" in taken:  # without the constant force, which is known and nothing to be estimated
-            wires.append(Wire("servo.u", "compensator.u_prev", offset=-task.offset, delay=every))
-        wires.append(Wire(f"compensator.{placed.output}", "servo.f", offset=task.offset))
-        own = typed(added, {**limits, "Ts": servo.Ts, **placed.values})
+        if "u_prev" in taken:  # without the constant force: it is known, so an estimator must not see it
+            wires.append(Wire("servo.u", "compensator.u_prev", offset=-trajectory.offset, delay=every))
+        wires.append(Wire(f"compensator.{compensator.output}", "servo.f", offset=trajectory.offset))
+        own = typed(added, {**limits, "Ts": servo.Ts, **compensator.values})
         start |= {f"compensator.{name}": value for name, value in own.items()}
     contact = part("friction", plant.friction, sampled=False)
     start |= {f"friction.{name}": value for name, value in typed(contact, plant.values).items()}
@@ -193,28 +195,28 @@ def closed_loop(
         parts.append(part("encoder", "Quantiser"))
         wires.append("axis.x -> encoder.x")
     wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
-    if "Fn0" in plant.values:  # identified at that normal force, which stays
+    if "Fn0" in plant.values:  # the friction was identified at this normal force, which is constant
         loaded = [each for each in parts if isinstance(each, FmuPart) and "Fn" in {port.name for port in each.inputs}]
         start |= {f"{each.name}.Fn": plant.values["Fn0"] for each in loaded}
     if any(port.name == "F_ext" for port in contact.inputs):
         wires.append("axis.F_ext -> friction.F_ext")
     step = servo.Ts / every
-    stop = task.samples * servo.Ts
+    stop = trajectory.samples * servo.Ts
     master = _master(plant, step)
     experiment = Experiment(stop=stop, step=step, master=master, record=RECORDED, decimate=every)
     return System(parts, wires, start, experiment, "axis")
 
 
 def with_gain(system: System, gain: float) -> System:
-    """The same system with another share of the compensation; the parts are shared, so run one of them at a time."""
+    """Return the system with another gain of the compensation; both share their parts, so run one at a time."""
     wires = [replace(wire, gain=gain) if wire.target == "servo.f" else wire for wire in system.wires]
     return System(system.parts.values(), wires, system.start, system.experiment, system.name)
 
 
 def run_loop(system: System) -> Trace:
-    """Run such a system."""
+    """Run the system of an axis and return position and force."""
     result = system.run()
-    # A row holds the position at its instant and the force of the sampling period that ends there.
+    # a row of the result has the position at its time and the force of the sampling period that ends there
     return Trace(
         q=np.asarray(result["axis.x"].to_numpy(), dtype=np.float64)[:-1],
         force=np.asarray(result["servo.u"].to_numpy(), dtype=np.float64)[1:],

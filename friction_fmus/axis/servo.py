@@ -1,4 +1,4 @@
-"""The servo of an axis as it is configured."""
+"""Configuration of the servo of an axis."""
 
 from __future__ import annotations
 
@@ -7,31 +7,34 @@ from dataclasses import dataclass
 from typing import Final
 
 GAINS: Final[Mapping[str, tuple[str, ...]]] = {"CascadePPI": ("kp", "kv", "ki"), "PID": ("Kp", "Kd", "Ki")}
-"""Law of the servo -> names of its gains."""
+"""Names of the gains of each servo law."""
 
 
 @dataclass(frozen=True)
 class Servo:
-    """The servo of an axis: its feedback, its sensor and its limit.
+    """Servo of an axis: feedback law, sensors and force limit.
+
+    For a rotary axis, read m as rad, N as N.m and kg as kg.m2.
 
     Attributes
     ----------
     law : str
-        "CascadePPI" or "PID".
+        Feedback law, ``CascadePPI`` or ``PID``.
     gains : mapping of str to float
-        Its gains, see `GAINS`.
+        Gains of the law: kp [1/s], kv [N.s/m] and ki [N/m] of ``CascadePPI``; Kp [N/m], Kd [N.s/m] and Ki [N/(m.s)] of
+        ``PID``.
     Ts : float
-        Sampling period [s].
+        Sample time [s].
     force_limit : float
-        Largest force of either sign [N].
+        Largest force in either direction [N].
     window : int
-        The velocity is (x[k] - x[k - window]) / (window Ts).
+        Number of samples over which the velocity is computed: (x[k] - x[k - window]) / (window Ts).
     quantum : float
-        Grid of the position measurement [m]; 0: none.
+        Resolution of the position measurement [m]; 0 if it is exact.
     velocity_feedforward : bool
-        Whether the measured servo is given the reference velocity.
+        Whether the measured servo received the reference velocity.
     mass : float or None
-        Moved mass [kg], where the record has no drive force to identify it from.
+        Moved mass [kg]; needed if the record has no drive force to identify it from.
     """
 
     law: str
@@ -45,6 +48,6 @@ class Servo:
 
     @property
     def pid(self) -> tuple[float, float, float]:
-        """The same feedback as PID: Kp [N/m], Kd [N.s/m], Ki [N/(m.s)]."""
+        """Gains of the same feedback in PID form: Kp [N/m], Kd [N.s/m], Ki [N/(m.s)]."""
         first, second, third = (self.gains[name] for name in GAINS[self.law])
         return (first, second, third) if self.law == "PID" else (second * first + third, second, third * first)

@@ -29,7 +29,7 @@ class Use:
         Parameters of the law that have another name in the model: model name to law name.
     tuned : mapping of str to str
         Expressions for further parameters, in terms of the model's parameters and of known data of the axis, see
-        `friction_fmus.study.compensators.Known`. ``W[i]`` stands for all elements of a vector.
+        `friction_fmus.study.compensators.AxisKnowledge`. ``W[i]`` stands for all elements of a vector.
     output : str
         The output that is added to the force of the servo.
     never : str

@@ -1,4 +1,4 @@
-"""The result of a study as tables and sentences for the terminal."""
+"""The result of a study as text for the terminal."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from rich.console import Console
 from rich.table import Table
 
 from friction_fmus.cli.console import styled
-from friction_fmus.study.ranking import shown
-from friction_fmus.study.records import CompensatorRow, Fit, ModelRow
+from friction_fmus.study.ranking import shown, worst_case
+from friction_fmus.study.records import CompensatorResult, Fit, ModelResult
 from friction_fmus.study.result import StudyResult
 
 
 def show_study(console: Console, result: StudyResult) -> None:
-    """Print what was found: models, compensators, recommendation, findings."""
+    """Print models, compensators, recommendation and violated conditions."""
     console.print(model_table(result))
     failed = [f"{row.name} ({row.reason})" for row in result.models if row.rank is None]
     if failed:
@@ -20,17 +20,19 @@ def show_study(console: Console, result: StudyResult) -> None:
     for model in result.models:
         known = [f"{p.name} {p.value:.6g} ({p.published:.6g})" for p in model.parameters if p.published is not None]
         if known:
-            console.print(f"{model.name}, and what is known: {', '.join(known)}")
+            console.print(f"{model.name}, identified (published): {', '.join(known)}")
     console.print()
     if result.compensators:
         console.print(compensator_table(result))
         left = sum(not row.applies for row in result.compensators)
+        off = worst_case(result.compensators[0])
         console.print(
-            "Errors are root mean squares of reference minus position; the worst corner is that of friction and mass "
-            "off by the mismatch; fast force is what of the drive force lies above the bandwidth of the loop."
+            "tracking error: root mean square of reference minus position; "
+            + (f"worst case: {off}; " if off else "")
+            + "drive force: the part above the loop bandwidth"
         )
         if left:
-            console.print(f"{left} more do not apply to this axis; the report says why.")
+            console.print(f"{left} compensators do not apply to this axis; the report states the reasons.")
         console.print()
     console.print(styled((_headline(result), "bold")))
     console.print(result.recommendation.reason)
@@ -40,22 +42,22 @@ def show_study(console: Console, result: StudyResult) -> None:
     for row in wrong:
         console.print(styled("Doctor: ", (row.name, "bold red"), f", {row.wrong}; {row.change}"))
     if result.doctor and not wrong:
-        console.print(f"Doctor: all {len(result.doctor)} conditions of this loop hold.")
+        console.print(f"Doctor: all {len(result.doctor)} conditions of the recommended loop hold.")
     console.print()
 
 
 def model_table(result: StudyResult) -> Table:
-    """Friction models in order."""
+    """Return the friction models by rank as a table."""
     table = Table(title=f"Friction models of {result.name}", title_justify="left", box=None, pad_edge=False)
     table.add_column("")
     table.add_column("model", no_wrap=True)
     loop = any(row.closed_loop for row in result.models)
     predicted = next((row.validation for row in result.models if row.validation is not None), None)
-    table.add_column(f"{predicted.signal + ' of the rest' if predicted else 'fit'}\nerror", justify="right")
+    table.add_column(f"{predicted.signal if predicted else 'fit'}\nresidual", justify="right")
     if loop:
-        table.add_column("position\nerror", justify="right")
+        table.add_column("closed loop:\nposition error", justify="right")
         table.add_column("force\nerror", justify="right")
-    table.add_column("weakly determined")
+    table.add_column("poorly\nidentifiable")
     for row in result.models:
         if row.rank is None:
             continue
@@ -69,7 +71,7 @@ def model_table(result: StudyResult) -> Table:
 
 
 def compensator_table(result: StudyResult) -> Table:
-    """Compensators in order, the servo without one first."""
+    """Return the compensators by rank as a table, after the servo without compensation."""
     unit, force = result.units.position, result.units.force
     title = f"Compensators on the axis with {result.plant} friction, all with the same feedback gains"
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
@@ -77,9 +79,9 @@ def compensator_table(result: StudyResult) -> Table:
     table.add_column("compensator", no_wrap=True)
     table.add_column("gain", justify="right")
     table.add_column("tracking\nerror", justify="right")
-    table.add_column("worst\ncorner", justify="right")
-    table.add_column(f"fast\nforce [{force}]", justify="right")
-    table.add_column("ns a\nsample", justify="right")
+    table.add_column("worst\ncase", justify="right")
+    table.add_column(f"drive\nforce [{force}]", justify="right")
+    table.add_column("ns per\nsample", justify="right")
     for row in result.compensators:
         if row.metrics is None:
             continue
@@ -102,14 +104,14 @@ def _headline(result: StudyResult) -> str:
     return "Recommendation: no compensation" if name == "none" else f"Recommendation: {name}"
 
 
-def _mark(row: CompensatorRow) -> str:
-    """What keeps a compensator from being recommended."""
-    return "" if row.pays and not row.noisy else " (noisy)" if row.pays else " (does not pay)"
+def _mark(row: CompensatorResult) -> str:
+    """Return the remark on a compensator that is noisy or no improvement."""
+    return "" if row.improves and not row.noisy else " (noisy)" if row.improves else " (no improvement)"
 
 
 def _percent(fit: Fit | None) -> str:
     return "–" if fit is None else f"{fit.percent:.3g} %"
 
 
-def _weak(row: ModelRow) -> str:
+def _weak(row: ModelResult) -> str:
     return ", ".join(p.name for p in row.parameters if p.weak)

@@ -1,11 +1,11 @@
 """Conditions under which position control and friction compensation work, as functions of SI numbers.
 
-Each returns a `Condition`: whether it holds, the two numbers that were compared, and what is wrong, why, and what to
-change if it does not. ``friction-fmus doctor`` evaluates them on a system, see docs/conditions.md.
+Each function returns a `Condition`: whether it holds, the two numbers compared, and, if it is violated, what is wrong,
+why, and what to change. ``friction-fmus doctor`` evaluates the conditions on a system, see docs/conditions.md.
 """
 
 from .axis import belt, cogging, cogging_slope, encoder_count, fed_back_stiffness
-from .chain import Between, DrivenPlant, SampledLaw, chain, loop_poles, on_bristles, one_mass, two_masses
+from .chain import DrivenPlant, PathDynamics, SampledLaw, chain, loop_poles, on_bristles, one_mass, two_masses
 from .compensation import (
     disturbance_loop,
     disturbance_observer,
@@ -25,7 +25,7 @@ from .compensators import (
     super_twisting_rate,
 )
 from .condition import Condition
-from .coupling import contact_step, fresh, longest_step, sample_step
+from .coupling import contact_step, longest_step, output_delay, sample_step
 from .learning import contraction, learning_filter, process_sensitivity, sampled_sensitivity
 from .position_loop import (
     closed_loop,
@@ -41,9 +41,9 @@ from .quoted import quotes
 from .shaking import dither_frequency, dither_stroke, pulses, slide, slide_in_loop
 
 __all__ = [
-    "Between",
     "Condition",
     "DrivenPlant",
+    "PathDynamics",
     "SampledLaw",
     "adaptation",
     "belt",
@@ -63,7 +63,6 @@ __all__ = [
     "expected_slip",
     "explicit_observer",
     "fed_back_stiffness",
-    "fresh",
     "hunting",
     "inertia",
     "injection",
@@ -72,6 +71,7 @@ __all__ = [
     "loop_poles",
     "on_bristles",
     "one_mass",
+    "output_delay",
     "overcompensation",
     "prefilter",
     "prefilter_match",

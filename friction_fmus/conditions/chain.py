@@ -1,4 +1,4 @@
-"""The whole sampled loop: plant, drive with lag and delay, velocity from an encoder, and any linear sampled laws."""
+"""Stability of the whole sampled loop: plant, actuator lag and delay, velocity from an encoder, linear sampled laws."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from friction_fmus.conditions.linear import Matrix, is_stable, longest_sample, s
 
 @dataclass(frozen=True)
 class SampledLaw:
-    """A linear sampled law: state_next = A state + B y and u = C state + D y, of y = (x, v, u_prev).
+    """Linear sampled law: state_next = A state + B y and u = C state + D y with y = (x, v, u_prev).
 
     Attributes
     ----------
     A, B, C, D : array, shapes (n, n), (n, 3), (n,) and (3,)
-        u_prev is the force of the sample before, of all laws together.
+        State matrices; u_prev is the total force of all laws at the previous sample.
     """
 
     A: Matrix
@@ -29,19 +29,19 @@ class SampledLaw:
     D: Matrix
 
     def scaled(self, to_force: float, of_position: float, of_velocity: float) -> SampledLaw:
-        """The same behind the gains of its wires; u_prev comes back by the same gain as u goes."""
+        """Return the law including the gains of its connections; u_prev is divided by the gain applied to u."""
         gains = np.array([of_position, of_velocity, 1.0 / to_force if to_force else 0.0])
         return SampledLaw(self.A, self.B * gains, to_force * self.C, to_force * self.D * gains)
 
 
 @dataclass(frozen=True)
 class DrivenPlant:
-    """A linear plant: state' = A state + b u, of which the position x and the velocity v are measured.
+    """Linear plant state' = A state + b u with measured position and velocity.
 
     Attributes
     ----------
     A, b, x, v : array, shapes (n, n), (n,), (n,) and (n,)
-        x and v are the rows that give the measured values.
+        State matrix, input, and the output rows of position and velocity.
     """
 
     A: Matrix
@@ -51,17 +51,17 @@ class DrivenPlant:
 
 
 @dataclass(frozen=True)
-class Between:
-    """What lies between the laws and the plant.
+class PathDynamics:
+    """Dynamics of the actuator and the velocity measurement between the laws and the plant.
 
     Attributes
     ----------
     tau, delay : float
         Lag and delay of the actuator [s].
     window : int
-        The measured velocity is (x[k] - x[k-window])/(window Ts); 0: that of the plant.
+        The measured velocity is (x[k] - x[k-window])/(window Ts); with 0 the plant's velocity is measured.
     smoothing : float
-        Time constant of a low-pass behind that difference [s].
+        Time constant of a low-pass filter behind that difference [s].
     """
 
     tau: float = 0.0
@@ -70,12 +70,27 @@ class Between:
     smoothing: float = 0.0
 
 
-DIRECT = Between()
-"""An immediate actuator and an exact sensor."""
+DIRECT = PathDynamics()
+"""Actuator without lag or delay, and an exact velocity measurement."""
 
 
 def one_mass(m: float, damping: float = 0.0, stiffness: float = 0.0) -> DrivenPlant:
-    """A mass [kg] with a damper [N.s/m] and a spring [N/m] to the ground, or the stiffness of its contact."""
+    """Return the linear plant of a mass with a damper and a spring to ground.
+
+    Parameters
+    ----------
+    m : float
+        Mass [kg].
+    damping : float
+        Damper to ground [N.s/m].
+    stiffness : float
+        Spring to ground, or stiffness of the contact [N/m].
+
+    Returns
+    -------
+    DrivenPlant
+        States (x, v).
+    """
     A = np.array([[0.0, 1.0], [-stiffness / m, -damping / m]])
     return DrivenPlant(A, np.array([0.0, 1.0 / m]), np.array([1.0, 0.0]), np.array([0.0, 1.0]))
 
@@ -89,16 +104,21 @@ def two_masses(
     stiffness: tuple[float, float] = (0.0, 0.0),
     at_load: tuple[bool, bool] = (False, False),
 ) -> DrivenPlant:
-    """Motor and load with a spring between them, driven at the motor.
+    """Return the linear plant of a motor and a load coupled by a spring, driven at the motor.
 
     Parameters
     ----------
     m1, m2, k, d : float
-        Masses [kg], stiffness [N/m] and damping [N.s/m] of the transmission.
+        Mass of motor and load [kg], stiffness [N/m] and damping [N.s/m] of the transmission.
     damping, stiffness : (float, float)
-        To the ground, at motor and load [N.s/m, N/m].
+        Damping [N.s/m] and stiffness [N/m] to ground, at motor and load.
     at_load : (bool, bool)
-        Whether position and velocity are measured at the load, otherwise at the motor.
+        Whether position and velocity are measured at the load; otherwise at the motor.
+
+    Returns
+    -------
+    DrivenPlant
+        States (x1, v1, x2, v2).
     """
     A = np.array(
         [
@@ -115,21 +135,28 @@ def two_masses(
 def on_bristles(
     plant: DrivenPlant, at: int, m: float, s0: float, s1: float, level: float, slope: float, v: float
 ) -> DrivenPlant:
-    """A plant that slides steadily on LuGre bristles, linearised, with their deflection as one more state.
+    """Return a plant linearised about steady sliding on LuGre bristles, with their deflection as one more state.
 
-    From z' = v - s0 |v|/g(v) z and F = s0 z + s1 z' about z = g/s0: dz' = (v g'/g) dv - (s0 v/g) dz. The viscous part
-    is in the plant.
+    From z' = v - s0 |v|/g(v) z and F = s0 z + s1 z' about z = g/s0: dz' = (v g'/g) dv - (s0 v/g) dz. The plant
+    contains the viscous part.
 
     Parameters
     ----------
     plant : DrivenPlant
-        Without its dry friction.
-    at, m : int, float
-        State that is the velocity over the bristles, and the mass that they act on [kg].
+        Plant without dry friction.
+    at : int
+        Index of the state that is the sliding velocity.
+    m : float
+        Mass that the bristles act on [kg].
     s0, s1 : float
         Stiffness [N/m] and damping [N.s/m] of the bristles.
     level, slope, v : float
-        The Stribeck curve g [N] and its slope g' [N.s/m] at the speed v > 0 [m/s].
+        Stribeck curve g [N] and its slope g' [N.s/m] at the speed v > 0 [m/s].
+
+    Returns
+    -------
+    DrivenPlant
+        The states of the plant, then the deflection.
     """
     n = len(plant.b)
     drive, rate = v * slope / level, s0 * v / level
@@ -141,48 +168,52 @@ def on_bristles(
     return DrivenPlant(A, np.append(plant.b, 0.0), np.append(plant.x, 0.0), np.append(plant.v, 0.0))
 
 
-def chain(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, between: Between = DIRECT) -> Matrix:
-    """Step matrix of the whole loop, the forces of all laws added and held between samples.
+def chain(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: PathDynamics = DIRECT) -> Matrix:
+    """Return the step matrix of the whole loop; the forces of all laws are added and held between samples.
 
     Parameters
     ----------
-    plant, laws, between : DrivenPlant, sequence of SampledLaw, Between
-        Parts of the loop; all laws are sampled together.
+    plant : DrivenPlant
+        Plant.
+    laws : sequence of SampledLaw
+        Laws, all sampled at the same instants.
     Ts : float
         Sample time [s].
+    path : PathDynamics
+        Actuator and velocity measurement.
 
     Returns
     -------
     array, shape (n, n)
-        Of the plant, the lag, the forces of past samples, the positions of past samples, the low-pass of the velocity
-        and the states of the laws, in this order.
+        States of the plant, the actuator lag, the forces of past samples, the positions of past samples, the low-pass
+        filter of the velocity and the laws, in this order.
     """
-    A, b, read = _with_lag(plant, between.tau)
+    A, b, read = _with_lag(plant, path.tau)
     n = len(b)
-    whole = math.floor(between.delay / Ts + 1e-9)
-    part = max(between.delay - whole * Ts, 0.0)
+    whole = math.floor(path.delay / Ts + 1e-9)
+    part = max(path.delay - whole * Ts, 0.0)
     early, late = _held(A, b, part), _held(A, b, Ts - part)
-    sizes = (n, whole + 1, between.window, 1, *(len(law.C) for law in laws))
+    sizes = (n, whole + 1, path.window, 1, *(len(law.C) for law in laws))
     ends = np.cumsum(sizes)
-    keep = math.exp(-Ts / between.smoothing) if between.smoothing > 0.0 else 0.0
+    keep = math.exp(-Ts / path.smoothing) if path.smoothing > 0.0 else 0.0
 
     def step(state: Matrix) -> Matrix:
         motion, forces, positions, velocity, *memories = np.split(state, ends[:-1])
         x, v = read @ motion
-        if between.window:
-            v = keep * velocity[0] + (1.0 - keep) * (x - positions[-1]) / (between.window * Ts)
+        if path.window:
+            v = keep * velocity[0] + (1.0 - keep) * (x - positions[-1]) / (path.window * Ts)
         y = np.array([x, v, forces[0]])
         u = sum((law.C @ own + law.D @ y for law, own in zip(laws, memories, strict=True)), 0.0)
         sent = np.concatenate([[u], forces])  # now, one sample ago, ...
         moved = late[0] @ (early[0] @ motion + early[1] * sent[whole + 1]) + late[1] * sent[whole]
         after = [law.A @ own + law.B @ y for law, own in zip(laws, memories, strict=True)]
-        return np.concatenate([moved, sent[:-1], np.concatenate([[x], positions])[: between.window], [v], *after])
+        return np.concatenate([moved, sent[:-1], np.concatenate([[x], positions])[: path.window], [v], *after])
 
     return np.array([step(column) for column in np.eye(ends[-1])]).T
 
 
 def _with_lag(plant: DrivenPlant, tau: float) -> tuple[Matrix, Matrix, Matrix]:
-    """State matrix, input and the rows of x and v of the plant behind the lag of the actuator."""
+    """Return state matrix, input and output rows of x and v for the plant with the actuator lag in front of it."""
     n = len(plant.b)
     read = np.array([plant.x, plant.v])
     if tau <= 0.0:
@@ -193,7 +224,7 @@ def _with_lag(plant: DrivenPlant, tau: float) -> tuple[Matrix, Matrix, Matrix]:
 
 
 def _held(A: Matrix, b: Matrix, time: float) -> tuple[Matrix, Matrix]:
-    """The state after a time is the first times the state, plus the second times the force that is held."""
+    """Return P and q of state(time) = P state(0) + q u for a held force u."""
     n = len(b)
     exponent = np.zeros((n + 1, n + 1))
     exponent[:n, :n], exponent[:n, n] = A, b
@@ -205,41 +236,48 @@ def loop_poles(
     plant: DrivenPlant,
     laws: Callable[[float], Sequence[SampledLaw]],
     Ts: float,
-    between: Between = DIRECT,
+    path: PathDynamics = DIRECT,
     name: str = "sampled loop",
     where: str = "in sliding",
-    why: str = "the force is held between the samples, a delay of half a sample time: the loop oscillates and grows",
+    why: str = "holding the force between samples delays it by half a sample time: the loop oscillates and grows",
     hint: str = "",
 ) -> Condition:
-    """Stability of the whole sampled loop: all eigenvalues of `chain` within the unit circle.
+    """Check that the whole sampled loop is stable: all eigenvalues of `chain` are within the unit circle.
 
-    Lag and delay of the actuator, the difference quotient of an encoder, a flexible transmission and estimators of
-    disturbances count with their own states; the stiffness of the contact makes it the loop in presliding.
+    Lag and delay of the actuator, the difference quotient of an encoder, a flexible transmission and disturbance
+    estimators each add states. A plant with the stiffness of the contact gives the loop in presliding.
 
     Parameters
     ----------
-    plant, between : DrivenPlant, Between
-        As in `chain`.
+    plant : DrivenPlant
+        Plant.
     laws : callable
-        The laws, from the sample time.
+        Function of the sample time [s] that returns the laws.
     Ts : float
         Sample time [s].
+    path : PathDynamics
+        Actuator and velocity measurement.
     name, where, why, hint : str
-        Name of the condition, what the plant is at that point, why it matters, and what to change; without a hint it is
-        searched for gains that are low enough.
+        Name of the condition, operating point, consequence, and what to change. Without a hint, the function searches
+        for gains that are low enough.
+
+    Returns
+    -------
+    Condition
+        Its value is the largest magnitude of the eigenvalues, its bound 1.
     """
 
     def loop(time: float) -> Matrix:
-        return chain(plant, laws(time), time, between)
+        return chain(plant, laws(time), time, path)
 
     value, ok = spectral_radius(loop(Ts)), is_stable(loop(Ts))
     faster, shorter = "", ""
     if not ok:
-        hint = hint or _lower(plant, laws(Ts), Ts, between)
-        dead = between.delay > 0.0 or between.tau > 0.0
+        hint = hint or _lower(plant, laws(Ts), Ts, path)
+        dead = path.delay > 0.0 or path.tau > 0.0
         longest = 0.0 if dead else longest_sample(lambda time: is_stable(loop(time)), Ts, 6, 1e-3)
         faster = f", or sample faster than every {longest:.4g} s" if longest else ""
-        shorter = _shorter(plant, laws(Ts), Ts, between) if dead else ""
+        shorter = _shorter(plant, laws(Ts), Ts, path) if dead else ""
     return Condition(
         name=name,
         ok=ok,
@@ -249,12 +287,12 @@ def loop_poles(
         "not below 1",
         why=why,
         change=f"{hint}{shorter}{faster}",
-        source="Astrom, Wittenmark: Computer-Controlled Systems, 3rd ed., 1997; the loop composed here",
+        source="Astrom, Wittenmark: Computer-Controlled Systems, 3rd ed., 1997; loop matrix derived here",
     )
 
 
 def _edge(stable: Callable[[float], bool]) -> float:
-    """The largest share from 0 to 1, of those next to 0, at which a loop is stable; 0 if there is none."""
+    """Return the upper end of the stable range of shares above 0, at most 1; 0 if no share from 0.01 on is stable."""
     low, high = 0.0, 1.0
     for share in (0.5, 0.2, 0.1, 0.05, 0.02, 0.01):
         if stable(share):
@@ -267,26 +305,26 @@ def _edge(stable: Callable[[float], bool]) -> float:
     return low
 
 
-def _lower(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, between: Between) -> str:
-    """How much lower the gains would have to be, all together, if that helps."""
+def _lower(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: PathDynamics) -> str:
+    """Return the advice to lower all gains by one factor, if that makes the loop stable."""
     share = _edge(
         lambda share: is_stable(
-            chain(plant, [SampledLaw(law.A, law.B, share * law.C, share * law.D) for law in laws], Ts, between)
+            chain(plant, [SampledLaw(law.A, law.B, share * law.C, share * law.D) for law in laws], Ts, path)
         )
     )
     if share:
-        return f"lower all gains together below {share:.3g} of what they are"
+        return f"scale all gains down together, below {share:.3g} of their present values"
     return "change the gains: no common factor makes the loop stable"
 
 
-def _shorter(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, between: Between) -> str:
-    """How much shorter lag and delay of the actuator would have to be, if that helps."""
+def _shorter(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: PathDynamics) -> str:
+    """Return the advice to shorten lag and delay of the actuator, if that makes the loop stable."""
 
     def stable(share: float) -> bool:
-        shrunk = Between(share * between.tau, share * between.delay, between.window, between.smoothing)
+        shrunk = PathDynamics(share * path.tau, share * path.delay, path.window, path.smoothing)
         return is_stable(chain(plant, laws, Ts, shrunk))
 
-    low, total = _edge(stable), between.tau + between.delay
+    low, total = _edge(stable), path.tau + path.delay
     if not low:
-        return "; lag and delay of the actuator are not the cause alone"
-    return f", or bring lag and delay of the actuator, together {total:.4g} s, below {low * total:.4g} s"
+        return "; lag and delay of the actuator are not the only cause"
+    return f", or reduce the total lag and delay of the actuator from {total:.4g} s to below {low * total:.4g} s"

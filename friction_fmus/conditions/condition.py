@@ -1,4 +1,4 @@
-"""What a condition says of a set of numbers."""
+"""The result of a condition, and comparisons with a tolerance for rounding errors."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from dataclasses import dataclass
 from typing import Final
 
 ROUNDING: Final = 1e-9
-"""Share by which two numbers must differ to count as different.
+"""Relative difference above which two numbers count as different.
 
-Parameters are known to a few digits, and sums and products of them carry errors of some 1e-16: without a tolerance a
-loop on the border of a condition gets an answer that depends on the order of the operations.
+Sums and products of parameters have relative rounding errors of about 1e-16. Without a tolerance, the answer for a loop
+exactly on the boundary of a condition would depend on the order of the operations.
 """
 
 
 @dataclass(frozen=True)
 class Condition:
-    """One condition, evaluated.
+    """Result of evaluating one condition.
 
     Attributes
     ----------
     name : str
-        Which condition it is.
+        Name of the condition.
     ok : bool
-        Whether it holds.
+        Whether the condition holds.
     value, bound : float
-        What was compared, in SI units; the texts say which way.
+        The two numbers compared, in SI units; `wrong` says in which direction.
     wrong : str
-        What is wrong, with the numbers; also of a condition that holds, as if it did not.
+        What is wrong, with the numbers. A condition that holds has this text, too.
     why : str
-        What happens then.
+        Consequence of a violation.
     change : str
         What to change.
     source : str
-        Where the condition comes from.
+        Publication or derivation of the condition.
     """
 
     name: str
@@ -53,9 +53,9 @@ def above(value: float, bound: float, scale: float = 0.0) -> bool:
     Parameters
     ----------
     value, bound : float
-        What is compared; NaN is above nothing.
+        Numbers to compare; NaN is not above anything.
     scale : float
-        Size of the terms that the two were computed from, where they may have cancelled.
+        Magnitude of the terms that the two were computed from, if they may have cancelled.
     """
     if math.isinf(value) or math.isinf(bound):
         return value > bound
@@ -63,7 +63,7 @@ def above(value: float, bound: float, scale: float = 0.0) -> bool:
 
 
 def below(value: float, bound: float, scale: float = 0.0) -> bool:
-    """Return whether a value is below a bound by more than rounding errors, as `above`."""
+    """Return whether a value is below a bound by more than rounding errors; see `above`."""
     return above(bound, value, scale)
 
 
@@ -78,11 +78,11 @@ def at_most(value: float, bound: float, scale: float = 0.0) -> bool:
 
 
 def remainder(value: float, taken: float) -> float:
-    """Return a value less another one; exactly 0 if they are equal within rounding errors."""
+    """Return ``value - taken``, or exactly 0 if the two are equal within rounding errors."""
     return value - taken if above(value, taken) or below(value, taken) else 0.0
 
 
 def first_largest(values: Sequence[float]) -> int:
-    """Return the index of the largest value; of those that are equal within rounding errors the first one."""
+    """Return the index of the first value that equals the largest one within rounding errors."""
     largest = max(values)
     return next((i for i, value in enumerate(values) if at_least(value, largest)), 0)

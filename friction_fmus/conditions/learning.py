@@ -1,4 +1,4 @@
-"""Condition of iterative learning and repetitive control."""
+"""Condition on iterative learning and repetitive control."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ Response: TypeAlias = NDArray[np.complex128]
 def process_sensitivity(
     frequency: NDArray[np.float64], m: float, s2: float, Kp: float, Kd: float, Ki: float = 0.0
 ) -> Response:
-    """Frequency response of P/(1 + P C), from a force to the position of a mass under PID [m/N].
+    """Return the frequency response P/(1 + P C) from a force to the position of a mass under PID.
 
     Parameters
     ----------
     frequency : float64 array, shape (n,)
-        Above 0 [Hz].
+        Frequencies above 0 [Hz].
     m, s2, Kp, Kd, Ki : float
         Mass [kg], viscous friction [N.s/m] and gains [N/m, N.s/m, N/(m.s)].
 
     Returns
     -------
     complex128 array, shape (n,)
-        1/(m s^2 + (Kd + s2) s + Kp + Ki/s) at s = 2 pi j frequency.
+        1/(m s^2 + (Kd + s2) s + Kp + Ki/s) at s = 2 pi j frequency [m/N].
     """
     s = 2j * np.pi * np.asarray(frequency, dtype=np.float64)
     return np.asarray(1.0 / (m * s**2 + (Kd + s2) * s + Kp + Ki / s), dtype=np.complex128)
@@ -38,19 +38,19 @@ def process_sensitivity(
 def sampled_sensitivity(
     frequency: NDArray[np.float64], m: float, s2: float, Kp: float, Kd: float, Ki: float, Ts: float, k: float = 0.0
 ) -> Response:
-    """The same of the sampled loop, from a force that is held for Ts to the position at the samples [m/N].
+    """Return the frequency response of the sampled loop, from a force held for Ts to the position at the samples.
 
     Parameters
     ----------
     frequency : float64 array, shape (n,)
-        Up to 1/(2 Ts) [Hz].
+        Frequencies up to 1/(2 Ts) [Hz].
     m, s2, Kp, Kd, Ki, Ts, k : float
         As in `sampled`.
 
     Returns
     -------
     complex128 array, shape (n,)
-        (z - A)^-1 b, first row, of the closed loop at z = exp(2 pi j frequency Ts).
+        First row of (z - A)^-1 b of the closed loop at z = exp(2 pi j frequency Ts) [m/N].
     """
     A = closed_loop(m, s2, Kp, Kd, Ki, Ts, k)
     b = np.zeros(len(A))
@@ -61,19 +61,19 @@ def sampled_sensitivity(
 
 
 def learning_filter(frequency: NDArray[np.float64], m: float, Kp: float, Kd: float, Ki: float, Ts: float) -> Response:
-    """Response of m e'' + Kd e' + Kp e + Ki times the integral of e, by central differences [N/m].
+    """Return the frequency response of m e'' + Kd e' + Kp e + Ki times the integral of e, by central differences.
 
     Parameters
     ----------
     frequency : float64 array, shape (n,)
-        Above 0, up to 1/(2 Ts) [Hz].
+        Frequencies above 0, up to 1/(2 Ts) [Hz].
     m, Kp, Kd, Ki, Ts : float
-        Model of the loop [kg, N/m, N.s/m, N/(m.s)] and sample time [s].
+        Mass [kg] and gains [N/m, N.s/m, N/(m.s)] of the model of the loop, and sample time [s].
 
     Returns
     -------
     complex128 array, shape (n,)
-        The integral of a sample does not contain that sample.
+        Response [N/m]; the integral at a sample excludes that sample.
     """
     z = np.exp(2j * np.pi * np.asarray(frequency) * Ts)
     differences = m * (z - 2.0 + 1.0 / z) / Ts**2 + Kd * (z - 1.0 / z) / (2.0 * Ts) + Kp
@@ -87,25 +87,25 @@ def contraction(
     lowpass: Response | NDArray[np.float64] | float = 1.0,
     gamma: float = 1.0,
 ) -> Condition:
-    """Errors shrink from trial to trial, or from period to period: |Q| |1 - gamma L P/(1 + P C)| < 1.
+    """Check that errors shrink from trial to trial or period to period: |Q| |1 - gamma L P/(1 + P C)| < 1.
 
     Parameters
     ----------
     frequency : float64 array, shape (n,)
-        Where the responses are known [Hz]; dense enough for their peaks, up to half the sample rate.
+        Frequencies of the responses [Hz], up to half the sample rate; dense enough to resolve their peaks.
     sensitivity : complex128 array, shape (n,)
-        P/(1 + P C) of the real loop, see `process_sensitivity`.
+        P/(1 + P C) of the real loop, see `process_sensitivity` [m/N].
     learning : complex128 array, shape (n,)
-        The learning filter L.
+        Learning filter L [N/m].
     lowpass : float64 or complex128 array, shape (n,), or float
-        The filter Q.
+        Low-pass filter Q.
     gamma : float
         Learning gain.
 
     Returns
     -------
     Condition
-        Its value is the largest ratio of consecutive errors.
+        Its value is the largest ratio of consecutive errors, its bound 1.
     """
     ratio = np.abs(lowpass) * np.abs(1.0 - gamma * learning * sensitivity)
     worst = first_largest(ratio.tolist())
@@ -117,8 +117,8 @@ def contraction(
         value=value,
         bound=1.0,
         wrong=f"|Q| |1 - gamma L S| is {value:.4g} at {at:.4g} Hz, not below 1",
-        why=f"errors of {at:.4g} Hz grow from trial to trial, even if they shrink at first",
+        why=f"errors at {at:.4g} Hz grow from trial to trial, even if the total error shrinks at first",
         change=f"correct the model in L, lower the learning rate, or put the corner of Q well below {first:.4g} Hz, "
-        "from where on it is 1 or more",
+        "where the ratio first reaches 1",
         source="Bristow, Tharayil, Alleyne, IEEE Control Systems 26(3), 2006",
     )

@@ -1,4 +1,4 @@
-"""Sampled linear loops around a mass: matrices, and how fast one must sample."""
+"""Sampled linear loops around a mass: step matrices, stability, and the longest stable sample time."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from scipy.linalg import expm
 Matrix: TypeAlias = NDArray[np.float64]
 
 FASTEST: Final = 1e-6
-"""Shortest sample time that is advised [s]; drives sample every 10 us at best."""
+"""Shortest sample time that is recommended [s]; drives sample every 10 us at best."""
 
 MARGIN: Final = 1e-12
-"""Relative change of every element of its matrix that a loop must stand to count as stable.
+"""Relative change of its matrix elements under which a loop must stay stable to count as stable.
 
-A thousand times the rounding errors of a matrix exponential and a few products; a loop at 1 kHz whose slowest pole has
-a time constant of a hundred years does not stand it.
+This is about a thousand times the rounding error of a matrix exponential and a few products. At 1 kHz, a loop whose
+slowest pole has a time constant of a hundred years fails the test.
 """
 
 
 def held_mass(m: float, damping: float, stiffness: float, Ts: float) -> tuple[Matrix, Matrix]:
-    """A mass with damper and spring under a force that is held for Ts.
+    """Return A and b of a mass with damper and spring: (x, v) after Ts is A (x, v) + b u for a held force u.
 
     Returns
     -------
     tuple of arrays, shapes (2, 2) and (2,)
-        (x, v) after Ts is A (x, v) + b u.
+        A and b.
     """
     exponent = np.zeros((3, 3))
     exponent[0, 1] = 1.0
@@ -39,19 +39,20 @@ def held_mass(m: float, damping: float, stiffness: float, Ts: float) -> tuple[Ma
 
 
 def spectral_radius(matrix: Matrix) -> float:
-    """The largest magnitude of the eigenvalues; infinity if the matrix has overflowed."""
+    """Return the largest magnitude of the eigenvalues; infinity if the matrix has overflowed."""
     if not np.isfinite(matrix).all():
         return math.inf
     return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
 def is_stable(matrix: Matrix) -> bool:
-    """Return whether all eigenvalues, also of every matrix within rounding errors, are within the unit circle.
+    """Return whether all eigenvalues of the matrix, and of every matrix within `MARGIN`, are within the unit circle.
 
-    The computed eigenvalues alone do not say so: where several meet, as the two of a free mass at 1, they carry errors
-    of a root of the machine precision and may lie on either side. No matrix A + E with |E| <= e |A| has the eigenvalue
-    z if e times the spectral radius of |(z - A)^-1| |A| is below 1 (Rump, SIAM Review 41(1), 1999), which does not
-    depend on the units of the states; z is taken at the directions of the eigenvalues near the circle.
+    The computed eigenvalues alone are not sufficient. A multiple eigenvalue, such as the double one of a free mass at
+    1, has an error of the order of a root of the machine precision and may be computed on either side of the circle. No
+    matrix A + E with |E| <= e |A| has the eigenvalue z if e times the spectral radius of |(z - A)^-1| |A| is below 1
+    (Rump, SIAM Review 41(1), 1999); this test does not depend on the units of the states. It is evaluated at the points
+    of the circle in the directions of the eigenvalues near it.
     """
     if spectral_radius(matrix) >= 1.0:
         return False
@@ -60,22 +61,24 @@ def is_stable(matrix: Matrix) -> bool:
     near = eigenvalues[sizes > 0.9]
     try:
         inverses = np.linalg.inv((near / np.abs(near))[:, None, None] * np.eye(len(matrix)) - matrix)
-    except np.linalg.LinAlgError:  # one of them is on the circle
+    except np.linalg.LinAlgError:  # an eigenvalue is on the circle
         return False
     return all(MARGIN * spectral_radius(inverse @ np.abs(matrix)) < 1.0 for inverse in np.abs(inverses))
 
 
 def longest_sample(stable: Callable[[float], bool], Ts: float, halvings: int = 60, closeness: float = 1e-6) -> float:
-    """Return the sample time next below Ts at which the loop becomes stable; 0 if none from `FASTEST` on does.
+    """Return the sample time below Ts at which the loop becomes stable; 0 if it is unstable down to `FASTEST`.
 
     Parameters
     ----------
     stable : callable
-        Whether the loop is stable, from the sample time.
+        Function of the sample time [s] that returns whether the loop is stable.
     Ts : float
-        A sample time at which the loop is unstable [s].
-    halvings, closeness : int, float
-        How often it is halved in search of a stable one, and how close to the edge the result is.
+        Sample time at which the loop is unstable [s].
+    halvings : int
+        Largest number of halvings in the search for a stable sample time.
+    closeness : float
+        Relative tolerance of the result.
     """
     slow, fast = Ts, Ts
     for _ in range(halvings):

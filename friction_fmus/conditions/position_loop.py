@@ -1,4 +1,4 @@
-"""Conditions of a position loop around a mass with friction: u = Kp e + Kd (rd - v) + Ki times the integral of e."""
+"""Conditions on a position loop around a mass with friction: u = Kp e + Kd (rd - v) + Ki times the integral of e."""
 
 from __future__ import annotations
 
@@ -11,22 +11,29 @@ from friction_fmus.conditions.linear import FASTEST, Matrix, held_mass, is_stabl
 
 
 def routh(m: float, s2: float, Kp: float, Kd: float, Ki: float = 0.0, k: float = 0.0) -> Condition:
-    """Stability of the linear loop in continuous time: (Kd + s2)(Kp + k) > m Ki, and no coefficient negative.
+    """Check that the linear loop is stable in continuous time: (Kd + s2)(Kp + k) > m Ki, no coefficient negative.
 
-    Hurwitz condition of m s^3 + (Kd + s2) s^2 + (Kp + k) s + Ki.
+    This is the Hurwitz condition of m s^3 + (Kd + s2) s^2 + (Kp + k) s + Ki.
 
     Parameters
     ----------
-    m, s2, k : float
-        Mass [kg], viscous friction [N.s/m], stiffness of a spring to the ground [N/m].
+    m, s2 : float
+        Mass [kg] and viscous friction [N.s/m].
     Kp, Kd, Ki : float
         Gains [N/m, N.s/m, N/(m.s)].
+    k : float
+        Stiffness of a spring to ground [N/m].
+
+    Returns
+    -------
+    Condition
+        Its value is (Kd + s2)(Kp + k), its bound m Ki [N2.s/m2].
     """
     damping, stiffness = Kd + s2, Kp + k
     value, bound = damping * stiffness, m * Ki
     positive = above(damping, 0.0, abs(Kd) + abs(s2)) and above(stiffness, 0.0, abs(Kp) + abs(k))
     if not positive:
-        change = "give Kp and Kd positive values, and look for a wire with the wrong sign"
+        change = "make Kp and Kd positive, and look for a connection with the wrong sign"
     elif Ki < 0.0:
         change = "make Ki positive or 0"
     else:
@@ -36,20 +43,29 @@ def routh(m: float, s2: float, Kp: float, Kd: float, Ki: float = 0.0, k: float =
         ok=positive and Ki >= 0.0 and above(value, bound),
         value=value,
         bound=bound,
-        wrong=f"(Kd + s2)(Kp + k) = {value:.4g} is to be above m Ki = {bound:.4g} N2.s/m2, all gains positive",
-        why="the linear loop is unstable before any friction acts: it oscillates or runs away",
+        wrong=f"(Kd + s2)(Kp + k) = {value:.4g} must be above m Ki = {bound:.4g} N2.s/m2, with all gains positive",
+        why="the linear loop is unstable even without friction: it oscillates or diverges",
         change=change,
         source="Routh 1877; Astrom, Hagglund: Advanced PID Control, ISA 2006",
     )
 
 
 def closed_loop(m: float, s2: float, Kp: float, Kd: float, Ki: float, Ts: float, k: float = 0.0) -> Matrix:
-    """Step matrix of (x, v, integral) under the sampled law with the force held between samples; r = 0.
+    """Return the step matrix of (x, v, integral) under the sampled law, with the force held between samples and r = 0.
+
+    Parameters
+    ----------
+    m, s2, Kp, Kd, Ki : float
+        As in `routh`.
+    Ts : float
+        Sample time [s].
+    k : float
+        Stiffness of a spring to ground [N/m].
 
     Returns
     -------
     array, shape (3, 3), or (2, 2) for Ki = 0
-        As in the law PID: the integral of a sample does not contain that sample's error.
+        Step matrix. As in the law PID, the integral at a sample excludes the error of that sample.
     """
     A, b = held_mass(m, s2, k, Ts)
     moving = A - np.outer(b, [Kp, Kd])
@@ -63,14 +79,21 @@ def closed_loop(m: float, s2: float, Kp: float, Kd: float, Ki: float, Ts: float,
 
 
 def sampled(m: float, s2: float, Kp: float, Kd: float, Ki: float, Ts: float, k: float = 0.0) -> Condition:
-    """Stability of the sampled loop: all eigenvalues of `closed_loop` within the unit circle.
+    """Check that the sampled loop is stable: all eigenvalues of `closed_loop` are within the unit circle.
 
     Parameters
     ----------
-    m, s2, Kp, Kd, Ki, k : float
+    m, s2, Kp, Kd, Ki : float
         As in `routh`.
     Ts : float
         Sample time [s].
+    k : float
+        Stiffness of a spring to ground [N/m].
+
+    Returns
+    -------
+    Condition
+        Its value is the largest magnitude of the eigenvalues, its bound 1.
     """
 
     def loop(time: float) -> Matrix:
@@ -81,7 +104,7 @@ def sampled(m: float, s2: float, Kp: float, Kd: float, Ki: float, Ts: float, k: 
     change = (
         f"sample faster than every {longest:.4g} s, or lower the gains"
         if longest
-        else f"change the gains: no sample time of {1e6 * FASTEST:g} us or more helps, however fast the loop is sampled"
+        else f"change the gains: no sample time of {1e6 * FASTEST:g} us or more makes the loop stable"
     )
     return Condition(
         name="sampled loop",
@@ -89,24 +112,29 @@ def sampled(m: float, s2: float, Kp: float, Kd: float, Ki: float, Ts: float, k: 
         value=value,
         bound=1.0,
         wrong=f"the largest eigenvalue of the loop sampled every {Ts:.4g} s has the magnitude {value:.4g}, not below 1",
-        why="the force is held between the samples, a delay of half a sample time: the loop oscillates and grows",
+        why="holding the force between samples delays it by half a sample time: the loop oscillates and grows",
         change=change,
         source="Astrom, Wittenmark: Computer-Controlled Systems, 3rd ed., 1997",
     )
 
 
 def steepest_fall(Fc: float, Fs: float, vs: float, delta: float = 2.0) -> float:
-    """The steepest fall of the Stribeck curve, max -g'(v) [N.s/m], in closed form.
+    """Return the steepest fall of the Stribeck curve, max -g'(v), in closed form.
 
-    g(v) = Fc + (Fs - Fc) exp(-(v/vs)^delta); the slope has its extremum where (v/vs)^delta = (delta - 1)/delta. For
-    delta = 2 it is sqrt(2/e) (Fs - Fc)/vs, for delta < 1 there is none: infinite at v = 0.
+    g(v) = Fc + (Fs - Fc) exp(-(v/vs)^delta); its slope has the extremum at (v/vs)^delta = (delta - 1)/delta. For
+    delta = 2 the result is sqrt(2/e) (Fs - Fc)/vs; for delta < 1 it is infinite, at v = 0.
 
     Parameters
     ----------
     Fc, Fs : float
-        Coulomb and static friction [N]; 0 is returned where the curve does not fall.
+        Coulomb and static friction [N].
     vs, delta : float
         Stribeck velocity [m/s] and exponent.
+
+    Returns
+    -------
+    float
+        Steepest fall [N.s/m]; 0 if Fs is not above Fc.
     """
     if at_most(Fs, Fc):
         return 0.0
@@ -119,41 +147,45 @@ def steepest_fall(Fc: float, Fs: float, vs: float, delta: float = 2.0) -> float:
 def stick_slip_free(
     Kd: float, s2: float, Fc: float, Fs: float, vs: float, delta: float = 2.0, integral: float = 0.0
 ) -> Condition:
-    """Steady motion at every speed: Kd + s2 above the steepest fall of the Stribeck curve.
+    """Check that motion is steady at every speed: Kd + s2 is above the steepest fall of the Stribeck curve.
 
     Parameters
     ----------
     Kd, s2 : float
         Derivative gain and viscous friction [N.s/m].
     Fc, Fs, vs, delta : float
-        Stribeck curve [N, N, m/s], see `steepest_fall`.
+        Stribeck curve, see `steepest_fall` [N, N, m/s].
     integral : float
-        m Ki/Kp [N.s/m], which the integral takes from the damping (Routh); 0 without one.
+        Damping lost to the integral action, m Ki/Kp by Routh's condition [N.s/m]; 0 without integral action.
+
+    Returns
+    -------
+    Condition
+        Its value is Kd + s2, its bound the steepest fall plus `integral` [N.s/m].
     """
     fall = steepest_fall(Fc, Fs, vs, delta)
     value, bound = Kd + s2, fall + integral
-    taken = f", {fall:.4g}, and m Ki/Kp, {integral:.4g}, together" if integral else ","
+    taken = f", {fall:.4g}, plus m Ki/Kp, {integral:.4g}, in total" if integral else ","
     change = (
         f"raise Kd above {bound - s2:.4g} N.s/m, or compensate the friction"
         if math.isfinite(bound)
-        else "compensate the friction: with delta below 1 the curve is infinitely steep at rest and no Kd suffices"
+        else "compensate the friction: with delta below 1 the curve is infinitely steep at v = 0 and no Kd suffices"
     )
     return Condition(
         name="stick-slip",
         ok=above(value, bound, abs(Kd) + abs(s2)),
         value=value,
         bound=bound,
-        wrong=f"Kd + s2 = {value:.4g} N.s/m is to be above the steepest fall of the Stribeck curve{taken} "
+        wrong=f"Kd + s2 = {value:.4g} N.s/m must be above the steepest fall of the Stribeck curve{taken} "
         f"{bound:.4g} N.s/m",
-        why="where friction falls faster with speed than the loop damps, slow steady motion is unstable: it sticks "
-        "and slips",
+        why="friction falls with speed faster than the loop damps: slow motion is unstable and shows stick-slip",
         change=change,
         source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994; rigid contact, derived here",
     )
 
 
 def hunting(Ki: float, Fc: float, Fs: float) -> Condition:
-    """No limit cycle at rest: an integral and static friction above Coulomb friction do not go together.
+    """Check that no limit cycle occurs at rest: either no integral action, or static friction not above Coulomb.
 
     Parameters
     ----------
@@ -161,32 +193,42 @@ def hunting(Ki: float, Fc: float, Fs: float) -> Condition:
         Integral gain [N/(m.s)].
     Fc, Fs : float
         Coulomb and static friction [N].
+
+    Returns
+    -------
+    Condition
+        Its value is static, its bound Coulomb friction [N]; it holds for Ki = 0.
     """
     return Condition(
         name="hunting",
         ok=not (Ki > 0.0 and above(Fs, Fc)),
         value=Fs,
         bound=Fc,
-        wrong=f"the position loop has an integral, Ki = {Ki:.4g} N/(m.s), and static friction, {Fs:.4g} N, is above "
-        f"Coulomb friction, {Fc:.4g} N",
-        why="around a constant reference the integral winds up to Fs, the axis slips too far, and so on: it hunts, "
-        "with every set of gains that is stable",
-        change="use a dead-band in the integral, to each side at least half as wide as a slip, or Ki = 0 with friction "
+        wrong=f"the position loop has integral action, Ki = {Ki:.4g} N/(m.s), and static friction, {Fs:.4g} N, is "
+        f"above Coulomb friction, {Fc:.4g} N",
+        why="at a constant reference the integral winds up to Fs, the axis slips too far, and the cycle repeats: the "
+        "axis hunts with any stable set of gains",
+        change="use a dead-band of the integral of at least half a slip to each side, or Ki = 0 with friction "
         "compensation",
         source="Armstrong, Amin, Automatica 32(5), 1996",
     )
 
 
 def expected_slip(m: float, s2: float, Kp: float, Kd: float, Fc: float, Fs: float) -> float:
-    """How far a rigid mass slips once static friction lets it go, in closed form [m].
+    """Return how far a rigid mass slips after break-away, in closed form.
 
-    Friction falls from Fs to Fc at once and the integral stands still: the mass moves as m x'' + (Kd + s2) x' + Kp x =
-    Fs - Fc from rest until it stops. A real contact, whose friction falls less abruptly, slips less.
+    Friction falls from Fs to Fc at once and the integral stays constant: the mass moves as m x'' + (Kd + s2) x' + Kp x
+    = Fs - Fc from rest until it stops. A real contact, whose friction falls less abruptly, slips less.
 
     Parameters
     ----------
     m, s2, Kp, Kd, Fc, Fs : float
         As in `routh` and `hunting`; Kp must be positive.
+
+    Returns
+    -------
+    float
+        Length of the slip [m].
     """
     damping = (Kd + s2) / (2.0 * math.sqrt(Kp * m))
     overshoot = math.exp(-math.pi * damping / math.sqrt(1.0 - damping**2)) if damping < 1.0 else 0.0
@@ -194,23 +236,28 @@ def expected_slip(m: float, s2: float, Kp: float, Kd: float, Fc: float, Fs: floa
 
 
 def dead_band(db: float, slip: float) -> Condition:
-    """A dead-band ends hunting if a slip from its one edge does not leave it at the other: 2 db >= slip.
+    """Check that a dead-band ends hunting: it is at least as wide as a slip, 2 db >= slip.
 
     Parameters
     ----------
     db : float
         Error up to which the integral is held [m].
     slip : float
-        Expected slip [m], see `expected_slip`.
+        Length of the slip, see `expected_slip` [m].
+
+    Returns
+    -------
+    Condition
+        Its value is 2 db, its bound the slip [m].
     """
     return Condition(
         name="dead-band",
         ok=at_least(2.0 * db, slip),
         value=2.0 * db,
         bound=slip,
-        wrong=f"the dead-band of {-db:.4g} m to {db:.4g} m is narrower than a slip, {slip:.4g} m",
-        why="a slip that begins at one edge ends beyond the other: the integral turns round and the axis hunts, maybe "
-        "in wider movements than without the dead-band",
-        change=f"make db at least {slip / 2.0:.4g} m, or raise Kp and Kd until slips are shorter",
+        wrong=f"the dead-band from {-db:.4g} m to {db:.4g} m is narrower than a slip of {slip:.4g} m",
+        why="a slip that starts at one edge ends beyond the other: the integral changes direction and the axis hunts, "
+        "possibly with a larger amplitude than without the dead-band",
+        change=f"make db at least {slip / 2.0:.4g} m, or raise Kp and Kd to shorten the slip",
         source="derived here for a rigid contact, from Armstrong, Amin, Automatica 32(5), 1996",
     )

@@ -1,4 +1,4 @@
-"""What the documentation of a block says of the conditions that its file names."""
+"""Conditions as the documentation page of a block quotes them."""
 
 from __future__ import annotations
 
@@ -10,17 +10,22 @@ from friction_fmus.errors import FrictionError, nearest
 
 
 def quotes(names: Iterable[str]) -> tuple[tuple[str, str], ...]:
-    """Return conditions as pairs: name of the function, first sentence of its docstring.
+    """Return the name and the first sentence of the docstring of each condition.
 
     Parameters
     ----------
     names : iterable of str
-        Functions of `friction_fmus.conditions`, as `About.quotes` has them.
+        Functions of `friction_fmus.conditions`, see `About.quotes`.
+
+    Returns
+    -------
+    tuple of (str, str)
+        Pairs of name and sentence.
 
     Raises
     ------
     FrictionError
-        There is no condition of that name.
+        If there is no condition with that name.
     """
     functions = importlib.import_module("friction_fmus.conditions")
     found = []

@@ -1,4 +1,4 @@
-"""Conditions of laws that shake or push the axis out of its friction: dither and pulses."""
+"""Conditions on laws that overcome friction with dither or force pulses."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 def dither_stroke(Ad: float, f: float, m: float, F: float, s0: float) -> Condition:
-    """Dither smooths friction if it slides: its stroke Ad/(m (2 pi f)^2) is above the presliding range F/s0.
+    """Check that dither slides and so smooths friction: its stroke Ad/(m (2 pi f)^2) exceeds the presliding range F/s0.
 
     Parameters
     ----------
@@ -24,7 +24,12 @@ def dither_stroke(Ad: float, f: float, m: float, F: float, s0: float) -> Conditi
     m : float
         Mass [kg].
     F, s0 : float
-        Friction that is to be broken [N] and stiffness of the contact [N/m].
+        Friction to overcome [N] and stiffness of the contact [N/m].
+
+    Returns
+    -------
+    Condition
+        Its value is the stroke, its bound the presliding range [m].
     """
     w = 2.0 * math.pi * f
     stroke = Ad / (m * w**2) if w > 0.0 else math.inf
@@ -34,23 +39,28 @@ def dither_stroke(Ad: float, f: float, m: float, F: float, s0: float) -> Conditi
         ok=above(stroke, bound),
         value=stroke,
         bound=bound,
-        wrong=f"the stroke of the dither, Ad/(m (2 pi f)^2) = {stroke:.4g} m, is to be above the presliding range "
+        wrong=f"the stroke of the dither, Ad/(m (2 pi f)^2) = {stroke:.4g} m, must be above the presliding range "
         f"F/s0 = {bound:.4g} m",
-        why="the contact follows much of the dither elastically: friction is smoothed by about half, or less",
+        why="the contact follows much of the dither elastically: dither reduces friction by about half or less",
         change=f"raise Ad above {bound * m * w**2:.4g} N, or lower the frequency below "
         f"{math.sqrt(Ad * s0 / (m * F)) / (2.0 * math.pi) if F > 0.0 else math.inf:.4g} Hz",
-        source="mean of friction under a sliding dither: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), "
-        "1994; the bound derived here",
+        source="mean friction under a sliding dither: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), "
+        "1994; bound derived here",
     )
 
 
 def dither_frequency(f: float, Ts: float) -> Condition:
-    """The dither is below half the sample rate: f < 1/(2 Ts).
+    """Check that the dither frequency is below half the sample rate: f < 1/(2 Ts).
 
     Parameters
     ----------
     f, Ts : float
         Frequency [Hz] and sample time [s] of the dither.
+
+    Returns
+    -------
+    Condition
+        Its value is the frequency, its bound half the sample rate [Hz].
     """
     bound = 0.5 / Ts
     return Condition(
@@ -58,9 +68,9 @@ def dither_frequency(f: float, Ts: float) -> Condition:
         ok=below(f, bound),
         value=f,
         bound=bound,
-        wrong=f"the dither of {f:.4g} Hz is to be below half the sample rate, 1/(2 Ts) = {bound:.4g} Hz",
-        why="its samples are those of a slower oscillation, or of none: it shakes the axis at another frequency",
-        change=f"lower the frequency to some {0.2 * bound:.4g} Hz, or sample the dither every {0.1 / f:.4g} s"
+        wrong=f"the dither frequency, {f:.4g} Hz, must be below half the sample rate, 1/(2 Ts) = {bound:.4g} Hz",
+        why="the sampled dither is aliased: it acts at a lower frequency, or is constant",
+        change=f"lower the frequency to about {0.2 * bound:.4g} Hz, or sample the dither every {0.1 / f:.4g} s"
         if f > 0.0
         else "set a frequency above 0",
         source="sampling theorem: Astrom, Wittenmark: Computer-Controlled Systems, 3rd ed., 1997",
@@ -68,19 +78,28 @@ def dither_frequency(f: float, Ts: float) -> Condition:
 
 
 def _breaks_away(Fp: float, Fc: float, Fs: float) -> bool:
-    """Return whether a pulse moves the mass; one of exactly the static friction does, as laws choose that force."""
+    """Return whether a pulse moves the mass. A pulse equal to static friction does, because laws choose that force."""
     return at_least(Fp, Fs) and above(Fp, Fc)
 
 
 def slide(Fp: float, Fc: float, Fs: float, tp: float, m: float) -> float:
-    """How far a rigid mass slides under one force pulse, Fp (Fp - Fc) tp^2/(2 m Fc) [m]; 0 below static friction.
+    """Return how far a rigid mass slides under one force pulse, Fp (Fp - Fc) tp^2/(2 m Fc).
 
     Parameters
     ----------
-    Fp, tp : float
-        Force [N] and length [s] of the pulse.
-    Fc, Fs, m : float
-        Coulomb and static friction [N], mass [kg].
+    Fp : float
+        Force of the pulse [N].
+    Fc, Fs : float
+        Coulomb and static friction [N].
+    tp : float
+        Length of the pulse [s].
+    m : float
+        Mass [kg].
+
+    Returns
+    -------
+    float
+        Distance [m]; 0 below static friction.
     """
     return Fp * (Fp - Fc) * tp**2 / (2.0 * m * Fc) if _breaks_away(Fp, Fc, Fs) else 0.0
 
@@ -88,12 +107,12 @@ def slide(Fp: float, Fc: float, Fs: float, tp: float, m: float) -> float:
 def slide_in_loop(
     errors: Array, forces: Array, Fc: float, Fs: float, tp: float, m: float, Kp: float, Kd: float
 ) -> Array:
-    """The same for several pulses while a PD controller acts again from the end of the pulse on [m].
+    """Return how far a rigid mass slides under each force pulse if a PD controller acts from the end of the pulse on.
 
     Parameters
     ----------
     errors, forces : array, shape (n,)
-        Position error at the begin [m] and force [N] of each pulse.
+        Position error at the start [m] and force [N] of each pulse.
     Fc, Fs, tp, m : float
         As in `slide`.
     Kp, Kd : float
@@ -102,7 +121,7 @@ def slide_in_loop(
     Returns
     -------
     array, shape (n,)
-        Integrated in steps of tp/20, exact for the force of the friction, until the mass stops.
+        Distances [m], computed in exact steps of tp/20 until the mass stops.
     """
     moves = np.array([_breaks_away(float(F), Fc, Fs) for F in forces])
     v = np.where(moves, (forces - Fc) * tp / m, 0.0)
@@ -111,7 +130,7 @@ def slide_in_loop(
     for _ in range(20_000):
         if not moves.any():
             break
-        # the spring of the controller is relaxed where the error is 0
+        # the force of Kp vanishes where the error is 0
         y = x - errors
         after, v_after = A[0, 0] * y + A[0, 1] * v - b[0] * Fc, A[1, 0] * y + A[1, 1] * v - b[1] * Fc
         moves = moves & (v_after > 0.0)
@@ -123,21 +142,21 @@ def slide_in_loop(
 def pulses(
     errors: Array, forces: Array, Fc: float, Fs: float, tp: float, m: float, Kp: float = 0.0, Kd: float = 0.0
 ) -> Condition:
-    """Pulses bring an error down if each slides by d with 0 < d/e < 2, at every error e that asks for one.
+    """Check that pulses reduce the error: each one slides by d with 0 < d/e < 2, for every error e that triggers it.
 
     Parameters
     ----------
     errors : array, shape (n,)
-        Errors at which a pulse is given, from the tolerance up [m].
+        Errors that trigger a pulse, from the tolerance up [m].
     forces : array, shape (n,)
-        Force of the pulse for each of them [N].
+        Force of the pulse for each error [N].
     Fc, Fs, tp, m, Kp, Kd : float
-        As in `slide_in_loop`: friction and mass of the axis, length of a pulse, gains of the position loop.
+        As in `slide_in_loop`: friction of the axis, length of a pulse, mass, gains of the position loop.
 
     Returns
     -------
     Condition
-        Of the d/e that is farthest from 1.
+        Its value is the d/e that differs most from 1, its bound 0 or 2.
     """
     if Kp or Kd:
         ratio = slide_in_loop(errors, forces, Fc, Fs, tp, m, Kp, Kd) / errors
@@ -152,11 +171,11 @@ def pulses(
         value=value,
         bound=0.0 if stuck else 2.0,
         wrong=f"a pulse of {F:.4g} N for {tp:.4g} s slides d = {value * e:.4g} m at an error e = {e:.4g} m; "
-        f"d/e = {value:.4g} is to be between 0 and 2",
-        why="the pulse does not break the axis away: the error stays"
+        f"d/e = {value:.4g} must be between 0 and 2",
+        why="the pulse does not break the axis away: the error remains"
         if stuck
-        else "the slide overshoots by more than the error was: pulses go on to and fro",
-        change=f"give pulses of at least the static friction, {Fs:.4g} N"
+        else "each slide overshoots by more than the original error: the pulses alternate in direction and do not end",
+        change=f"use pulses of at least the static friction, {Fs:.4g} N"
         if stuck
         else "make the pulses shorter (n_pulse), the tolerance larger, or correct m, Fc and Fs of the law",
         source="Newton's law for a rigid mass with Coulomb friction; Armstrong-Helouvry, Dupont, Canudas de Wit, "

@@ -1,4 +1,4 @@
-"""Measured records that travel with the package, each with its citation."""
+"""Measured records included in the package, each with its citation."""
 
 from .emps import EMPS_PUBLISHED, MeasuredAxis, ServoSettings, load_emps
 from .tribometer import load_tribometer

@@ -1,7 +1,7 @@
-"""Looks for what makes a control loop with friction unstable, hunt, or be simulated wrongly, before it is run.
+"""Checks of a control loop with friction for instability, hunting and simulation errors, before it is run.
 
 ``examine`` finds the plants, the friction and the laws of a system and evaluates the conditions of
-`friction_fmus.conditions` that apply; the files of the blocks say what each of them is in a loop.
+`friction_fmus.conditions` that apply. The file of each block states its role in a loop.
 """
 
 from __future__ import annotations
@@ -16,24 +16,25 @@ __all__ = ["Finding", "axes", "examine", "unknown_parts"]
 
 
 def examine(system: System, experiment: Experiment | None = None) -> list[Finding]:
-    """All conditions that apply to a system, those that hold included; nothing is run.
+    """Evaluate all conditions that apply to a system, without running it.
 
     Parameters
     ----------
     system : System
-        The system.
+        System to examine.
     experiment : Experiment or None
-        How it is to be run; None: its own. Without any, what depends on the communication step is left out.
+        Communication step and master; None uses the experiment of the system. Without an experiment, the conditions
+        that depend on the communication step are skipped.
 
     Returns
     -------
     list of Finding
-        Each with its parts and its `Condition`, whose ``ok`` says whether it holds.
+        One finding for each condition, including those that hold; see `Condition.ok`.
 
     Raises
     ------
     HarnessError
-        If an FMU can no longer be read.
+        If an FMU cannot be read.
     """
     found = axes(system)
     results = [finding for axis in found for finding in examine_axis(axis)]

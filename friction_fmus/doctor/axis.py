@@ -1,4 +1,4 @@
-"""What the doctor knows of a control loop: plants, friction and laws in the symbols of the conditions."""
+"""Control loops as the doctor examines them: plants, friction and laws in the symbols of the conditions."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from friction_fmus.blocks.contact import Contact, Level
-from friction_fmus.conditions import Between, Condition, DrivenPlant, SampledLaw, one_mass, two_masses
+from friction_fmus.conditions import Condition, DrivenPlant, PathDynamics, SampledLaw, one_mass, two_masses
 
 Values: TypeAlias = Mapping[str, float]
-"""Parameters of a part, and those of its inputs that are constant, by name in SI units."""
+"""Parameters and constant inputs of a part, by name, in SI units."""
 
 
 @dataclass(frozen=True)
 class Gains:
-    """A position loop as PID: u = Kp e + Kd (rd - v) + Ki times the integral of e.
+    """Position loop in PID form: u = Kp e + Kd (rd - v) + Ki times the integral of e.
 
     Parameters
     ----------
     Kp, Kd, Ki : float
-        [N/m, N.s/m, N/(m.s)].
+        Gains [N/m, N.s/m, N/(m.s)].
     db : float
         Error up to which the integral is held [m].
     m : float
@@ -37,22 +37,22 @@ class Gains:
 
 @dataclass(frozen=True)
 class Law:
-    """What the conditions need of a law.
+    """Properties of a law that the conditions need, as functions of its parameter values.
 
     Parameters
     ----------
     gains : callable or None
-        Its position loop from the values.
+        Position loop, from the values; None if the law does not close one.
     levels : callable or None
-        The friction that it compensates, forward and backward.
+        Compensated friction, forward and backward, from the values.
     inertia : callable or None
-        Mass of its inertia feedforward, from the values.
+        Mass of the inertia feedforward [kg], from the values.
     linear : callable or None
-        Its part of the sampled loop, from the values and the sample time; None: it has none.
+        Linear sampled law, from the values and the sample time; None if it has no part in the loop.
     amplifies : callable or None
-        How many times what comes in at f leaves the law in small movements; None: once.
+        Gain from the input f to the output for small movements, from the values; None for a gain of 1.
     rules : tuple of callable
-        Conditions of this law alone.
+        Conditions specific to this law.
     measured, at_rest, estimates, hunts, shapes : bool
         As in `Loop`.
     """
@@ -71,25 +71,27 @@ class Law:
 
 
 @dataclass(frozen=True)
-class Path:
-    """What lies between a law and its plant.
+class SignalPath:
+    """Actuator, limits and sensors between a law and its plant.
 
     Parameters
     ----------
     tau, delay : float
-        Of an actuator [s].
+        Lag and delay of the actuator [s].
     low, high : float
         Limits of the force on the plant [N].
     amplified : float
-        How many times the force of the law arrives in small movements.
-    window, smoothing : float
-        Samples over which the velocity is taken from positions, 0: it is measured; time constant behind that [s].
+        Gain of the force of the law for small movements.
+    window : int
+        Number of samples over which the velocity is computed from positions; 0 if it is measured.
+    smoothing : float
+        Time constant of a low-pass filter behind that difference [s].
     quantum : float
-        Step of the measured position [m].
+        Resolution of the measured position [m].
     sensor : str
-        Part that measures; empty: the plant itself.
+        Name of the sensor part; empty if the plant's outputs are used directly.
     at_load : (bool, bool)
-        Whether position and velocity are those of the load of a flexible drive.
+        Whether position and velocity are measured at the load of a flexible drive.
     """
 
     tau: float = 0.0
@@ -104,29 +106,29 @@ class Path:
     at_load: tuple[bool, bool] = (False, False)
 
     @property
-    def between(self) -> Between:
-        """The same for the poles of the loop."""
-        return Between(self.tau, self.delay, self.window, self.smoothing)
+    def dynamics(self) -> PathDynamics:
+        """Lag, delay and velocity measurement, for the poles of the loop."""
+        return PathDynamics(self.tau, self.delay, self.window, self.smoothing)
 
 
 @dataclass(frozen=True)
-class Used:
-    """A law that acts on an axis.
+class ActiveLaw:
+    """Law that acts on an axis.
 
     Parameters
     ----------
     part : str
         Name of the part.
     law : Law
-        What is known of it.
-    values : mapping
-        Its parameters.
+        Properties of the law.
+    values : mapping of str to float
+        Parameter values of the law.
     to_force : float
-        Product of the gains of the wires from its u to the force on the plant.
+        Product of the gains of the connections from its u to the force on the plant.
     of_position, of_velocity : float
-        Gains of the wires from the plant to its x and v.
-    path : Path
-        What lies between the law and the plant.
+        Gains of the connections from the plant to its x and v.
+    path : SignalPath
+        Actuator, limits and sensors between the law and the plant.
     """
 
     part: str
@@ -135,11 +137,11 @@ class Used:
     to_force: float = 1.0
     of_position: float = 1.0
     of_velocity: float = 1.0
-    path: Path = Path()
+    path: SignalPath = SignalPath()
 
     @property
     def gains(self) -> Gains | None:
-        """The position loop in the units and signs of the plant."""
+        """Position loop in the units and signs of the plant; None if the law does not close one."""
         if self.law.gains is None:
             return None
         own = self.law.gains(self.values)
@@ -155,7 +157,7 @@ class Used:
 
 @dataclass(frozen=True)
 class Shaper:
-    """A law that shapes a reference: its part, its row of the table, and its values."""
+    """Law that shapes a reference: name of the part, its block, and its parameter values."""
 
     part: str
     model: str
@@ -171,23 +173,23 @@ class Axis:
     plant : str
         Name of the part.
     m, damping, stiffness : float
-        Mass [kg], damper [N.s/m] and spring [N/m] to the ground.
+        Mass [kg], damper [N.s/m] and spring [N/m] to ground.
     friction : str or None
-        Name of the part with the friction; None if there is none that is known.
+        Name of the part with the friction; None if no known part acts as friction.
     contact : Contact or None
-        Its friction.
-    laws : tuple of Used
-        From the plant outward.
+        Friction of the axis.
+    laws : tuple of ActiveLaw
+        Laws that drive the axis, in the order from the plant to the reference.
     flexible : (float, float, float, float) or None
-        m1, m2, k, d of motor and load; None: a single mass.
+        m1, m2, k, d of motor and load; None for a single mass.
     at_load : bool
-        Whether the friction is that of the load.
+        Whether the friction acts on the load.
     cogging : (str, float) or None
-        Part and largest slope [N/m] of a force that depends on position.
+        Part and largest slope [N/m] of a position-dependent force.
     belt : float or None
-        Speed of the belt below [m/s].
+        Speed of the belt under the mass [m/s].
     shapers : tuple of Shaper
-        What shapes the references of its laws.
+        Prefilters of the references.
     """
 
     plant: str
@@ -196,7 +198,7 @@ class Axis:
     stiffness: float = 0.0
     friction: str | None = None
     contact: Contact | None = None
-    laws: tuple[Used, ...] = ()
+    laws: tuple[ActiveLaw, ...] = ()
     flexible: tuple[float, float, float, float] | None = None
     at_load: bool = False
     cogging: tuple[str, float] | None = None
@@ -204,7 +206,7 @@ class Axis:
     shapers: tuple[Shaper, ...] = ()
 
     def driven(self, damping: float, stiffness: float, measured: tuple[bool, bool] = (False, False)) -> DrivenPlant:
-        """The plant with this damping and stiffness of its contact, beside its own to the ground."""
+        """Return the linear plant with damping and stiffness of the contact in addition to those to ground."""
         if self.flexible is None:
             return one_mass(self.m, self.damping + damping, self.stiffness + stiffness)
         dampers = (0.0, damping) if self.at_load else (damping, 0.0)
@@ -212,26 +214,26 @@ class Axis:
         return two_masses(*self.flexible, dampers, springs, measured)
 
     @property
-    def servo(self) -> Used | None:
-        """The law that closes the position loop."""
+    def servo(self) -> ActiveLaw | None:
+        """Law that closes the position loop; None if there is none."""
         return next((law for law in self.laws if law.law.gains is not None), None)
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A condition of some parts of a system.
+    """Condition evaluated for some parts of a system.
 
     Parameters
     ----------
     parts : tuple of str
-        Which parts it concerns.
+        Names of the parts.
     condition : Condition
-        What was evaluated.
+        Evaluated condition.
     """
 
     parts: tuple[str, ...]
     condition: Condition
 
 
-Rule: TypeAlias = Callable[[Axis, Used], Iterable[Condition]]
-"""Conditions of one law on its axis; none where they do not apply."""
+Rule: TypeAlias = Callable[[Axis, ActiveLaw], Iterable[Condition]]
+"""Function that yields the conditions of one law on its axis that apply."""

@@ -1,4 +1,4 @@
-"""Rules of single laws: which of their conditions apply on an axis, and with which numbers."""
+"""Rules of single laws: which of their conditions apply to an axis, and with which numbers."""
 
 from __future__ import annotations
 
@@ -12,16 +12,19 @@ from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.contact import Level
 from friction_fmus.conditions import Condition
 from friction_fmus.conditions.condition import below, remainder
-from friction_fmus.doctor.axis import Axis, Used
+from friction_fmus.doctor.axis import ActiveLaw, Axis
 
 
-def share_of(used: Used) -> float:
-    """What of the friction that a law computes arrives at the plant."""
+def share_of(used: ActiveLaw) -> float:
+    """Return the fraction of the friction computed by a law that acts on the plant."""
     return used.to_force * used.values.get("gain", 1.0)
 
 
 def left_of(axis: Axis, side: int, feedforward: bool = False) -> Level:
-    """What observers that also act at rest leave of the friction in one direction; with feedforward, what all leave."""
+    """Return the friction in one direction that remains after compensation.
+
+    Only observers that also act at rest count; with `feedforward`, all compensators count.
+    """
     assert axis.contact is not None
     left = axis.contact.levels[side]
     for used in axis.laws:
@@ -36,16 +39,16 @@ def left_of(axis: Axis, side: int, feedforward: bool = False) -> Level:
     return left
 
 
-def injection_of_error(axis: Axis, used: Used) -> Iterator[Condition]:
-    """A LuGre observer that is corrected by the position error, k > 0."""
+def injection_of_error(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
+    """Yield the condition on a LuGre observer that is corrected by the position error, k > 0."""
     gains = axis.servo.gains if axis.servo else None
     p = used.values
     if gains is not None and p["k"] > 0.0:
         yield conditions.injection(axis.m, gains.Kp, gains.Kd, gains.Ki, p["sigma0"], p["sigma1"])
 
 
-def feeds_stiffness_back(axis: Axis, used: Used) -> Iterator[Condition]:
-    """A law whose bristles follow the measured motion."""
+def feeds_stiffness_back(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
+    """Yield the condition on a law whose bristle model follows the measured motion."""
     gains = axis.servo.gains if axis.servo else None
     if gains is not None and axis.contact is not None:
         stiffness = axis.contact.stiffness + axis.stiffness + gains.Kp
@@ -53,33 +56,33 @@ def feeds_stiffness_back(axis: Axis, used: Used) -> Iterator[Condition]:
             yield conditions.fed_back_stiffness(share_of(used) * used.values["sigma0"], stiffness)
 
 
-def covers_friction(axis: Axis, used: Used) -> Iterator[Condition]:
-    """A set-valued sliding mode against the friction that other laws leave."""
+def covers_friction(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
+    """Yield the condition that a set-valued sliding mode covers the friction not compensated by other laws."""
     if axis.contact is not None:
         left = [left_of(axis, side, feedforward=True) for side in (0, 1)]
         yield conditions.sliding_gain(share_of(used) * used.values["K"], max(max(at.Fc, at.Fs) for at in left))
 
 
-def follows_friction(axis: Axis, used: Used) -> Iterator[Condition]:
-    """The gains of a super-twisting law."""
+def follows_friction(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
+    """Yield the condition on the gains of a super-twisting law."""
     yield conditions.super_twisting(used.values["c1"], used.values["c2"])
 
 
-def adapts(texts: tuple[str, ...], axis: Axis, used: Used) -> Iterator[Condition]:
-    """An adaptation, by expressions of its rate and of the damping that must hold it."""
+def adapts(texts: tuple[str, ...], axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
+    """Yield the stability condition of an adaptation, from the expressions of its rate and its damping."""
     rate, damping = (float(evaluate(text, used.values)) for text in texts)
     yield conditions.adaptation(rate, damping, axis.m, used.values["Ts"])
 
 
-def looks_ahead(axis: Axis, used: Used) -> Iterator[Condition]:
-    """The series of a non-causal inverse; ZPETC has none."""
+def looks_ahead(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
+    """Yield the condition on the preview of a non-causal inverse; zero-phase tracking (ZPETC) needs none."""
     p = used.values
     if not p["zero_phase"]:
         yield conditions.preview(p["zero"], p["preview"])
 
 
-def dithers(axis: Axis, used: Used) -> Iterator[Condition]:
-    """A dither against its own sampling, and against the contact."""
+def dithers(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
+    """Yield the conditions on the frequency and the stroke of a dither."""
     p = used.values
     force = abs(share_of(used)) * p["Ad"]
     if force == 0.0:
@@ -90,8 +93,8 @@ def dithers(axis: Axis, used: Used) -> Iterator[Condition]:
         yield conditions.dither_stroke(force, p["frequency"], axis.m, F, axis.contact.stiffness)
 
 
-def pushes(axis: Axis, used: Used) -> Iterator[Condition]:
-    """Pulses, for errors from the tolerance to a thousand times that."""
+def pushes(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
+    """Yield the condition on force pulses, for errors from the tolerance to a thousand times the tolerance."""
     p = used.values
     if axis.contact is None or p["tol"] <= 0.0:
         return
@@ -108,7 +111,7 @@ def pushes(axis: Axis, used: Used) -> Iterator[Condition]:
     most = min(used.path.high, -used.path.low)
     sent = np.minimum(abs(used.to_force) * forces, most)
     short = np.array([below(float(F), most) for F in sent])
-    kept = short | (np.arange(len(sent)) == 0)  # a pulse at the limit falls short, and is repeated
+    kept = short | (np.arange(len(sent)) == 0)  # a pulse at the force limit is repeated: one is enough
     gains = axis.servo.gains if axis.servo else None
     loop = (gains.Kp, gains.Kd) if gains else (0.0, 0.0)
     yield conditions.pulses(errors[kept], sent[kept], worst.Fc, worst.Fs, tp, axis.m, *loop)

@@ -1,4 +1,4 @@
-"""Finds the axes of a system: masses, the friction on them, and the laws that drive them."""
+"""Search for the axes of a system: masses, the friction on them, and the laws that drive them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.blocks.contact import Contact
 from friction_fmus.blocks.loop import InLoop, Plant
 from friction_fmus.conditions import cogging_slope
-from friction_fmus.doctor.axis import Axis, Path, Shaper, Used, Values
+from friction_fmus.doctor.axis import ActiveLaw, Axis, Shaper, SignalPath, Values
 from friction_fmus.doctor.known import known_blocks, law_of
 from harness import FmuPart, Part, System, Wire, open_archive
 from harness.errors import StartValueError
@@ -20,23 +20,44 @@ from harness.system.wire import wire_map
 
 
 def axes(system: System) -> list[Axis]:
-    """The axes of a system, as far as the blocks are known.
+    """Return the axes of a system, one for each mass with a known block.
+
+    Parameters
+    ----------
+    system : System
+        System to search.
+
+    Returns
+    -------
+    list of Axis
+        Axes with their friction and laws.
 
     Raises
     ------
     HarnessError
-        If an FMU can no longer be read.
+        If an FMU cannot be read.
     """
     known = known_blocks()
     models = {name: model_of(part) or "" for name, part in system.parts.items()}
-    parts = {name: Known(model, known.get(model, InLoop())) for name, model in models.items()}
+    parts = {name: KnownPart(model, known.get(model, InLoop())) for name, model in models.items()}
     drivers = {wire.ends[1]: wire for wire in system.wires}
     masses = [(name, part.block.plant) for name, part in parts.items() if part.block.plant is not None]
     return [_axis(system, parts, drivers, name, plant) for name, plant in masses]
 
 
 def unknown_parts(system: System) -> list[str]:
-    """Parts that the doctor does not know, and so takes for nothing; sources of signals are none of its business."""
+    """Return the parts that the doctor ignores because their block is not known; signal sources are not listed.
+
+    Parameters
+    ----------
+    system : System
+        System to search.
+
+    Returns
+    -------
+    list of str
+        Names of the parts.
+    """
     signals = {f"{block.summary} ({block.source})" for block in catalogue().values() if block.kind == "signal"}
     unknown = [part for part in system.parts.values() if model_of(part) is None]
     return [
@@ -47,7 +68,7 @@ def unknown_parts(system: System) -> list[str]:
 
 
 def model_of(part: Part) -> str | None:
-    """Which known block a part is: by its model, its model identifier, or, if it was renamed, its description."""
+    """Return the known block of a part, by model name, model identifier or, for a renamed FMU, its description."""
     if not isinstance(part, FmuPart):
         return None
     known = known_blocks()
@@ -60,12 +81,12 @@ def model_of(part: Part) -> str | None:
 
 
 def values_of(system: System, part: Part) -> Values:
-    """Start values of the parameters of a part, and of its inputs that have no wire.
+    """Return the start values of the parameters of a part and of its unconnected inputs.
 
     Raises
     ------
     StartValueError
-        If one is no number, not finite, or outside the range that the FMU states: a run would be refused as well.
+        If a value is not a finite number within the range stated by the FMU. A run would also reject it.
     """
     wired = {wire.target for wire in system.wires}
     ports = [*part.parameters, *(port for port in part.inputs if f"{part.name}.{port.name}" not in wired)]
@@ -79,14 +100,14 @@ def values_of(system: System, part: Part) -> Values:
         least, most = limits.get(name, (-math.inf, math.inf))
         if isinstance(value, str) or not (math.isfinite(value) and least <= value <= most):
             raise StartValueError(
-                f"start value {value!r} of {part.name}.{name} is not a number from {least:g} to {most:g}: give one"
+                f"start value {value!r} of {part.name}.{name} is not a number from {least:g} to {most:g}: change it"
             )
         values[name] = float(value)
     return values
 
 
 def _limits(part: Part) -> Mapping[str, tuple[float, float]]:
-    """The ranges that the XML of an FMU states."""
+    """Return the ranges stated in the model description of an FMU."""
     if not isinstance(part, FmuPart):
         return {}
     variables = open_archive(part.path).description.modelVariables
@@ -94,7 +115,7 @@ def _limits(part: Part) -> Mapping[str, tuple[float, float]]:
 
 
 def gain_of(system: System, wire: Wire) -> float:
-    """Number at the target over number at the source, with the conversion of units."""
+    """Return the ratio of the value at the target to the value at the source, including unit conversion."""
     (source, output), (target, port) = wire.ends
     ends = (
         next(p for p in system.parts[source].outputs if p.name == output),
@@ -106,14 +127,14 @@ def gain_of(system: System, wire: Wire) -> float:
 Drivers = Mapping[tuple[str, str], Wire]
 
 
-class Known(NamedTuple):
-    """A part of a system: its block, by name and by what that is in a loop; nothing if it is not known."""
+class KnownPart(NamedTuple):
+    """Block of a part and its role in a loop; both empty if the block is not known."""
 
     model: str
     block: InLoop
 
 
-Parts = Mapping[str, Known]
+Parts = Mapping[str, KnownPart]
 
 
 def _axis(system: System, parts: Parts, drivers: Drivers, name: str, plant: Plant) -> Axis:
@@ -138,7 +159,7 @@ def _axis(system: System, parts: Parts, drivers: Drivers, name: str, plant: Plan
 
 
 def _flexible(plant: Plant, p: Values) -> tuple[float, float, float, float] | None:
-    """Masses, stiffness and damping of motor and load."""
+    """Return m1, m2, k and d of motor and load; None for a single mass."""
     if not plant.flexible:
         return None
     m1, m2, k, d = (p[name] for name in plant.flexible)
@@ -148,7 +169,7 @@ def _flexible(plant: Plant, p: Values) -> tuple[float, float, float, float] | No
 def _contact(
     system: System, parts: Parts, drivers: Drivers, name: str, plant: Plant
 ) -> tuple[str | None, Contact | None, bool]:
-    """The friction on a mass, at the normal force that it has at the start, and whether it is that of the load."""
+    """Return the friction on a mass at the initial normal force, and whether it acts on the load."""
     wired = [(drivers[name, port], port) for port in plant.friction if (name, port) in drivers]
     for part, port in [(wire.ends[0][0], port) for wire, port in wired] or [(name, "")]:
         friction = parts[part].block.friction
@@ -160,7 +181,7 @@ def _contact(
 
 
 def _cogging(system: System, parts: Parts, drivers: Drivers, name: str, plant: Plant) -> tuple[str, float] | None:
-    """A part whose force on the mass depends on its position, and the largest slope of that."""
+    """Return a part whose force on the mass depends on position, and the largest slope of this force."""
     for port in plant.forces:
         wire = drivers.get((name, port))
         part = wire.ends[0][0] if wire else ""
@@ -175,8 +196,8 @@ def _cogging(system: System, parts: Parts, drivers: Drivers, name: str, plant: P
     return None
 
 
-def _shapers(system: System, parts: Parts, drivers: Drivers, laws: Iterable[Used]) -> Iterator[Shaper]:
-    """The prefilters before the references of laws."""
+def _shapers(system: System, parts: Parts, drivers: Drivers, laws: Iterable[ActiveLaw]) -> Iterator[Shaper]:
+    """Yield the prefilters connected to the reference inputs of laws."""
     seen: set[str] = set()
     for used in laws:
         wires = [drivers[used.part, port] for port in ("r", "rd") if (used.part, port) in drivers]
@@ -187,9 +208,12 @@ def _shapers(system: System, parts: Parts, drivers: Drivers, laws: Iterable[Used
                 yield Shaper(part, model, values_of(system, system.parts[part]))
 
 
-def _laws(system: System, parts: Parts, drivers: Drivers, plant: str, names: Plant) -> Iterator[Used]:
-    """The laws upstream of the forces on a plant: through the input f of laws, through all inputs of other parts."""
-    waiting = [(drivers[plant, port], 1.0, Path()) for port in names.forces if (plant, port) in drivers]
+def _laws(system: System, parts: Parts, drivers: Drivers, plant: str, names: Plant) -> Iterator[ActiveLaw]:
+    """Yield the laws upstream of the force inputs of a plant.
+
+    The search continues through the input f of a law and through all inputs of other parts.
+    """
+    waiting = [(drivers[plant, port], 1.0, SignalPath()) for port in names.forces if (plant, port) in drivers]
     seen: set[str] = set()
     while waiting:
         wire, beyond, path = waiting.pop(0)
@@ -203,7 +227,7 @@ def _laws(system: System, parts: Parts, drivers: Drivers, plant: str, names: Pla
         if law is not None:
             path = _limited(path, to_force, values.get("u_min", -math.inf), values.get("u_max", math.inf))
             x, v, measured = _measured(system, parts, drivers, plant, part, path)
-            yield Used(part, law, values, to_force, x, v, measured)
+            yield ActiveLaw(part, law, values, to_force, x, v, measured)
             if law.amplifies is not None:
                 path = replace(path, amplified=path.amplified * law.amplifies(values))
         elif block.drive is not None:
@@ -214,16 +238,16 @@ def _laws(system: System, parts: Parts, drivers: Drivers, plant: str, names: Pla
         waiting += [(drivers[part, port], to_force, path) for port in inputs if (part, port) in drivers]
 
 
-def _limited(path: Path, to_force: float, low: float, high: float) -> Path:
-    """A path behind one more limit, in the unit and sign of the force on the plant."""
+def _limited(path: SignalPath, to_force: float, low: float, high: float) -> SignalPath:
+    """Return a path with one more limit, converted to the unit and sign of the force on the plant."""
     ends = sorted((to_force * low, to_force * high)) if to_force else (0.0, 0.0)
     return replace(path, low=max(path.low, ends[0]), high=min(path.high, ends[1]))
 
 
 def _measured(
-    system: System, parts: Parts, drivers: Drivers, plant: str, part: str, path: Path
-) -> tuple[float, float, Path]:
-    """Gains of the measurements of a law, through known sensors, and what these do."""
+    system: System, parts: Parts, drivers: Drivers, plant: str, part: str, path: SignalPath
+) -> tuple[float, float, SignalPath]:
+    """Return the gains of the measured position and velocity of a law, and the path with the sensors in between."""
     x, _, x_port = _traced(system, parts, drivers, plant, (part, "x"), path)
     v, path, v_port = _traced(system, parts, drivers, plant, (part, "v"), path)
     if not path.sensor:
@@ -232,11 +256,11 @@ def _measured(
 
 
 def _traced(
-    system: System, parts: Parts, drivers: Drivers, plant: str, port: tuple[str, str], path: Path
-) -> tuple[float, Path, str]:
-    """Gain from the plant to an input, with the encoders and differentiators in between, and the output it begins at.
+    system: System, parts: Parts, drivers: Drivers, plant: str, port: tuple[str, str], path: SignalPath
+) -> tuple[float, SignalPath, str]:
+    """Return the gain from the plant to an input, the path with the sensors in between, and the plant's output.
 
-    A sensor that is not known is taken for exact.
+    A sensor of an unknown block counts as exact.
     """
     gain, wire = 1.0, drivers.get(port)
     while wire is not None:

@@ -1,4 +1,4 @@
-"""What the doctor knows of a block, from its file: expressions become functions, names of rules become rules."""
+"""Roles of blocks in a loop, read from their files: expressions become functions, names of rules become rules."""
 
 from __future__ import annotations
 
@@ -38,22 +38,22 @@ FILTERS: Final[Mapping[str, Callable[[Values, float], SampledLaw]]] = {"local_fu
 
 
 def known_blocks() -> dict[str, InLoop]:
-    """Return the blocks of the catalogue that the doctor knows, by name."""
+    """Return the role in a loop of each block of the catalogue that states one, by name."""
     return {name: block.about.in_loop for name, block in catalogue().items() if block.about.in_loop.known}
 
 
 def law_of(name: str) -> Law | None:
-    """Return what the conditions need of a law or controller.
+    """Return the properties of a law or controller that the conditions need; None for other blocks.
 
     Parameters
     ----------
     name : str
-        Of a block of the catalogue.
+        Block of the catalogue.
 
     Raises
     ------
     FrictionError
-        The file of the block names a rule or a filter that does not exist.
+        If the file of the block names a rule or a filter that does not exist.
     """
     found = known_blocks().get(name, InLoop()).law
     return None if found is None else _law(name, found)
@@ -83,7 +83,7 @@ def _function(text: str) -> Callable[[Values], float] | None:
 
 
 def _gains(gains: Mapping[str, str], values: Values) -> Gains:
-    """Return the gains; those whose parameters an FMU does not have are 0, but Kp and Kd."""
+    """Return the gains; a gain other than Kp and Kd is 0 if the FMU lacks its parameters."""
     there = {key: text for key, text in gains.items() if key in ("Kp", "Kd") or is_known(text, values)}
     return Gains(**{key: float(evaluate(text, values)) for key, text in there.items()})
 

@@ -1,4 +1,4 @@
-"""Rules of the laws that learn a force: from trial to trial, or from period to period."""
+"""Rules of the laws that learn a force from trial to trial or from period to period."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from friction_fmus import conditions
 from friction_fmus.conditions import Condition
-from friction_fmus.doctor.axis import Axis, Used, Values
+from friction_fmus.doctor.axis import ActiveLaw, Axis, Values
 
 Array: TypeAlias = NDArray[np.float64]
 Lowpass: TypeAlias = Callable[[Array, Values], Array]
 
 
 def butterworth_there_and_back(frequency: Array, p: Values) -> Array:
-    """Q of IterativeLearning: order 2 by the bilinear transform, forward and backward; no filter for fq = 0."""
+    """Return Q of IterativeLearning: a second-order Butterworth filter, forward and backward; 1 for fq = 0."""
     fq, Ts = p["fq"], p["Ts"]
     if not 0.0 < fq < 0.5 / Ts:
         return np.ones_like(frequency)
@@ -25,7 +25,7 @@ def butterworth_there_and_back(frequency: Array, p: Values) -> Array:
 
 
 def windowed_sinc(frequency: Array, p: Values) -> Array:
-    """Q of RepetitiveController: a low-pass of M samples back and ahead, with a squared-cosine window."""
+    """Return Q of RepetitiveController: a low-pass filter over M samples to each side, with a squared-cosine window."""
     fq, Ts, M = p["fq"], p["Ts"], int(p["M"])
     if not 0.0 < fq < 0.5 / Ts or M == 0:
         return np.ones_like(frequency)
@@ -34,18 +34,18 @@ def windowed_sinc(frequency: Array, p: Values) -> Array:
     return np.asarray(np.cos(2.0 * np.pi * np.outer(frequency * Ts, i)) @ (q / q.sum()))
 
 
-def trials_contract(axis: Axis, used: Used) -> Iterator[Condition]:
-    """Iterative learning beside a position loop."""
+def trials_contract(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
+    """Yield the convergence condition of iterative learning with a position loop."""
     yield from _contract(axis, used, butterworth_there_and_back)
 
 
-def periods_contract(axis: Axis, used: Used) -> Iterator[Condition]:
-    """Repetitive control beside a position loop."""
+def periods_contract(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
+    """Yield the convergence condition of repetitive control with a position loop."""
     yield from _contract(axis, used, windowed_sinc)
 
 
-def _contract(axis: Axis, used: Used, lowpass: Lowpass) -> Iterator[Condition]:
-    """On the sampled loop with the viscous friction of the axis, from 1/(N Ts), the slowest that can be learned."""
+def _contract(axis: Axis, used: ActiveLaw, lowpass: Lowpass) -> Iterator[Condition]:
+    """Evaluate the condition on the sampled loop, from 1/(N Ts), the lowest frequency that can be learned."""
     gains, p = axis.servo.gains if axis.servo else None, used.values
     if gains is None:
         return

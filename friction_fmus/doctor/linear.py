@@ -1,4 +1,4 @@
-"""The laws as linear sampled systems, from their own equations: the Jacobian of one sample, once it has settled."""
+"""Laws as linear sampled systems: the Jacobian of one sample of their equations, in the steady state."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Kind, Law
 
 NUDGE = 1e-15
-"""Position error about which a law is linearised [m]: not 0, where the root of a super-twisting law has no slope."""
+"""Position error about which a law is linearised [m]; not 0, where the root in super-twisting has no derivative."""
 
 SETTLED = 500
 """Samples after which the gains of a filter count as settled."""
@@ -29,21 +29,21 @@ def _law(path: Path, name: str) -> tuple[Law, Function]:
 
 
 def linearised(name: str, values: Mapping[str, float], Ts: float) -> SampledLaw:
-    """A law at rest on its target, as a linear sampled system from (x, v, u_prev) to u.
+    """Return a law at rest on its target as a linear sampled system from (x, v, u_prev) to u.
 
     Parameters
     ----------
     name : str
-        Of a law of the catalogue.
-    values : mapping
-        Its parameters, vectors by element; what is missing has its start value.
+        Law of the catalogue.
+    values : mapping of str to float
+        Parameters, vectors by element; missing ones have their start values.
     Ts : float
         Sample time [s].
 
     Returns
     -------
     SampledLaw
-        Without the states that nothing moves, such as the gains of a filter, or that nothing reads.
+        System without states that are uncontrollable, such as the gains of a filter, or unobservable.
     """
     law, jacobian = _law(catalogue()[name].path, name)
     given = [scalar for variable in law.given for scalar in variable.scalars]
@@ -80,7 +80,7 @@ def linearised(name: str, values: Mapping[str, float], Ts: float) -> SampledLaw:
 
 
 def _moved_and_read(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """Which states the signals reach, and which of them reach the force."""
+    """Return which states depend on the signals and affect the force."""
     n = len(C)
     moved, read = np.abs(B).sum(axis=1) > 0.0, C != 0.0
     for _ in range(n):
@@ -90,14 +90,14 @@ def _moved_and_read(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
 
 
 def local_function(p: Mapping[str, float], Ts: float) -> SampledLaw:
-    """LocalFunctionEstimator, whose means over past intervals are weighted: a filter without feedback."""
+    """Return LocalFunctionEstimator as a linear sampled system: a weighted sum of means over past intervals (FIR)."""
     n = int(p["window"])
     degree = min(int(p["degree"]), n - 1)
     t = (n - 1) / 2.0 - np.arange(n)
-    # the value at t = n/2 of the polynomial whose means over intervals of length 1 about t are nearest
+    # value at t = n/2 of the polynomial with the best least-squares fit of the means over unit intervals about t
     means = np.array([((t + 0.5) ** (i + 1) - (t - 0.5) ** (i + 1)) / (i + 1) for i in range(degree + 1)]).T
     w = (n / 2.0) ** np.arange(degree + 1) @ np.linalg.pinv(means)
-    A, B = np.zeros((n, n)), np.zeros((n, 3))  # the last velocity, then the forces F_m[1] ... F_m[n-1]
+    A, B = np.zeros((n, n)), np.zeros((n, 3))  # states: the last velocity, then the forces F_m[1] ... F_m[n-1]
     B[0, 1] = 1.0
     force_state, force_input = np.zeros(n), np.array([0.0, -p["m"] / Ts, 1.0])
     force_state[0] = p["m"] / Ts

@@ -1,4 +1,4 @@
-"""The poles of the whole sampled loop of an axis: in sliding, within presliding, and where friction falls."""
+"""Poles of the sampled loop of an axis: in sliding, in presliding, and where friction falls with speed."""
 
 from __future__ import annotations
 
@@ -13,20 +13,18 @@ from friction_fmus.blocks.contact import Level
 from friction_fmus.conditions import Condition, DrivenPlant, SampledLaw
 from friction_fmus.conditions.condition import first_largest
 from friction_fmus.conditions.linear import Matrix, spectral_radius
-from friction_fmus.doctor.axis import Axis, Finding, Used
+from friction_fmus.doctor.axis import ActiveLaw, Axis, Finding
 
-_BUZZ = "around a standstill the contact is a spring, and the loop with it is unstable: the axis buzzes at rest"
-_INVERSE = (
-    "the model in the estimator differs too much from the plant: |Q D| < 1 does not hold, the loop oscillates and grows"
-)
+_BUZZ = "in presliding the contact acts as a spring, and the loop with this spring is unstable: the axis buzzes at rest"
+_INVERSE = "the model in the estimator differs too much from the plant: |Q D| < 1 is violated and oscillations grow"
 
 
-def examine_poles(axis: Axis, servo: Used, left: float) -> Iterator[Finding]:
-    """Poles in sliding and on the stiffness of the contact, without and with the estimators of disturbances.
+def examine_poles(axis: Axis, servo: ActiveLaw, left: float) -> Iterator[Finding]:
+    """Yield the stability conditions in sliding and in presliding, without and with disturbance estimators.
 
     Parameters
     ----------
-    axis, servo : Axis, Used
+    axis, servo : Axis, ActiveLaw
         The axis and the law that closes its position loop.
     left : float
         Viscous friction that no law compensates [N.s/m].
@@ -39,14 +37,14 @@ def examine_poles(axis: Axis, servo: Used, left: float) -> Iterator[Finding]:
         if servo.path.amplified != 1.0:
             yield Finding(
                 (servo.part, axis.plant),
-                _poles(axis, own, left, 0.0, "with the force of the dead zone", servo.path.amplified),
+                _poles(axis, own, left, 0.0, "with the force of the dead-zone law", servo.path.amplified),
             )
     if estimating(axis, servo):
         yield from _regimes(axis, together, left)
 
 
-def _regimes(axis: Axis, laws: tuple[Used, ...], left: float) -> Iterator[Finding]:
-    """In sliding and, if that is stable, on the stiffness of the contact."""
+def _regimes(axis: Axis, laws: tuple[ActiveLaw, ...], left: float) -> Iterator[Finding]:
+    """Yield the condition in sliding and, if that holds, the condition in presliding."""
     parts, contact = (*(used.part for used in reversed(laws)), axis.plant), axis.contact
     sliding = _poles(axis, laws, left, 0.0)
     yield Finding(parts, sliding)
@@ -55,27 +53,27 @@ def _regimes(axis: Axis, laws: tuple[Used, ...], left: float) -> Iterator[Findin
         yield Finding(parts, _poles(axis, laws, contact.damping + contact.viscous, contact.stiffness, where))
 
 
-def estimating(axis: Axis, servo: Used) -> bool:
-    """Whether the loop contains an estimator of disturbances."""
+def estimating(axis: Axis, servo: ActiveLaw) -> bool:
+    """Return whether the loop contains a disturbance estimator."""
     return any(used.law.estimates for used in _with_estimators(axis, servo))
 
 
-def _with_estimators(axis: Axis, servo: Used) -> tuple[Used, ...]:
-    """The law of the position loop, whose path and sample time count, and the estimators that are sampled with it."""
+def _with_estimators(axis: Axis, servo: ActiveLaw) -> tuple[ActiveLaw, ...]:
+    """Return the law of the position loop and the estimators with the same sample time."""
     Ts = servo.values.get("Ts")
     others = [used for used in axis.laws if used.part != servo.part and used.law.estimates]
     return (servo, *(used for used in others if Ts is None or math.isclose(used.values.get("Ts", Ts), Ts)))
 
 
-def falling(axis: Axis, servo: Used, level: Level) -> Iterator[Condition]:
-    """Slow steady motion, at the speed where it is least stable, if the loop is stable without dry friction.
+def falling(axis: Axis, servo: ActiveLaw, level: Level) -> Iterator[Condition]:
+    """Yield the stability of slow steady motion at the least stable speed, if the loop is stable without dry friction.
 
     Parameters
     ----------
-    axis, servo : Axis, Used
+    axis, servo : Axis, ActiveLaw
         As in `examine_poles`.
     level : Level
-        The friction that is left, with a Stribeck velocity.
+        Friction that remains after compensation, with a Stribeck velocity.
     """
     laws = _with_estimators(axis, servo)
     if axis.contact is None or level.vs is None or not _poles(axis, laws, level.viscous, 0.0).ok:
@@ -100,10 +98,10 @@ def falling(axis: Axis, servo: Used, level: Level) -> Iterator[Condition]:
         plant,
         _together(laws),
         servo.values["Ts"],
-        servo.path.between,
+        servo.path.dynamics,
         name="stick-slip",
         where=f"at {v:.4g} m/s, where friction falls by {-slope:.4g} N.s/m,",
-        why="friction falls faster with speed than the loop damps: slow steady motion sticks and slips",
+        why="friction falls with speed faster than the loop damps: slow motion is unstable and shows stick-slip",
         hint="raise the damping of the loop or the bandwidth of the estimator, or compensate the friction",
     )
 
@@ -111,18 +109,23 @@ def falling(axis: Axis, servo: Used, level: Level) -> Iterator[Condition]:
 def _resonance(m1: float, m2: float, k: float, d: float) -> str:
     frequency = math.sqrt(k * (m1 + m2) / (m1 * m2)) / (2.0 * math.pi)
     return (
-        f"motor and load swing against each other at {frequency:.4g} Hz, and the loop, with its delay and where it "
-        "measures, can drive that: it oscillates and grows"
+        f"motor and load resonate at {frequency:.4g} Hz, and with its delays and sensor location the loop excites "
+        "this resonance: the oscillation grows"
     )
 
 
-def _chained(plant: DrivenPlant, laws: tuple[Used, ...]) -> Matrix:
+def _chained(plant: DrivenPlant, laws: tuple[ActiveLaw, ...]) -> Matrix:
     Ts = laws[0].values["Ts"]
-    return conditions.chain(plant, _together(laws)(Ts), Ts, laws[0].path.between)
+    return conditions.chain(plant, _together(laws)(Ts), Ts, laws[0].path.dynamics)
 
 
 def _poles(
-    axis: Axis, laws: tuple[Used, ...], damping: float, stiffness: float, where: str = "in sliding", times: float = 1.0
+    axis: Axis,
+    laws: tuple[ActiveLaw, ...],
+    damping: float,
+    stiffness: float,
+    where: str = "in sliding",
+    times: float = 1.0,
 ) -> Condition:
     servo, estimates = laws[0], any(used.law.estimates for used in laws)
     texts = {}
@@ -135,11 +138,11 @@ def _poles(
         texts = {"name": "presliding loop", "why": _BUZZ}
     driven = axis.driven(damping, stiffness, servo.path.at_load)
     return conditions.loop_poles(
-        driven, _together(laws, times), servo.values["Ts"], servo.path.between, where=where, **texts
+        driven, _together(laws, times), servo.values["Ts"], servo.path.dynamics, where=where, **texts
     )
 
 
-def _together(laws: tuple[Used, ...], times: float = 1.0) -> Callable[[float], Sequence[SampledLaw]]:
+def _together(laws: tuple[ActiveLaw, ...], times: float = 1.0) -> Callable[[float], Sequence[SampledLaw]]:
     def sampled(Ts: float) -> list[SampledLaw]:
         return [
             used.law.linear(used.values, Ts).scaled(times * used.to_force, used.of_position, used.of_velocity)
@@ -150,8 +153,8 @@ def _together(laws: tuple[Used, ...], times: float = 1.0) -> Callable[[float], S
     return sampled
 
 
-def direct_gains(axis: Axis, servo: Used) -> tuple[float, float]:
-    """What a step of the measured position and of the measured velocity gives at once [N/m, N.s/m]."""
+def direct_gains(axis: Axis, servo: ActiveLaw) -> tuple[float, float]:
+    """Return the immediate response of the force to a step of measured position and velocity [N/m, N.s/m]."""
     laws = _with_estimators(axis, servo)
     found = _together(laws)(servo.values["Ts"])
     return float(sum(law.D[0] for law in found)), float(sum(law.D[1] for law in found))

@@ -11,13 +11,13 @@ from friction_fmus import conditions
 from friction_fmus.blocks.contact import Level
 from friction_fmus.conditions import Condition
 from friction_fmus.conditions.condition import above
-from friction_fmus.doctor.axis import Axis, Finding, Gains, Used
+from friction_fmus.doctor.axis import ActiveLaw, Axis, Finding, Gains
 from friction_fmus.doctor.compensators import left_of, share_of
 from friction_fmus.doctor.poles import direct_gains, estimating, examine_poles, falling
 
 
 def examine_axis(axis: Axis) -> Iterator[Finding]:
-    """All conditions that apply to an axis, also those that hold."""
+    """Yield all conditions that apply to an axis, including those that hold."""
     servo = axis.servo
     gains = servo.gains if servo is not None else None
     if servo is not None and gains is not None:
@@ -39,8 +39,8 @@ def _plant(axis: Axis) -> tuple[str, ...]:
     return (axis.plant,) if axis.friction in (None, axis.plant) else (axis.plant, str(axis.friction))
 
 
-def _linear(axis: Axis, servo: Used, gains: Gains) -> Iterator[Finding]:
-    """The loop without its dry friction: continuous, and sampled with all that is in it."""
+def _linear(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[Finding]:
+    """Yield the stability of the loop without dry friction, in continuous time and sampled."""
     left = _viscous(axis)
     if not servo.law.estimates:
         loop = (axis.m, axis.damping + left, gains.Kp, gains.Kd, gains.Ki)
@@ -52,8 +52,8 @@ def _viscous(axis: Axis) -> float:
     return min(left_of(axis, side).viscous for side in (0, 1)) if axis.contact else 0.0
 
 
-def _with_friction(axis: Axis, servo: Used, gains: Gains) -> Iterator[Condition]:
-    """Stick-slip and hunting, in the direction in which they are worse."""
+def _with_friction(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[Condition]:
+    """Yield stick-slip and hunting, each in its worse direction."""
     if axis.contact is None:
         return
     left = [left_of(axis, side) for side in (0, 1)]
@@ -66,8 +66,8 @@ def _with_friction(axis: Axis, servo: Used, gains: Gains) -> Iterator[Condition]
         yield conditions.hunting(gains.Ki, at.Fc, at.Fs)
 
 
-def _stick_slip(axis: Axis, servo: Used, gains: Gains, left: list[Level]) -> Iterator[Condition]:
-    """By the damping of the position loop; by the poles where more than that is in the loop."""
+def _stick_slip(axis: Axis, servo: ActiveLaw, gains: Gains, left: list[Level]) -> Iterator[Condition]:
+    """Yield stick-slip from the damping of the position loop, or from the poles if the loop has more dynamics."""
     falling_curves = [at for at in left if at.vs and above(at.Fs, at.Fc)]
     if not falling_curves:
         return
@@ -85,8 +85,8 @@ def _stick_slip(axis: Axis, servo: Used, gains: Gains, left: list[Level]) -> Ite
     yield max(falls, key=lambda fall: fall.bound - fall.value)
 
 
-def _around(axis: Axis, servo: Used, gains: Gains) -> Iterator[Finding]:
-    """Limits of the drive, the encoder, cogging and prefilters."""
+def _around(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[Finding]:
+    """Yield the conditions on drive limits, encoder, cogging and prefilters."""
     path, parts = servo.path, (servo.part, *_plant(axis))
     if axis.contact is not None:
         most = (path.high, -path.low)
@@ -112,7 +112,7 @@ def _around(axis: Axis, servo: Used, gains: Gains) -> Iterator[Finding]:
 
 
 def _on_a_belt(axis: Axis) -> Iterator[Finding]:
-    """Steady sliding of a mass on a belt that nothing controls."""
+    """Yield steady sliding of a mass on a belt without a controller."""
     if axis.belt is None or axis.contact is None or axis.servo is not None:
         return
     at = axis.contact.levels[0 if axis.belt <= 0.0 else 1]
@@ -122,7 +122,7 @@ def _on_a_belt(axis: Axis) -> Iterator[Finding]:
 
 
 def _compensated(axis: Axis) -> Iterator[Finding]:
-    """All friction that is compensated together, against that of the axis, at the worst speed."""
+    """Yield the ratio of all compensated friction to the friction of the axis, at the worst speed."""
     known = [(used, used.law.levels(used.values)) for used in axis.laws if used.law.levels is not None]
     if axis.contact is None or not known:
         return
@@ -139,8 +139,8 @@ def _compensated(axis: Axis) -> Iterator[Finding]:
     yield Finding(parts, conditions.overcompensation(worst, measured))
 
 
-def _inertia(axis: Axis, servo: Used, gains: Gains) -> Iterator[Finding]:
-    """The inertia force is fed forward once: by the position loop or by the law whose u it gets."""
+def _inertia(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[Finding]:
+    """Yield the condition that either the position loop or another law has the inertia feedforward, not both."""
     masses = [(used, used.law.inertia(used.values)) for used in axis.laws if used.law.inertia is not None]
     feeding = [used for used, mass in masses if mass != 0.0]
     total = gains.m + sum(used.to_force * mass for used, mass in masses)

@@ -1,4 +1,4 @@
-"""What the harness knows of time: communication steps, sample times, and who is stepped before whom."""
+"""Conditions on communication steps, sample times and the stepping order."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from harness.system.graph import stepping_order
 
 
 def examine_steps(system: System, experiment: Experiment, axes: Sequence[Axis]) -> Iterator[Finding]:
-    """Communication step against sample times and contacts, and values that arrive late; also what holds."""
+    """Yield the conditions on the communication step and on delayed outputs, including those that hold."""
     yield from _samples(system, experiment)
     yield from _late(system, experiment)
     for axis in axes:
@@ -27,9 +27,10 @@ def _samples(system: System, experiment: Experiment) -> Iterator[Finding]:
 
 
 def _late(system: System, experiment: Experiment) -> Iterator[Finding]:
-    """Outputs of sampled parts that reach the next part a step later than they are computed.
+    """Yield the delay between a sampled part and the next part in the stepping order.
 
-    A delay on the wire is meant so, and u_prev and f_prev want the value of the sample before.
+    Connections with a specified delay are skipped, as are the inputs u_prev and f_prev, which expect the value of the
+    previous sample.
     """
     order = list(experiment.order) or stepping_order(system.parts, system.wires)
     place = {name: index for index, name in enumerate(order)}
@@ -43,15 +44,15 @@ def _late(system: System, experiment: Experiment) -> Iterator[Finding]:
         implicit = experiment.master in ("newton", "adaptive") and not other.sampled
         late = experiment.master == "jacobi" or (not implicit and place[source] > place[target])
         Ts = values_of(system, one).get("Ts", one.every * experiment.step)
-        yield Finding((source, target), conditions.fresh(experiment.step if late else 0.0, Ts, source, target))
+        yield Finding((source, target), conditions.output_delay(experiment.step if late else 0.0, Ts, source, target))
 
 
 def _contacts(system: System, experiment: Experiment, axis: Axis) -> Iterator[Finding]:
-    """The stiffness of a contact in a block of its own, coupled by held values."""
+    """Yield the condition on the step if mass and contact are separate parts coupled by held values."""
     contact, friction = axis.contact, axis.friction
     if contact is None or friction is None or friction == axis.plant or not contact.stiffness:
         return
-    if experiment.extrapolation:  # the limit is that of held values
+    if experiment.extrapolation:  # the limit is only valid for held values
         return
     step = experiment.step * max(system.parts[name].every for name in (axis.plant, friction))
     damping = contact.damping + contact.viscous

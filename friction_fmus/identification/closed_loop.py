@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from friction_fmus.axis.loop import Plant, Task, closed_loop, run_loop, typed
+from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop, typed
 from friction_fmus.axis.servo import Servo
 from friction_fmus.data import MeasuredAxis
 from friction_fmus.fmi.package import build_record
@@ -48,7 +48,7 @@ class AxisRun:
     ----------
     servo : Servo
         Feedback and sensors.
-    task : Task
+    trajectory : Trajectory
         The reference, and the state at the beginning.
     contact : ContactModel
         The friction block.
@@ -61,7 +61,7 @@ class AxisRun:
     """
 
     servo: Servo
-    task: Task
+    trajectory: Trajectory
     contact: ContactModel
     direction: float
     step: float
@@ -79,11 +79,11 @@ class AxisRun:
         return {"q": trace.q, "force": trace.force}
 
     def _loaded(self, plant: Plant) -> System:
-        key = self.task.reference, self.contact.name
+        key = self.trajectory.reference, self.contact.name
         if key not in _SYSTEMS:
             _SYSTEMS.clear()
             own = {"friction": self.contact.path}
-            _SYSTEMS[key] = closed_loop(self.servo, plant, self.task, fmus=own, longest=self.step)
+            _SYSTEMS[key] = closed_loop(self.servo, plant, self.trajectory, fmus=own, longest=self.step)
         return _SYSTEMS[key]
 
 
@@ -115,9 +115,9 @@ def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: fl
     rotary = record.units == ROTARY
     domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
     reference = build_record(t, r, rd, np.gradient(rd, servo.Ts), folder, "MeasuredReference", domain=domain)
-    task = Task(reference, len(r), float(record.column("q")[0]), float(v[0]), rotary=rotary)
+    trajectory = Trajectory(reference, len(r), float(record.column("q")[0]), float(v[0]), rotary=rotary)
     direction = float(np.sign(v[0])) if abs(v[0]) > 1e-3 * np.max(np.abs(v)) else 0.0
-    return AxisRun(feedback, task, contact, direction, step)
+    return AxisRun(feedback, trajectory, contact, direction, step)
 
 
 def identify_closed_loop(

@@ -13,23 +13,23 @@ from harness import ssp
 
 
 class ParameterFileError(FrictionError):
-    """Parameters cannot be written as asked."""
+    """Parameters that cannot be written to a file."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a parameter set.
+    """Parameter of a parameter set.
 
     Attributes
     ----------
     value : float, int or bool
-        Its value, in `unit`.
+        Value, in `unit`.
     unit : str
-        Unit; only a float has one.
+        Unit; ignored unless the value is a float.
     description : str
-        What it is.
+        Description.
     standard_error : float or None
-        Standard error, in `unit`, where it was estimated.
+        Standard error, in `unit`; None if the parameter was not estimated.
     """
 
     value: float | int | bool
@@ -46,9 +46,9 @@ def ssv_bytes(name: str, parameters: Mapping[str, Parameter], citation: str = ""
     name : str
         Name of the parameter set.
     parameters : mapping of str to Parameter
-        By name in the system, such as ``friction.Fc``.
+        Parameters by name in the system, such as ``friction.Fc``.
     citation : str
-        Whom to cite for the data the parameters come from; goes to the description of the set.
+        Citation of the data that the parameters were identified from; becomes part of the description of the set.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def ssv_bytes(name: str, parameters: Mapping[str, Parameter], citation: str = ""
     Raises
     ------
     ParameterFileError
-        A unit is unknown or a value is not finite.
+        If a unit is unknown or a value is not finite.
     """
     listed = {
         key: harness.Parameter(p.value, p.unit if isinstance(p.value, float) else None, description=p.description)
@@ -77,11 +77,11 @@ def toml_text(title: str, sets: Mapping[str, Mapping[str, Parameter]], citation:
     Parameters
     ----------
     title : str
-        What the file contains.
+        Title of the file.
     sets : mapping of str to mapping of str to Parameter
         Parameters by name of the set.
     citation : str
-        Whom to cite.
+        Citation of the data.
 
     Returns
     -------
@@ -105,5 +105,5 @@ def toml_text(title: str, sets: Mapping[str, Mapping[str, Parameter]], citation:
 
 
 def _quoted(text: str) -> str:
-    """Return a TOML basic string; its escapes are those of JSON, except for DEL."""
+    """Return a TOML basic string; the escapes are the same as in JSON, except for DEL."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

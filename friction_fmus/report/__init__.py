@@ -1,4 +1,4 @@
-"""The report of a study: one HTML page that needs no other file and no network."""
+"""The report of a study: one self-contained HTML page."""
 
 from .page import report_html, write_report
 

@@ -1,4 +1,4 @@
-"""The plots of the report as plotly figures; page.js draws them and exchanges their colours in its dark mode."""
+"""The plots of the report as plotly figures. page.js draws them and replaces their colours in dark mode."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from friction_fmus.study.records import Curve
 
 from .numbers import number
 
-#: Colours for ink, paper, grid and what stays in the background; page.js knows their counterparts in the dark.
+#: Colours of text, background, grid and background curves; page.js has their counterparts for dark mode.
 INK, PAPER, GRID, FAINT = "#222222", "#ffffff", "#dddddd", "#8a8a8a"
-#: Colours that people with any colour vision tell apart (after M. Okabe, K. Ito, 2008), each with a dash and a
-#: marker of its own for prints without colour.
+#: Colours suitable for any colour vision (after M. Okabe, K. Ito, 2008), each with its own dash pattern and marker for
+#: prints without colour.
 STYLES = (
     ("#0072B2", "solid", "circle"),
     ("#D55E00", "8px,4px", "square"),
@@ -31,32 +31,32 @@ STYLES = (
     ("#7F5539", "5px,5px", "x"),
     ("#6A4C93", "8px,3px,2px,3px,2px,3px", "star"),
 )
-#: Curves that are seen at first; the others wait in the legend.
+#: Number of curves that are initially visible; the others can be shown from the legend.
 SEEN = 4
-#: Most rows of the bar chart, so that it is legible on a printed page.
+#: Largest number of rows of the bar chart, so that it is legible on a printed page.
 ROWS = 24
-#: Most points of a curve.
+#: Largest number of points of a curve.
 POINTS = 4000
 
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """A plot of the page.
+    """Plot of the page.
 
     Attributes
     ----------
     name : str
-        Identifier of the element, the same for the same report.
+        Identifier of the HTML element.
     figure : plotly.graph_objects.Figure
-        What is drawn.
+        Figure to draw.
     caption : str
-        What is to be seen, below the plot.
+        Caption below the plot.
     label : str
-        The same in short, for those who hear the page.
+        Label for screen readers.
     curves : bool
-        Whether it consists of curves, for which the page offers a legend and buttons that zoom.
+        Whether the plot consists of curves; the page then has a legend and buttons to zoom.
     views : mapping of str to (float, float)
-        Buttons -> the range of the abscissa they show.
+        Ranges of the horizontal axis, by label of the button that shows them.
     """
 
     name: str
@@ -72,23 +72,23 @@ class Plot:
         return int(self.figure.layout.height)
 
     def to_json(self) -> str:
-        """Return the figure as JSON that may stand in an HTML script element."""
+        """Return the figure as JSON that is valid inside an HTML script element."""
         text = json.dumps(json.loads(self.figure.to_json()), sort_keys=True, separators=(",", ":"))
         return text.replace("<", "\\u003c").replace("&", "\\u0026")
 
 
 @dataclass(frozen=True)
 class Bar:
-    """A row of the bar chart.
+    """Row of the bar chart.
 
     Attributes
     ----------
     name : str
-        What it is.
+        Name of the compensator.
     value, low, high : float
-        Tracking error, and the least and the largest one with a model that is off.
+        Tracking error, and the smallest and largest one with parameter mismatch.
     cost : float or None
-        Time per sample [ns].
+        Computing time per sample [ns].
     emphasis : str
         "best", "second" or "".
     """
@@ -102,16 +102,16 @@ class Bar:
 
 
 def thinned(curve: Curve, factors: tuple[float, float] = (1.0, 1.0), points: int = POINTS) -> tuple[Array, Array]:
-    """Return x and y of a curve with at most that many points: the lowest and the highest y of each run of points.
+    """Return x and y of a curve, decimated to the minimum and maximum of y in each interval.
 
     Parameters
     ----------
     curve : Curve
-        The curve.
+        Curve.
     factors : tuple of float
-        What x and y are multiplied with, to come into the units that are shown.
+        Factors that convert x and y to the displayed units.
     points : int
-        Most points.
+        Largest number of points.
     """
     x = factors[0] * np.asarray(curve.x, dtype=float)
     y = factors[1] * np.asarray(curve.y, dtype=float)
@@ -131,20 +131,20 @@ def lines(
     seen: Iterable[str] = (),
     height: int = 430,
 ) -> go.Figure:
-    """Draw curves of models over what was measured.
+    """Draw curves of models over measurements.
 
     Parameters
     ----------
     data, models : mapping of str to Curve
-        Measured and modelled curves by name.
+        Measured and simulated curves, by name.
     titles : tuple of str
         Titles of the axes, with units.
     factors : tuple of float
-        What x and y are multiplied with.
+        Factors that convert x and y to the displayed units.
     cloud : bool
-        What was measured is a cloud of points, else a path that is joined by a line.
+        Whether measurements are drawn as points; otherwise as lines.
     seen : iterable of str
-        Models that are drawn at first; the first ones if none is named.
+        Models that are initially visible; if empty, the first `SEEN` ones.
     height : int
         Height [px].
     """
@@ -180,12 +180,12 @@ def lines(
 
 
 def bars(rows: Sequence[Bar], titles: tuple[str, str]) -> go.Figure:
-    """Draw tracking error with mismatch band, and cost beside it; the names stand above the bars.
+    """Draw bars of the tracking error with whiskers for mismatch, and of the cost; names are above the bars.
 
     Parameters
     ----------
     rows : sequence of Bar
-        From top to bottom.
+        Rows from top to bottom.
     titles : tuple of str
         Titles of error and cost, with units.
     """
@@ -247,7 +247,7 @@ def bars(rows: Sequence[Bar], titles: tuple[str, str]) -> go.Figure:
 def sweep(
     curves: Mapping[str, Curve], titles: tuple[str, str], factor: float = 1.0, seen: Iterable[str] = ()
 ) -> go.Figure:
-    """Draw the tracking error over the gain of the compensation, a marker at every run; `seen` as in `lines`."""
+    """Draw the tracking error over the gain of the compensation with a marker for each run; `seen` as in `lines`."""
     figure = go.Figure()
     chosen = set(seen) or set(list(curves)[:SEEN])
     for (name, curve), (colour, dash, marker) in zip(curves.items(), _styles(len(curves)), strict=True):
@@ -266,7 +266,7 @@ def sweep(
 
 
 def _finished(figure: go.Figure, height: int) -> go.Figure:
-    """Give a figure the looks of the page: no template, grid and frame in few colours."""
+    """Apply the style of the page to a figure."""
     figure.update_layout(
         template=go.layout.Template(),
         height=height,
@@ -274,7 +274,7 @@ def _finished(figure: go.Figure, height: int) -> go.Figure:
         plot_bgcolor=PAPER,
         font={"family": "system-ui, sans-serif", "size": 13, "color": INK},
         margin={"l": 60, "r": 12, "t": 12, "b": 48},
-        showlegend=False,  # the page makes one that keys can reach
+        showlegend=False,  # the page has its own legend, which is accessible by keyboard
         hovermode="closest",
         hoverlabel={"bgcolor": PAPER, "font": {"color": INK}},
     )
@@ -288,15 +288,15 @@ def _styles(count: int) -> list[tuple[str, str, str]]:
 
 
 def _short(values: Array) -> Any:
-    """Return numbers in single precision: half the page, and finer than any screen."""
+    """Return numbers in single precision, which halves the page and is sufficient for any screen."""
     return np.asarray(values, dtype=np.float32)
 
 
 def _named(name: str) -> dict[str, str]:
-    """Return the name of a trace, for the labels of plotly and for the legend of the page."""
+    """Return the name of a trace for plotly's labels and for the legend of the page."""
     return {"name": _text(name), "meta": name}
 
 
 def _text(text: str) -> str:
-    """Return a text of the user for plotly, which takes some tags for its own."""
+    """Return a user's text escaped for plotly, which interprets some HTML tags."""
     return escape(text, quote=False)

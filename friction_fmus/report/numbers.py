@@ -1,4 +1,4 @@
-"""Numbers and units as people read them."""
+"""Formatting of numbers and units."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NONE = "–"
 NO_BREAK = "\u00a0"
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-#: Unit -> units it is shown in, largest first, with the factor from the one to the other.
+#: Units in which a unit is displayed, largest first, each with its conversion factor.
 SHOWN = {
     "m": (("m", 1.0), ("mm", 1e3), ("µm", 1e6), ("nm", 1e9)),
     "rad": (("rad", 1.0), ("mrad", 1e3), ("µrad", 1e6)),
@@ -24,9 +24,9 @@ SHOWN = {
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number with that many significant digits, a dash where there is none.
+    """Return a number with the given number of significant digits; a dash for None and NaN.
 
-    From 0.001 to 99 999 it is written out, beyond that with a power of ten.
+    Numbers outside of 0.001 to 99 999 have a power of ten.
     """
     if value is None or math.isnan(value):
         return NONE
@@ -42,18 +42,18 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def brief(value: float | None) -> str:
-    """Return a number that somebody chose, such as a gain, with the digits it has."""
+    """Return a user-given number, such as a gain, not rounded."""
     return NONE if value is None else _signed(f"{value:.6g}")
 
 
 def with_error(value: float, error: float | None) -> str:
-    """Return value ± standard error, the error with two digits and the value with as many decimals.
+    """Return value ± standard error; the error has two digits and the value has the same number of decimals.
 
-    Without an error, or with one that is not finite or zero, the value alone with four digits.
+    If the error is missing, zero or not finite, the result is the value with four digits.
     """
     if error is None or not math.isfinite(error) or error <= 0.0 or not math.isfinite(value):
         return number(value, 4)
-    last = int(f"{error:.1e}".partition("e")[2]) - 1  # power of ten of the last digit that is shown
+    last = int(f"{error:.1e}".partition("e")[2]) - 1  # power of ten of the last digit
     first = int(f"{max(abs(value), error):.1e}".partition("e")[2])
     if -3 <= first < 5 and last >= -6:
         decimals = max(0, -last)
@@ -63,7 +63,7 @@ def with_error(value: float, error: float | None) -> str:
 
 
 def unit(name: str) -> str:
-    """Return a unit of the blocks as it is printed: N·s/m for N.s/m, kg·m² for kg.m2, nothing for 1."""
+    """Return the printed form of a unit: N·s/m for N.s/m, kg·m² for kg.m2, empty for 1."""
     if name == "1":
         return ""
     printed = name.replace(".", "·").replace("um", "µm")
@@ -74,7 +74,7 @@ def unit(name: str) -> str:
 
 
 def quantity(value: float | None, name: str, digits: int = 3) -> str:
-    """Return a number with its unit, in that multiple of the unit in which it is between 1 and 1000."""
+    """Return a number with the multiple of its unit in which it is between 1 and 1000."""
     if value is None or not math.isfinite(value):
         return number(value)
     shown, factor = multiple(name, value)
@@ -89,12 +89,12 @@ def multiple(name: str, values: float | Array) -> tuple[str, float]:
     name : str
         Unit of the values.
     values : float or array
-        What is shown, all in one multiple.
+        Values to be displayed in the same multiple.
 
     Returns
     -------
     tuple of str and float
-        Printed unit, and the factor from `name` to it: "µm" and 1e6 for some micrometres given in m.
+        Printed unit, and the conversion factor to it, such as "µm" and 1e6 for values of some micrometres in m.
     """
     choices = SHOWN.get(name)
     finite = np.abs(np.asarray(values, dtype=float))
@@ -113,7 +113,7 @@ def ten(exponent: int) -> str:
 
 
 def _signed(text: str) -> str:
-    """Return a number with a real minus sign, and none before a zero."""
+    """Return a number with a typographic minus sign, and without a sign if it is zero."""
     if text.startswith("-"):
         return MINUS + text[1:] if any(digit in "123456789" for digit in text) else text[1:]
     return text

@@ -1,4 +1,4 @@
-// Draws the plots of the page and makes them usable: colours of the dark mode, legends and zoom that keys reach, prints.
+// Draws the plots of the page: colours of the dark mode, legends and zoom accessible by keyboard, and printing.
 "use strict";
 (async () => {
   const PRINT = { width: 660, curves: 340, bars: 860 }; // px; two plots of curves, or one of bars, fit on A4 and letter
@@ -6,7 +6,7 @@
   const boxes = [...document.querySelectorAll(".plot")];
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
 
-  // the library travels compressed; the policy of the page admits exactly this text as a script
+  // the library is stored compressed; the content security policy allows exactly this text as a script
   const packed = Uint8Array.from(atob(document.getElementById("library").textContent), (c) => c.charCodeAt(0));
   const unpacked = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
   const library = document.createElement("script");
@@ -30,7 +30,7 @@
     return { data, layout };
   }
 
-  // what the reader has hidden or zoomed stays so
+  // keep hidden curves hidden and zoomed axes zoomed
   function redraw(box, light) {
     const { data, layout } = figure(box, light);
     data.forEach((trace, i) => (trace.visible = box.data[i].visible));
@@ -73,7 +73,7 @@
     return `<svg width="34" height="12" aria-hidden="true">${line}${mark}</svg>`;
   }
 
-  // the ordinates follow what is seen of the abscissa
+  // fit the vertical axis to the visible part of the curves
   function show(box, begin, end) {
     let [low, high] = [Infinity, -Infinity];
     for (const trace of box.data) {
@@ -134,6 +134,6 @@
   console.error(error);
   for (const box of document.querySelectorAll(".plot")) {
     box.classList.add("missing");
-    box.textContent = "This plot needs a browser of 2023 or later; the tables hold its figures.";
+    box.textContent = "This plot needs a browser released in 2023 or later; the tables have its values.";
   }
 });

@@ -1,4 +1,4 @@
-"""The page of the report: template, style, plots and the library that draws them, in one file."""
+"""The page of the report: template, style, plots and the plotting library in one file."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from plotly.offline import get_plotlyjs
 
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.study.models import ALIKE
+from friction_fmus.study.ranking import worst_case
 from friction_fmus.study.result import StudyResult
 from harness.storage.atomic import atomic_path
 
@@ -22,14 +23,14 @@ FOLDER = Path(__file__).parent
 
 
 def write_report(study: StudyResult, path: Path) -> None:
-    """Write the report of a study as one HTML file, which appears complete or not at all.
+    """Write the report of a study as one HTML file; an incomplete file never appears.
 
     Parameters
     ----------
     study : StudyResult
-        What was found.
+        Result of the study.
     path : Path
-        The file, in a folder that exists.
+        Path of the file; its folder must exist.
 
     Raises
     ------
@@ -46,13 +47,13 @@ def report_html(study: StudyResult) -> str:
     Parameters
     ----------
     study : StudyResult
-        What was found.
+        Result of the study.
 
     Returns
     -------
     str
-        HTML 5 without references to other files, the same for the same study. Texts of the study are escaped, and
-        the policy of the page admits its own two scripts only.
+        HTML 5 without references to other files; equal studies give equal pages. Texts of the study are escaped, and
+        the content security policy only allows the two scripts of the page.
     """
     ranked = views.ranked(study)
     unit, factor = views.error_unit(study)
@@ -75,6 +76,7 @@ def report_html(study: StudyResult) -> str:
         error_unit=unit,
         factor=factor,
         apart=views.apart(study),
+        off=next(filter(None, map(worst_case, study.compensators)), ""),
         without=next((row for row in study.compensators if row.name == views.NONE), None),
         sources=_sources(study),
     )
@@ -102,17 +104,17 @@ def _environment() -> Environment:
 
 @cache
 def _library() -> str:
-    """Return plotly.js compressed: 2 MB instead of 4.8 MB, and the package has no smaller build of it."""
+    """Return plotly.js compressed to 2 MB instead of 4.8 MB; the package contains no smaller build."""
     return base64.b64encode(gzip.compress(get_plotlyjs().encode(), 9, mtime=0)).decode("ascii")
 
 
 def _hash(script: str) -> str:
-    """Return the source expression by which a content security policy admits one script (CSP level 3, 2.3.1)."""
+    """Return the source expression that allows one script in a content security policy (CSP level 3, 2.3.1)."""
     return f"'sha256-{base64.b64encode(sha256(script.encode()).digest()).decode('ascii')}'"
 
 
 def _sources(study: StudyResult) -> list[tuple[str, str]]:
-    """Return name and source of the blocks that the study used; those of the user's own have none here."""
+    """Return name and source of each block of the catalogue used by the study."""
     known = catalogue()
     names = [row.name for row in study.models if row.rank is not None] + [
         row.name for row in study.compensators if row.applies

@@ -1,4 +1,4 @@
-"""From the result of a study to what the report shows of it: plots, and the few figures that are worked out for it."""
+"""Plots and derived numbers that the report shows for the result of a study."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from friction_fmus.study.result import CompensatorRow, Curve, Fit, ModelRow, Picture, StudyResult
+from friction_fmus.study.result import CompensatorResult, Curve, Fit, ModelResult, Picture, StudyResult
 
 from .figures import ROWS, STYLES, Bar, Plot, bars, lines, sweep
 from .numbers import multiple, number, quantity
 
-#: Compensators whose errors are drawn at first, beside the servo without compensation.
+#: Number of compensators whose errors are initially visible, in addition to the servo without compensation.
 FIRST = 2
 NONE = "none"
 NO_COMPENSATION = "no compensation"
@@ -20,16 +20,16 @@ NO_COMPENSATION = "no compensation"
 
 @dataclass(frozen=True)
 class Score:
-    """How a model does beside the others, as texts.
+    """Formatted scores of a model.
 
     Attributes
     ----------
     validation, train : str
-        Residual in percent, a dash where there is none.
+        Residual in percent; a dash if there is none.
     aic, bic : str
-        Information criteria less the lowest one of the models that were fitted to the same signal.
+        Information criteria minus the lowest one of all models fitted to the same signal.
     closed_loop : mapping of str to str
-        Signal -> residual of the co-simulated servo.
+        Residuals of the co-simulated servo, by signal.
     """
 
     validation: str
@@ -40,12 +40,12 @@ class Score:
 
 
 def label(name: str) -> str:
-    """Return what the report calls a compensator."""
+    """Return the name of a compensator in the report."""
     return NO_COMPENSATION if name == NONE else name
 
 
-def scores(models: Sequence[ModelRow]) -> dict[str, Score]:
-    """Return the scores of the identified models by name."""
+def scores(models: Sequence[ModelResult]) -> dict[str, Score]:
+    """Return the scores of the identified models, by name."""
     lowest: dict[tuple[str, tuple[str, str]], float] = {}
     for row in models:
         for name, value in (("aic", row.aic), ("bic", row.bic)):
@@ -53,7 +53,7 @@ def scores(models: Sequence[ModelRow]) -> dict[str, Score]:
                 key = (name, _fitted(row))
                 lowest[key] = min(value, lowest.get(key, value))
 
-    def above(row: ModelRow, name: str, value: float | None) -> str:
+    def above(row: ModelResult, name: str, value: float | None) -> str:
         return number(None) if value is None else f"{value - lowest[name, _fitted(row)]:.0f}"
 
     return {
@@ -69,7 +69,7 @@ def scores(models: Sequence[ModelRow]) -> dict[str, Score]:
     }
 
 
-def _fitted(row: ModelRow) -> tuple[str, str]:
+def _fitted(row: ModelResult) -> tuple[str, str]:
     return ("", "") if row.train is None else (row.train.signal, row.train.unit)
 
 
@@ -78,16 +78,16 @@ def _percent(fit: Fit | None) -> str:
 
 
 def _residual(fit: Fit) -> str:
-    """Return a residual, also in percent where that is not tiny, as it is for a position beside its travel."""
+    """Return a residual, also in percent unless that is negligible, as for a position relative to its travel."""
     return quantity(fit.rms, fit.unit) + (f" ({_percent(fit)})" if fit.percent >= 0.1 else "")
 
 
 def record_plots(study: StudyResult) -> list[Plot]:
-    """Return the plots of what was measured, and of what was simulated beside it, over time."""
+    """Return the plots of measured and simulated signals over time."""
     turn = _reversal(study.record)
     plots = []
     for index, picture in enumerate(study.record):
-        how = ", measured and simulated" if picture.data and picture.models else "" if picture.data else ", by model"
+        how = ", measured and simulated" if picture.data and picture.models else "" if picture.data else " by model"
         caption = f"{picture.y_label[:1].upper()}{picture.y_label[1:]} over time{how}."
         plots.append(_over_time(f"record-plot-{index + 1}", picture, caption, turn))
     return plots
@@ -101,7 +101,7 @@ def _over_time(name: str, picture: Picture, caption: str, turn: tuple[float, flo
 
 
 def _axes(picture: Picture) -> tuple[tuple[str, str], tuple[float, float]]:
-    """Return the titles of the axes, and the factors that bring the curves into the units of the titles."""
+    """Return the titles of the axes, and the factors that convert the curves to the units of the titles."""
     curves = [*picture.data.values(), *picture.models.values()]
     titles, factors = [], []
     for text, unit, columns in (
@@ -117,7 +117,7 @@ def _axes(picture: Picture) -> tuple[tuple[str, str], tuple[float, float]]:
 
 
 def _reversal(record: Sequence[Picture], part: float = 0.04) -> tuple[float, float] | None:
-    """Return a span of time around the reversal that is nearest to the middle; None if nothing turns round."""
+    """Return a time span around the reversal nearest to the middle of the record; None without a reversal."""
     for picture in record:
         curve = next((curve for name, curve in picture.data.items() if "reference" in name), None)
         if curve is None or len(curve.x) < 3:
@@ -133,11 +133,11 @@ def _reversal(record: Sequence[Picture], part: float = 0.04) -> tuple[float, flo
 
 
 def friction_plots(study: StudyResult) -> list[Plot]:
-    """Return the plots of friction over velocity and over displacement, as far as there are such data."""
+    """Return the plots of friction over velocity and over displacement that have data."""
     plots = []
     for name, picture, what in (
-        ("friction", study.friction, "The grey points are the record, the lines the identified models."),
-        ("hysteresis", study.hysteresis, "The record and the models along the same motion around a reversal."),
+        ("friction", study.friction, "Grey points: record. Lines: identified models."),
+        ("hysteresis", study.hysteresis, "Record and models, with the same motion around a reversal."),
     ):  # fmt: skip
         if picture is None:
             continue
@@ -147,15 +147,15 @@ def friction_plots(study: StudyResult) -> list[Plot]:
         figure = lines(picture.data, picture.models, titles, factors, name == "friction", seen)
         if (span := _span(picture)) is not None:
             figure.update_yaxes(range=[factors[1] * value for value in span])
-            caption += " The ordinate spans the record; the button “whole” shows where curves leave it."
+            caption += " The vertical axis shows the range of the record; the button “full range” shows all curves."
         plots.append(Plot(f"{name}-plot", figure, caption, f"Plot. {caption}"))
     return plots
 
 
 def _span(picture: Picture, margin: float = 0.3) -> tuple[float, float] | None:
-    """Return the span of the record with a margin, if a model leaves it by more than its size; else None.
+    """Return the range of the record with a margin if a model exceeds it by more than its size; otherwise None.
 
-    The force of a bristle that starts at a speed jumps far beyond friction, and would flatten all curves.
+    The damping force of a bristle that starts in motion can be much larger than friction and would flatten all curves.
     """
     if not picture.data or not picture.models:
         return None
@@ -168,9 +168,9 @@ def _span(picture: Picture, margin: float = 0.3) -> tuple[float, float] | None:
 
 
 def friction_table(picture: Picture, rows: int = 9) -> tuple[list[str], list[list[str]]]:
-    """Return heads and rows of friction at some velocities, one column for each model.
+    """Return column headings and rows of friction at some velocities, one column for each model.
 
-    The velocities are spaced evenly over the curves, without zero, where friction jumps.
+    The velocities are evenly spaced over the curves, without zero, where friction jumps.
     """
     (x_title, _), (x_factor, y_factor) = _axes(picture)
     curves = {name: (np.asarray(curve.x), np.asarray(curve.y)) for name, curve in picture.models.items()}
@@ -182,20 +182,20 @@ def friction_table(picture: Picture, rows: int = 9) -> tuple[list[str], list[lis
     return [x_title, *curves], cells if fastest else []
 
 
-def ranked(study: StudyResult) -> list[CompensatorRow]:
-    """Return the rows that were co-simulated: without compensation first, then by rank."""
+def ranked(study: StudyResult) -> list[CompensatorResult]:
+    """Return the co-simulated compensators by rank, after the servo without compensation."""
     none = [row for row in study.compensators if row.name == NONE and row.metrics is not None]
     rows = [row for row in study.compensators if row.rank is not None and row.metrics is not None and row.name != NONE]
     return none + sorted(rows, key=lambda row: row.rank or 0)
 
 
 def error_unit(study: StudyResult) -> tuple[str, float]:
-    """Return the unit of the tracking errors, and the factor from the unit of the position to it."""
+    """Return the unit of the tracking errors, and the factor from the position unit to it."""
     return multiple(study.units.position, np.array([row.metrics.rms for row in ranked(study) if row.metrics]))
 
 
 def compensator_plots(study: StudyResult) -> dict[str, Plot]:
-    """Return the plots of the compensators by what they show: "bars", "errors", "sweep"; those without data lack."""
+    """Return the plots of the compensators that have data, by the names "bars", "errors" and "sweep"."""
     rows = ranked(study)
     plots: dict[str, Plot] = {}
     if not rows:
@@ -208,8 +208,8 @@ def compensator_plots(study: StudyResult) -> dict[str, Plot]:
         without = {name: curve for name, curve in errors.items() if name == NO_COMPENSATION}
         laws = _drawn({name: curve for name, curve in errors.items() if name != NO_COMPENSATION})
         caption = (
-            "Tracking error over time, the best compensators at their best gain. The buttons zoom; a name in the "
-            "legend shows or hides its curve."
+            "Tracking error over time of the best compensators at their best gain. Click a name in the legend to show "
+            "or hide its curve."
         )
         figure = lines(
             without, laws, ("time [s]", f"reference − position [{unit}]"), (1.0, factor), seen=list(laws)[:FIRST]
@@ -230,20 +230,20 @@ def compensator_plots(study: StudyResult) -> dict[str, Plot]:
     )
     if sweeps:
         caption = (
-            "Tracking error of the best compensators over the gain, 0 is none and 1 the whole estimate. A curve that "
-            "rises before 1 belongs to a compensator that adds more than friction takes."
+            "Tracking error of the best compensators over the gain of the compensation. Gain 1 applies the full "
+            "friction estimate; a minimum below 1 indicates over-compensation."
         )
         figure = sweep(sweeps, ("gain", f"tracking error, rms [{unit}]"), factor)
-        plots["sweep"] = Plot("sweep-plot", figure, caption, f"Plot. {caption} The table of gains holds its figures.")
+        plots["sweep"] = Plot("sweep-plot", figure, caption, f"Plot. {caption} The table below has the values.")
     return plots
 
 
 def _drawn(curves: Mapping[str, Curve]) -> dict[str, Curve]:
-    """Return the first curves, as many as can be told apart."""
+    """Return the first curves, one for each line style."""
     return dict(list(curves.items())[: len(STYLES)])
 
 
-def _bars(study: StudyResult, rows: Sequence[CompensatorRow], unit: str, factor: float) -> Plot:
+def _bars(study: StudyResult, rows: Sequence[CompensatorResult], unit: str, factor: float) -> Plot:
     emphasis = {study.recommendation.name: "best", study.recommendation.runner_up: "second"}
     shown = []
     for row in rows[:ROWS]:
@@ -255,16 +255,15 @@ def _bars(study: StudyResult, rows: Sequence[CompensatorRow], unit: str, factor:
                 emphasis.get(row.name, ""))
         )  # fmt: skip
     caption = (
-        "Left: tracking error at the best gain; the whiskers reach from the smallest to the largest error when "
-        "friction and mass of the axis are not what was identified. Right: time of one sample. Blue is recommended, "
-        "hatched the runner-up."
-    ) + (f" The first {ROWS} are shown." if len(rows) > ROWS else "")
+        "Left: tracking error at the best gain; the whiskers show the smallest and largest error with wrong friction "
+        "and mass. Right: computing time per sample. Blue: recommended; hatched: runner-up."
+    ) + (f" Only the first {ROWS} are shown." if len(rows) > ROWS else "")
     figure = bars(shown, (f"error, rms [{unit}]", "cost [ns]"))
-    return Plot("bars-plot", figure, caption, f"Bar chart. {caption} The table below holds its figures.", False)
+    return Plot("bars-plot", figure, caption, f"Bar chart. {caption} The table below has the values.", False)
 
 
 def apart(study: StudyResult) -> dict[str, list[str]]:
-    """Return why compensators were not co-simulated or failed: reason -> their names."""
+    """Return the compensators that were not co-simulated or failed, by reason."""
     reasons: dict[str, list[str]] = {}
     for row in study.compensators:
         if not row.applies or row.metrics is None:

@@ -1,4 +1,4 @@
-"""The study of a measured axis, from the record to the recommended compensator and the report."""
+"""Study of a measured axis: identified friction models, co-simulated compensators, recommendation and report."""
 
 from typing import TYPE_CHECKING
 

@@ -1,6 +1,6 @@
-"""Which compensators can be put on an axis, and how their parameters follow from what is known of it.
+"""Compensators that apply to an axis, and their parameters, derived from the identified axis.
 
-The file of each law and controller says so, see `friction_fmus.blocks.use`.
+The file of each law and controller states how it is used and tuned, see `friction_fmus.blocks.use`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from friction_fmus.axis.loop import Placed, Plant, block, typed
+from friction_fmus.axis.loop import Compensator, Plant, block, typed
 from friction_fmus.axis.servo import Servo
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in
 from friction_fmus.blocks.catalogue import catalogue
@@ -28,27 +28,27 @@ Values: TypeAlias = Mapping[str, float]
 NAMES: Final = (
     *("m", "Ts", "bandwidth", "corner", "observed", "x_noise", "v_noise", "level", "speed", "period", "Kp", "Kd", "Ki"),
 )
-"""What the expressions of `Use.tuned` can read of an axis."""
+"""Properties of an axis that the expressions of `Use.tuned` can use."""
 
 
 @dataclass(frozen=True)
-class Known:
-    """What is known of an axis.
+class AxisKnowledge:
+    """Properties of an identified axis that determine the parameters of compensators.
 
     Attributes
     ----------
     servo : Servo
-        Its feedback and sensors.
+        Feedback and sensors.
     plant : Plant
-        Its mass and best friction model.
+        Mass and best friction model.
     models : mapping of str to mapping
         Parameters of every identified friction model, by name of the block.
     period : int
-        Samples after which the reference repeats; 0: it does not.
+        Period of the reference in samples; 0 if it is not periodic.
     speed : float
-        Largest reference velocity.
+        Largest reference velocity [m/s].
     rotary : bool
-        Whether the axis turns.
+        Whether the axis is rotary.
     """
 
     servo: Servo
@@ -59,13 +59,13 @@ class Known:
     rotary: bool = False
 
     @property
-    def Ts(self) -> float:  # noqa: N802 (the symbol of the sampling period)
-        """Sampling period [s]."""
+    def Ts(self) -> float:  # noqa: N802 (the symbol of the sample time)
+        """Sample time [s]."""
         return self.servo.Ts
 
     @property
     def m(self) -> float:
-        """Moved mass."""
+        """Moved mass [kg]."""
         return self.plant.mass
 
     @property
@@ -75,60 +75,60 @@ class Known:
 
     @property
     def corner(self) -> float:
-        """Corner frequency of the estimators [Hz]: twice the loop, and at most a tenth of the sampling frequency."""
+        """Corner frequency of estimators [Hz]: twice that of the loop, at most a tenth of the sample rate."""
         return min(2.0 * self.bandwidth / (2.0 * pi), 0.1 / self.Ts)
 
     @property
     def observed(self) -> float:
-        """Three poles of an observer of the position [rad/s]: four times the loop, and at most 1/(2 Ts)."""
+        """Magnitude of the three observer poles [rad/s]: four times the loop bandwidth, at most 1/(2 Ts)."""
         return min(4.0 * self.bandwidth, 0.5 / self.Ts)
 
     @property
     def x_noise(self) -> float:
-        """Standard deviation of the quantised position; a millionth of a sample's way without a quantum."""
+        """Standard deviation of the measured position [m], from quantisation or else 1e-6 of the travel per sample."""
         return max(self.servo.quantum / sqrt(12.0), 1e-6 * self.speed * self.Ts, 1e-12)
 
     @property
     def v_noise(self) -> float:
-        """Standard deviation of the velocity, from two such positions."""
+        """Standard deviation of the velocity computed from two positions [m/s]."""
         return sqrt(2.0) * self.x_noise / (self.servo.window * self.Ts)
 
     @property
     def level(self) -> float:
-        """Largest friction force close to rest."""
+        """Largest friction force near rest [N]."""
         values = self.plant.values
         parts = [sum(v for name, v in values.items() if name.startswith("W["))]
         return max(*parts, *(values.get(name, 0.0) for name in ("Fc", "Fs", "T_dz")))
 
     @property
     def Kp(self) -> float:  # noqa: N802 (the symbols of the gains)
-        """Proportional gain of the servo."""
+        """Proportional gain of the servo [N/m]."""
         return self.servo.pid[0]
 
     @property
     def Kd(self) -> float:  # noqa: N802
-        """Gain of the servo on the velocity error."""
+        """Derivative gain of the servo [N.s/m]."""
         return self.servo.pid[1]
 
     @property
     def Ki(self) -> float:  # noqa: N802
-        """Integral gain of the servo."""
+        """Integral gain of the servo [N/(m.s)]."""
         return self.servo.pid[2]
 
     def tuned(self, use: Use, model: Values) -> dict[str, Number]:
-        """Return the parameters of a compensator that follow from what is known.
+        """Return the parameters of a compensator that follow from the axis.
 
         Parameters
         ----------
         use : Use
-            How it is used.
+            Use of the compensator, as stated in its file.
         model : mapping of str to float
             Parameters of its friction model.
 
         Raises
         ------
         FrictionError
-            An expression reads what is not known.
+            If an expression uses an unknown name.
         """
         found: dict[str, Number] = {}
         for name, text in use.tuned.items():
@@ -145,40 +145,40 @@ class Known:
 
 
 @dataclass(frozen=True)
-class Choice:
-    """A candidate for this axis: what to place, or why not.
+class Candidate:
+    """Candidate compensator for an axis.
 
     Attributes
     ----------
     name, kind, model : str
-        Law, its kind, and the friction model that gives its parameters.
-    placed : Placed or None
-        None if it does not apply.
+        Law, its kind, and the friction model that provides its parameters.
+    compensator : Compensator or None
+        Block with its parameters; None if the law does not apply.
     reason : str
-        Why it does not.
+        Reason why the law does not apply; empty if it does.
     """
 
     name: str
     kind: str
     model: str
-    placed: Placed | None
+    compensator: Compensator | None
     reason: str = ""
 
 
-def candidates(wanted: Sequence[str] | str, known: Known) -> list[Choice]:
-    """What is to be compared.
+def candidates(wanted: Sequence[str] | str, known: AxisKnowledge) -> list[Candidate]:
+    """Return the compensators to compare on an axis.
 
     Parameters
     ----------
     wanted : sequence of str or "all"
         Names of laws.
-    known : Known
-        The axis.
+    known : AxisKnowledge
+        Identified axis.
 
     Raises
     ------
     ConfigError
-        A name is none of `compensators`.
+        If a name is not one of `compensators`.
     """
     check_names(wanted)
     uses = compensators()
@@ -187,56 +187,62 @@ def candidates(wanted: Sequence[str] | str, known: Known) -> list[Choice]:
 
 
 def check_names(wanted: Sequence[str] | str) -> None:
-    """Refuse names that are no compensators; the error is that of `candidates`."""
+    """Raise ConfigError if a name is not one of `compensators`."""
     uses = compensators()
     for name in () if isinstance(wanted, str) else wanted:
         if name not in uses:
             hint = nearest(name, uses)
-            raise ConfigError(f"[compensation], compensators, names {name!r}, which is no law{hint}; choose another.")
+            raise ConfigError(
+                f"[compensation], compensators: there is no compensator {name!r}{hint}; correct the name."
+            )
 
 
-def _choice(name: str, row: Use, known: Known) -> Choice:
+def _choice(name: str, row: Use, known: AxisKnowledge) -> Candidate:
     if row.never:
-        return Choice(name, row.kind, "", None, row.never)
+        return Candidate(name, row.kind, "", None, row.never)
     model = next((model for model in row.models if model in known.models), "")
     if row.models and not model:
-        return Choice(
-            name, row.kind, "", None, f"It needs the parameters of {row.models[0]}, which was not identified."
+        return Candidate(
+            name, row.kind, "", None, f"It needs the parameters of {row.models[0]}, but that model was not identified."
         )
     path = block(name, known.rotary)
     if row.period and not 0 < known.period <= (most := int(open_archive(path).variables[row.period].max)):
-        text = f"repeats after {known.period} samples, and {most} are possible" if known.period else "does not repeat"
-        return Choice(name, row.kind, "", None, f"It needs a periodic reference, and this one {text}.")
+        text = (
+            f"the period of {known.period} samples is longer than its limit of {most}"
+            if known.period
+            else "this one is not periodic"
+        )
+        return Candidate(name, row.kind, "", None, f"It needs a periodic reference, but {text}.")
     given = known.models.get(model, {})
     part = FmuPart("law", path)
     settable = {port.name for port in part.parameters}
     tuned = typed(part, known.tuned(row, given))
     taken = {row.renamed.get(parameter, parameter): value for parameter, value in given.items()}
     values = {parameter: value for parameter, value in taken.items() if parameter in settable}
-    return Choice(name, row.kind, model, Placed(name, row.output, {**values, **tuned}))
+    return Candidate(name, row.kind, model, Compensator(name, row.output, {**values, **tuned}))
 
 
 def compensators() -> dict[str, Use]:
-    """Return the laws and controllers of the catalogue that can be asked for, by kind."""
+    """Return the laws and controllers of the catalogue that a study can use, ordered by kind."""
     uses = {name: block.about.use for name, block in catalogue().items()}
     known = [(name, use) for name, use in uses.items() if use is not None]
     return dict(sorted(known, key=lambda pair: KINDS.index(pair[1].kind)))
 
 
 def period_of(r: Array, least: int) -> int:
-    """Samples after which a reference repeats; 0 if it does not, or not twice.
+    """Return the period of a reference in samples; 0 if it does not contain two equal periods.
 
     Parameters
     ----------
     r : array, shape (n,)
-        The reference.
+        Reference.
     least : int
-        Shortest period that counts.
+        Shortest period to detect [samples].
     """
     span = float(np.ptp(r))
     if span == 0.0:
         return 0
-    # mean square of r[k + lag] - r[k], of which a period is a minimum
+    # mean square of r[k + lag] - r[k], which has a minimum at a period
     lags = np.arange(least, len(r) // 2 + 1)
     power = np.append(0.0, np.cumsum(np.square(r - r.mean())))
     likeness = np.fft.irfft(np.abs(np.fft.rfft(r - r.mean(), 2 * len(r))) ** 2)[lags]

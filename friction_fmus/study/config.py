@@ -1,4 +1,4 @@
-"""What a study is to do, read from TOML."""
+"""Configuration of a study, read from TOML."""
 
 from __future__ import annotations
 
@@ -14,43 +14,43 @@ from harness.storage.files import reason
 from harness.storage.toml_file import read_toml
 from harness.values import number, shown, texts
 
-LEFT_OUT: Final[Mapping[str, float]] = {"ki": 0.0}
-"""Gain that may be left out -> its value then, which is the start value of the law."""
+OPTIONAL_GAINS: Final[Mapping[str, float]] = {"ki": 0.0}
+"""Default values of optional gains, equal to the start values of the law."""
 
 RECORDS: Final = ("emps", "tribometer", "demo")
-"""Records that come with the package, and names of the studies of them."""
+"""Records included in the package, and names of the studies of them."""
 
 ALL: Final = "all"
 
 PERIODS: Final = (1e-6, 0.1)
-"""Shortest and longest sampling period of a servo [s]."""
+"""Shortest and longest sample time of a servo [s]."""
 
 LONGEST_WINDOW: Final = 64
-"""Samples of the velocity estimate, as of the block Differentiator."""
+"""Largest window of the velocity estimate in samples: the limit of the block Differentiator."""
 
 _TABLES = ("data", "columns", "windows", "servo", "identify", "compensation")
 
 
 class ConfigError(FrictionError):
-    """A configuration cannot be understood; the message names file, table and key."""
+    """Invalid configuration; the message names file, table and key."""
 
 
 @dataclass(frozen=True)
 class Compensation:
-    """What is tried on the axis.
+    """Settings of the comparison of compensators on an axis.
 
     Attributes
     ----------
     compensators : tuple of str or "all"
         Names of laws.
     gains : tuple of float
-        Shares of the compensation that are tried; those above 1 show what too much does.
+        Gains of the compensation; values above 1 show the effect of over-compensation.
     mismatch : float
-        Friction and mass of the axis differ by this share in the corners.
+        Relative error of friction and mass in the robustness runs, such as 0.1.
     motion_feedforward : bool
-        Whether the servo is given the reference velocity and acceleration, so that what is left is friction.
+        Whether the servo receives the reference velocity and acceleration, so that friction dominates the error.
     duration : float or None
-        How much of the reference is run [s]; None: all.
+        Simulated part of the reference, from its start [s]; None for all of it.
     """
 
     compensators: tuple[str, ...] | str = ALL
@@ -62,24 +62,24 @@ class Compensation:
 
 @dataclass(frozen=True)
 class StudyConfig:
-    """A study.
+    """Configuration of a study.
 
     Attributes
     ----------
     name : str
-        What to type after ``friction-fmus study``.
+        Argument of ``friction-fmus study``: the path of the configuration, or one of `RECORDS`.
     record : str
-        One of `RECORDS`; empty where the data are a file.
-    data : mapping
-        The tables data, columns and windows, for `read_mapping`.
+        One of `RECORDS`; empty if the data are in a file.
+    data : mapping of str to mapping
+        Tables ``data``, ``columns`` and ``windows``, see `read_mapping`.
     folder : Path
-        Where a relative path of the data file begins.
+        Folder to which the path of the data file is relative.
     servo : Servo or None
-        None: there is no axis, only a contact.
+        Servo of the axis; None for a contact without an axis.
     models : tuple of str or "all"
         Friction models to identify.
     compensation : Compensation
-        What is tried on the axis.
+        Settings of the comparison of compensators.
     """
 
     name: str
@@ -92,39 +92,66 @@ class StudyConfig:
 
 
 def load_config(what: str | Path) -> StudyConfig:
-    """Read a configuration.
+    """Read the configuration of a study.
 
     Parameters
     ----------
     what : str or Path
         One of `RECORDS`, or the path of a TOML file.
 
+    Returns
+    -------
+    StudyConfig
+        Validated configuration.
+
     Raises
     ------
     ConfigError
-        The file is missing, is no TOML, or says something that is not understood.
+        If the file is missing, is not valid TOML, or has an invalid or unknown entry.
     """
     known = str(what) in RECORDS
     path = Path(__file__).with_name("axes") / f"{what}.toml" if known else Path(what)
     if not path.is_file():
         hint = nearest(str(what), RECORDS)
         choice = ", ".join(RECORDS)
-        raise ConfigError(f"There is no file {what}{hint}; give the path of a configuration or one of {choice}.")
+        raise ConfigError(f"There is no file {what}{hint}; give the path of a configuration, or one of {choice}.")
     try:
         table = read_toml(path)
     except (OSError, ValueError) as error:
-        raise ConfigError(f"{path} cannot be read as TOML ({reason(error)}); repair it.") from error
+        raise ConfigError(f"{path} cannot be read as TOML ({reason(error)}); correct it.") from error
     return parse_config(table, path.parent, str(what))
 
 
 def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str = "The configuration") -> StudyConfig:
-    """Read a configuration from its tables; `origin` names it in errors, which are those of `load_config`."""
+    """Read the configuration of a study from its tables.
+
+    Parameters
+    ----------
+    content : mapping of str to mapping
+        Tables of the configuration, as in a TOML file.
+    folder : Path
+        Folder to which the path of the data file is relative.
+    origin : str
+        Name of the configuration in error messages.
+
+    Returns
+    -------
+    StudyConfig
+        Validated configuration.
+
+    Raises
+    ------
+    ConfigError
+        If an entry is missing, invalid or unknown.
+    """
     _known(content, _TABLES, origin, "table")
     tables = {name: _Table(content.get(name, {}), f"{origin}, [{name}],", name) for name in _TABLES}
     data = dict(tables["data"].content)
     record = tables["data"].text("record", choices=RECORDS) if "record" in data else ""
     if record and (data.keys() - {"record"} or "columns" in content):
-        raise ConfigError(f"{origin}, [data], names the record {record!r} and describes another one; leave one out.")
+        raise ConfigError(
+            f"{origin}, [data], names the record {record!r} and also describes a file; remove one of the two."
+        )
     if not record and "file" not in data:
         raise ConfigError(f'{origin}, [data], has no file; give the path of the data file as file = "...".')
     mapping = {name: content[name] for name in ("data", "columns", "windows") if name in content}
@@ -149,7 +176,7 @@ def _servo(table: _Table) -> Servo:
     gains = {name: table.number(name, low=0.0, above=True) for name in names[:-1]}
     window = table.number("window", 2.0, low=1.0, high=LONGEST_WINDOW)
     if window != int(window):
-        raise ConfigError(f"{table.where} has window = {window:g}; give a whole number of samples.")
+        raise ConfigError(f"{table.where} has window = {window:g}; give an integer number of samples.")
     return Servo(
         law,
         Ts=_period(table),
@@ -158,16 +185,16 @@ def _servo(table: _Table) -> Servo:
         quantum=table.number("quantum", 0.0, low=0.0),
         velocity_feedforward=table.flag("velocity_feedforward", False),
         mass=table.number("mass", low=0.0, above=True) if "mass" in table.content else None,
-        gains={**gains, names[-1]: table.number(names[-1], LEFT_OUT.get(names[-1]), low=0.0)},
+        gains={**gains, names[-1]: table.number(names[-1], OPTIONAL_GAINS.get(names[-1]), low=0.0)},
     )
 
 
 def _period(table: _Table) -> float:
-    """The sampling period, in a range in which a record can be made and judged."""
+    """Return the sample time; outside of `PERIODS` a record could be neither simulated nor evaluated."""
     least, most = PERIODS
     Ts = table.number("Ts", low=0.0, above=True)
     if not least <= Ts <= most:
-        raise ConfigError(f"{table.where} has Ts = {Ts:g}; give a sampling period from {least:g} to {most:g} s.")
+        raise ConfigError(f"{table.where} has Ts = {Ts:g}; give a sample time from {least:g} to {most:g} s.")
     return Ts
 
 
@@ -176,7 +203,7 @@ def _compensation(table: _Table) -> Compensation:
     default = Compensation()
     gains = table.numbers("gains", default.gains)
     if not any(0.0 < gain <= 1.0 for gain in gains):
-        raise ConfigError(f"{table.where} has gains = {list(gains)} without one between 0 and 1; add 1.0.")
+        raise ConfigError(f"{table.where} has gains = {list(gains)}, none of them above 0 and up to 1; add 1.0.")
     return Compensation(
         table.names("compensators"),
         tuple(sorted(set(gains))),
@@ -188,7 +215,7 @@ def _compensation(table: _Table) -> Compensation:
 
 @dataclass(frozen=True)
 class _Table:
-    """One table of the file, whose values are checked as they are taken."""
+    """One table of the configuration; each value is validated when it is read."""
 
     content: Any
     where: str
@@ -196,7 +223,7 @@ class _Table:
 
     def __post_init__(self) -> None:
         if not isinstance(self.content, Mapping):
-            raise ConfigError(f"{self.where} is {shown(self.content)}; make it a table.")
+            raise ConfigError(f"{self.where} is {shown(self.content)}, not a table; make it a table.")
 
     def known(self, keys: tuple[str, ...]) -> None:
         _known(self.content, keys, self.where, "key")
@@ -205,13 +232,13 @@ class _Table:
         value = self._value(key)
         if value not in choices:
             hint = nearest(value, choices) if isinstance(value, str) else ""
-            raise ConfigError(f"{self.where} has {key} = {shown(value)}{hint}; give one of {', '.join(choices)}.")
+            raise ConfigError(f"{self.where} has {key} = {shown(value)}{hint}; use one of {', '.join(choices)}.")
         return str(value)
 
     def flag(self, key: str, default: bool) -> bool:
         value = self.content.get(key, default)
         if not isinstance(value, bool):
-            raise ConfigError(f"{self.where} has {key} = {shown(value)}; give true or false.")
+            raise ConfigError(f"{self.where} has {key} = {shown(value)}; use true or false.")
         return value
 
     def number(
@@ -250,4 +277,4 @@ def _known(content: Mapping[str, Any], names: tuple[str, ...], where: str, noun:
     for name in content:
         if name not in names:
             hint = nearest(name, names)
-            raise ConfigError(f"{where} has the unknown {noun} {shown(name)}{hint}; known are {', '.join(names)}.")
+            raise ConfigError(f"{where} has the unknown {noun} {shown(name)}{hint}; valid are {', '.join(names)}.")

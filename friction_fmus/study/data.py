@@ -1,4 +1,4 @@
-"""The record of a study: from the package, from a file, or made."""
+"""Data of a study: a record of the package, a file, or a simulated record."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from friction_fmus.axis.loop import Plant, Task, closed_loop, run_loop
+from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
 from friction_fmus.axis.servo import Servo
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.fmi.package import build_record
@@ -21,7 +21,7 @@ from friction_fmus.study.config import ConfigError, StudyConfig
 from friction_fmus.study.models import Measured
 
 TRAIN: Final = 0.6
-"""Part of the record, at its beginning, that is fitted where no windows are given; the rest is predicted."""
+"""Fraction of the record used for the fit if no windows are given; the rest is validation data."""
 
 LUGRE: Final[Mapping[str, float]] = {
     "sigma0": 1e5,
@@ -32,26 +32,26 @@ LUGRE: Final[Mapping[str, float]] = {
     "vs": 1e-3,
     "delta": 2.0,
 }
-"""Friction of the demo: Canudas de Wit, Olsson, Astrom, Lischinsky 1995."""
+"""Friction parameters of the demo: Canudas de Wit, Olsson, Astrom, Lischinsky 1995."""
 
 PERIOD: Final = 2.0
-"""Of the reference of the demo [s]."""
+"""Period of the reference of the demo [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """What was measured.
+    """Measured data of a study.
 
     Attributes
     ----------
     records : tuple of Record
-        The pieces between gaps.
+        Segments between gaps.
     train, validation : tuple of Record
-        What is fitted, and what is predicted.
+        Data for the fit and for validation.
     published : mapping of str to mapping
-        Model -> known values of its parameters.
+        Known parameter values, by name of the model.
     findings : tuple of str
-        What should be known about the data.
+        Problems found in the data.
     """
 
     records: tuple[Record, ...]
@@ -62,29 +62,29 @@ class Data:
 
     @property
     def longest(self) -> Record:
-        """The longest piece."""
+        """Longest segment."""
         return max(self.records, key=len)
 
     @property
     def rotary(self) -> bool:
-        """Whether it is an angle that was measured."""
+        """Whether the position is an angle."""
         return self.longest.units == ROTARY
 
 
 def load_data(config: StudyConfig, scratch: Path) -> Data:
-    """Read or make the records of a study.
+    """Read or simulate the records of a study.
 
     Parameters
     ----------
     config : StudyConfig
-        What to read.
+        Configuration of the study.
     scratch : Path
-        Folder for FMUs, of the demo.
+        Folder for the FMU that the demo needs.
 
     Raises
     ------
     RecordError, ConfigError
-        As of `read_measurement`; or a window lies outside the record.
+        As `read_measurement`, or if a window is outside the record.
     """
     published: Mapping[str, Mapping[str, float]] = {}
     findings: tuple[str, ...] = ()
@@ -107,7 +107,7 @@ def load_data(config: StudyConfig, scratch: Path) -> Data:
 
 
 def demo(servo: Servo, scratch: Path) -> Record:
-    """A synthetic record: 1 kg with LuGre friction under the servo, two periods of two sines, measured by its encoder.
+    """Simulate a record: 1 kg with LuGre friction under the servo, a sum of two sines, measured by its encoder.
 
     Parameters
     ----------
@@ -120,53 +120,53 @@ def demo(servo: Servo, scratch: Path) -> Record:
     w = 2.0 * pi / PERIOD
     r = 4e-3 * (1.0 - np.cos(w * t)) + 0.5e-3 * (1.0 - np.cos(5.0 * w * t))
     reference = build_reference(t, r, scratch, "DemoReference")
-    task = Task(reference, len(t), 0.0, 0.0)
-    with closed_loop(servo, Plant("LuGre", LUGRE, 1.0), task) as system:
+    trajectory = Trajectory(reference, len(t), 0.0, 0.0)
+    with closed_loop(servo, Plant("LuGre", LUGRE, 1.0), trajectory) as system:
         trace = run_loop(system)
     q = servo.quantum * np.round(trace.q / servo.quantum) if servo.quantum else trace.q
-    # the force of a sample acts from its instant on
+    # the force of a sample acts from the sampling instant on
     return Record("demo", t, q=q, reference=r, force=trace.force, citation="", quantum=servo.quantum)
 
 
 def tribometer() -> tuple[Record, ...]:
-    """The record of the reciprocating contact."""
+    """Return the record of the reciprocating contact."""
     from friction_fmus import data
 
     load = getattr(data, "load_tribometer", None)
     if load is None:
-        raise ConfigError("The record of the tribometer is not part of this package; give a data file of your own.")
+        raise ConfigError("The tribometer record is not included in this package; use a data file of your own.")
     record = load()
     return (record,) if isinstance(record, Record) else tuple(record)
 
 
 def build_reference(t: Array, r: Array, folder: Path, name: str, rotary: bool = False) -> Path:
-    """FMU that plays a reference, with its derivatives by central differences."""
+    """Return an FMU that outputs a reference and its derivatives, computed by central differences."""
     rd = np.gradient(r, t)
     domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
     return build_record(t, r, rd, np.gradient(rd, t), folder, name=name, domain=domain)
 
 
 def measured_servo(data: Data, servo: Servo, folder: Path, name: str) -> Measured | None:
-    """The servo as it was measured, None where the record lacks position or reference.
+    """Return the measured servo; None if the record has no position or no reference.
 
     Raises
     ------
     ConfigError
-        The sampling periods of record and servo differ.
+        If the sample times of record and servo differ.
     """
     record = data.longest
     if record.q is None or record.reference is None:
         return None
     if abs(record.Ts / servo.Ts - 1.0) > 1e-3:
         raise ConfigError(
-            f"[servo] has Ts = {servo.Ts:g} s but the record {record.name!r} was sampled every {record.Ts:g} s; log "
+            f"[servo] has Ts = {servo.Ts:g} s, but the record {record.name!r} was sampled every {record.Ts:g} s; log "
             "every sample of the servo, or correct Ts."
         )
     t = servo.Ts * np.arange(float(len(record)))
     reference = build_reference(t, record.reference, folder, f"{name}Reference", data.rotary)
-    # the record may begin in motion
+    # the axis may be in motion at the start of the record
     v0 = float(filtered_motion(record, default_settings(record)).v[0])
-    task = Task(reference, len(record), float(record.q[0]), v0, rotary=data.rotary)
+    trajectory = Trajectory(reference, len(record), float(record.q[0]), v0, rotary=data.rotary)
 
     def samples(records: tuple[Record, ...]) -> tuple[int, int]:
         if not records:
@@ -175,13 +175,15 @@ def measured_servo(data: Data, servo: Servo, folder: Path, name: str) -> Measure
         first, last = (round(float(end) / servo.Ts) for end in ends)
         return max(0, first), min(len(record), last + 1)
 
-    return Measured(servo, task, record.q, record.force, samples(data.train), samples(data.validation or data.train))
+    return Measured(
+        servo, trajectory, record.q, record.force, samples(data.train), samples(data.validation or data.train)
+    )
 
 
 def _windows(
     records: tuple[Record, ...], windows: Mapping[str, tuple[float, float]], origin: str
 ) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
-    """Records to fit and to predict."""
+    """Return the data for the fit and for validation."""
     begin, end = records[0].t[0], records[-1].t[-1]
     if not windows:
         middle = begin + TRAIN * (end - begin)
@@ -194,14 +196,14 @@ def _windows(
         inside = [r for r in records if np.count_nonzero((r.t >= low) & (r.t <= high)) >= 50]
         if not inside:
             raise ConfigError(
-                f"{origin}, [windows], has {name} = [{low:g}, {high:g}], but the record lasts from {begin:g} to "
-                f"{end:g} s; choose another window."
+                f"{origin}, [windows], has {name} = [{low:g}, {high:g}], but the record extends from {begin:g} to "
+                f"{end:g} s; choose a window of at least 50 samples inside it."
             )
         return tuple(replace(r.window(low, high), name=r.name) for r in inside)
 
     train = cut("train")
     if not train:
-        raise ConfigError(f"{origin}, [windows], has no train; add train = [begin, end].")
+        raise ConfigError(f"{origin}, [windows], has no train; add train = [start, end].")
     return train, cut("validation")
 
 

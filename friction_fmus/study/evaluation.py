@@ -1,4 +1,4 @@
-"""One compensator on the axis: its sweep over the gain, the corners of the mismatch, and what a sample costs."""
+"""Evaluation of one compensator on the axis: gain sweep, runs with parameter mismatch, and computing time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,17 @@ from typing import Final
 import numpy as np
 from scipy import signal
 
-from friction_fmus.axis.loop import Placed, Plant, Task, Trace, block, closed_loop, run_loop, typed, with_gain
+from friction_fmus.axis.loop import (
+    Compensator,
+    Plant,
+    Trace,
+    Trajectory,
+    block,
+    closed_loop,
+    run_loop,
+    typed,
+    with_gain,
+)
 from friction_fmus.axis.servo import Servo
 from friction_fmus.identification import Array
 from friction_fmus.study.records import Corner, Curve, GainPoint, Metrics
@@ -19,53 +29,53 @@ from harness import FmuPart, HarnessError, System
 from harness.parts.part import StartValue
 
 SETTLED: Final = 0.1
-"""Share of a run that is left out of its metrics: at the beginning estimators start and the axis catches up."""
+"""Initial fraction of a run excluded from its metrics: estimators and tracking error settle."""
 
 HIGH: Final = 5.0
-"""High-frequency effort begins at so many times the natural frequency of the position loop."""
+"""Lower limit of high-frequency effort over the natural frequency of the position loop."""
 
 POINTS: Final = 1500
-"""Of an error over time: pairs of the least and the largest value of an interval."""
+"""Approximate number of points of a stored curve over time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Where compensators are compared.
+    """Test bench on which compensators are compared.
 
     Attributes
     ----------
     servo : Servo
         Feedback and sensors.
     plant : Plant
-        The identified axis.
-    task : Task
-        What it is to follow.
+        Identified mass and friction.
+    trajectory : Trajectory
+        Reference FMU and initial state.
     r : array, shape (samples,)
-        The reference.
+        Reference [m].
     """
 
     servo: Servo
     plant: Plant
-    task: Task
+    trajectory: Trajectory
     r: Array
 
 
 @dataclass(frozen=True)
-class Trial:
-    """What was found for one compensator.
+class Evaluation:
+    """Results of one compensator.
 
     Attributes
     ----------
     gain : float or None
-        The best gain up to 1; None if all runs failed.
+        Best gain up to 1; None if all runs failed.
     metrics : Metrics or None
-        At that gain.
+        Metrics at the best gain.
     sweep : tuple of GainPoint
-        Over the gain.
+        Metrics over the gain.
     corners : tuple of Corner
-        At the best gain.
+        Metrics at the best gain with parameter mismatch.
     error : Curve or None
-        Reference minus position at the best gain.
+        Reference minus position over time at the best gain.
     """
 
     gain: float | None
@@ -75,30 +85,32 @@ class Trial:
     error: Curve | None
 
 
-def try_out(bench: Bench, placed: Placed | None, gains: Sequence[float], mismatch: float) -> Trial:
-    """Co-simulate the axis with one compensator, or without.
+def evaluate_compensator(
+    bench: Bench, compensator: Compensator | None, gains: Sequence[float], mismatch: float
+) -> Evaluation:
+    """Co-simulate the axis with one compensator, or without compensation.
 
     Parameters
     ----------
     bench : Bench
-        The axis.
-    placed : Placed or None
-        The compensator.
+        Axis and reference.
+    compensator : Compensator or None
+        Compensator; None for a single run without compensation.
     gains : sequence of float
-        Shares of the compensation; without a compensator there is one run.
+        Gains of the compensation.
     mismatch : float
-        In the corners friction and mass of the plant are 1 - mismatch and 1 + mismatch times what they were.
+        Relative error of friction and mass: four runs scale them by 1 - mismatch and 1 + mismatch. 0 for none.
     """
     runs: dict[float, tuple[GainPoint, Array | None]] = {}
     corners = []
-    with closed_loop(bench.servo, bench.plant, bench.task, placed) as system:
-        for gain in gains if placed else (0.0,):
+    with closed_loop(bench.servo, bench.plant, bench.trajectory, compensator) as system:
+        for gain in gains if compensator else (0.0,):
             metrics, error, failure = _judged(with_gain(system, gain), bench)
             runs[gain] = GainPoint(gain, metrics, failure), error
         sweep = tuple(point for point, _ in runs.values())
         fit = [(point.metrics.rms, point.gain) for point in sweep if point.metrics is not None and point.gain <= 1.0]
         if not fit:
-            return Trial(None, None, sweep, (), None)
+            return Evaluation(None, None, sweep, (), None)
         gain = min(fit)[1]
         best = with_gain(system, gain)
         for friction in (1.0 - mismatch, 1.0 + mismatch) if mismatch else ():
@@ -108,11 +120,11 @@ def try_out(bench: Bench, placed: Placed | None, gains: Sequence[float], mismatc
     point, error = runs[gain]
     assert error is not None
     drawn = thinned(bench.servo.Ts * np.arange(float(len(error))), error)
-    return Trial(gain, point.metrics, sweep, tuple(corners), drawn)
+    return Evaluation(gain, point.metrics, sweep, tuple(corners), drawn)
 
 
 def off_by(system: System, friction: float, mass: float) -> dict[str, float]:
-    """Start values of the axis with all friction forces, and the mass, that many times as large."""
+    """Return the start values of the axis with all friction forces and the mass scaled by these factors."""
     part = system.parts["friction"]
     forces = [f"friction.{port.name}" for port in part.parameters if port.unit and port.unit[0] == "N"]  # N, N/m, ...
     scaled = {name: friction * float(value) for name in forces if (value := system.start.get(name)) is not None}
@@ -120,7 +132,7 @@ def off_by(system: System, friction: float, mass: float) -> dict[str, float]:
 
 
 def _judged(system: System, bench: Bench) -> tuple[Metrics | None, Array | None, str]:
-    """Metrics and error of one run, or why it failed."""
+    """Run a system and return metrics, error and, if it failed, the reason."""
     try:
         trace = run_loop(system)
     except HarnessError as error:
@@ -129,10 +141,10 @@ def _judged(system: System, bench: Bench) -> tuple[Metrics | None, Array | None,
 
 
 def judge(trace: Trace, bench: Bench) -> tuple[Metrics | None, Array | None, str]:
-    """Metrics and error of a run, or why it failed."""
+    """Return metrics and error of a run and, if it failed, the reason."""
     error = bench.r - trace.q
     if not (np.isfinite(error).all() and np.max(np.abs(error)) <= max(float(np.ptp(bench.r)), 1e-12)):
-        return None, None, "The loop is unstable: the error grows beyond the range of the reference."
+        return None, None, "The loop is unstable: the error exceeds the range of the reference."
     begin = round(SETTLED * len(error))
     high = high_frequency(trace.force, bench)
     metrics = Metrics(
@@ -145,7 +157,7 @@ def judge(trace: Trace, bench: Bench) -> tuple[Metrics | None, Array | None, str
 
 
 def high_frequency(force: Array, bench: Bench) -> Array:
-    """The part of a force above `HIGH` times the natural frequency of the position loop, without a phase shift."""
+    """Return the part of a force above `HIGH` times the natural frequency of the position loop, with zero phase."""
     natural = (bench.servo.pid[0] / bench.plant.mass) ** 0.5 / (2.0 * pi)
     corner = min(HIGH * natural, 0.25 / bench.servo.Ts)
     sections = signal.butter(2, corner, "highpass", fs=1.0 / bench.servo.Ts, output="sos")
@@ -154,21 +166,21 @@ def high_frequency(force: Array, bench: Bench) -> Array:
 
 @dataclass(frozen=True)
 class Cost:
-    """Time of one sample [ns]."""
+    """Computing time of one sample [ns]."""
 
     ns: float
 
 
-def cost_of(placed: Placed, Ts: float, rotary: bool, samples: int = 100_000) -> Cost:
-    """Time of one sample of the compensator's FMU in the engine, the best of three; start-up does not count."""
-    part = FmuPart("law", block(placed.model, rotary))
+def cost_of(compensator: Compensator, Ts: float, rotary: bool, samples: int = 100_000) -> Cost:
+    """Measure the computing time of one sample of a compensator's FMU, without start-up, as the best of three."""
+    part = FmuPart("law", block(compensator.model, rotary))
     start: dict[str, StartValue] = {f"law.{port.name}": 0.01 for port in part.inputs if not port.optional}
-    start |= {f"law.{name}": value for name, value in typed(part, placed.values).items()}
+    start |= {f"law.{name}": value for name, value in typed(part, compensator.values).items()}
     with System([part], [], {**start, "law.Ts": Ts}) as system:
 
         def seconds(count: int) -> float:
             begin = perf_counter()
-            system.run(stop=count * Ts, step=Ts, decimate=count, record=[f"law.{placed.output}"])
+            system.run(stop=count * Ts, step=Ts, decimate=count, record=[f"law.{compensator.output}"])
             return perf_counter() - begin
 
         short = samples // 10
@@ -177,22 +189,22 @@ def cost_of(placed: Placed, Ts: float, rotary: bool, samples: int = 100_000) -> 
 
 
 def thinned(x: Array, y: Array, points: int = POINTS) -> Curve:
-    """A line with the least and the largest value of each of many intervals, in their order, so that no peak is lost.
+    """Return a decimated curve with the minimum and maximum of each interval, so that peaks are kept.
 
     Parameters
     ----------
     x, y : array, shape (n,)
-        The line.
+        Points of the curve.
     points : int
-        How many points are left, about.
+        Approximate number of points to keep.
     """
     width = -(-2 * len(y) // points)
     if width <= 2:
         return Curve(tuple(x.tolist()), tuple(y.tolist()))
     kept: list[int] = [0]
     for begin in range(0, len(y), width):
-        piece = y[begin : begin + width]
-        kept += sorted({begin + int(np.argmin(piece)), begin + int(np.argmax(piece))})
+        interval = y[begin : begin + width]
+        kept += sorted({begin + int(np.argmin(interval)), begin + int(np.argmax(interval))})
     places = np.unique([*kept, len(y) - 1])
     return Curve(tuple(x[places].tolist()), tuple(y[places].tolist()))
 

@@ -1,4 +1,4 @@
-"""The recommended compensator as files: FMU, C code, the whole axis as SSP, and its parameters as SSV."""
+"""Export of the recommended compensator: FMU, C code, the whole axis as SSP, and parameters as SSV."""
 
 from __future__ import annotations
 
@@ -10,69 +10,72 @@ from friction_fmus.axis.loop import block, closed_loop, typed, with_gain
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.export import export_law
 from friction_fmus.fmi.package import build
-from friction_fmus.study.compensators import Choice
+from friction_fmus.study.compensators import Candidate
 from friction_fmus.study.evaluation import Bench
-from friction_fmus.study.models import Found
+from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.records import WrittenFile
 from harness import FmuPart, Parameter, ParameterSet, open_archive, write_ssv
 
 OWN: Final = "recommended"
-"""Folder of what belongs to the recommendation."""
+"""Folder of the files of the recommendation."""
 
 
 def export_recommended(
-    out: Path, bench: Bench, choice: Choice | None, gain: float, name: str, citation: str
+    out: Path, bench: Bench, candidate: Candidate | None, gain: float, name: str, citation: str
 ) -> tuple[WrittenFile, ...]:
-    """Write what is needed to use the recommended compensator.
+    """Write the files needed to use the recommended compensator.
 
     Parameters
     ----------
     out : Path
         Folder of the results.
     bench : Bench
-        The axis.
-    choice : Choice or None
-        The compensator; None: the axis without one.
+        Axis and reference.
+    candidate : Candidate or None
+        Compensator; None for the axis without one.
     gain : float
-        Share of the compensation.
+        Gain of the compensation.
     name : str
-        What the axis is called.
+        Name of the axis.
     citation : str
-        Whom to cite.
+        Citation of the data.
 
     Returns
     -------
     tuple of WrittenFile
-        What was written. `axis.ssp` and `axis.toml` have all FMUs and parameters of the axis; in the compensator its
-        own parameter `gain` is the share, and the wire passes its force on as it is.
+        Written files. `axis.ssp` contains all FMUs and parameters of the axis. The gain is set in the compensator's
+        parameter `gain`; its connection to the servo has the gain 1.
     """
     folder = out / OWN
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    placed = choice.placed if choice is not None else None
+    compensator = candidate.compensator if candidate is not None else None
     fmus = {}
-    if choice is not None and placed is not None:
+    if candidate is not None and compensator is not None:
         limits = {"u_min": -bench.servo.force_limit, "u_max": bench.servo.force_limit}
-        given = {**limits, "gain": gain, **placed.values, "Ts": bench.servo.Ts}
-        values = typed(FmuPart("law", block(placed.model, bench.task.rotary)), given)
-        domain: Literal["translational", "rotational"] = "rotational" if bench.task.rotary else "translational"
-        fmus["compensator"] = build(placed.model, folder, values, domain=domain)
-        written.append(WrittenFile(_path(out, fmus["compensator"]), f"{placed.model} with the parameters of the axis"))
+        given = {**limits, "gain": gain, **compensator.values, "Ts": bench.servo.Ts}
+        values = typed(FmuPart("law", block(compensator.model, bench.trajectory.rotary)), given)
+        domain: Literal["translational", "rotational"] = "rotational" if bench.trajectory.rotary else "translational"
+        fmus["compensator"] = build(compensator.model, folder, values, domain=domain)
+        written.append(
+            WrittenFile(_path(out, fmus["compensator"]), f"{compensator.model} with the parameters of the axis")
+        )
         parameters = _parameters(fmus["compensator"], values)
-        write_ssv(ParameterSet(f"{name} {placed.model}", parameters, _cited(citation)), folder / "compensator.ssv")
-        written.append(WrittenFile(f"{OWN}/compensator.ssv", f"Parameters of {placed.model}, SSP 1.0"))
-        if find(placed.model).kind == "law" and not bench.task.rotary:
-            for file in export_law(placed.model, folder / "c", start=values):
-                written.append(WrittenFile(_path(out, file), "C code of the same, for an embedded target"))
-    with closed_loop(bench.servo, bench.plant, bench.task, placed, fmus) as system:
-        whole = with_gain(system, gain) if placed is not None and placed.output != "u" else system
+        write_ssv(ParameterSet(f"{name} {compensator.model}", parameters, _cited(citation)), folder / "compensator.ssv")
+        written.append(WrittenFile(f"{OWN}/compensator.ssv", f"Parameters of {compensator.model}, SSP 1.0"))
+        if find(compensator.model).kind == "law" and not bench.trajectory.rotary:
+            for file in export_law(compensator.model, folder / "c", start=values):
+                written.append(WrittenFile(_path(out, file), f"C code of {compensator.model} for an embedded target"))
+    with closed_loop(bench.servo, bench.plant, bench.trajectory, compensator, fmus) as system:
+        whole = with_gain(system, gain) if compensator is not None and compensator.output != "u" else system
         whole.to_ssp(folder / "axis.ssp")
-        written.append(WrittenFile(f"{OWN}/axis.ssp", "The whole axis: reference, compensator, servo, mass, friction"))
+        title = "SSP archive of the whole axis: reference, compensator, servo, mass, friction"
+        written.append(WrittenFile(f"{OWN}/axis.ssp", title))
     return tuple(written)
 
 
-def export_models(out: Path, models: Sequence[Found], rotary: bool, citation: str) -> tuple[WrittenFile, ...]:
-    """Write the best model as FMU, and the parameters of every identified one as SSV."""
+def export_models(out: Path, models: Sequence[IdentifiedModel], rotary: bool, citation: str) -> tuple[WrittenFile, ...]:
+    """Write the best model as FMU, and the parameters of every identified model as SSV."""
     written = []
     folder = out / "models"
     folder.mkdir(parents=True, exist_ok=True)

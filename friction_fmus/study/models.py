@@ -1,4 +1,4 @@
-"""The friction models of a study: identify one, see how the servo moves with it, bring all in order."""
+"""Friction models of a study: identification, co-simulation of the servo with each model, and ranking."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.axis.loop import Plant, Task, closed_loop, run_loop
+from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
 from friction_fmus.axis.servo import Servo
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import FrictionError
@@ -30,45 +30,44 @@ from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.scores import weak_parameters
 from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.evaluation import thinned
-from friction_fmus.study.records import Curve, Fit, FoundParameter, ModelRow
+from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult
 from harness import HarnessError
 
 ALIKE: Final = 0.05
-"""Errors that differ by less count as equal, and the information criterion decides."""
+"""Relative difference below which errors count as equal; the information criterion then decides."""
 
 INVERSE: Final = "Coulomb + viscous"
-"""Name of the row of the inverse model."""
+"""Name of the inverse model in the results."""
 
 MEANING: Final = {"M": "moved mass", "OF": "offset of the drive"}
 
 _STEPS: Final = {"M": 0.02, "vs": 0.2, "Fs": 0.1}
-"""Part of a parameter by which it is changed for a difference, 4 % for others: the axis must move by more than the grid
-of its encoder."""
+"""Relative step of a parameter for differences, 4 % by default: its effect must exceed the encoder resolution."""
 
 
 @dataclass(frozen=True)
-class Found:
-    """A model with its parameters.
+class IdentifiedModel:
+    """Identified friction model.
 
     Attributes
     ----------
-    row : ModelRow
-        For the report.
+    row : ModelResult
+        Entry in the result of the study.
     block : str
-        Friction block that has these parameters.
+        Friction block.
     values : mapping of str to float
         Parameters of the block.
     mass, offset : float
-        Of the axis; 0 where the record has no drive force.
-    error : float
-        What the models are ranked by; infinite is None.
+        Mass [kg] and constant force [N] of the axis; 0 if the record has no drive force.
+    error : float or None
+        Error by which the models are ranked; None if it is infinite or the model failed.
     predicted : Curve or None
-        The fitted signal over time as the model has it.
+        Fitted signal over time as simulated by the model.
     position, force : Curve or None
         Simulated minus measured position, and simulated force, of the servo over time.
     """
 
-    row: ModelRow
+    row: ModelResult
     block: str = ""
     values: Mapping[str, float] = field(default_factory=dict)
     mass: float = 0.0
@@ -80,28 +79,28 @@ class Found:
 
     @property
     def plant(self) -> Plant:
-        """The axis with this friction."""
+        """Axis with this friction."""
         return Plant(self.block, self.values, self.mass, self.offset)
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """The servo as it was measured.
+    """Measured servo.
 
     Attributes
     ----------
     servo : Servo
-        Its feedback and sensors.
-    task : Task
-        The reference and the state at the beginning, of the whole record.
+        Feedback and sensors.
+    trajectory : Trajectory
+        Reference and initial state of the whole record.
     q, force : array, shape (samples,)
-        What was measured.
+        Measured position and force.
     train, validation : (int, int)
-        First sample, and the one behind the last, of what is fitted and of what the models are ranked by.
+        First and one past the last sample of the data for the fit and for the ranking.
     """
 
     servo: Servo
-    task: Task
+    trajectory: Trajectory
     q: Array
     force: Array | None
     train: tuple[int, int]
@@ -114,28 +113,28 @@ def identify_model(
     validation: Sequence[Record],
     published: Mapping[str, float],
     measured: Measured | None,
-) -> Found:
-    """Identify a friction model; if that fails the row says why.
+) -> IdentifiedModel:
+    """Identify a friction model; if the identification fails, the result states the reason.
 
     Parameters
     ----------
     name : str
         Friction block.
     train, validation : sequence of Record
-        What is fitted, and what is predicted.
+        Data for the fit and for validation.
     published : mapping of str to float
-        Known values of parameters.
+        Known parameter values.
     measured : Measured or None
-        The servo, with which the model is then co-simulated.
+        Measured servo, to be co-simulated with the identified model.
     """
     summary = find(name).summary
     try:
-        # a law without a state is quick to search, and has more than one valley
+        # a model without state is fast to simulate and its cost may have several local minima
         starts = 3 if contact_model(name, train[0].units).static else 1
         result = identify(name, list(train), validation=list(validation) or None, starts=starts)
     except (FrictionError, HarnessError, ArithmeticError, np.linalg.LinAlgError) as error:
-        return Found(ModelRow(name, summary, reason=str(error)))
-    found = Found(
+        return IdentifiedModel(ModelResult(name, summary, reason=str(error)))
+    found = IdentifiedModel(
         row_of(result, summary, published),
         name,
         {key: value for key, value in result.values().items() if key not in MEANING},
@@ -149,28 +148,29 @@ def identify_model(
     try:
         return in_closed_loop(found, measured)
     except (FrictionError, HarnessError) as error:
-        warnings = (*found.row.warnings, f"The servo could not be co-simulated with it: {error}")
+        warnings = (*found.row.warnings, f"The servo could not be co-simulated with this model: {error}")
         return replace(found, row=replace(found.row, warnings=warnings), error=None)
 
 
-def inverse_model(record: Record, published: Mapping[str, float], measured: Measured | None) -> Found:
-    """Mass, viscous friction, Coulomb friction and offset by least squares of the inverse model (Janot, Gautier, Brunot
-    2019), as the block Stribeck without a Stribeck effect.
+def inverse_model(record: Record, published: Mapping[str, float], measured: Measured | None) -> IdentifiedModel:
+    """Identify mass, viscous and Coulomb friction and offset by least squares of the inverse model.
+
+    The method is IDIM-LS (Janot, Gautier, Brunot 2019); the result is a Stribeck block without Stribeck effect.
     """
     summary = "Coulomb and viscous friction from the inverse model (IDIM-LS)"
     try:
         fit = identify_inverse_model(record, default_settings(record))
     except FrictionError as error:
-        return Found(ModelRow(INVERSE, summary, reason=str(error)))
+        return IdentifiedModel(ModelResult(INVERSE, summary, reason=str(error)))
     rows = tuple(
-        FoundParameter(p.name, p.value, p.standard_error, p.unit, MEANING.get(p.name, ""), published.get(p.name))
+        IdentifiedParameter(p.name, p.value, p.standard_error, p.unit, MEANING.get(p.name, ""), published.get(p.name))
         for p in fit.parameters.values()
     )
     Fc = fit.parameters["Fc"].value
     force = record.column("force")
     train = Fit(fit.relative_residual * _rms(force), 100.0 * fit.relative_residual, "force", record.units.force)
-    found = Found(
-        ModelRow(INVERSE, summary, "inverse", rows, train, simulations=0),
+    found = IdentifiedModel(
+        ModelResult(INVERSE, summary, "inverse", rows, train, simulations=0),
         "Stribeck",
         {"Fc": Fc, "Fs": Fc, "Fv": fit.parameters["Fv"].value},
         fit.parameters["M"].value,
@@ -180,15 +180,14 @@ def inverse_model(record: Record, published: Mapping[str, float], measured: Meas
     return found if measured is None else in_closed_loop(found, measured)
 
 
-def row_of(result: Identification, summary: str, published: Mapping[str, float]) -> ModelRow:
-    """The row of a result."""
-
+def row_of(result: Identification, summary: str, published: Mapping[str, float]) -> ModelResult:
+    """Return an identification as entry in the result of a study."""
     known = contact_model(result.block, result.records[0].units).parameters
 
-    def parameter(name: str, estimate: Estimate) -> FoundParameter:
+    def parameter(name: str, estimate: Estimate) -> IdentifiedParameter:
         error = estimate.standard_error
         meaning = MEANING.get(name) or known[name].text
-        return FoundParameter(
+        return IdentifiedParameter(
             name,
             estimate.value,
             error if np.isfinite(error) else None,
@@ -201,7 +200,7 @@ def row_of(result: Identification, summary: str, published: Mapping[str, float])
     def fit(score: Score | None) -> Fit | None:
         return None if score is None else Fit(score.rms, score.relative_percent, result.signal, result.unit)
 
-    return ModelRow(
+    return ModelResult(
         result.model,
         summary,
         result.method,
@@ -216,14 +215,14 @@ def row_of(result: Identification, summary: str, published: Mapping[str, float])
     )
 
 
-def in_closed_loop(found: Found, measured: Measured) -> Found:
-    """Co-simulate the servo with an identified model, from the beginning of the record."""
-    with closed_loop(measured.servo, found.plant, measured.task) as system:
+def in_closed_loop(found: IdentifiedModel, measured: Measured) -> IdentifiedModel:
+    """Co-simulate the servo with an identified model from the start of the record."""
+    with closed_loop(measured.servo, found.plant, measured.trajectory) as system:
         trace = run_loop(system)
     if not (np.isfinite(trace.q).all() and np.isfinite(trace.force).all()):
-        raise FrictionError("it is unstable.")
+        raise FrictionError("the loop is unstable.")
     q, force = measured.q, measured.force
-    units = ROTARY if measured.task.rotary else LINEAR
+    units = ROTARY if measured.trajectory.rotary else LINEAR
     fits = [Fit(_rms(trace.q - q), 100.0 * _rms(trace.q - q) / _rms(q), "position", units.position)]
     t = measured.servo.Ts * np.arange(float(len(q)))
     if force is not None:
@@ -239,11 +238,11 @@ def in_closed_loop(found: Found, measured: Measured) -> Found:
     )
 
 
-def refine(found: Found, measured: Measured) -> Found:
-    """Fit what the record determines well so that the co-simulated servo moves as the measured one did.
+def refine(found: IdentifiedModel, measured: Measured) -> IdentifiedModel:
+    """Fit the well-determined parameters so that the co-simulated servo follows the measured motion.
 
-    Only the position is compared: the force follows from it through the known controller and would count the same error
-    twice. If the servo does not come closer, the model stays as it was.
+    Only positions are compared: the force follows from the position through the known controller and would count the
+    same error twice. If the fit does not reduce the error, the model is returned unchanged.
     """
     rows = {p.name: p for p in found.row.parameters}
     free = [p for p in rows.values() if p.standard_error is not None and p.standard_error < abs(p.value)]
@@ -252,13 +251,13 @@ def refine(found: Found, measured: Measured) -> Found:
     if "M" not in {p.name for p in free} or not level:
         return found
 
-    def step(p: FoundParameter) -> float:
+    def step(p: IdentifiedParameter) -> float:
         return 0.02 * level if p.name == "OF" else _STEPS.get(p.name, 0.04) * p.value
 
-    contact = contact_model(found.block, ROTARY if measured.task.rotary else LINEAR)
+    contact = contact_model(found.block, ROTARY if measured.trajectory.rotary else LINEAR)
     known = contact.parameters
 
-    def unknown(p: FoundParameter) -> Unknown:
+    def unknown(p: IdentifiedParameter) -> Unknown:
         lower = -np.inf if p.name == "OF" else 1e-3 * p.value
         if p.name in known:
             return Unknown(p.name, p.value, step(p), p.unit, max(lower, known[p.name].lower), known[p.name].upper)
@@ -266,8 +265,8 @@ def refine(found: Found, measured: Measured) -> Found:
 
     unknowns = [unknown(p) for p in free]
     first, last = measured.train
-    task = replace(measured.task, samples=last)
-    with closed_loop(measured.servo, found.plant, task) as system:
+    trajectory = replace(measured.trajectory, samples=last)
+    with closed_loop(measured.servo, found.plant, trajectory) as system:
 
         def simulate(values: Mapping[str, float]) -> dict[str, Array]:
             own = {f"friction.{name}": value for name, value in values.items() if name not in MEANING}
@@ -285,13 +284,13 @@ def refine(found: Found, measured: Measured) -> Found:
     errors = {name: estimate.standard_error for name, estimate in fit.parameters.items()}
     weak = weak_parameters(contact, list(values), values, errors, fit.correlation, {}, ())
 
-    def replaced(p: FoundParameter) -> FoundParameter:
+    def replaced(p: IdentifiedParameter) -> IdentifiedParameter:
         if p.name not in values:
             return p
         error = errors[p.name] if np.isfinite(errors[p.name]) else None
         return replace(p, value=values[p.name], standard_error=error, weak=weak.get(p.name, ""))
 
-    refined = Found(
+    refined = IdentifiedModel(
         replace(
             found.row,
             method=f"{found.row.method}, then closed-loop",
@@ -310,10 +309,10 @@ def refine(found: Found, measured: Measured) -> Found:
     return refined if better else found
 
 
-def ranked(models: Sequence[Found]) -> list[Found]:
-    """Models in order, with their rank: the smaller error first; alike within `ALIKE`, the smaller BIC first."""
+def ranked(models: Sequence[IdentifiedModel]) -> list[IdentifiedModel]:
+    """Return the models with their ranks, ordered by error, and by BIC if errors are equal within `ALIKE`."""
     left = sorted((found for found in models if found.error is not None and np.isfinite(found.error)), key=_error)
-    ordered: list[Found] = []
+    ordered: list[IdentifiedModel] = []
     while left:
         alike = [found for found in left if _error(found) <= (1.0 + ALIKE) * _error(left[0])]
         first = min(alike, key=lambda found: np.inf if found.row.bic is None else round(found.row.bic, 3))
@@ -322,8 +321,8 @@ def ranked(models: Sequence[Found]) -> list[Found]:
     return ordered + [found for found in models if found.error is None or not np.isfinite(found.error)]
 
 
-def _error(found: Found) -> float:
-    """To six digits: models that do the same differ in the last bits, and these are not to order them."""
+def _error(found: IdentifiedModel) -> float:
+    """Return the error rounded to six digits: differences in the last bits must not decide the order."""
     assert found.error is not None
     return float(f"{found.error:.6g}")
 

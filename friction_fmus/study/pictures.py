@@ -1,4 +1,4 @@
-"""What a study draws: the record, friction over velocity, and the loops of friction over position."""
+"""Curves that a study plots: the record, friction over velocity, and friction loops over position."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from friction_fmus.axis.loop import block, typed
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion
 from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.evaluation import thinned
-from friction_fmus.study.models import Found
+from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.records import Curve, Picture
 from harness import Experiment, FmuPart, SeriesPart, System
 
 DRAWN: Final = 4
-"""Models that are drawn, the best ones."""
+"""Number of models to plot, best first."""
 
 CLOUD: Final = 2000
-"""Points of a cloud, about."""
+"""Approximate number of points of a scatter plot."""
 
 LOOP: Final = 3.0
-"""Longest piece of the record of which loops are drawn [s]."""
+"""Longest section of the record plotted as a loop [s]."""
 
 
-def series(data: Sequence[Record], models: Sequence[Found]) -> tuple[Picture, ...]:
-    """The record over time, and what the best models make of it."""
+def series(data: Sequence[Record], models: Sequence[IdentifiedModel]) -> tuple[Picture, ...]:
+    """Return the record over time, together with the simulations of the best models."""
     record = max(data, key=len)
     units = record.units
     drawn = [found for found in models[:DRAWN] if found.row.rank]
@@ -59,7 +59,7 @@ def series(data: Sequence[Record], models: Sequence[Found]) -> tuple[Picture, ..
 
 
 def friction_of(record: Record, mass: float, offset: float) -> tuple[Array, Array, Array] | None:
-    """Position, velocity and friction behind the record, filtered; None if it has neither friction nor force."""
+    """Return position, filtered velocity and friction of a record; None if it has neither friction nor force."""
     if record.q is None:
         return None
     motion = filtered_motion(record, default_settings(record))
@@ -70,8 +70,8 @@ def friction_of(record: Record, mass: float, offset: float) -> tuple[Array, Arra
     return record.q, motion.v, record.force - mass * motion.a - offset
 
 
-def over_velocity(record: Record, models: Sequence[Found]) -> Picture | None:
-    """Friction over velocity: points of the record, and the curves that the FMUs draw along a slow sweep."""
+def over_velocity(record: Record, models: Sequence[IdentifiedModel]) -> Picture | None:
+    """Return friction over velocity: points of the record, and curves of the models on a slow velocity sweep."""
     best = [found for found in models if found.row.rank]
     behind = friction_of(record, best[0].mass, best[0].offset) if best else None
     if behind is None:
@@ -80,7 +80,7 @@ def over_velocity(record: Record, models: Sequence[Found]) -> Picture | None:
     smooth, level = decimate(v, 10), decimate(friction, 10)
     few = slice(50, -50, max(1, len(smooth) // CLOUD)) if len(smooth) > 300 else slice(None)
     fastest = 1.05 * float(np.max(np.abs(v)))
-    at = np.linspace(-fastest, fastest, 800)  # even, so that it steps over the jump at rest
+    at = np.linspace(-fastest, fastest, 800)  # an even number: no point is at the jump at rest
     curves = {}
     for found in best[:DRAWN]:
         F = drive(found, record.units, 5.0 * np.arange(800.0) / 800.0, at, _load(record))
@@ -90,8 +90,8 @@ def over_velocity(record: Record, models: Sequence[Found]) -> Picture | None:
     return Picture("velocity", "friction", units.velocity, units.force, {"record": points}, curves)
 
 
-def over_position(record: Record, models: Sequence[Found]) -> Picture | None:
-    """Friction over position around the reversal in the middle of the record: measured, and of the models."""
+def over_position(record: Record, models: Sequence[IdentifiedModel]) -> Picture | None:
+    """Return friction over position around the reversal nearest to the middle of the record, measured and simulated."""
     best = [found for found in models if found.row.rank]
     behind = friction_of(record, best[0].mass, best[0].offset) if best else None
     if behind is None:
@@ -103,23 +103,23 @@ def over_position(record: Record, models: Sequence[Found]) -> Picture | None:
         return None
     centre = int(turns[np.argmin(np.abs(turns - len(v) // 2))])
     half = min(round(0.5 * LOOP / record.Ts), len(v) // 4)
-    piece = slice(max(0, centre - half), centre + half)
-    # a bristle that starts at speed takes a while to bend
-    lead = min(piece.start, half)
-    driven = slice(piece.start - lead, piece.stop)
+    section = slice(max(0, centre - half), centre + half)
+    # start earlier: a bristle that starts in motion takes some time to deflect
+    lead = min(section.start, half)
+    driven = slice(section.start - lead, section.stop)
     t = record.Ts * np.arange(float(len(v[driven])))
-    few = max(1, len(v[piece]) // 600)
+    few = max(1, len(v[section]) // 600)
     loops = {}
     for found in best[:DRAWN]:
         F = drive(found, record.units, t, v[driven], _load(record))[lead:]
-        loops[found.row.name] = Curve(tuple(q[piece][::few].tolist()), tuple(F[::few].tolist()))
-    points = Curve(tuple(q[piece][::few].tolist()), tuple(friction[piece][::few].tolist()))
+        loops[found.row.name] = Curve(tuple(q[section][::few].tolist()), tuple(F[::few].tolist()))
+    points = Curve(tuple(q[section][::few].tolist()), tuple(friction[section][::few].tolist()))
     units = record.units
     return Picture("position", "friction", units.position, units.force, {"record": points}, loops)
 
 
-def drive(found: Found, units: AxisUnits, t: Array, v: Array, load: float | None) -> Array:
-    """Friction force of a model along a velocity, shape (n,): the FMU, stepped from sample to sample."""
+def drive(found: IdentifiedModel, units: AxisUnits, t: Array, v: Array, load: float | None) -> Array:
+    """Return the friction force of a model's FMU driven by a velocity, shape (n,)."""
     step = float(t[1] - t[0])
     contact = FmuPart("friction", block(found.block, units.position == "rad"))
     sweep = SeriesPart("sweep", t, {"v": v}, {"v": units.velocity})
@@ -133,5 +133,5 @@ def drive(found: Found, units: AxisUnits, t: Array, v: Array, load: float | None
 
 
 def _load(record: Record) -> float | None:
-    """Mean normal force, where it was measured."""
+    """Return the mean normal force; None if it was not measured."""
     return None if record.normal is None else float(np.mean(record.normal))

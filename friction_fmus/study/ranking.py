@@ -1,11 +1,12 @@
-"""Which compensator is best: a rule in four lines, and its reason in two sentences.
+"""Ranking of the compensators, and the recommendation in two sentences.
 
-1. A compensator pays if it makes the error at least `WORTH` smaller than without, as identified and in every corner of
-   the mismatch.
-2. Those that pay without much noise come first, then the noisy ones that pay, then the others.
-3. Within these, the smaller error in the worst corner comes first.
-4. Those within `ALIKE` of the smallest count as equal; among them the ones that hardly add high-frequency force come
-   first, then the cheaper ones, and of those whose cost is alike within a factor of two the smaller error again.
+1. A compensator improves the axis if it reduces the tracking error by at least `WORTH`, both with the identified
+   parameters and in every run with parameter mismatch.
+2. Compensators that improve the axis without much noise come first, then noisy ones that improve it, then the others.
+3. Within each group, the smaller worst-case error comes first.
+4. Worst-case errors within `ALIKE` of the smallest count as equal. Among them, compensators that add almost no
+   high-frequency force come first, then faster ones; costs within a factor of two count as equal, and the smaller
+   error decides.
 """
 
 from __future__ import annotations
@@ -14,44 +15,44 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from friction_fmus.study.records import CompensatorRow, Metrics, Recommendation
+from friction_fmus.study.records import CompensatorResult, Metrics, Recommendation
 
 WORTH: Final = 0.05
-"""Least gain, as a share of the error without compensation."""
+"""Smallest relative reduction of the error that counts as an improvement."""
 
 ALIKE: Final = 0.10
-"""Worst errors that differ by less count as equal."""
+"""Relative difference below which worst-case errors count as equal."""
 
 NOISY: Final = 2.0
-"""High-frequency force over that of the servo alone from which a compensator is noisy."""
+"""Ratio to the high-frequency force of the servo alone above which a compensator is noisy."""
 
 QUIET: Final = 1.1
-"""The same up to which one adds hardly any."""
+"""Ratio to the high-frequency force of the servo alone up to which a compensator adds almost none."""
 
 NEGLIGIBLE: Final = 0.02
-"""High-frequency force over the whole force of the servo alone below which it does not matter."""
+"""Ratio to the total force of the servo alone below which high-frequency force is negligible."""
 
 
-def rank(none: CompensatorRow, rows: Sequence[CompensatorRow]) -> list[CompensatorRow]:
-    """Judge the compensators and bring them in order.
+def rank(none: CompensatorResult, rows: Sequence[CompensatorResult]) -> list[CompensatorResult]:
+    """Rank the compensators.
 
     Parameters
     ----------
-    none : CompensatorRow
-        The servo without compensation.
-    rows : sequence of CompensatorRow
-        The others.
+    none : CompensatorResult
+        Servo without compensation.
+    rows : sequence of CompensatorResult
+        Compensators.
 
     Returns
     -------
-    list of CompensatorRow
-        Those that were co-simulated, with `worst`, `best`, `pays`, `noisy` and `rank`, then those that do not apply.
+    list of CompensatorResult
+        Compensators by rank, with `worst`, `best`, `improves`, `noisy` and `rank` set, then those without metrics.
     """
     judged = [_judged(none, row) for row in rows if row.metrics is not None]
-    ordered: list[CompensatorRow] = []
+    ordered: list[CompensatorResult] = []
     for group in ((True, False), (True, True), (False, False), (False, True)):
         left = sorted(
-            (row for row in judged if (row.pays, row.noisy) == group), key=lambda row: (_worst(row), row.name)
+            (row for row in judged if (row.improves, row.noisy) == group), key=lambda row: (_worst(row), row.name)
         )
         while left:
             alike = [row for row in left if _worst(row) <= (1.0 + ALIKE) * _worst(left[0])]
@@ -62,8 +63,11 @@ def rank(none: CompensatorRow, rows: Sequence[CompensatorRow]) -> list[Compensat
     return ranked + [row for row in rows if row.metrics is None]
 
 
-def extremes(row: CompensatorRow, none: CompensatorRow) -> CompensatorRow:
-    """The row with its smallest and largest error; the largest is None if a corner failed that runs without it."""
+def extremes(row: CompensatorResult, none: CompensatorResult) -> CompensatorResult:
+    """Return the result with its smallest and largest error.
+
+    The largest is None if a run with mismatch failed that succeeds without compensation.
+    """
     possible = zip(none.corners, row.corners, strict=True)
     runs = [row.metrics, *(corner.metrics for without, corner in possible if without.metrics is not None)]
     errors = [run.rms for run in runs if run is not None]
@@ -71,82 +75,96 @@ def extremes(row: CompensatorRow, none: CompensatorRow) -> CompensatorRow:
     return replace(row, best=min(errors, default=None), worst=None if failed else max(errors))
 
 
-def recommend(none: CompensatorRow, ranked: Sequence[CompensatorRow], unit: str) -> Recommendation:
-    """Say which one to take.
+def recommend(none: CompensatorResult, ranked: Sequence[CompensatorResult], unit: str) -> Recommendation:
+    """Return the recommended compensator with the reasons.
 
     Parameters
     ----------
-    none : CompensatorRow
-        The servo without compensation.
-    ranked : sequence of CompensatorRow
-        What `rank` returned.
+    none : CompensatorResult
+        Servo without compensation.
+    ranked : sequence of CompensatorResult
+        Compensators as returned by `rank`.
     unit : str
         Unit of the position, "m" or "rad".
     """
     tried = [row for row in ranked if row.rank is not None]
     if not tried:
-        return Recommendation("", "No compensator could be tried on this axis. The reasons stand in the table.")
+        return Recommendation("", "No compensator could be simulated on this axis. The table states the reasons.")
     assert none.metrics is not None
     without = shown(none.metrics.rms, unit)
     first = tried[0]
     assert first.metrics is not None
-    if not first.pays:
+    off = worst_case(none)
+    if not first.improves:
         nearest = min(tried, key=_worst)
         assert nearest.metrics is not None
-        what = f"it leaves {shown(nearest.metrics.rms, unit)} as identified"
+        what = f"{shown(nearest.metrics.rms, unit)} with the identified parameters"
         if nearest.worst is not None:
-            what += f" and up to {shown(nearest.worst, unit)} in the corners"
+            what += f" and {shown(nearest.worst, unit)} in the worst case"
         return Recommendation(
             "none",
-            f"No compensator makes the error of {without} rms at least {100 * WORTH:.0f} % smaller both as identified "
-            f"and in every corner of the mismatch. The nearest is {nearest.name}: {what}.",
+            f"No compensator reduces the tracking error of {without} rms by at least {100 * WORTH:.0f} %"
+            + (f" in all cases, including those {off}" if off else "")
+            + f". {nearest.name} comes closest, with {what}.",
         )
-    paying = [row for row in tried if row.pays]
-    alike = [row for row in paying if row.noisy == first.noisy and _worst(row) <= (1.0 + ALIKE) * _smallest(paying)]
+    improving = [row for row in tried if row.improves]
+    alike = [
+        row for row in improving if row.noisy == first.noisy and _worst(row) <= (1.0 + ALIKE) * _smallest(improving)
+    ]
     assert first.worst is not None
     assert none.worst is not None
     one = (
-        f"{first.name} at the gain {first.gain:g} brings the tracking error from {without} to "
-        f"{shown(first.metrics.rms, unit)} rms, and to {shown(first.worst, unit)} in the worst corner of the mismatch, "
-        f"where it is up to {shown(none.worst, unit)} without."
+        f"{first.name} with gain {first.gain:g} reduces the tracking error from {without} to "
+        f"{shown(first.metrics.rms, unit)} rms"
+        + (
+            f", and in the worst case {off} from {shown(none.worst, unit)} to {shown(first.worst, unit)}."
+            if off
+            else "."
+        )
     )
     added = first.metrics.effort_high / none.metrics.effort_high - 1.0 if none.metrics.effort_high else 0.0
-    force = f"adds {100.0 * added:.0f} % to" if added >= QUIET - 1.0 else "adds next to nothing to"
-    price = f"{force} the force above the bandwidth of the loop and takes {first.cost_ns or 0.0:.0f} ns a sample"
+    force = f"adds {100.0 * added:.0f} % to" if added >= QUIET - 1.0 else "adds almost nothing to"
+    cost = f"it {force} the drive force above the loop bandwidth and takes {first.cost_ns or 0.0:.0f} ns per sample"
     if len(alike) > 1 and first in alike:
-        others = f"{len(alike)} compensators are alike in the worst corner within {100 * ALIKE:.0f} %"
-        two = f"{others}, and of these none is less noisy or takes less than half the time: it {price}."
+        others = f"Of {len(alike)} compensators whose worst-case errors agree within {100 * ALIKE:.0f} %"
+        two = f"{others}, none is clearly less noisy or more than twice as fast; {cost}."
     else:
-        two = f"No other one that pays without more noise has a worst error as small, and it {price}."
-    if len(paying) < 2:
+        two = f"No other compensator has as small a worst-case error without more noise; {cost}."
+    if len(improving) < 2:
         return Recommendation(first.name, f"{one} {two}", first.gain)
-    second = paying[1]
+    second = improving[1]
     assert second.metrics is not None
     assert second.worst is not None
     also = (
-        f"{second.name} reaches {shown(second.metrics.rms, unit)}, {shown(second.worst, unit)} in the worst corner, "
-        f"for {second.cost_ns or 0.0:.0f} ns a sample."
+        f"{second.name} reaches {shown(second.metrics.rms, unit)} rms and {shown(second.worst, unit)} in the worst "
+        f"case, for {second.cost_ns or 0.0:.0f} ns per sample."
     )
     return Recommendation(first.name, f"{one} {two}", first.gain, second.name, also)
 
 
+def worst_case(row: CompensatorResult) -> str:
+    """Return the mismatch of the runs that include the worst case in words; empty without such runs."""
+    largest = max((abs(corner.friction - 1.0) for corner in row.corners), default=0.0)
+    return f"with friction and mass {100.0 * largest:.3g} % off" if row.corners else ""
+
+
 def shown(value: float, unit: str) -> str:
-    """A length or an angle in a unit that suits it."""
+    """Return a length or an angle with a suitable unit prefix."""
     for factor, prefix in ((1.0, ""), (1e3, "m"), (1e6, "µ")):
         if abs(value) * factor >= 1.0:
             return f"{value * factor:.3g} {prefix}{unit}"
     return f"{value * 1e9:.3g} n{unit}"
 
 
-def _judged(none: CompensatorRow, row: CompensatorRow) -> CompensatorRow:
-    """The row with what it is judged by."""
+def _judged(none: CompensatorResult, row: CompensatorResult) -> CompensatorResult:
+    """Return the result with `worst`, `best`, `improves` and `noisy` set."""
     row = extremes(row, none)
     pairs = [
         (none.metrics, row.metrics),
         *((a.metrics, b.metrics) for a, b in zip(none.corners, row.corners, strict=True)),
     ]
-    pays = all(a is None or (b is not None and b.rms <= (1.0 - WORTH) * a.rms) for a, b in pairs)
-    return replace(row, pays=pays, noisy=_noisy(none.metrics, row.metrics))
+    improves = all(a is None or (b is not None and b.rms <= (1.0 - WORTH) * a.rms) for a, b in pairs)
+    return replace(row, improves=improves, noisy=_noisy(none.metrics, row.metrics))
 
 
 def _noisy(none: Metrics | None, own: Metrics | None) -> bool:
@@ -155,23 +173,26 @@ def _noisy(none: Metrics | None, own: Metrics | None) -> bool:
     return own.effort_high > NOISY * none.effort_high and own.effort_high > NEGLIGIBLE * none.effort
 
 
-def _adds_noise(none: CompensatorRow, row: CompensatorRow) -> bool:
+def _adds_noise(none: CompensatorResult, row: CompensatorResult) -> bool:
     assert none.metrics is not None
     assert row.metrics is not None
     high = row.metrics.effort_high
     return high > QUIET * none.metrics.effort_high and high > NEGLIGIBLE * none.metrics.effort
 
 
-def _cheapest(rows: Sequence[CompensatorRow]) -> CompensatorRow:
-    """Of rows in the order of their errors; a measured time is no better than to a factor of two."""
+def _cheapest(rows: Sequence[CompensatorResult]) -> CompensatorResult:
+    """Return the first result, in order of error, whose cost is within a factor of two of the lowest.
+
+    Measured times are not more accurate than that.
+    """
     least = min(row.cost_ns or 0.0 for row in rows)
     return next(row for row in rows if (row.cost_ns or 0.0) <= 2.0 * least)
 
 
-def _worst(row: CompensatorRow) -> float:
-    """To six digits: compensators that give the same force differ in the last bits, which are not to order them."""
+def _worst(row: CompensatorResult) -> float:
+    """Return the worst-case error rounded to six digits: differences in the last bits must not decide the order."""
     return float("inf") if row.worst is None else float(f"{row.worst:.6g}")
 
 
-def _smallest(rows: Sequence[CompensatorRow]) -> float:
+def _smallest(rows: Sequence[CompensatorResult]) -> float:
     return min(_worst(row) for row in rows)

@@ -1,7 +1,7 @@
-"""The rows of the result of a study: models, compensators, findings, files and curves, as plain data.
+"""Parts of the result of a study: models, compensators, conditions, files and curves, as plain data.
 
-Every class here is frozen and holds numbers, texts, tuples and mappings only. Numbers are in SI units or in the units
-that `StudyResult.units` names; a number that does not exist is None, never NaN.
+The classes are frozen and contain only numbers, strings, tuples and mappings. Numbers are in SI units, or in the units
+in `StudyResult.units` for a rotary axis. A missing number is None, never NaN.
 """
 
 from __future__ import annotations
@@ -14,25 +14,25 @@ Numbers: TypeAlias = tuple[float, ...]
 
 
 @dataclass(frozen=True)
-class FoundParameter:
-    """One identified parameter.
+class IdentifiedParameter:
+    """Identified parameter.
 
     Attributes
     ----------
     name : str
-        As in the block; M is the moved mass and OF the offset of the drive.
+        Name in the block; M is the moved mass and OF the force offset of the drive.
     value : float
         Estimate, in `unit`.
     standard_error : float or None
-        In `unit`; None where the parameter was given, not estimated.
+        Standard error, in `unit`; None if the parameter was fixed.
     unit : str
-        Unit, "1" without.
+        Unit; "1" for a dimensionless parameter.
     meaning : str
-        What it is.
+        Description.
     published : float or None
-        Value in the literature or, of a synthetic record, the true one, in `unit`.
+        Value in the literature, or the true value for a simulated record, in `unit`.
     weak : str
-        Why the record hardly determines it, and what to measure; empty: it is well determined.
+        Reason why the parameter is poorly identifiable, and what to measure; empty if it is well determined.
     """
 
     name: str
@@ -46,16 +46,16 @@ class FoundParameter:
 
 @dataclass(frozen=True)
 class Fit:
-    """How well a model reproduces a signal.
+    """Residual of a simulated signal.
 
     Attributes
     ----------
     rms : float
         Root mean square of simulated minus measured, in `unit`.
     percent : float
-        The same in percent of the root mean square of the signal.
+        Residual in percent of the root mean square of the measured signal.
     signal, unit : str
-        Which signal, in which unit.
+        Name and unit of the signal.
     """
 
     rms: float
@@ -65,31 +65,31 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class ModelRow:
-    """One friction model.
+class ModelResult:
+    """Result of one friction model.
 
     Attributes
     ----------
     name, summary : str
-        Name of the block and what it is.
+        Name of the block and its description.
     method : str
-        How it was identified; empty if it was not.
-    parameters : tuple of FoundParameter
-        What was found.
+        Identification method; empty if the model was not identified.
+    parameters : tuple of IdentifiedParameter
+        Identified parameters.
     train, validation : Fit or None
-        On the samples that were fitted, and on those that were not.
+        Residuals on the training and the validation data.
     closed_loop : tuple of Fit
-        Of the co-simulated servo against the record: position and force; empty without a servo.
+        Residuals of position and force of the co-simulated servo; empty without a servo.
     aic, bic : float or None
-        Information criteria, lower is better.
+        Information criteria; lower is better.
     rank : int or None
-        1 is the best validated one; None if it was not identified.
+        Rank by validation, 1 is best; None if the model was not identified.
     warnings : tuple of str
-        What else to know.
+        Warnings of the identification.
     reason : str
-        Why it was not identified; empty if it was.
+        Reason why the model was not identified; empty if it was.
     seconds : float
-        Time the identification took.
+        Elapsed time of the identification [s].
     simulations : int
         Number of simulations of the model.
     """
@@ -97,7 +97,7 @@ class ModelRow:
     name: str
     summary: str
     method: str = ""
-    parameters: tuple[FoundParameter, ...] = ()
+    parameters: tuple[IdentifiedParameter, ...] = ()
     train: Fit | None = None
     validation: Fit | None = None
     closed_loop: tuple[Fit, ...] = ()
@@ -112,7 +112,7 @@ class ModelRow:
 
 @dataclass(frozen=True)
 class Curve:
-    """A line or a cloud of points, to be drawn; x and y have the same length."""
+    """Points of a line or scatter plot; x and y have the same length."""
 
     x: Numbers
     y: Numbers
@@ -125,13 +125,13 @@ class Picture:
     Attributes
     ----------
     x_label, y_label : str
-        Quantity of the axes.
+        Quantities of the axes.
     x_unit, y_unit : str
-        Their units.
+        Units of the axes.
     data : mapping of str to Curve
-        Measured, by name; decimated.
+        Decimated measurements, by name.
     models : mapping of str to Curve
-        Of the models, by name of the block; decimated.
+        Decimated curves of the models, by name of the block.
     """
 
     x_label: str
@@ -144,16 +144,16 @@ class Picture:
 
 @dataclass(frozen=True)
 class Metrics:
-    """What one run of the servo is judged by; without its first samples, in which the axis catches up.
+    """Metrics of one run of the servo, without the initial transient.
 
     Attributes
     ----------
     rms, largest : float
-        Root mean square and largest magnitude of reference minus position, in `units.position`.
+        Root mean square and maximum of the tracking error, reference minus position, in `units.position`.
     effort : float
         Root mean square of the drive force, in `units.force`.
     effort_high : float
-        Root mean square of the part of it above the bandwidth of the loop, in `units.force`.
+        Root mean square of the drive force above the bandwidth of the loop, in `units.force`.
     """
 
     rms: float
@@ -164,7 +164,7 @@ class Metrics:
 
 @dataclass(frozen=True)
 class GainPoint:
-    """One gain of the compensation: its metrics, or why there are none (the run failed or diverged)."""
+    """Metrics of a run with one gain of the compensation, or the reason why the run failed."""
 
     gain: float
     metrics: Metrics | None
@@ -173,7 +173,7 @@ class GainPoint:
 
 @dataclass(frozen=True)
 class Corner:
-    """One corner of the mismatch: friction and mass of the axis are these factors times what was identified."""
+    """Metrics of a run with parameter mismatch: identified friction and mass multiplied by these factors."""
 
     friction: float
     mass: float
@@ -182,46 +182,43 @@ class Corner:
 
 
 @dataclass(frozen=True)
-class CompensatorRow:
-    """One compensator.
+class CompensatorResult:
+    """Result of one compensator.
 
     Attributes
     ----------
     name, summary : str
-        Name of the law and what it is; the row named "none" is the servo without compensation.
+        Name of the law and its description; the entry "none" is the servo without compensation.
     kind : str
         "none", "feedforward", "model feedback", "estimator", "dither", "learning", or "controller".
     applies : bool
-        Whether it was co-simulated.
+        Whether the compensator was co-simulated.
     reason : str
-        Why not, or what went wrong in all runs; else empty.
+        Reason why it does not apply or why all runs failed; otherwise empty.
     model : str
-        Friction model whose identified parameters it has; empty where it needs none.
+        Friction model whose identified parameters the law uses; empty if it uses none.
     parameters : mapping of str to float
-        Parameters that were set; the others have the start values of the block.
+        Parameters that were set; the others have their start values.
     gain : float or None
-        The best gain up to 1.
+        Best gain up to 1.
     metrics : Metrics or None
-        At that gain.
+        Metrics at the best gain.
     sweep : tuple of GainPoint
-        Over the gain.
+        Metrics over the gain.
     corners : tuple of Corner
-        At the best gain, under mismatch.
-    worst : float or None
-        Largest `rms` of the metrics and of all corners.
-    best : float or None
-        Smallest `rms` of the same.
+        Metrics at the best gain with parameter mismatch.
+    worst, best : float or None
+        Largest and smallest `rms` of `metrics` and `corners`.
     cost_ns : float or None
-        Time of one sample on the machine of the study [ns].
+        Computing time of one sample on the machine of the study [ns].
     rank : int or None
-        1 is the best; None if it does not apply.
-    pays : bool
-        Whether it makes the error smaller, also in the worst corner.
+        Rank, 1 is best; None if the compensator does not apply.
+    improves : bool
+        Whether it reduces the tracking error, also in the worst case with mismatch.
     noisy : bool
-        Whether it loads the drive with much more high-frequency force than the servo alone.
+        Whether it adds much high-frequency drive force compared with the servo alone.
     error : Curve or None
-        Reference minus position over time at the best gain [s, units.position]; decimated to its extremes, so that
-        nothing is lost in a zoomed plot.
+        Reference minus position over time at the best gain [s, units.position]; decimated with all extremes kept.
     """
 
     name: str
@@ -239,27 +236,27 @@ class CompensatorRow:
     best: float | None = None
     cost_ns: float | None = None
     rank: int | None = None
-    pays: bool = False
+    improves: bool = False
     noisy: bool = False
     error: Curve | None = None
 
 
 @dataclass(frozen=True)
 class Recommendation:
-    """What to do.
+    """Recommendation of a study.
 
     Attributes
     ----------
     name : str
-        Recommended compensator; "none" if no compensation pays; empty if none was tried.
+        Recommended compensator; "none" if no compensator improves the axis; empty if none was simulated.
     reason : str
-        Two sentences.
+        Reasons in two sentences.
     gain : float or None
-        Its gain.
+        Gain of the recommended compensator.
     runner_up : str
-        Second best; empty if there is none that pays.
+        Second-best compensator; empty if no other one improves the axis.
     runner_up_reason : str
-        One sentence on how it differs.
+        Metrics of the second-best compensator in one sentence.
     """
 
     name: str
@@ -270,8 +267,8 @@ class Recommendation:
 
 
 @dataclass(frozen=True)
-class DoctorRow:
-    """One condition of the recommended servo; texts are empty where it holds."""
+class ConditionResult:
+    """Condition evaluated for the recommended servo; the texts are empty if it holds."""
 
     parts: tuple[str, ...]
     name: str
@@ -286,7 +283,7 @@ class DoctorRow:
 
 @dataclass(frozen=True)
 class WrittenFile:
-    """A file of the study: path relative to its folder with /, and what it is."""
+    """File written by a study: path relative to its folder, separated by /, and description."""
 
     path: str
     what: str

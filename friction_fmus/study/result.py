@@ -1,7 +1,4 @@
-"""The result of a study as plain data: all that the report, the terminal and `study.json` show.
-
-Numbers are in SI units or in the units that `StudyResult.units` names; a number that does not exist is None, never NaN.
-"""
+"""The result of a study as plain data: everything shown in the report, in the terminal and in `study.json`."""
 
 from __future__ import annotations
 
@@ -14,15 +11,15 @@ from typing import Any
 from friction_fmus.identification import AxisUnits
 from friction_fmus.notebook import study_html, study_text
 from friction_fmus.study.records import (
-    CompensatorRow,
+    CompensatorResult,
+    ConditionResult,
     Corner,
     Curve,
-    DoctorRow,
     Fit,
-    FoundParameter,
     GainPoint,
+    IdentifiedParameter,
     Metrics,
-    ModelRow,
+    ModelResult,
     Picture,
     Recommendation,
     WrittenFile,
@@ -31,48 +28,49 @@ from friction_fmus.study.records import (
 
 @dataclass(frozen=True, repr=False)
 class StudyResult:
-    """A study from record to recommendation.
+    """Result of a study, from the record to the recommendation.
+
+    Numbers are in SI units, or in `units` for a rotary axis. A missing number is None, never NaN.
 
     Attributes
     ----------
     name : str
         Name of the record.
     citation : str
-        Whom to cite; empty if nobody was named.
+        Citation of the data; empty if none was given.
     units : AxisUnits
         Units of position, velocity, force, inertia and viscous friction.
     overview : mapping of str to str
-        Record, servo and settings in words: what -> value.
+        Descriptions of record, servo and settings, by topic.
     record : tuple of Picture
-        Series over time to plot: position and reference, velocity, force, friction, as far as they were measured, and
-        the simulated ones beside them; decimated to their extremes.
+        Measured and simulated signals over time: position and reference, velocity, force, friction; decimated with all
+        extremes kept.
     friction : Picture or None
         Friction over velocity: points of the record, curves of the models.
     hysteresis : Picture or None
         Friction over displacement: points of the record, loops of the models.
-    models : tuple of ModelRow
-        Ranked ones first.
+    models : tuple of ModelResult
+        Friction models by rank, then those not identified.
     plant : str
-        Friction model of the axis in the co-simulation; empty if there was none.
+        Friction model of the axis in the co-simulation; empty if no compensator was simulated.
     no_compensation : str
-        Why no compensator was tried; empty if they were.
+        Reason why no compensator was simulated; empty otherwise.
     servos : mapping of str to Metrics
-        The servo without friction compensation: "as measured", and "with motion feedforward" if the compensators were
-        compared with that.
-    compensators : tuple of CompensatorRow
-        "none" first, then ranked ones, then those that do not apply.
+        Servo without friction compensation: "as measured" and, if used in the comparison, "with motion feedforward".
+    compensators : tuple of CompensatorResult
+        "none" first, then compensators by rank, then those that do not apply.
     recommendation : Recommendation
-        What to do.
-    doctor : tuple of DoctorRow
+        Recommended compensator.
+    doctor : tuple of ConditionResult
         Conditions of the servo with the recommended compensator, violated ones first.
     files : tuple of WrittenFile
-        What was written.
+        Written files.
     command : str
-        What to type to get all of it again.
+        Command that repeats the study.
     versions : mapping of str to str
-        Program or library -> version.
+        Versions, by name of the program or library.
     seconds : float
-        Elapsed time of the study.
+        Elapsed time of the study [s].
     """
 
     name: str
@@ -82,46 +80,66 @@ class StudyResult:
     record: tuple[Picture, ...]
     friction: Picture | None
     hysteresis: Picture | None
-    models: tuple[ModelRow, ...]
+    models: tuple[ModelResult, ...]
     plant: str
     no_compensation: str
     servos: Mapping[str, Metrics]
-    compensators: tuple[CompensatorRow, ...]
+    compensators: tuple[CompensatorResult, ...]
     recommendation: Recommendation
-    doctor: tuple[DoctorRow, ...]
+    doctor: tuple[ConditionResult, ...]
     files: tuple[WrittenFile, ...]
     command: str
     versions: Mapping[str, str]
     seconds: float
 
     def __repr__(self) -> str:
-        """Return one line."""
+        """Return a summary in one line."""
         return study_text(self)
 
     def _repr_html_(self) -> str:
         """Return recommendation, models and compensators as HTML, for a notebook."""
         return study_html(self)
 
-    def compensator(self, name: str) -> CompensatorRow:
-        """Return the row of that name.
+    def compensator(self, name: str) -> CompensatorResult:
+        """Return the result of a compensator.
+
+        Parameters
+        ----------
+        name : str
+            Name of the compensator, or "none".
+
+        Returns
+        -------
+        CompensatorResult
+            Its metrics and rank.
 
         Raises
         ------
         KeyError
-            There is none.
+            If the study has no such compensator.
         """
         for row in self.compensators:
             if row.name == name:
                 return row
         raise KeyError(f"The study has no compensator {name!r}.")
 
-    def model(self, name: str) -> ModelRow:
-        """Return the row of that name.
+    def model(self, name: str) -> ModelResult:
+        """Return the result of a friction model.
+
+        Parameters
+        ----------
+        name : str
+            Name of the model.
+
+        Returns
+        -------
+        ModelResult
+            Its parameters and residuals.
 
         Raises
         ------
         KeyError
-            There is none.
+            If the study has no such model.
         """
         for row in self.models:
             if row.name == name:
@@ -129,12 +147,18 @@ class StudyResult:
         raise KeyError(f"The study has no model {name!r}.")
 
     def to_json(self) -> str:
-        """Return the whole as indented JSON, as in `study.json`."""
+        """Return the result as indented JSON, as in `study.json`.
+
+        Returns
+        -------
+        str
+            JSON text, with null for missing numbers.
+        """
         return json.dumps(plain(asdict(self)), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def plain(content: Any) -> Any:
-    """Return content for JSON: a number that is not finite becomes None."""
+    """Return content for JSON, with None for numbers that are not finite."""
     if isinstance(content, Mapping):
         return {key: plain(value) for key, value in content.items()}
     if isinstance(content, (list, tuple)):
@@ -145,15 +169,15 @@ def plain(content: Any) -> Any:
 
 
 __all__ = [
-    "CompensatorRow",
+    "CompensatorResult",
+    "ConditionResult",
     "Corner",
     "Curve",
-    "DoctorRow",
     "Fit",
-    "FoundParameter",
     "GainPoint",
+    "IdentifiedParameter",
     "Metrics",
-    "ModelRow",
+    "ModelResult",
     "Picture",
     "Recommendation",
     "StudyResult",

@@ -1,4 +1,4 @@
-"""The pieces of a study side by side, each kept when it is done, so that a study that was broken off goes on."""
+"""Steps of a study in parallel; the result of each is cached, so that an interrupted study can be resumed."""
 
 from __future__ import annotations
 
@@ -29,24 +29,25 @@ from harness.storage.cache import keep, kept
 
 T = TypeVar("T")
 
-KEPT: Final = ".study"
-"""Folder in that of the results in which finished pieces are kept."""
+CACHE: Final = ".study"
+"""Subfolder of the results with the cached steps."""
 
 
 @dataclass(frozen=True)
-class Job:
-    """A piece of the study: a function at module level, what it is given, and the dataclass that it returns.
+class Step:
+    """Step of a study: call of a module-level function that returns a dataclass.
 
     Attributes
     ----------
     name : str
-        What it is, for file names.
+        Name, part of the file name.
     function : callable
-        Returns a dataclass.
+        Function that returns a dataclass.
     arguments : tuple
-        Of numbers, texts, arrays, paths (whose content counts), mappings, sequences and dataclasses of them.
+        Arguments: numbers, strings, arrays, paths, and mappings, sequences and dataclasses of them. For a path, the
+        content of the file enters the key.
     kind : type
-        What it returns.
+        Type of the result.
     """
 
     name: str
@@ -56,93 +57,93 @@ class Job:
 
     @property
     def key(self) -> str:
-        """Hash of everything the result depends on."""
+        """Hash of everything that the result depends on."""
         digest = hashlib.sha256(_program().encode())
         _feed(digest, (self.function.__module__, self.function.__qualname__, self.arguments))
         return digest.hexdigest()[:20]
 
 
-class Store:
-    """Results of jobs as JSON files.
+class StepCache:
+    """Cache of the results of steps, as JSON files.
 
     Parameters
     ----------
     folder : Path
-        Where they are; made if needed.
+        Folder of the files; created if needed.
 
     Attributes
     ----------
     reused : int
-        How many results were there already.
+        Number of results read from the cache.
     """
 
     def __init__(self, folder: Path) -> None:
-        """Make the folder."""
+        """Create the folder."""
         self.folder = folder
         folder.mkdir(parents=True, exist_ok=True)
         self.reused = 0
 
-    def get(self, job: Job) -> Any:
-        """The result of a job, or None."""
+    def get(self, step: Step) -> Any:
+        """Return the cached result of a step; None if there is none."""
         try:
-            result = rebuild(job.kind, json.loads(kept(self._path(job)) or b""))
+            result = rebuild(step.kind, json.loads(kept(self._path(step)) or b""))
         except (ValueError, TypeError, KeyError):
-            return None  # not there, damaged, or written by something else: it is done again
+            return None  # missing, damaged, or not written by this program: the step is repeated
         self.reused += 1
         return result
 
-    def put(self, job: Job, result: Any) -> None:
-        """Keep the result of a job; the file is complete or not there."""
-        keep(self._path(job), json.dumps(plain(asdict(result))).encode())
+    def put(self, step: Step, result: Any) -> None:
+        """Write the result of a step; a file is either complete or does not exist."""
+        keep(self._path(step), json.dumps(plain(asdict(result))).encode())
 
-    def _path(self, job: Job) -> Path:
-        return self.folder / f"{job.name}-{job.key}.json"
+    def _path(self, step: Step) -> Path:
+        return self.folder / f"{step.name}-{step.key}.json"
 
 
-def do(
-    jobs: Sequence[Job], store: Store, executor: Executor | None, done: Callable[[Job], None] = lambda job: None
+def run_steps(
+    steps: Sequence[Step], store: StepCache, executor: Executor | None, done: Callable[[Step], None] = lambda step: None
 ) -> list[Any]:
-    """Do jobs that do not depend on each other.
+    """Run independent steps that are not in the cache.
 
     Parameters
     ----------
-    jobs : sequence of Job
-        What to do.
-    store : Store
-        Has the results of those that are done, gets the others as they are finished.
+    steps : sequence of Step
+        Steps to run.
+    store : StepCache
+        Cache of results; each step is added when it is finished.
     executor : Executor or None
-        Where; None: here.
+        Executor that runs the steps; None runs them in this process.
     done : callable
-        Told each job that is finished.
+        Called with each finished step.
 
     Returns
     -------
     list
-        The results, in the order of the jobs.
+        Results in the order of the steps.
     """
     results: dict[int, Any] = {}
     waiting: dict[Future[Any], int] = {}
-    for place, job in enumerate(jobs):
-        if (known := store.get(job)) is not None:
+    for place, step in enumerate(steps):
+        if (known := store.get(step)) is not None:
             results[place] = known
-            done(job)
+            done(step)
         elif executor is not None:
-            waiting[executor.submit(_quietly, job.function, job.arguments)] = place
+            waiting[executor.submit(_quietly, step.function, step.arguments)] = place
         else:
-            results[place] = _quietly(job.function, job.arguments)
-            store.put(job, results[place])
-            done(job)
+            results[place] = _quietly(step.function, step.arguments)
+            store.put(step, results[place])
+            done(step)
     for future in as_completed(waiting):
         place = waiting[future]
         results[place] = future.result()
-        store.put(jobs[place], results[place])
-        done(jobs[place])
-    return [results[place] for place in range(len(jobs))]
+        store.put(steps[place], results[place])
+        done(steps[place])
+    return [results[place] for place in range(len(steps))]
 
 
 @contextmanager
 def workers(count: int) -> Iterator[Executor | None]:
-    """Processes that have already imported this package, or None for one worker."""
+    """Provide a pool of processes that have imported this package; None for one worker."""
     if count < 2:
         yield None
         return
@@ -152,7 +153,7 @@ def workers(count: int) -> Iterator[Executor | None]:
             pool.submit(_ready)
         try:
             yield pool
-        except BaseException:  # what is under way is not wanted any more
+        except BaseException:  # running steps are no longer needed
             for process in set(active_children()) - others:
                 process.terminate()
             pool.shutdown(wait=False, cancel_futures=True)
@@ -160,7 +161,7 @@ def workers(count: int) -> Iterator[Executor | None]:
 
 
 def _prepare() -> None:
-    """First thing in a process: Ctrl-C is for the study, and nothing is to outlive it."""
+    """Prepare a worker process: ignore Ctrl-C, which the parent handles, and end with the parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -173,14 +174,14 @@ def _end_with_parent() -> None:
 
 
 def rebuild(kind: Any, content: Any) -> Any:
-    """Make dataclasses again from what `asdict` and JSON made of them.
+    """Return the dataclass that was converted with `asdict` and JSON.
 
     Parameters
     ----------
     kind : type
-        A dataclass whose fields are dataclasses, tuples and mappings of them, numbers, texts, or None.
+        Dataclass whose fields are dataclasses, tuples and mappings of them, numbers, strings, or None.
     content : object
-        What JSON holds.
+        Decoded JSON.
     """
     origin, inner = get_origin(kind), get_args(kind)
     if origin in (Union, UnionType):
@@ -198,13 +199,13 @@ def rebuild(kind: Any, content: Any) -> Any:
     return float(content) if kind is float else content
 
 
-def forget(out: Path) -> None:
-    """Remove what is kept of a study."""
-    shutil.rmtree(out / KEPT, ignore_errors=True)
+def clear_cache(out: Path) -> None:
+    """Remove the cached steps of a study."""
+    shutil.rmtree(out / CACHE, ignore_errors=True)
 
 
 def _quietly(function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
-    """Do a job without the log of the parts: what fails in it is in its result, and many runs are meant to fail."""
+    """Run a step without log messages of the parts: runs may fail by design, and the result states the reason."""
     log = logging.getLogger("harness")
     before = log.level
     log.setLevel(logging.CRITICAL)
@@ -215,12 +216,12 @@ def _quietly(function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
 
 
 def _ready() -> None:
-    """Do nothing; to be called makes a new process import this package."""
+    """Do nothing; calling this function makes a worker process import the package."""
 
 
 @cache
 def _program() -> str:
-    """Version and source text of the program: other programs give other results."""
+    """Return a hash of version and sources of the program, because results may change with them."""
     digest = hashlib.sha256(VERSION.encode())
     packages = Path(__file__).parents[1], Path(harness.__file__).parent
     python = [path for package in packages for path in package.rglob("*.py")]
@@ -230,7 +231,7 @@ def _program() -> str:
 
 
 def _feed(digest: Any, value: Any) -> None:
-    """Put a value into a hash, with its structure."""
+    """Add a value and its structure to a hash."""
     if isinstance(value, np.ndarray):
         digest.update(f"array{value.dtype}{value.shape}".encode())
         digest.update(np.ascontiguousarray(value).tobytes())

@@ -1,4 +1,4 @@
-"""A study: record -> models -> axis -> compensators -> recommendation -> files and report."""
+"""Study of an axis: record -> models -> axis -> compensators -> recommendation -> files and report."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.axis.loop import Task
+from friction_fmus.axis.loop import Trajectory
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import filtered_motion, identifiable
 from friction_fmus.identification.fit.simulation_data import default_settings
-from friction_fmus.study.compensators import Choice, Known, candidates, check_names, period_of
+from friction_fmus.study.compensators import AxisKnowledge, Candidate, candidates, check_names, period_of
 from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
-from friction_fmus.study.evaluation import Bench, Cost, Trial, cost_of, try_out
+from friction_fmus.study.evaluation import Bench, Cost, Evaluation, cost_of, evaluate_compensator
 from friction_fmus.study.export import OWN, export_models, export_recommended
-from friction_fmus.study.models import INVERSE, Found, identify_model, inverse_model, ranked, refine
+from friction_fmus.study.models import INVERSE, IdentifiedModel, identify_model, inverse_model, ranked, refine
 from friction_fmus.study.pictures import over_position, over_velocity, series
 from friction_fmus.study.ranking import extremes, rank, recommend
-from friction_fmus.study.records import CompensatorRow, DoctorRow, Metrics, Recommendation, WrittenFile
+from friction_fmus.study.records import CompensatorResult, ConditionResult, Metrics, Recommendation, WrittenFile
 from friction_fmus.study.result import StudyResult
-from friction_fmus.study.steps import KEPT, Job, Store, do, workers
-from friction_fmus.study.summary import Teller, compensator_row, identifier, overview
+from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
+from friction_fmus.study.summary import ProgressReporter, compensator_row, identifier, overview
 from friction_fmus.version import VERSION
 from harness import Progress, System
 from harness.processors import available
 from harness.storage.atomic import atomic_path
 
 CLOSE: Final = 1.5
-"""Models whose error is at most so many times the smallest are fitted to the closed loop as well."""
+"""Models whose error is at most this factor times the smallest are also fitted to the closed loop."""
 
 
 class StudyError(FrictionError):
-    """A study cannot be done as asked."""
+    """Study that cannot be run."""
 
 
 def run_study(
@@ -51,48 +51,48 @@ def run_study(
     processes: int | None = None,
     progress: Progress | None = None,
 ) -> StudyResult:
-    """Do a study; one that was broken off goes on where it was.
+    """Run a study, or resume an interrupted one.
 
     Parameters
     ----------
     what : str, Path or StudyConfig
-        "emps", "tribometer", "demo", or the path of a configuration.
+        "emps", "tribometer", "demo", the path of a configuration, or a configuration.
     out : path-like
-        Folder for the results; made if needed. Files of an earlier study are replaced, nothing else is touched.
+        Folder for the results; created if needed. Files of an earlier study are replaced, other files are kept.
     executor : Executor, optional
-        Where the pieces are done, such as ``client.get_executor()`` of a dask client; by default in processes here.
+        Executor that runs the steps, such as ``client.get_executor()`` of a dask client; by default local processes.
     processes : int, optional
-        How many of them; by default one for each processor.
+        Number of local processes; by default one for each processor.
     progress : Progress, optional
-        Told how far the study is, in percent.
+        Updated with the progress of the study in percent.
 
     Returns
     -------
     StudyResult
-        As in `study.json`.
+        Result of the study, as in `study.json`.
 
     Raises
     ------
     ConfigError
-        The configuration is not understood.
+        If the configuration is invalid.
     StudyError
-        The folder cannot be made, fewer than one process is asked for, or no model can be identified.
+        If the folder cannot be created, `processes` is below 1, or no model can be identified.
     FrictionError, HarnessError
-        Whatever goes wrong with data, builds and files.
+        If data cannot be read, an FMU cannot be built, or a file cannot be written.
     """
     begin = time.perf_counter()
     config = what if isinstance(what, StudyConfig) else load_config(what)
     _check(config)
     if processes is not None and processes < 1:
-        raise StudyError(f"{processes} processes were asked for; give 1 or more.")
+        raise StudyError(f"The number of processes is {processes}; use 1 or more.")
     folder = Path(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise StudyError(f"Cannot make the folder {folder} ({error.strerror}); give another one.") from error
-    tell = Teller(progress)
+        raise StudyError(f"Cannot create the folder {folder} ({error.strerror}); choose another one.") from error
+    reporter = ProgressReporter(progress)
     with workers(0 if executor is not None else processes or available()) as own:
-        study = _Study(config, folder, Store(folder / KEPT), executor or own, tell)
+        study = _Study(config, folder, StepCache(folder / CACHE), executor or own, reporter)
         result = study.run()
     result = replace(result, seconds=time.perf_counter() - begin)
     from friction_fmus.report import write_report
@@ -100,60 +100,64 @@ def run_study(
     write_report(result, folder / "report.html")
     with atomic_path(folder / "study.json") as temporary:
         temporary.write_text(result.to_json(), encoding="utf-8")
-    tell(1.0)
+    reporter(1.0)
     return result
 
 
 def _check(config: StudyConfig) -> None:
-    """Refuse names that do not exist before anything is done."""
+    """Raise ConfigError for unknown names, before any work is done."""
     check_names(config.compensation.compensators)
     known = identifiable()
     for name in () if isinstance(config.models, str) else config.models:
         if name not in known:
             raise ConfigError(
-                f"{config.name}, [identify], models, names {name!r}, which cannot be identified; choose of "
+                f"{config.name}, [identify], models: {name!r} is not a model that can be identified; choose from "
                 f"{', '.join(known)}."
             )
 
 
 @dataclass
 class _Study:
-    """What the steps of a study share."""
+    """State of a running study."""
 
     config: StudyConfig
     out: Path
-    store: Store
+    store: StepCache
     executor: Executor | None
-    tell: Teller
+    progress: ProgressReporter
 
     def run(self) -> StudyResult:
-        self.tell(0.0)
-        data = load_data(self.config, self.out / KEPT)
+        self.progress(0.0)
+        data = load_data(self.config, self.out / CACHE)
         models = self._models(data)
         best = models[0]
         if best.row.rank is None:
             raise StudyError(
-                f"No friction model could be identified from {data.longest.name!r}; the first reason: {best.row.reason}"
+                f"No friction model could be identified from {data.longest.name!r}; reason of the first one: "
+                f"{best.row.reason}"
             )
         missing = self._missing(data, best)
-        rows: list[CompensatorRow] = []
+        rows: list[CompensatorResult] = []
         servos: dict[str, Metrics] = {}
         recommendation = Recommendation("", missing)
-        doctor: tuple[DoctorRow, ...] = ()
+        doctor: tuple[ConditionResult, ...] = ()
         files = list(export_models(self.out, models, data.rotary, data.longest.citation))
         if not missing:
             bench = self._bench(data, best)
-            rows, servos, choices = self._compensators(data, models, bench)
+            rows, servos, all_candidates = self._compensators(data, models, bench)
             recommendation = recommend(rows[0], rows[1:], data.longest.units.position)
-            chosen = next((choice for choice in choices if choice.name == recommendation.name), None)
+            chosen = next((candidate for candidate in all_candidates if candidate.name == recommendation.name), None)
             name = data.longest.name
             files += export_recommended(
                 self.out, bench, chosen, recommendation.gain or 0.0, name, data.longest.citation
             )
             doctor = self._doctor()
-        self.tell(0.97)
+        self.progress(0.97)
         record = data.longest
-        files += [WrittenFile("report.html", "This study for people"), WrittenFile("study.json", "and for programs")]
+        files += [
+            WrittenFile("report.html", "Report of the study"),
+            WrittenFile("study.json", "Result of the study for other programs"),
+        ]
         return StudyResult(
             name=record.name,
             citation=record.citation,
@@ -175,69 +179,73 @@ class _Study:
             seconds=0.0,
         )
 
-    def _models(self, data: Data) -> list[Found]:
+    def _models(self, data: Data) -> list[IdentifiedModel]:
         """Identify all models, fit the best ones to the closed loop, and rank them."""
         config = self.config
         measured = None
         if config.servo is not None:
-            measured = measured_servo(data, config.servo, self.out / KEPT, identifier(data.longest.name))
+            measured = measured_servo(data, config.servo, self.out / CACHE, identifier(data.longest.name))
         names = list(identifiable()) if config.models == ALL else list(config.models)
-        names.sort(key=lambda name: "presliding" not in catalogue()[name].features)  # those take longest
+        names.sort(key=lambda name: "presliding" not in catalogue()[name].features)  # the slowest first
         records = data.train, data.validation
-        jobs = [
-            Job(f"model-{name}", identify_model, (name, *records, data.published.get(name, {}), measured), Found)
+        known = data.published
+        steps = [
+            Step(f"model-{name}", identify_model, (name, *records, known.get(name, {}), measured), IdentifiedModel)
             for name in names
         ]
         if data.longest.force is not None and data.longest.q is not None:
-            arguments = (data.longest, data.published.get("inverse", {}), measured)
-            jobs.append(Job("model-inverse", inverse_model, arguments, Found))
-        found: list[Found] = self._do(jobs, 0.02, 0.4)
+            arguments = (data.longest, known.get("inverse", {}), measured)
+            steps.append(Step("model-inverse", inverse_model, arguments, IdentifiedModel))
+        found: list[IdentifiedModel] = self._run(steps, 0.02, 0.4)
         if measured is None:
             return ranked(found)
         smallest = min((each.error for each in found if each.error is not None), default=0.0)
         close = [each.error is not None and each.error <= CLOSE * smallest for each in found]
         chosen = [each for each, is_close in zip(found, close, strict=True) if is_close and each.row.name != INVERSE]
-        refined = self._do([Job(f"loop-{each.row.name}", refine, (each, measured), Found) for each in chosen], 0.4, 0.6)
+        steps = [Step(f"loop-{each.row.name}", refine, (each, measured), IdentifiedModel) for each in chosen]
+        refined = self._run(steps, 0.4, 0.6)
         better = {each.row.name: each for each in refined}
         return ranked([better.get(each.row.name, each) for each in found])
 
-    def _missing(self, data: Data, best: Found) -> str:
-        """Why no compensator can be tried; empty if they can."""
+    def _missing(self, data: Data, best: IdentifiedModel) -> str:
+        """Return the reason why no compensator can be simulated; empty if they can."""
         servo = self.config.servo
         if servo is None:
             return (
-                "The record is that of a contact: no servo is known, so no compensator was tried. Add [servo] with its "
-                "law, gains, Ts, force_limit and mass to the configuration to see what compensation gains."
+                "No compensator was compared, because the configuration has no servo. To compare compensators on an "
+                "axis, add [servo] with its law, gains, Ts, force_limit and mass."
             )
         if best.mass <= 0.0 and servo.mass is None:
-            return "The moved mass is not known, so no compensator was tried. Add mass = ... to [servo]."
+            return "No compensator was compared, because the moved mass is unknown. Add mass = ... to [servo]."
         if data.longest.reference is None and data.longest.q is None:
-            return "The record has no position to follow, so no compensator was tried. Add a column for it."
+            return "No compensator was compared, because the record has no position. Add a column for it."
         return ""
 
-    def _bench(self, data: Data, best: Found) -> Bench:
-        """The identified axis along the reference, from a point on it."""
+    def _bench(self, data: Data, best: IdentifiedModel) -> Bench:
+        """Return the identified axis with its reference; the simulation starts on the reference."""
         servo, record, wanted = self.config.servo, data.longest, self.config.compensation
         assert servo is not None
         t, r = record.t - record.t[0], record.reference
-        if r is None:  # the path that was measured, smooth enough to be followed
+        if r is None:  # use the measured path, filtered
             motion = filtered_motion(record, default_settings(record))
             r = record.column("q")[0] + np.concatenate([[0.0], np.cumsum(motion.v[:-1]) * record.Ts])
         last = min(t[-1], wanted.duration or t[-1])
         at = servo.Ts * np.arange(float(round(last / servo.Ts) + 1))
         r = np.interp(at, t, r)
-        reference = build_reference(at, r, self.out / KEPT, f"{identifier(record.name)}Path", data.rotary)
+        reference = build_reference(at, r, self.out / CACHE, f"{identifier(record.name)}Path", data.rotary)
         plant = best.plant if best.mass > 0.0 else replace(best.plant, mass=servo.mass or 0.0)
         v0 = float((r[1] - r[0]) / servo.Ts)
-        task = Task(reference, len(at), float(r[0]), v0, wanted.motion_feedforward, plant.offset, rotary=data.rotary)
-        return Bench(servo, plant, task, r)
+        trajectory = Trajectory(
+            reference, len(at), float(r[0]), v0, wanted.motion_feedforward, plant.offset, rotary=data.rotary
+        )
+        return Bench(servo, plant, trajectory, r)
 
     def _compensators(
-        self, data: Data, models: Sequence[Found], bench: Bench
-    ) -> tuple[list[CompensatorRow], dict[str, Metrics], list[Choice]]:
-        """Rows in order, "none" first; the servos without compensation; the choices."""
+        self, data: Data, models: Sequence[IdentifiedModel], bench: Bench
+    ) -> tuple[list[CompensatorResult], dict[str, Metrics], list[Candidate]]:
+        """Return the compensators by rank with "none" first, the servos without compensation, and all candidates."""
         wanted = self.config.compensation
-        known = Known(
+        known = AxisKnowledge(
             bench.servo,
             bench.plant,
             {found.block: found.values for found in reversed(models) if found.row.rank is not None},
@@ -245,40 +253,38 @@ class _Study:
             float(np.max(np.abs(np.diff(bench.r)))) / bench.servo.Ts,
             data.rotary,
         )
-        choices = candidates(wanted.compensators, known)
-        tried = [choice for choice in choices if choice.placed is not None]
-        as_measured = replace(bench, task=replace(bench.task, motion=False, offset=0.0))
-        jobs = [
-            Job("servo-as-measured", try_out, (as_measured, None, (), 0.0), Trial),
-            Job("compensator-none", try_out, (bench, None, (), wanted.mismatch), Trial),
+        all_candidates = candidates(wanted.compensators, known)
+        tried = [candidate for candidate in all_candidates if candidate.compensator is not None]
+        as_measured = replace(bench, trajectory=replace(bench.trajectory, motion=False, offset=0.0))
+        steps = [
+            Step("servo-as-measured", evaluate_compensator, (as_measured, None, (), 0.0), Evaluation),
+            Step("compensator-none", evaluate_compensator, (bench, None, (), wanted.mismatch), Evaluation),
         ]
-        jobs += [
-            Job(f"compensator-{choice.name}", try_out, (bench, choice.placed, wanted.gains, wanted.mismatch), Trial)
-            for choice in tried
+        how = wanted.gains, wanted.mismatch
+        steps += [
+            Step(f"compensator-{c.name}", evaluate_compensator, (bench, c.compensator, *how), Evaluation) for c in tried
         ]
-        plain, without, *trials = self._do(jobs, 0.6, 0.9)
-        # one after the other, while nothing else runs here
-        prices = [Job(f"cost-{each.name}", cost_of, (each.placed, bench.servo.Ts, data.rotary), Cost) for each in tried]
-        costs = do(prices, self.store, None, self.tell.steps(0.9, 0.95, len(prices)))
-        none = compensator_row("none", "The servo without friction compensation", "none", None, without)
+        plain, without, *evaluations = self._run(steps, 0.6, 0.9)
+        # times are measured one after the other, while no other step is running
+        timing = [Step(f"cost-{c.name}", cost_of, (c.compensator, bench.servo.Ts, data.rotary), Cost) for c in tried]
+        costs = run_steps(timing, self.store, None, self.progress.steps(0.9, 0.95, len(timing)))
+        none = compensator_row("none", "Servo without friction compensation", "none", None, without)
         none = extremes(none, none)
         if none.metrics is None:
             raise StudyError(f"The servo is unstable even without compensation: {without.sweep[0].failure}")
-        found = {c.name: (trial, cost.ns) for c, trial, cost in zip(tried, trials, costs, strict=True)}
+        found = {c.name: (evaluation, cost.ns) for c, evaluation, cost in zip(tried, evaluations, costs, strict=True)}
         blocks = catalogue()
         rows = [
-            compensator_row(
-                choice.name, blocks[choice.name].summary, choice.kind, choice, *found.get(choice.name, (None,))
-            )
-            for choice in choices
+            compensator_row(c.name, blocks[c.name].summary, c.kind, c, *found.get(c.name, (None,)))
+            for c in all_candidates
         ]
         servos = {"as measured": plain.metrics} if plain.metrics is not None else {}
         if wanted.motion_feedforward:
             servos["with motion feedforward"] = none.metrics
-        return [none, *rank(none, rows)], servos, choices
+        return [none, *rank(none, rows)], servos, all_candidates
 
-    def _doctor(self) -> tuple[DoctorRow, ...]:
-        """Conditions of the axis as it was exported, violated ones first."""
+    def _doctor(self) -> tuple[ConditionResult, ...]:
+        """Return the conditions of the exported axis, violated ones first."""
         with System.from_ssp(self.out / OWN / "axis.ssp") as system:
             findings = examine(system)
         rows = []
@@ -286,11 +292,11 @@ class _Study:
             c = finding.condition
             texts = ("", "", "", "") if c.ok else (c.wrong, c.why, c.change, c.source)
             value, bound = (float(number) if np.isfinite(number) else None for number in (c.value, c.bound))
-            rows.append(DoctorRow(finding.parts, c.name, c.ok, *texts, value, bound))
+            rows.append(ConditionResult(finding.parts, c.name, c.ok, *texts, value, bound))
         return tuple(sorted(rows, key=lambda row: row.ok))
 
-    def _do(self, jobs: Sequence[Job], begin: float, end: float) -> list[Any]:
-        return do(jobs, self.store, self.executor, self.tell.steps(begin, end, len(jobs)))
+    def _run(self, steps: Sequence[Step], begin: float, end: float) -> list[Any]:
+        return run_steps(steps, self.store, self.executor, self.progress.steps(begin, end, len(steps)))
 
 
 __all__ = ["StudyError", "run_study"]

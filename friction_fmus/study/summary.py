@@ -1,4 +1,4 @@
-"""What a study says of itself: its settings, its rows, its progress."""
+"""Progress of a study, description of its settings, and entries of its result."""
 
 from __future__ import annotations
 
@@ -6,33 +6,33 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from friction_fmus.study.compensators import Choice
+from friction_fmus.study.compensators import Candidate
 from friction_fmus.study.config import StudyConfig
 from friction_fmus.study.data import Data
-from friction_fmus.study.evaluation import Trial
-from friction_fmus.study.records import CompensatorRow
-from friction_fmus.study.steps import Job
+from friction_fmus.study.evaluation import Evaluation
+from friction_fmus.study.records import CompensatorResult
+from friction_fmus.study.steps import Step
 from harness import Progress
 
 
 @dataclass
-class Teller:
-    """Tells the progress, 0 to 1."""
+class ProgressReporter:
+    """Progress of a study from 0 to 1."""
 
     progress: Progress | None
-    told: float = 0.0
+    done: float = 0.0
 
     def __call__(self, part: float) -> None:
-        """Tell that this part is done; it never goes back."""
-        self.told = max(self.told, part)
+        """Report that this fraction is done; the reported progress never decreases."""
+        self.done = max(self.done, part)
         if self.progress is not None:
-            self.progress.update(round(100.0 * self.told), 100)
+            self.progress.update(round(100.0 * self.done), 100)
 
-    def steps(self, begin: float, end: float, count: int) -> Callable[[Job], None]:
-        """To be called after each of `count` pieces between two parts of the whole."""
+    def steps(self, begin: float, end: float, count: int) -> Callable[[Step], None]:
+        """Return a callback for each of `count` steps between two fractions."""
         done = 0
 
-        def one(job: Job) -> None:
+        def one(step: Step) -> None:
             nonlocal done
             done += 1
             self(begin + (end - begin) * done / max(1, count))
@@ -41,59 +41,60 @@ class Teller:
 
 
 def overview(config: StudyConfig, data: Data) -> dict[str, str]:
-    """Record, servo and settings in words."""
+    """Return descriptions of record, servo and settings, by topic."""
     record, servo, wanted = data.longest, config.servo, config.compensation
-    length = f"{len(record)} samples of {1e3 * record.Ts:g} ms"
-    overview = {"record": length if len(data.records) == 1 else f"{len(data.records)} pieces, the longest {length}"}
+    length = f"{len(record)} samples at {1e3 * record.Ts:g} ms"
+    segments = f"{len(data.records)} segments; the longest has {length}"
+    overview = {"record": length if len(data.records) == 1 else segments}
 
     def span(records: Sequence[Any]) -> str:
         return f"{records[0].t[0]:.4g} to {records[-1].t[-1]:.4g} s"
 
-    overview["fitted"] = span(data.train)
+    overview["training data"] = span(data.train)
     if data.validation:
-        overview["predicted"] = span(data.validation)
+        overview["validation data"] = span(data.validation)
     for number, finding in enumerate(data.findings, start=1):
         overview[f"finding {number}"] = finding
     if servo is not None:
         gains = ", ".join(f"{name} {value:.5g}" for name, value in servo.gains.items())
         overview["servo"] = (
-            f"{servo.law} with {gains}; every {1e3 * servo.Ts:g} ms, limit ±{servo.force_limit:.4g} "
-            f"{record.units.force}, velocity over {servo.window} samples, encoder "
-            + (f"{1e9 * servo.quantum:g} n{record.units.position}" if servo.quantum else "exact")
+            f"{servo.law} with {gains}; sample time {1e3 * servo.Ts:g} ms, force limit ±{servo.force_limit:.4g} "
+            f"{record.units.force}, velocity over {servo.window} samples, encoder resolution "
+            + (f"{1e9 * servo.quantum:g} n{record.units.position}" if servo.quantum else "unlimited")
         )
         overview["compensation"] = (
-            f"gains {', '.join(f'{gain:g}' for gain in wanted.gains)}; friction and mass of the axis "
-            f"±{100 * wanted.mismatch:g} % off in the corners; the servo "
-            + ("has feedforward of velocity and inertia" if wanted.motion_feedforward else "is as measured")
+            f"gains {', '.join(f'{gain:g}' for gain in wanted.gains)}; worst case with friction and mass "
+            f"{100 * wanted.mismatch:g} % off; the servo "
+            + ("has velocity and inertia feedforward" if wanted.motion_feedforward else "is as measured")
         )
     return overview
 
 
 def compensator_row(
-    name: str, summary: str, kind: str, choice: Choice | None, trial: Trial | None, cost_ns: float = 0.0
-) -> CompensatorRow:
-    """The row of a law, before it is ranked."""
-    if trial is None:
-        return CompensatorRow(name, summary, kind, False, choice.reason if choice is not None else "")
-    failures = [point.failure for point in trial.sweep if point.metrics is None]
-    return CompensatorRow(
+    name: str, summary: str, kind: str, candidate: Candidate | None, evaluation: Evaluation | None, cost_ns: float = 0.0
+) -> CompensatorResult:
+    """Return the entry of a compensator in the result, before it is ranked."""
+    if evaluation is None:
+        return CompensatorResult(name, summary, kind, False, candidate.reason if candidate is not None else "")
+    failures = [point.failure for point in evaluation.sweep if point.metrics is None]
+    return CompensatorResult(
         name,
         summary,
         kind,
         True,
-        failures[0] if trial.metrics is None and failures else "",
-        choice.model if choice is not None else "",
-        dict(choice.placed.values) if choice is not None and choice.placed is not None else {},
-        trial.gain,
-        trial.metrics,
-        trial.sweep,
-        trial.corners,
+        failures[0] if evaluation.metrics is None and failures else "",
+        candidate.model if candidate is not None else "",
+        dict(candidate.compensator.values) if candidate is not None and candidate.compensator is not None else {},
+        evaluation.gain,
+        evaluation.metrics,
+        evaluation.sweep,
+        evaluation.corners,
         cost_ns=cost_ns,
-        error=trial.error,
+        error=evaluation.error,
     )
 
 
 def identifier(name: str) -> str:
-    """A model identifier from the name of a record."""
+    """Return a valid model identifier made from the name of a record."""
     letters = "".join(letter for letter in name.title() if letter.isascii() and letter.isalnum())
     return letters if letters and letters[0].isalpha() else f"Axis{letters}"

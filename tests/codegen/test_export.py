@@ -180,7 +180,7 @@ def test_the_command_says_what_to_install(
 @pytest.mark.parametrize(
     ("start", "message"),
     [
-        ({"kp": 1.0}, "PID has no variable 'kp' with a start value; did you mean Kp?"),
+        ({"kp": 1.0}, "PID has no variable 'kp' with a start value (did you mean Kp?"),
         ({"Kp": -1.0}, "Kp = -1 lies outside [0, inf]; choose one inside"),
         ({"Kp": math.inf}, "Kp = inf lies outside [0, inf]"),
         ({"enable": 0.5}, "enable = 0.5 is no truth value"),
@@ -200,7 +200,7 @@ def test_other_errors_get_one_sentence(elements: Path, tmp_path: Path) -> None:
         export_law(elements, tmp_path, start={"k[3]": 1.0})
     with pytest.raises(FrictionError, match=r"LuGre is not a law but written in C, in LuGre\.c"):
         export_law("LuGre", tmp_path)
-    with pytest.raises(UnknownNameError, match="There is no model 'PIDD'; did you mean PID"):
+    with pytest.raises(UnknownNameError, match=r"There is no model 'PIDD' \(did you mean PID"):
         export_law("PIDD", tmp_path)
     with pytest.raises(FrictionError, match="the prefix '3d' must be letters"):
         export_law("PID", tmp_path, prefix="3d")

@@ -8,7 +8,7 @@ from scipy.signal import cont2discrete
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.conditions import (
-    Between,
+    PathDynamics,
     SampledLaw,
     chain,
     closed_loop,
@@ -60,14 +60,14 @@ def test_lag_delay_and_encoder_as_in_a_simulation_in_fine_steps(delay: float, ta
     step, push, *_ = cont2discrete((A, np.array([[0], [1 / m1], [0], [0]]), np.eye(4), np.zeros((4, 1))), TS / FINE)
     state, lagged, line = np.array([1e-3, 0.0, 1e-3, 0.0]), 0.0, [0.0] * 200
     positions = [0.0] * 3
-    mine = np.zeros(len(chain(two_masses(m1, m2, k, d), [pd(Kp, Kd)], TS, Between(tau, delay, window))))
+    mine = np.zeros(len(chain(two_masses(m1, m2, k, d), [pd(Kp, Kd)], TS, PathDynamics(tau, delay, window))))
     mine[:4] = state
     if tau:
         # the lag moves within a fine step as well: both as one system
         A = np.block([[A, np.array([[0], [1 / m1], [0], [0]])], [np.zeros((1, 4)), np.array([[-1 / tau]])]])
         step, push, *_ = cont2discrete((A, np.array([[0]] * 4 + [[1 / tau]]), np.eye(5), np.zeros((5, 1))), TS / FINE)
         state = np.append(state, lagged)
-    matrix = chain(two_masses(m1, m2, k, d), [pd(Kp, Kd)], TS, Between(tau, delay, window))
+    matrix = chain(two_masses(m1, m2, k, d), [pd(Kp, Kd)], TS, PathDynamics(tau, delay, window))
     for _ in range(40):
         v = (state[0] - positions[-window]) / (window * TS) if window else state[1]
         positions.append(state[0])
@@ -81,7 +81,7 @@ def test_lag_delay_and_encoder_as_in_a_simulation_in_fine_steps(delay: float, ta
 
 def test_the_low_pass_behind_a_difference_is_that_of_the_differentiator() -> None:
     """v = v + (1 - exp(-Ts/tau)) (d - v) by hand."""
-    matrix = chain(one_mass(1.0, 2.0), [pd(900.0, 20.0)], TS, Between(window=2, smoothing=3e-3))
+    matrix = chain(one_mass(1.0, 2.0), [pd(900.0, 20.0)], TS, PathDynamics(window=2, smoothing=3e-3))
     A, b = cont2discrete((np.array([[0, 1], [0, -2.0]]), np.array([[0], [1.0]]), np.eye(2), np.zeros((2, 1))), TS)[:2]
     state, kept, v, mine = np.array([1.0, 0.0]), [0.0, 0.0], 0.0, np.zeros(len(matrix))
     mine[0] = 1.0
@@ -157,11 +157,11 @@ def test_what_is_advised_for_the_gains_is_the_edge() -> None:
 
 def test_what_is_advised_for_a_delay_is_the_edge() -> None:
     law = pd(12e3, 600.0)
-    slow = loop_poles(one_mass(1.0, 0.4), lambda _: [law], TS, Between(delay=4e-3))
+    slow = loop_poles(one_mass(1.0, 0.4), lambda _: [law], TS, PathDynamics(delay=4e-3))
     assert not slow.ok
     edge = float(slow.change.split("below ")[-1].split(" s")[0])
-    assert loop_poles(one_mass(1.0, 0.4), lambda _: [law], TS, Between(delay=0.98 * edge)).ok
-    assert not loop_poles(one_mass(1.0, 0.4), lambda _: [law], TS, Between(delay=1.02 * edge)).ok
+    assert loop_poles(one_mass(1.0, 0.4), lambda _: [law], TS, PathDynamics(delay=0.98 * edge)).ok
+    assert not loop_poles(one_mass(1.0, 0.4), lambda _: [law], TS, PathDynamics(delay=1.02 * edge)).ok
 
 
 @pytest.mark.parametrize("v", [2e-4, 7e-4, 3e-3])

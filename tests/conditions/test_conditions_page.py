@@ -54,6 +54,6 @@ def test_program_of_the_page() -> None:
 
 def test_the_table_names_every_condition() -> None:
     named = {name for name in re.findall(r"`(\w+)`", PAGE) if hasattr(conditions, name)}
-    types = {"Between", "Condition", "DrivenPlant", "SampledLaw", "quotes"}
+    types = {"PathDynamics", "Condition", "DrivenPlant", "SampledLaw", "quotes"}
     helpers = types | {"closed_loop", "disturbance_loop", "process_sensitivity"}
     assert named | helpers >= set(conditions.__all__)

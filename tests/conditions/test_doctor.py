@@ -18,7 +18,7 @@ from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import catalogue, laws_folder
 from friction_fmus.blocks.contact import Contact, Level
 from friction_fmus.doctor import examine
-from friction_fmus.doctor.axis import Axis, Law, Used
+from friction_fmus.doctor.axis import ActiveLaw, Axis, Law
 from friction_fmus.doctor.find import axes
 from friction_fmus.doctor.known import known_blocks, law_of
 from friction_fmus.doctor.learning import butterworth_there_and_back, windowed_sinc
@@ -149,8 +149,8 @@ def test_feedforward(
 
 
 def test_two_compensators_together_are_too_much(build_fmu: BlockFmu, loop: Callable[..., System]) -> None:
-    observer = Used("observer", named("LuGreObserver"), {"Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "gain": 0.5, "k": 0.0})
-    forward = Used("ff", named("StaticFeedforward"), {"Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "gain": 0.7, "m": 0.0})
+    observer = ActiveLaw("observer", named("LuGreObserver"), {"Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "gain": 0.5, "k": 0.0})
+    forward = ActiveLaw("ff", named("StaticFeedforward"), {"Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "gain": 0.7, "m": 0.0})
     level = Level(1.0, 1.5, 0.4, 1e-3)
     axis = Axis("mass", 1.0, friction="fric", contact=Contact((level, level), 1e5, 316.0), laws=(observer, forward))
     (found,) = examine_axis(axis)
@@ -235,8 +235,8 @@ def test_an_adaptive_law_closes_the_position_loop_and_leaves_no_stick_slip() -> 
     }
     level = Level(1.0, 1.5, 0.4, 1e-3)
 
-    def examined(**other: float) -> tuple[Used, list[str]]:
-        used = Used("law", named("AdaptiveLuGre"), values | other)
+    def examined(**other: float) -> tuple[ActiveLaw, list[str]]:
+        used = ActiveLaw("law", named("AdaptiveLuGre"), values | other)
         axis = Axis("mass", 1.0, friction="fric", contact=Contact((level, level), 1e5, 316.0, 0.4), laws=(used,))
         return used, [found.condition.name for found in examine_axis(axis) if not found.condition.ok]
 
@@ -254,7 +254,7 @@ def test_a_dead_band_narrower_than_a_slip() -> None:
 
     def names(db: float) -> list[str]:
         values = {"Kp": 3.0, "Kd": 600.0, "Ki": 4.0, "m": 0.0, "db": db}
-        axis = Axis("mass", 1.0, friction="fric", contact=contact, laws=(Used("pid", named("PID"), values),))
+        axis = Axis("mass", 1.0, friction="fric", contact=contact, laws=(ActiveLaw("pid", named("PID"), values),))
         return [found.condition.name for found in examine_axis(axis) if not found.condition.ok]
 
     slip = 0.5 / 3.0  # overdamped: (Fs - Fc)/Kp
@@ -268,7 +268,7 @@ def test_cascade_is_examined_as_the_pid_that_it_is(build_fmu: BlockFmu, loop: Ca
     kept = {key: value for key, value in START.items() if key not in ("pid.Kp", "pid.Kd", "pid.Ki")}
     parts = (other, *(part for name, part in loop().parts.items() if name != "pid"))
 
-    def examined(**gains: float) -> Used:
+    def examined(**gains: float) -> ActiveLaw:
         system = System(parts, WIRES, kept | {f"pid.{key}": value for key, value in gains.items()}, STEPS)
         (axis,) = axes(system)
         assert axis.servo is not None
@@ -446,9 +446,9 @@ def _number(text: str | None) -> bool:
 def test_rows_of_laws_name_their_parameters(law) -> None:  # type: ignore[no-untyped-def]
     """A row reads nothing but what the law has; with the start values its rules can be evaluated."""
     values = {variable.name: float(variable.start) for variable in law.variables if np.isscalar(variable.start)}
-    servo = Used("pid", named("PID"), {"Kp": 12e3, "Kd": 600.0, "Ki": 0.0, "m": 0.0, "Ts": 1e-3})
+    servo = ActiveLaw("pid", named("PID"), {"Kp": 12e3, "Kd": 600.0, "Ki": 0.0, "m": 0.0, "Ts": 1e-3})
     level = Level(1.0, 1.5, 0.4, 1e-3)
-    used = Used("law", named(law.name), values)
+    used = ActiveLaw("law", named(law.name), values)
     axis = Axis("mass", 1.0, friction="fric", contact=Contact((level, level), 1e5, 316.0), laws=(servo, used))
     assert list(examine_axis(axis))
     if used.law.gains is not None:

@@ -279,5 +279,5 @@ def test_parts_that_are_not_known_are_named(
         one.to_ssp(tmp_path / name)
         assert main(["doctor", str(tmp_path / name)]) == 0
     first, second = capsys.readouterr().out.split("a.ssp")
-    assert "not known, and left out: fric" in first
-    assert "there is no mass that the doctor knows" in second
+    assert "ignored, unknown blocks: fric" in first
+    assert "no known mass found" in second

@@ -77,7 +77,7 @@ def test_an_identification() -> None:
     assert repr(result) == "<Identification of LuGre: 2 parameters, validation error 0.5 N (2.5 %)>"
     found = cells(result._repr_html_())
     assert found[5:10] == ["Fc", "20.1235", "0.1", "N", ""]
-    assert found[10:] == ["delta", "2", "not known", "", "a < b & c"]
+    assert found[10:] == ["delta", "2", "unknown", "", "a < b & c"]
     assert "fit error" in repr(identification(validated=False))
 
 

@@ -11,7 +11,7 @@ from friction_fmus.identification.fit.grid import HysteresisGrid, with_count
 from friction_fmus.identification.fit.rank import not_separated
 from friction_fmus.identification.fit.search import Found, covariance
 from friction_fmus.study.ranking import extremes, rank
-from friction_fmus.study.records import CompensatorRow, Corner, Metrics
+from friction_fmus.study.records import CompensatorResult, Corner, Metrics
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -71,9 +71,9 @@ def test_of_joins_that_change_the_curve_equally_the_first_one_is_made() -> None:
 
 
 def test_compensators_that_do_the_same_stay_in_one_order() -> None:
-    def row(name: str, rms: float) -> CompensatorRow:
+    def row(name: str, rms: float) -> CompensatorResult:
         found = Metrics(rms, 2.0 * rms, 10.0, 1.0)
-        return CompensatorRow(
+        return CompensatorResult(
             name, "", "feedforward", True, gain=1.0, metrics=found, corners=(Corner(1.1, 1.0, found),), cost_ns=50.0
         )
 

@@ -60,7 +60,7 @@ def test_macros_are_tables() -> None:
     ("before", "after", "message"),
     [
         ("COULOMB  (Fc)", "COULOMB  (F_c)", "reads F_c, which is no variable"),
-        ("COULOMB  (Fc)", "COLOUMB  (Fc)", "CONTACT has no rows COLOUMB; did you mean COULOMB"),
+        ("COULOMB  (Fc)", "COLOUMB  (Fc)", r"CONTACT has no rows COLOUMB \(did you mean COULOMB"),
         ("SLIDING(z, Fc / sigma0)", "SLIDING(z)", "which is not understood"),
         ("SLIDING(z, Fc / sigma0)", "FIT(v_d, speed, quick)", "FIT.v_d. names 'quick'"),
         ("SLIDING(z, Fc / sigma0)", "FIT(v_d, sped, slow)", "sped is none of"),

@@ -15,7 +15,7 @@ import lief
 import pytest
 
 from friction_fmus import build, fmu
-from friction_fmus.study.steps import KEPT, Store
+from friction_fmus.study.steps import CACHE, StepCache
 from harness import FmuError, FmuPart, System
 from harness.compiling.platforms import PLATFORMS, compiled
 from harness.engine import native
@@ -116,17 +116,17 @@ def test_processes_that_build_at_the_same_time(used: Path, tmp_path: Path) -> No
 
 
 def test_a_damaged_piece_of_a_study_is_done_again(tmp_path: Path) -> None:
-    from test_study_jobs import CALLS, do, jobs
+    from test_study_jobs import CALLS, run_steps, steps
 
     CALLS.clear()
-    store = Store(tmp_path / KEPT)
-    first = do(jobs(1.0), store, None)
+    store = StepCache(tmp_path / CACHE)
+    first = run_steps(steps(1.0), store, None)
     (piece,) = store.folder.glob("*.json")
     text = piece.read_text(encoding="utf-8")
     assert "2.0" in text
     for other in (text.replace("2.0", "3.0"), "[" * 100_000, "null", ""):
         piece.write_text(other, encoding="utf-8")
-        assert do(jobs(1.0), Store(store.folder), None) == first
+        assert run_steps(steps(1.0), StepCache(store.folder), None) == first
 
 
 def segment_ends(path: Path) -> list[int]:

@@ -1,4 +1,4 @@
-"""A study with every piece that a report can show, of made-up figures."""
+"""A synthetic study with every element that a report can show."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 
 from friction_fmus.identification import LINEAR
 from friction_fmus.study.result import (
-    CompensatorRow,
+    CompensatorResult,
+    ConditionResult,
     Corner,
     Curve,
-    DoctorRow,
     Fit,
-    FoundParameter,
     GainPoint,
+    IdentifiedParameter,
     Metrics,
-    ModelRow,
+    ModelResult,
     Picture,
     Recommendation,
     StudyResult,
@@ -41,16 +41,16 @@ def error(size: float, seed: int) -> np.ndarray:
     return size * np.exp(-((np.cos(0.2 * np.pi * T) / 0.1) ** 2)) + noise(seed, T, 0.1 * size)
 
 
-def model(name: str, rank: int, percent: float) -> ModelRow:
+def model(name: str, rank: int, percent: float) -> ModelResult:
     parameters = (
-        FoundParameter("M", 95.1089, 0.1, "kg", "moved mass", 95.2),
-        FoundParameter("sigma0", 1.234e6, 4.5e4, "N/m", "bristle stiffness"),
-        FoundParameter(
+        IdentifiedParameter("M", 95.1089, 0.1, "kg", "moved mass", 95.2),
+        IdentifiedParameter("sigma0", 1.234e6, 4.5e4, "N/m", "bristle stiffness"),
+        IdentifiedParameter(
             "vs", 0.0123, 0.0031, "m/s", "Stribeck velocity", weak="Few samples move slowly; record 1 mm/s."
         ),
-        FoundParameter("delta", 2.0, None, "1", "Stribeck exponent"),
+        IdentifiedParameter("delta", 2.0, None, "1", "Stribeck exponent"),
     )
-    return ModelRow(
+    return ModelResult(
         name,
         f"{name} friction of a contact",
         "output-error",
@@ -67,14 +67,14 @@ def model(name: str, rank: int, percent: float) -> ModelRow:
     )
 
 
-def compensator(name: str, rank: int) -> CompensatorRow:
+def compensator(name: str, rank: int) -> CompensatorResult:
     rms = 3e-6 + 1.2e-6 * rank
 
     def metrics(factor: float) -> Metrics:
         return Metrics(factor * rms, 4.0 * factor * rms, 20.3, 1.2)
 
     corners = [(1.1, 1.1, 1.3), (1.1, 0.9, 1.2), (0.9, 1.1, 1.1), (0.9, 0.9, 0.95)]
-    return CompensatorRow(
+    return CompensatorResult(
         name,
         f"{name} of the friction force",
         "feedforward",
@@ -90,15 +90,15 @@ def compensator(name: str, rank: int) -> CompensatorRow:
         best=0.95 * rms,
         cost_ns=10.0 + 23.0 * ((7 * rank) % 5),
         rank=rank,
-        pays=rank < 5,
+        improves=rank < 5,
         noisy=rank == 4,
         error=curve(T[::2], error(rms, rank)[::2]),
     )
 
 
-def without() -> CompensatorRow:
+def without() -> CompensatorResult:
     metrics = Metrics(12e-6, 55e-6, 20.1, 0.8)
-    return CompensatorRow(
+    return CompensatorResult(
         "none",
         "the servo alone",
         "none",
@@ -148,7 +148,7 @@ def hysteresis() -> Picture:
 
 
 def made_up_study() -> StudyResult:
-    """All pieces."""
+    """A study with all elements."""
     return StudyResult(
         name="bench",
         citation="A. Author, B. Author: Data of a bench, 2020. https://example.org/data/of/a/bench/with/a/very/long/address",
@@ -161,7 +161,7 @@ def made_up_study() -> StudyResult:
             model("LuGre", 1, 3.4),
             model("GMS", 2, 3.9),
             model("Stribeck", 3, 4.4),
-            ModelRow("Leuven", "Leuven friction", reason="The record has no reversal in presliding."),
+            ModelResult("Leuven", "Leuven friction", reason="The record has no reversal in presliding."),
         ),
         plant="LuGre",
         no_compensation="",
@@ -172,7 +172,7 @@ def made_up_study() -> StudyResult:
         compensators=(
             without(),
             *(compensator(name, rank) for rank, name in enumerate(LAWS, start=1)),
-            CompensatorRow("IterativeLearning", "learning", "learning", False, "The reference does not repeat."),
+            CompensatorResult("IterativeLearning", "learning", "learning", False, "The reference does not repeat."),
         ),
         recommendation=Recommendation(
             "LuGreFeedforward",
@@ -183,9 +183,9 @@ def made_up_study() -> StudyResult:
             "StaticFeedforward has 1.3 times the error for half the cost.",
         ),
         doctor=(
-            DoctorRow(("controller", "friction"), "no_hunting", False, "The loop hunts.", "The integral winds up.",
-                      "Set a dead-band.", "Hensen 2002", 1.2, 1.0),
-            DoctorRow(("controller",), "sampling_fast_enough", True, value=0.1, bound=0.3),
+            ConditionResult(("controller", "friction"), "no_hunting", False, "The loop hunts.",
+                            "The integral winds up.", "Set a dead-band.", "Hensen 2002", 1.2, 1.0),
+            ConditionResult(("controller",), "sampling_fast_enough", True, value=0.1, bound=0.3),
         ),
         files=(WrittenFile("report.html", "this page"), WrittenFile("fmus/bench_LuGre.fmu", "friction of the axis")),
         command="friction-fmus study bench.toml -o out",

@@ -17,7 +17,7 @@ import pytest
 from friction_fmus.__main__ import main
 from friction_fmus.axis.loop import run_loop
 from friction_fmus.study import StudyResult, run_study
-from friction_fmus.study.steps import KEPT, rebuild
+from friction_fmus.study.steps import CACHE, rebuild
 from harness import System
 
 
@@ -52,12 +52,12 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     command = [sys.executable, "-m", *blocks("demo")[0].replace("-", "_", 1).replace("-o out", f"-o {out}").split()]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
         end = time.monotonic() + 300.0
-        while len(list((out / KEPT).glob("model-*.json"))) < 2:
+        while len(list((out / CACHE).glob("model-*.json"))) < 2:
             assert process.poll() is None, process.stderr.read() if process.stderr else ""
             assert time.monotonic() < end
             time.sleep(0.05)
         process.kill()
-    kept = {file: file.stat().st_mtime_ns for file in (out / KEPT).glob("*.json")}
+    kept = {file: file.stat().st_mtime_ns for file in (out / CACHE).glob("*.json")}
     listener = Listener()
     return Study(out, run_study("demo", out, processes=1, progress=listener), kept, listener.told)
 
@@ -98,12 +98,12 @@ def test_one_is_recommended_with_its_runner_up(study: Study) -> None:
     first, second = (row for row in study.result.compensators if row.rank in (1, 2))
     assert (found.name, found.runner_up) == (first.name, second.name)
     assert found.reason.count(". ") == 1
-    assert first.pays
+    assert first.improves
 
 
 def test_everything_is_written_and_nothing_else_touched(study: Study) -> None:
     written = {path.relative_to(study.out).as_posix() for path in study.out.rglob("*") if path.is_file()}
-    own = {path for path in written if not path.startswith(KEPT)}
+    own = {path for path in written if not path.startswith(CACHE)}
     assert own == {*(file.path for file in study.result.files), "notes of mine.txt"}
     assert {"report.html", "study.json", "recommended/axis.ssp", "recommended/compensator.ssv"} <= own
     assert "recommended/c/law.c" in own

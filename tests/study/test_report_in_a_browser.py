@@ -117,7 +117,7 @@ def test_legend_and_zoom_work_by_key(browser: Browser, report: Path) -> None:
         assert span()[1] - span()[0] == pytest.approx(1.6, rel=1e-3)
         tools.get_by_role("button", name="to the right").press("Enter")
         assert span()[0] == pytest.approx(begin + 0.4, abs=1e-3)
-        tools.get_by_role("button", name="whole").press("Enter")
+        tools.get_by_role("button", name="full range").press("Enter")
         assert span() == pytest.approx(whole)
 
         drawn = "box => box.querySelectorAll('.scatterlayer .trace').length"

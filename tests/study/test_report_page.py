@@ -47,13 +47,13 @@ def words(page: etree._ElementTree) -> str:
 
 def without_pieces() -> dict[str, StudyResult]:
     whole = made_up_study()
-    none = Recommendation("none", "No compensation pays.")
+    none = Recommendation("none", "No compensator reduces the error.")
     return {
         "no compensators": replace(
             whole, compensators=(), servos={}, doctor=(), plant="", no_compensation="The record has no servo.",
             recommendation=Recommendation("", "The record has no servo."),
         ),
-        "nothing pays": replace(whole, recommendation=none),
+        "nothing improves": replace(whole, recommendation=none),
         "only the servo alone": replace(whole, compensators=whole.compensators[:1], recommendation=none),
         "all models failed": replace(whole, models=whole.models[-1:], friction=None, hysteresis=None, plant=""),
         "no hysteresis": replace(whole, hysteresis=None),
@@ -97,11 +97,11 @@ def test_every_section_has_its_content(text: str) -> None:
     shown = words(page)
     for phrase in (
         "LuGreFeedforward makes the tracking error 2.9 times smaller",
-        "3.40 % residual of the force",
-        "12.0 µm → 4.20 µm rms, at most 5.46 µm under mismatch",
+        "3.40 % force residual on validation data",
+        "12.0 µm → 4.20 µm rms, at most 5.46 µm with friction and mass 10 % off",
         "95.11 ± 0.10",
         "(1.234 ± 0.045)·10⁶",
-        "weakly determined Few samples move slowly",
+        "poorly identifiable Few samples move slowly",
         "Leuven: The record has no reversal in presliding.",
         "1.40 µm (12.0 %)",
         "IterativeLearning: The reference does not repeat.",
@@ -166,11 +166,11 @@ def test_what_is_missing_is_said_and_nothing_breaks(name: str) -> None:
     shown = words(parsed(report_html(without_pieces()[name])))
     said = {
         "no compensators": "The record has no servo.",
-        "nothing pays": "No compensation pays on this axis.",
-        "only the servo alone": "No compensation pays",
+        "nothing improves": "No compensator improves this axis.",
+        "only the servo alone": "No compensator improves",
         "all models failed": "No model could be identified.",
         "no hysteresis": "No hysteresis is shown",
-        "no series, files, citation": "Nothing beside this page was written.",
+        "no series, files, citation": "No other files were written.",
         "compensators without runs": "Tracking error 12.0 µm → 4.20 µm rms.",
         "a compensator that failed": "StaticFeedforward: It diverged.",
     }
@@ -188,7 +188,7 @@ def test_a_curve_that_leaves_the_record_does_not_flatten_it() -> None:
     low, high = json.loads(data)["layout"]["yaxis"]["range"]
     assert -40.0 < low < -20.0
     assert 20.0 < high < 40.0
-    assert "the button “whole” shows where curves leave it" in words(page)
+    assert "the button “full range” shows all curves" in words(page)
     (data,) = parsed(report_html(study)).xpath("//script[@id='hysteresis-plot-data']/text()")
     assert "range" not in json.loads(data)["layout"]["yaxis"]
 

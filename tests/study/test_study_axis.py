@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from friction_fmus.axis.loop import Plant, Task, Trace, closed_loop
+from friction_fmus.axis.loop import Plant, Trace, Trajectory, closed_loop
 from friction_fmus.data import load_emps
 from friction_fmus.identification import LINEAR, identifiable
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.study import Servo, load_config, run_study
-from friction_fmus.study.compensators import Known, candidates, compensators, period_of
+from friction_fmus.study.compensators import AxisKnowledge, candidates, compensators, period_of
 from friction_fmus.study.data import LUGRE, build_reference
-from friction_fmus.study.evaluation import Bench, high_frequency, judge, off_by, thinned, try_out
+from friction_fmus.study.evaluation import Bench, evaluate_compensator, high_frequency, judge, off_by, thinned
 
 SERVO = Servo("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 0.0}, 1e-3, 20.0)
 PLANT = Plant("LuGre", LUGRE, 1.0, 0.2)
@@ -26,15 +26,15 @@ R = 4e-3 * (1.0 - np.cos(2.0 * pi * T))
 
 def bench(folder: Path, rotary: bool = False) -> Bench:
     reference = build_reference(T, R, folder, "Reference", rotary)
-    return Bench(SERVO, PLANT, Task(reference, len(T), 0.0, 0.0, motion=True, offset=0.2, rotary=rotary), R)
+    return Bench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2, rotary=rotary), R)
 
 
 def test_an_axis_that_turns_is_the_same_axis(tmp_path: Path) -> None:
-    known = Known(SERVO, PLANT, {"LuGre": LUGRE})
-    (choice,) = candidates(["LuGreFeedforward"], known)
+    known = AxisKnowledge(SERVO, PLANT, {"LuGre": LUGRE})
+    (candidate,) = candidates(["LuGreFeedforward"], known)
     (turning,) = candidates(["LuGreFeedforward"], replace(known, rotary=True))
-    straight = try_out(bench(tmp_path), choice.placed, (1.0,), 0.1)
-    turned = try_out(bench(tmp_path, rotary=True), turning.placed, (1.0,), 0.1)
+    straight = evaluate_compensator(bench(tmp_path), candidate.compensator, (1.0,), 0.1)
+    turned = evaluate_compensator(bench(tmp_path, rotary=True), turning.compensator, (1.0,), 0.1)
     assert straight.metrics is not None
     assert turned == straight
     assert [(corner.friction, corner.mass) for corner in straight.corners] == [
@@ -47,7 +47,7 @@ def test_an_axis_that_turns_is_the_same_axis(tmp_path: Path) -> None:
 
 def test_mismatch_scales_forces_and_mass_alone(tmp_path: Path) -> None:
     given = bench(tmp_path)
-    with closed_loop(SERVO, PLANT, given.task) as system:
+    with closed_loop(SERVO, PLANT, given.trajectory) as system:
         found = off_by(system, 1.1, 0.9)
     expected = {f"friction.{name}": 1.1 * LUGRE[name] for name in ("sigma0", "sigma1", "sigma2", "Fc", "Fs")}
     assert found == pytest.approx({**expected, "axis.m": 0.9})
@@ -102,18 +102,18 @@ def test_the_period_of_a_reference() -> None:
 
 
 def test_candidates_that_do_not_apply_say_why() -> None:
-    known = Known(SERVO, PLANT, {"LuGre": LUGRE})
-    found = {choice.name: choice for choice in candidates("all", known)}
+    known = AxisKnowledge(SERVO, PLANT, {"LuGre": LUGRE})
+    found = {candidate.name: candidate for candidate in candidates("all", known)}
     assert found["LuGreFeedforward"].model == "LuGre"
     assert "parameters of Dahl" in found["DahlFeedforward"].reason
-    assert "does not repeat" in found["RepetitiveController"].reason
+    assert "this one is not periodic" in found["RepetitiveController"].reason
     (long,) = candidates(["RepetitiveController"], replace(known, period=6240))
-    assert "repeats after 6240 samples, and 4096 are possible" in long.reason
+    assert "the period of 6240 samples is longer than its limit of 4096" in long.reason
     assert "same feedback gains" in found["AdaptiveLuGre"].reason
-    periodic = candidates(["RepetitiveController"], replace(known, period=500))[0].placed
+    periodic = candidates(["RepetitiveController"], replace(known, period=500))[0].compensator
     assert periodic is not None
     assert periodic.values["N"] == 500
-    assert all((choice.placed is None) == bool(choice.reason) for choice in found.values())
+    assert all((candidate.compensator is None) == bool(candidate.reason) for candidate in found.values())
 
 
 def test_a_contact_without_a_servo_ends_with_its_models(tmp_path: Path) -> None:
@@ -127,7 +127,7 @@ def test_a_contact_without_a_servo_ends_with_its_models(tmp_path: Path) -> None:
     assert model.validation.percent < 15.0
     assert result.compensators == ()
     assert result.recommendation.name == ""
-    assert "Add [servo]" in result.no_compensation
+    assert "add [servo]" in result.no_compensation
     assert (tmp_path / "report.html").is_file()
     assert not (tmp_path / "recommended").exists()
 
@@ -147,10 +147,10 @@ def test_every_feedforward_law_is_tried_with_one_of_its_models(name: str, tmp_pa
     models = sorted(set(compensators()[name].models) & set(identifiable()))
     assert models, f"{name} needs {compensators()[name].models}, none of which a study identifies"
     for model in models:
-        (choice,) = candidates([name], Known(SERVO, PLANT, {model: start_values(model)}))
-        assert choice.placed is not None, choice.reason
-        assert choice.model == model
-    assert try_out(bench(tmp_path), choice.placed, (1.0,), 0.1).metrics is not None
+        (candidate,) = candidates([name], AxisKnowledge(SERVO, PLANT, {model: start_values(model)}))
+        assert candidate.compensator is not None, candidate.reason
+        assert candidate.model == model
+    assert evaluate_compensator(bench(tmp_path), candidate.compensator, (1.0,), 0.1).metrics is not None
 
 
 def test_modified_leuven_feedforward_has_the_force_of_gms(tmp_path: Path) -> None:
@@ -158,15 +158,15 @@ def test_modified_leuven_feedforward_has_the_force_of_gms(tmp_path: Path) -> Non
     reduces the error as much as GMSFeedforward does, with the level of sliding taken for constant."""
     values = start_values("GMS") | {"Fs": 1.0, "Fc": 1.0}
     plant = Plant("GMS", values, 1.0, 0.2)
-    known = Known(SERVO, plant, {"GMS": values})
+    known = AxisKnowledge(SERVO, plant, {"GMS": values})
     given = replace(bench(tmp_path), plant=plant)
     errors = []
     for name in ("ModifiedLeuvenFeedforward", "GMSFeedforward"):
-        (choice,) = candidates([name], known)
-        metrics = try_out(given, choice.placed, (1.0,), 0.1).metrics
+        (candidate,) = candidates([name], known)
+        metrics = evaluate_compensator(given, candidate.compensator, (1.0,), 0.1).metrics
         assert metrics is not None
         errors.append(metrics.rms)
-    none = try_out(given, None, (0.0,), 0.1).metrics
+    none = evaluate_compensator(given, None, (0.0,), 0.1).metrics
     assert none is not None
     assert errors[0] < 0.2 * none.rms
     assert errors[0] == pytest.approx(errors[1], abs=0.02 * none.rms)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from friction_fmus.study.steps import Job, Store, do, rebuild
+from friction_fmus.study.steps import Step, StepCache, rebuild, run_steps
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ def double(x: float) -> Outcome:
     return Outcome(2.0 * x, Inner((x, 1.0)), {"a": Inner((), "b")})
 
 
-def jobs(*values: float) -> list[Job]:
-    return [Job(f"double-{value:g}", double, (value,), Outcome) for value in values]
+def steps(*values: float) -> list[Step]:
+    return [Step(f"double-{value:g}", double, (value,), Outcome) for value in values]
 
 
 def test_a_result_comes_back_as_it_was() -> None:
@@ -54,9 +54,9 @@ def test_a_result_comes_back_as_it_was() -> None:
 def test_what_is_done_is_not_done_again(tmp_path: Path, parallel: bool) -> None:
     CALLS.clear()
     pool = ThreadPoolExecutor(2) if parallel else None
-    first = do(jobs(1.0, 2.0), Store(tmp_path), pool)
-    store = Store(tmp_path)
-    assert do(jobs(2.0, 1.0, 4.0), store, pool)[:2] == [first[1], first[0]]
+    first = run_steps(steps(1.0, 2.0), StepCache(tmp_path), pool)
+    store = StepCache(tmp_path)
+    assert run_steps(steps(2.0, 1.0, 4.0), store, pool)[:2] == [first[1], first[0]]
     assert sorted(CALLS) == [1.0, 2.0, 4.0]
     assert store.reused == 2
     if pool is not None:
@@ -66,18 +66,18 @@ def test_what_is_done_is_not_done_again(tmp_path: Path, parallel: bool) -> None:
 def test_a_study_that_was_broken_off_goes_on(tmp_path: Path) -> None:
     CALLS.clear()
     with pytest.raises(KeyboardInterrupt):
-        do(jobs(1.0, 2.0, 3.0, 4.0), Store(tmp_path), None)
+        run_steps(steps(1.0, 2.0, 3.0, 4.0), StepCache(tmp_path), None)
     assert CALLS == [1.0, 2.0, 3.0]
-    do(jobs(1.0, 2.0, 4.0), Store(tmp_path), None)
+    run_steps(steps(1.0, 2.0, 4.0), StepCache(tmp_path), None)
     assert CALLS == [1.0, 2.0, 3.0, 4.0]
 
 
 def test_a_damaged_file_is_done_again(tmp_path: Path) -> None:
     CALLS.clear()
-    do(jobs(1.0), Store(tmp_path), None)
+    run_steps(steps(1.0), StepCache(tmp_path), None)
     (file,) = tmp_path.glob("*.json")
     file.write_text(file.read_text(encoding="utf-8")[:20], encoding="utf-8")
-    assert do(jobs(1.0), Store(tmp_path), None) == [Outcome(2.0, Inner((1.0, 1.0)), {"a": Inner((), "b")})]
+    assert run_steps(steps(1.0), StepCache(tmp_path), None) == [Outcome(2.0, Inner((1.0, 1.0)), {"a": Inner((), "b")})]
     assert CALLS == [1.0, 1.0]
 
 
@@ -85,7 +85,7 @@ def test_the_key_depends_on_every_argument(tmp_path: Path) -> None:
     file = tmp_path / "reference.fmu"
     file.write_bytes(b"one")
     inner = Inner((1.0,))
-    base = Job("job", double, (1.0, np.arange(3.0), {"Fc": 1.0}, inner, file), Outcome)
+    base = Step("step", double, (1.0, np.arange(3.0), {"Fc": 1.0}, inner, file), Outcome)
     others = [
         (2.0, np.arange(3.0), {"Fc": 1.0}, inner, file),
         (1.0, np.arange(4.0), {"Fc": 1.0}, inner, file),

@@ -5,27 +5,27 @@ from __future__ import annotations
 import pytest
 
 from friction_fmus.study.ranking import extremes, rank, recommend, shown
-from friction_fmus.study.records import CompensatorRow, Corner, Metrics
+from friction_fmus.study.records import CompensatorResult, Corner, Metrics
 
 
 def row(
     name: str, rms: float, corners: tuple[float | None, ...] = (), high: float = 1.0, cost: float = 50.0
-) -> CompensatorRow:
+) -> CompensatorResult:
     """A compensator with these errors [m], as identified and in the corners."""
 
     def metrics(error: float) -> Metrics:
         return Metrics(error, 2.0 * error, 10.0, high)
 
     found = tuple(Corner(1.1, 1.0, None if error is None else metrics(error)) for error in corners or (rms, rms))
-    return CompensatorRow(name, "", "feedforward", True, gain=1.0, metrics=metrics(rms), corners=found, cost_ns=cost)
+    return CompensatorResult(name, "", "feedforward", True, gain=1.0, metrics=metrics(rms), corners=found, cost_ns=cost)
 
 
-def without(rms: float = 100e-6, corners: tuple[float | None, ...] = (120e-6, 80e-6)) -> CompensatorRow:
+def without(rms: float = 100e-6, corners: tuple[float | None, ...] = (120e-6, 80e-6)) -> CompensatorResult:
     none = row("none", rms, corners)
     return extremes(none, none)
 
 
-def order(*rows: CompensatorRow, none: CompensatorRow | None = None) -> list[str]:
+def order(*rows: CompensatorResult, none: CompensatorResult | None = None) -> list[str]:
     return [found.name for found in rank(none or without(), rows)]
 
 
@@ -53,15 +53,15 @@ def test_one_that_is_noisy_comes_behind_all_that_are_not() -> None:
 def test_noise_that_is_small_beside_the_drive_force_does_not_count() -> None:
     none = without()
     silent = Metrics(100e-6, 200e-6, 10.0, 0.01)
-    none = CompensatorRow("none", "", "none", True, metrics=silent, corners=none.corners, worst=none.worst)
+    none = CompensatorResult("none", "", "none", True, metrics=silent, corners=none.corners, worst=none.worst)
     (found,) = rank(none, [row("law", 1e-6, high=0.1)])
     assert not found.noisy
 
 
 def test_one_that_does_harm_in_a_corner_does_not_pay() -> None:
     better, worse = rank(without(), [row("harms", 1e-6, (1e-6, 79e-6)), row("helps", 70e-6)])
-    assert (better.name, better.pays) == ("helps", True)
-    assert (worse.name, worse.pays) == ("harms", False)  # 79 µm are less than 5 % below 80 µm
+    assert (better.name, better.improves) == ("helps", True)
+    assert (worse.name, worse.improves) == ("harms", False)  # 79 µm are less than 5 % below 80 µm
 
 
 def test_one_that_fails_in_a_corner_does_not_pay() -> None:
@@ -72,12 +72,12 @@ def test_one_that_fails_in_a_corner_does_not_pay() -> None:
 
 def test_a_corner_in_which_the_servo_alone_fails_does_not_count() -> None:
     (found,) = rank(without(corners=(120e-6, None)), [row("law", 10e-6, (20e-6, None))])
-    assert found.pays
+    assert found.improves
     assert found.worst == 20e-6
 
 
 def test_those_that_do_not_apply_come_last_and_have_no_rank() -> None:
-    other = CompensatorRow("other", "", "controller", False, "It replaces the feedback controller.")
+    other = CompensatorResult("other", "", "controller", False, "It replaces the feedback controller.")
     found = rank(without(), [other, row("law", 10e-6)])
     assert [(each.name, each.rank) for each in found] == [("law", 1), ("other", None)]
 

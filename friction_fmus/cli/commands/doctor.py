@@ -1,7 +1,7 @@
-"""Look for what makes a closed loop with friction fail.
+"""Check a closed loop with friction without running it.
 
-For each condition that the loop violates it prints what is wrong, why, and what to change. The status is 1 if there are
-any.
+For each violated condition, print what is wrong, why, and what to change. The exit status is 1 if a condition is
+violated.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--master", choices=master_names(), help="master algorithm")
     parser.add_argument("--set", action="append", metavar="PART.NAME=VALUE", help="start value; may be repeated")
     parser.add_argument("--all", action="store_true", help="also show the conditions that hold")
-    parser.add_argument("--json", action="store_true", help="as JSON")
+    parser.add_argument("--json", action="store_true", help="print JSON")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -55,20 +55,20 @@ def run(options: argparse.Namespace) -> int:
     else:
         for finding in shown:
             _show(finding)
-        _say_what_was_left_out(len(masses), unknown)
+        _print_ignored(len(masses), unknown)
         summary = f"{_counted(len(results), 'condition')} evaluated, {_counted(len(wrong), 'finding')}"
         console.print(f"{options.system}: {summary}", soft_wrap=True)
     return 1 if wrong else 0
 
 
 def _experiment(system: harness.System, options: argparse.Namespace) -> harness.Experiment | None:
-    """The experiment of the system, with the step and the master that are asked for."""
+    """Return the experiment of the system with the requested step and master."""
     own, step = system.experiment, options.step
     if step is not None and not (step > 0.0 and math.isfinite(step)):
         raise ExperimentError(f"the step is {step} s: give a positive number of seconds")
     if own is None and step is None:
         return None
-    # the span does not matter here, and need not be a whole number of the steps that are asked for
+    # only step and master matter; one step avoids a span that is no multiple of the requested step
     step = own.step if step is None and own is not None else step
     experiment = (
         harness.Experiment(stop=step, step=step) if own is None else replace(own, start=0.0, stop=step, step=step)
@@ -77,7 +77,7 @@ def _experiment(system: harness.System, options: argparse.Namespace) -> harness.
 
 
 def _plain(finding: Finding) -> dict[str, object]:
-    """A finding as JSON has it, which knows no infinity."""
+    """Return a finding for JSON, which has no infinity: such numbers become null."""
     values = asdict(finding.condition)
     numbers = {key: values[key] if math.isfinite(values[key]) else None for key in ("value", "bound")}
     return {"parts": list(finding.parts), **values, **numbers}
@@ -96,14 +96,14 @@ def _show(finding: Finding) -> None:
         console.print(f"  {title:<8}{getattr(condition, title)}", soft_wrap=True)
 
 
-def _say_what_was_left_out(masses: int, unknown: list[str]) -> None:
-    """Without this, a system that the doctor does not understand would look healthy."""
+def _print_ignored(masses: int, unknown: list[str]) -> None:
+    """Name the ignored parts: without this, a system of unknown blocks would appear to be without faults."""
     from friction_fmus.cli.console import console
 
     if unknown:
-        console.print(f"not known, and left out: {', '.join(unknown)}", soft_wrap=True)
+        console.print(f"ignored, unknown blocks: {', '.join(unknown)}", soft_wrap=True)
     if not masses:
-        text = "there is no mass that the doctor knows: only sample times and the stepping order were looked at"
+        text = "no known mass found: only sample times and the stepping order were checked"
         console.print(text, soft_wrap=True)
 
 

@@ -1,6 +1,6 @@
 """Identify a measured axis, co-simulate it, and recommend a compensator.
 
-The study ranks the friction models and the compensators, and writes a report and the files to use.
+The study ranks friction models and compensators. It writes a report, and the recommended compensator as FMU and C code.
 """
 
 from __future__ import annotations
@@ -15,32 +15,32 @@ from friction_fmus.cli.arguments import add_scheduler, add_workers
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("config", metavar="CONFIG", help="a configuration (.toml), or emps, tribometer, demo")
+    parser.add_argument("config", metavar="CONFIG", help="configuration (.toml), or one of emps, tribometer, demo")
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="DIR", help="folder; an interrupted study resumes there"
+        "-o", "--output", type=Path, required=True, metavar="DIR", help="output folder; resumes an interrupted study"
     )
     where = parser.add_mutually_exclusive_group()
     add_workers(where)
     add_scheduler(where)
-    parser.add_argument("--fresh", action="store_true", help="start again, without the cached steps")
+    parser.add_argument("--fresh", action="store_true", help="ignore cached steps and start from the beginning")
 
 
 def run(options: argparse.Namespace) -> None:
-    """Do the study and print its results.
+    """Run the study and print its results.
 
     Raises
     ------
     KeyboardInterrupt
-        With a message that the study can be resumed.
+        If the study is interrupted; the message states that it can be resumed.
     """
     from friction_fmus.cli.cluster import connect
     from friction_fmus.cli.console import RunBar, console, progress_bar
     from friction_fmus.cli.study_tables import show_study
-    from friction_fmus.study.steps import forget
+    from friction_fmus.study.steps import clear_cache
     from friction_fmus.study.study import run_study
 
     if options.fresh:
-        forget(options.output)
+        clear_cache(options.output)
     with ExitStack() as stack:
         executor: Any = None
         if options.scheduler:
@@ -55,10 +55,10 @@ def run(options: argparse.Namespace) -> None:
                 progress=RunBar(bar, "study"),
             )
         except KeyboardInterrupt as error:
-            raise KeyboardInterrupt("interrupted; the same command resumes here") from error
+            raise KeyboardInterrupt("interrupted; run the same command again to resume") from error
     show_study(console, result)
     for name in ("report.html", "recommended"):
         path = options.output / name
         if path.exists():
-            what = "Report" if name == "report.html" else "Files to use"
+            what = "Report" if name == "report.html" else "Recommended compensator"
             console.print(f"{what}: {path}", soft_wrap=True)

@@ -13,7 +13,7 @@ import scipy.io
 from friction_fmus.identification.data.record import Record
 from friction_fmus.identification.errors import RecordError
 
-#: Published identification: parameter -> value, in kg, N.s/m, N, N (Janot, Gautier, Brunot 2019).
+#: Published parameters [kg, N.s/m, N, N] (Janot, Gautier, Brunot 2019).
 EMPS_PUBLISHED: Mapping[str, float] = MappingProxyType({"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "OF": -3.1648})
 
 CITATION = (
@@ -24,22 +24,22 @@ CITATION = (
 
 @dataclass(frozen=True)
 class ServoSettings:
-    """The servo an axis was recorded with: u = sat(kv (kp (r - x) - v)).
+    """Settings of the servo during a measurement: u = sat(kv (kp (r - x) - v)).
 
     Attributes
     ----------
     kp : float
         Position gain [1/s].
     kv : float
-        Velocity gain, drive gain included [N.s/m].
+        Velocity gain, including the drive gain [N.s/m].
     force_limit : float
-        Largest force of either sign [N].
+        Largest force in either direction [N].
     Ts : float
-        Sampling period [s].
+        Sample time [s].
     window : int
-        The velocity is (x[k] - x[k - window]) / (window Ts).
+        Number of samples over which the velocity is computed: (x[k] - x[k - window]) / (window Ts).
     quantum : float
-        Grid of the position measurement [m].
+        Resolution of the position measurement [m].
     drive_gain : float
         Force per controller output [N/V].
     """
@@ -55,7 +55,15 @@ class ServoSettings:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredAxis:
-    """A record together with the servo it was taken with."""
+    """Record of an axis and the servo that drove it.
+
+    Attributes
+    ----------
+    record : Record
+        Measured signals.
+    servo : ServoSettings
+        Servo during the measurement.
+    """
 
     record: Record
     servo: ServoSettings
@@ -67,24 +75,23 @@ def load_emps(path: Path | None = None) -> MeasuredAxis:
     Parameters
     ----------
     path : Path, optional
-        Another copy of ``DATA_EMPS.mat``; without it the one in the package is read.
+        Copy of ``DATA_EMPS.mat`` to read instead of the one in the package.
 
     Returns
     -------
     MeasuredAxis
-        24841 samples at 1 kHz: time [s], position [m], reference [m], force ``gtau * vir`` [N]; and the
-        servo.
+        24841 samples at 1 kHz: time [s], position [m], reference [m] and force ``gtau * vir`` [N]; and the servo.
 
     Raises
     ------
     RecordError
-        The file is missing, is no MATLAB file or lacks a variable.
+        If the file is missing, is not a MATLAB file or lacks a variable.
 
     Notes
     -----
-    Source: Janot, Gautier, Brunot 2019; the README beside the file has the variables and the authors' terms.
-    The averaged backward difference of the servo, qb[k] = (q[k] + q[k-1])/2, v[k] = (qb[k] - qb[k-1])/Ts, is
-    the same as (q[k] - q[k-2])/(2 Ts), hence ``window = 2``.
+    Source: Janot, Gautier, Brunot 2019. The README beside the file lists the variables and the authors' terms. The
+    servo computes the velocity from averaged positions, qb[k] = (q[k] + q[k-1])/2 and v[k] = (qb[k] - qb[k-1])/Ts,
+    which equals (q[k] - q[k-2])/(2 Ts): ``window = 2``.
     """
     file = Path(__file__).with_name("DATA_EMPS.mat") if path is None else Path(path)
     names = ("t", "qm", "qg", "vir", "gtau", "kp", "kv")
@@ -92,7 +99,7 @@ def load_emps(path: Path | None = None) -> MeasuredAxis:
         raise RecordError(f"There is no file {file}; give the path of DATA_EMPS.mat or reinstall the package.")
     try:
         content = scipy.io.loadmat(file, variable_names=names)
-    except Exception as error:  # scipy raises whatever the broken bytes lead it to
+    except Exception as error:  # a damaged file may raise any exception in scipy
         raise RecordError(f"{file} cannot be read as a MATLAB file ({error}); download DATA_EMPS.mat again.") from error
     missing = [name for name in names if name not in content]
     if missing:

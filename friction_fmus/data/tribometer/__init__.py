@@ -1,4 +1,4 @@
-"""The tribometer record: a reciprocating contact, rich in presliding (J. Christopherson, FrictionModels.jl)."""
+"""The tribometer record: a reciprocating contact, mostly in presliding (J. Christopherson, FrictionModels.jl)."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from friction_fmus.identification.errors import RecordError
 
 CITATION = "J. Christopherson and contributors: FrictionModels.jl. github.com/jchristopherson/FrictionModels.jl (MIT)"
 
-#: Normal force from which on the contact counts as loaded [N].
+#: Normal force at and above which the contact counts as loaded [N].
 LOADED = 4.9
 
 
 def load_tribometer(path: Path | None = None) -> Record:
-    """Load the tribometer record, from where the contact is loaded to where it is unloaded.
+    """Load the tribometer record, while the contact is loaded.
 
     Parameters
     ----------
     path : Path, optional
-        Another copy of ``reciprocating.txt``, compressed with xz or not; without it the one in the package is read.
+        Copy of ``reciprocating.txt``, plain or compressed with xz, to read instead of the one in the package.
 
     Returns
     -------
     Record
-        40418 samples at 200 Hz, 7.7 to 209.8 s: time [s], position [m], friction [N] with the sign of this project,
-        normal force [N], about 5 N.
+        40418 samples at 200 Hz, from 7.7 to 209.8 s: time [s], position [m], friction [N], positive for a positive
+        velocity, and normal force [N], about 5 N.
 
     Raises
     ------
     RecordError
-        The file is missing or is not that table.
+        If the file is missing or is not that table.
 
     Notes
     -----
-    Source, units and licence: the README beside the file.
+    The README beside the file states source (J. Christopherson, FrictionModels.jl), units and licence.
     """
     file = Path(__file__).with_name("reciprocating.txt.xz") if path is None else Path(path)
     if not file.is_file():
@@ -47,10 +47,10 @@ def load_tribometer(path: Path | None = None) -> Record:
             table = np.loadtxt(text, skiprows=1, delimiter="\t")
         t, normal, position, friction = table.T
     except (ValueError, OSError, EOFError, lzma.LZMAError) as error:
-        raise RecordError(f"{file} cannot be read as the tribometer's table ({error}); fetch it again.") from error
+        raise RecordError(f"{file} cannot be read as the tribometer's table ({error}); download it again.") from error
     loaded = np.flatnonzero(normal * 1e-6 >= LOADED)
     if loaded.size == 0:
-        raise RecordError(f"The contact in {file} is never loaded with {LOADED} N; it is not the tribometer's record.")
+        raise RecordError(f"The normal force in {file} never reaches {LOADED} N; this is not the tribometer's record.")
     rows = slice(loaded[0], loaded[-1] + 1)
     return Record(
         "tribometer",
