@@ -30,7 +30,7 @@ class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
             return
         from friction_fmus.blocks.catalogue import OWN_BLOCKS, catalogue
         from harness.compiling.platforms import PLATFORMS, compiled
-        from harness.engine.native import sources
+        from harness.engine.library import sources
 
         folder = Path(self.directory).resolve()
         added = build_data["force_include"]

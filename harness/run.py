@@ -136,7 +136,7 @@ class Session:
             find_feedthrough(system, experiment)
         plan = self._plan = make_plan(system, experiment, [*self._names, *tapped])
         schedule = find_master(experiment.master)(plan, experiment)
-        check_loops(system.parts, system.wires, implicit=schedule.tolerance > 0.0)
+        check_loops(system.parts, system.wires, implicit=schedule.implicit)
         open_end = bool(self._options.resume or self._options.checkpoint)
         self._initialisation = Initialisation(plan, system, experiment, self._guard, open_end=open_end)
         self._ticks = (NativeTicks if self._options.native else PythonTicks)(plan, schedule, experiment)

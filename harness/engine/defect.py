@@ -10,7 +10,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from harness.engine.native import Engine, bytes_of, mirrors
+from harness.engine.library import bytes_of, mirrors
+from harness.engine.native import Engine
 from harness.parts.part import Port
 from harness.system.plan import MovingWire, Schedule, map_of
 from harness.units import parse_unit

@@ -21,6 +21,8 @@ typedef struct {
     int64_t failed_operation, status;
 } Drive;
 
+MIRRORED(Drive)
+
 EXPORT int64_t engine_drive(Drive *d, int64_t samples);
 
 static bool stopped(Drive *d, int operation, int status)

@@ -4,10 +4,9 @@
 #include "engine.h"
 #include "defect.h"
 #include "drive.h"
-#include "extrapolate.h"
 #include "floats.h"
 #include "manipulate.h"
-#include "newton.h"
+#include "masters.h" /* generated: it includes the header of each master */
 #include "part.h"
 
 #include <stdlib.h>
@@ -15,35 +14,12 @@
 /* Status: a part has changed the floating-point control. */
 enum { FLOATS_CHANGED = 102 };
 
-/* The sizes of the structs that Python mirrors, for a check when the library is loaded. */
-static const struct {
-    const char *name;
-    size_t size;
-} STRUCTS[] = {
-    {"Defect", sizeof(Defect)},
-    {"Drive", sizeof(Drive)},
-    {"Engine", sizeof(Engine)},
-    {"EnginePart", sizeof(EnginePart)},
-    {"Extrapolation", sizeof(Extrapolation)},
-    {"Group", sizeof(Group)},
-    {"Line", sizeof(Line)},
-    {"Manipulator", sizeof(Manipulator)},
-    {"Moving", sizeof(Moving)},
-    {"Newton", sizeof(Newton)},
-    {"Pair", sizeof(Pair)},
-    {"StepCheck", sizeof(StepCheck)},
-};
-
-EXPORT int64_t engine_struct_size(const char *name);
-
-/* Return the size of a struct, 0 for a name that is not in the list. */
-int64_t engine_struct_size(const char *name)
-{
-    for (size_t i = 0; i < sizeof STRUCTS / sizeof *STRUCTS; i++)
-        if (strcmp(STRUCTS[i].name, name) == 0)
-            return (int64_t)STRUCTS[i].size;
-    return 0;
-}
+MIRRORED(Defect)
+MIRRORED(Engine)
+MIRRORED(EnginePart)
+MIRRORED(Line)
+MIRRORED(Manipulator)
+MIRRORED(Pair)
 
 /* Perform one operation of an explicit master. */
 static bool operate(Engine *e, int operation, int64_t index, int64_t tick)
@@ -138,10 +114,8 @@ static bool advance(Engine *e, int64_t tick)
 {
     if (e->manipulator_count > 0)
         manipulate(e, tick);
-    if (e->newton)
-        return newton_tick(e, e->newton, tick);
-    if (e->extrapolation && !extrapolated_tick(e, e->extrapolation, tick))
-        return false;
+    if (e->advance)
+        return e->advance(e, tick);
     for (int64_t i = 0; i < e->program_length; i++)
         if (!operate(e, (int)e->program[2 * i], e->program[2 * i + 1], tick))
             return false;

@@ -68,10 +68,12 @@ typedef struct {
 
 typedef struct manipulator Manipulator;
 typedef struct line Line;
-typedef struct extrapolation Extrapolation;
-typedef struct newton Newton;
+typedef struct engine Engine;
 
-typedef struct {
+/* One tick of a master that is more than a list of operations; false: failed. */
+typedef bool Advance(Engine *e, int64_t tick);
+
+struct engine {
     EnginePart *parts;
     int64_t part_count;
     double *signals;
@@ -92,10 +94,15 @@ typedef struct {
     int64_t pair_count;
     Line *lines;
     const int64_t *lines_from;    /* part p has the lines lines_from[p], ..., lines_from[p + 1] - 1 */
-    Extrapolation *extrapolation; /* NULL: values are held */
-    Newton *newton;               /* data of an implicit master, else NULL */
+    Advance *advance; /* of the master; NULL: the program is the master */
+    void *algorithm;  /* its data */
     int64_t failed_part, failed_operation, status, float_change; /* of the last run */
     double failed_time;
-} Engine;
+};
+
+/* Declares the size of a struct that Python mirrors, for the check when the library is loaded. */
+#define MIRRORED(name)                                                                                                 \
+    EXPORT extern const int64_t size_of_##name;                                                                        \
+    const int64_t size_of_##name = (int64_t)sizeof(name);
 
 #endif

@@ -10,7 +10,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from harness.engine.native import Engine, bytes_of, mirrors
+from harness.engine.library import bytes_of, mirrors
+from harness.engine.native import Engine
 from harness.errors import ExperimentError
 from harness.parts.part import Values
 from harness.system.manipulator import Bias, Delay, DropOut, Freeze, Manipulator, Noise, Override

@@ -8,18 +8,14 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from harness.compiling.platforms import NATIVE, native_library
 from harness.engine.floats import described_floats
+from harness.engine.library import library, mirrors
 from harness.errors import HarnessError, PartError, not_whole
 from harness.parts.part import TYPE_ORDER, Calls, Native, Values
-from harness.parts.shared_library import missing_bytes
 from harness.system.plan import GET, SET, STEP, Plan
 from harness.system.wire import split_name
 
@@ -34,26 +30,6 @@ _CALL = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, ctypes.c_double, ctypes.c_d
 
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 _FREE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _POINTER)
-
-
-_MIRRORS: Final[dict[str, type[ctypes.Structure]]] = {}
-_Struct = TypeVar("_Struct", bound=type[ctypes.Structure])
-
-
-def mirrors(name: str) -> Callable[[_Struct], _Struct]:
-    """Declare that a ctypes structure has the layout of a C struct; its size is checked when the library is loaded.
-
-    Parameters
-    ----------
-    name : str
-        Name of the struct in engine.c.
-    """
-
-    def declared(struct: _Struct) -> _Struct:
-        _MIRRORS[name] = struct
-        return struct
-
-    return declared
 
 
 @mirrors("EnginePart")
@@ -91,43 +67,10 @@ class EngineData(ctypes.Structure):
         ("defect_count", _INT),
         ("pairs", _POINTER),
         ("pair_count", _INT),
-        *((name, _POINTER) for name in ("lines", "lines_from", "extrapolation", "newton")),
+        *((name, _POINTER) for name in ("lines", "lines_from", "advance", "algorithm")),
         *((name, _INT) for name in ("failed_part", "failed_operation", "status", "float_change")),
         ("failed_time", _REAL),
     )
-
-
-@cache
-def library() -> ctypes.CDLL:
-    """Return the compiled engine, from the wheel or else built from the sources and cached."""
-    folder = Path(__file__).parent
-    shipped = folder / "binaries" / NATIVE.folder / f"engine{NATIVE.suffix}"
-    whole = shipped.is_file() and missing_bytes(shipped) == 0
-    engine = ctypes.CDLL(str(shipped if whole else native_library(sources(), "engine", headers=False)))
-    engine.engine_run.restype = _INT
-    engine.engine_run.argtypes = (_POINTER, _INT, _INT)
-    engine.engine_drive.restype = _INT
-    engine.engine_float_control.restype = ctypes.c_uint32
-    engine.engine_set_float_control.argtypes = (ctypes.c_uint32,)
-    engine.engine_drive.argtypes = (_POINTER, _INT)
-    engine.engine_struct_size.restype = _INT
-    engine.engine_struct_size.argtypes = (ctypes.c_char_p,)
-    for name, struct in _MIRRORS.items():
-        size = engine.engine_struct_size(name.encode())
-        assert size == ctypes.sizeof(struct), f"{name} has {size} bytes in C and {ctypes.sizeof(struct)} in Python"
-    return engine
-
-
-def sources() -> dict[str, str]:
-    """Return the text of each of the engine's C files."""
-    folder = Path(__file__).parent
-    return {path.name: path.read_text(encoding="utf-8") for path in sorted((*folder.glob("*.h"), *folder.glob("*.c")))}
-
-
-def bytes_of(struct: ctypes.Array[Any] | ctypes.Structure) -> NDArray[np.uint8]:
-    """Return a view of the bytes of a struct or of an array of structs."""
-    size = ctypes.sizeof(struct)
-    return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_buffer(struct)) if size else np.zeros(0, np.uint8)
 
 
 @dataclass(frozen=True)
@@ -246,6 +189,19 @@ class Engine:
             signal.signal(signal.SIGINT, before)
         if self.error is not None:
             raise self.error
+
+    def advance_by(self, function: str, data: ctypes.Structure) -> None:
+        """Let a master advance the ticks of this run.
+
+        Parameters
+        ----------
+        function : str
+            Name of its exported function in C, an ``Advance`` of engine.h.
+        data : Structure
+            What the function finds in ``algorithm``; kept until the next run begins.
+        """
+        self.data.advance = ctypes.cast(getattr(library(), function), _POINTER)
+        self.data.algorithm = self.keep_struct(data)
 
     def keep(self, array: np.ndarray[Any, Any]) -> int:
         """Return the address of an array that is kept until the next run begins."""

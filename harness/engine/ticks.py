@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from harness.engine.defect import Coupling
-from harness.engine.line import Extrapolated
 from harness.engine.manipulate import Manipulations
 from harness.engine.native import NOT_CONVERGED, Engine
-from harness.engine.newton import Loops
 from harness.engine.tap import Recorder
 from harness.errors import ExperimentError, HarnessError
 from harness.system.experiment import Experiment
@@ -34,9 +32,8 @@ class NativeTicks:
     def __init__(self, plan: Plan, schedule: Schedule, experiment: Experiment) -> None:
         """Lay out what all runs have in common."""
         self._engine = Engine(plan, schedule.operations)
-        self._implicit = Loops(self._engine, schedule) if schedule.tolerance > 0.0 else None
-        self._coupling = None if self._implicit else Coupling(self._engine, schedule)
-        self._extrapolated = Extrapolated(self._engine, schedule.extrapolation) if schedule.extrapolation else None
+        self._algorithm = schedule.algorithm(self._engine) if schedule.algorithm else None
+        self._coupling = None if schedule.implicit else Coupling(self._engine, schedule)
         self._manipulations = Manipulations(plan, schedule, experiment.manipulators)
 
     def begin(self, recorder: Recorder) -> None:
@@ -45,7 +42,7 @@ class NativeTicks:
         self._engine.begin(recorder.rows, recorder.columns, recorder.decimate)
         self._manipulations.begin()
         self._manipulations.attach(self._engine)
-        mechanisms = [each for each in (self._implicit, self._coupling, self._extrapolated) if each is not None]
+        mechanisms = [each for each in (self._algorithm, self._coupling) if each is not None]
         for mechanism in mechanisms:
             mechanism.begin()
         remembering = (*mechanisms, self._manipulations)
@@ -59,16 +56,16 @@ class NativeTicks:
             with self._engine.interruptible():
                 self._engine.run(first, last)
         except HarnessError:
-            if self._implicit and data.status == NOT_CONVERGED:
-                raise self._implicit.failure(int(data.failed_part), float(data.failed_time)) from None
+            if self._algorithm and data.status == NOT_CONVERGED:
+                raise self._algorithm.failure(int(data.failed_part), float(data.failed_time)) from None
             raise
         finally:
             self._recorder.filled = int(data.filled)
 
     def attributes(self) -> dict[str, str | float]:
         """Return what is to be known of the run, for the attributes of the result."""
-        measured = self._implicit or self._coupling
-        return measured.report() if measured else {}
+        mechanisms = [each for each in (self._algorithm, self._coupling) if each is not None]
+        return {name: value for each in mechanisms for name, value in each.report().items()}
 
     def close(self) -> None:
         """Free the states that were saved within steps."""

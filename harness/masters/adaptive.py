@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
+
+from harness.masters.newton import Loops
 from harness.system.experiment import LOOP_TOLERANCE, Experiment
 from harness.system.plan import Plan, Schedule
 
@@ -12,4 +15,5 @@ def master(plan: Plan, experiment: Experiment) -> Schedule:
     The energy error of a power bond (force error times mean velocity plus velocity error times mean force) is then
     below 2e-5 times the product of both magnitudes and the step.
     """
-    return Schedule((), tolerance=experiment.loop_tolerance or LOOP_TOLERANCE, error=1e-5)
+    tolerance = experiment.loop_tolerance or LOOP_TOLERANCE
+    return Schedule(algorithm=partial(Loops, tolerance=tolerance, error=1e-5), implicit=True)

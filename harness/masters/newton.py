@@ -1,16 +1,259 @@
 """Newton: an implicit master that iterates on the values in loops of continuous parts.
 
 The coupling is the generalised-alpha method, which is of second order and damps components that are too stiff for the
-step, see ``engine/newton.h``. Sampled parts take their sample first. Parts that drive a loop are stepped once before
-it; parts that read from it are stepped after it.
+step, see ``newton.h``. Sampled parts take their sample first. Parts that drive a loop are stepped once before it; parts
+that read from it are stepped after it.
 """
 
 from __future__ import annotations
 
+import ctypes
+import logging
+from collections.abc import Sequence
+from functools import partial
+from graphlib import TopologicalSorter
+from typing import Any, Final
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from harness.engine.algorithm import Algorithm
+from harness.engine.defect import UNRESOLVED, WRONG
+from harness.engine.library import bytes_of, mirrors
+from harness.engine.line import attach_lines
+from harness.engine.native import Engine
+from harness.errors import ExperimentError
 from harness.system.experiment import LOOP_TOLERANCE, Experiment
-from harness.system.plan import Plan, Schedule
+from harness.system.plan import MovingWire, Plan, Schedule, map_of
+
+_LOG = logging.getLogger("harness")
+_POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+
+FINEST: Final = 128.0
+"""Largest number of inner steps per communication step in the master newton, where a check finds an error."""
+
+FINEST_ADAPTIVE: Final = 1024.0
+"""Largest number of inner steps per communication step in the master adaptive."""
+
+HOPELESS: Final = 30.0
+"""Sum of the errors over the magnitude of the value at which checks end, as in step_check.h."""
 
 
 def master(plan: Plan, experiment: Experiment) -> Schedule:
     """Solve every loop once per communication step, or in shorter inner steps where the step check requires it."""
-    return Schedule((), tolerance=experiment.loop_tolerance or LOOP_TOLERANCE)
+    return Schedule(algorithm=partial(Loops, tolerance=experiment.loop_tolerance or LOOP_TOLERANCE), implicit=True)
+
+
+@mirrors("Moving")
+class Moving(ctypes.Structure):
+    """``Moving`` of newton.h."""
+
+    _fields_ = (
+        *((name, _INT) for name in ("inner", "unknown", "from_rest")),
+        *((name, _REAL) for name in ("u0", "q0", "u1", "q1", "scale", "debt", "gain", "offset")),
+    )
+
+
+@mirrors("Group")
+class Group(ctypes.Structure):
+    """``Group`` of newton.h."""
+
+    _fields_ = tuple((name, _INT) for name in ("first", "count", "is_loop", "unknown", "unknowns"))
+
+
+@mirrors("StepCheck")
+class StepCheck(ctypes.Structure):
+    """``StepCheck`` of newton.h."""
+
+    _fields_ = (
+        *((name, _INT) for name in ("line", "alarm", "patience", "next", "last", "recurrences", "calm")),
+        *((name, _INT) for name in ("checks", "unresolved", "hopeless")),
+        *((name, _REAL) for name in ("apart", "limit", "time")),
+    )
+
+
+@mirrors("Newton")
+class NewtonData(ctypes.Structure):
+    """``Newton`` of newton.h."""
+
+    _fields_ = (
+        ("groups", _POINTER),
+        ("group_count", _INT),
+        *((name, _POINTER) for name in ("order", "continuous", "moving", "unknowns")),
+        *((name, _POINTER) for name in ("w", "w_last", "trend", "scale", "surprise", "growth", "r", "work", "inverse")),
+        ("most_unknowns", _INT),
+        *((name, _REAL) for name in ("tolerance", "error", "finest")),
+        *((name, _POINTER) for name in ("proposed", "before", "guards", "kept_lines", "kept")),
+        ("worst_residual", _REAL),
+        *((name, _INT) for name in ("jumped", "evaluations", "substeps", "rejected")),
+    )
+
+
+def groups_of(plan: Plan, wires: Sequence[MovingWire]) -> list[list[int]]:
+    """Return the parts in stepping order, grouped by loop."""
+    n = len(plan.parts)
+    links = np.array([(wire.source, wire.target) for wire in wires], dtype=np.int64).reshape(-1, 2)
+    graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(n, n))
+    _, label = connected_components(graph, directed=True, connection="strong")
+    before: dict[int, set[int]] = {}
+    for part in range(n):  # sampled parts first, in the order of the plan
+        before.setdefault(int(label[part]), set())
+    for source, target in links:
+        if label[source] != label[target]:
+            before[int(label[target])].add(int(label[source]))
+    moving = [part for part in range(n) if plan.parts[part].moves]
+    order = list(TopologicalSorter({int(label[part]): before[int(label[part])] for part in moving}).static_order())
+    still = [part for part in range(n) if not plan.parts[part].moves]
+    sampled = [[part] for part in still if plan.parts[part].sampled]
+    slow = [[part] for part in still if not plan.parts[part].sampled]
+    return sampled + [[part for part in moving if label[part] == one] for one in order] + slow
+
+
+class Loops(Algorithm):
+    """The data of an implicit master, attached to an engine.
+
+    Parameters
+    ----------
+    engine : Engine
+        The engine that runs the master.
+    tolerance : float
+        Residual relative to the magnitude of the values.
+    error : float
+        Tolerated coupling error relative to the magnitude of the values, which determines the inner steps; 0: one step
+        for every tick.
+
+    Raises
+    ------
+    ExperimentError
+        If a part of a loop cannot be rolled back.
+    """
+
+    def __init__(self, engine: Engine, tolerance: float, error: float = 0.0) -> None:
+        """Find the loops and fill in the data."""
+        plan = engine.plan
+        wires = plan.moving_wires
+        groups = groups_of(plan, wires)
+        self._order = [part for group in groups for part in group]
+        place = {part: index for index, part in enumerate(self._order)}
+        group_of = {part: number for number, group in enumerate(groups) for part in group}
+        unknowns: list[int] = []
+        numbers: dict[int, int] = {}
+        self._rows: list[tuple[int, ...]] = []
+        first = 0
+        inner = [wire for wire in wires if group_of[wire.source] == group_of[wire.target]]
+        for number, group in enumerate(groups):
+            mine = [wire for wire in inner if group_of[wire.source] == number]
+            begin = len(unknowns)
+            for wire in mine:
+                if place[wire.source] >= place[wire.target] and wire.output not in numbers:
+                    numbers[wire.output] = len(unknowns)
+                    unknowns.append(wire.output)
+            self._rows.append((first, len(group), bool(mine), begin, len(unknowns) - begin))
+            first += len(group)
+            if mine:
+                self._check(engine, group)
+        self.groups, self.plan = groups, plan
+        self.unknowns, self.inner, self.wires = unknowns, inner, wires
+        self._engine, self._tolerance, self._error = engine, tolerance, error
+        self._numbers = [
+            numbers[wire.output] if wire in inner and place[wire.source] >= place[wire.target] else -1 for wire in wires
+        ]
+
+    def begin(self) -> None:
+        """Begin a run at the start values of the plan."""
+        engine, plan, rows, unknowns = self._engine, self.plan, self._rows, self.unknowns
+        moving = []
+        for wire, unknown in zip(self.wires, self._numbers, strict=True):
+            gain, offset = float(plan.gains[wire.input]), float(plan.offsets[wire.input])
+            value = map_of(gain, offset, float(plan.signals[wire.output]))
+            sizes = (value, value, value, value, abs(value), 0.0)
+            moving.append(Moving(wire in self.inner, unknown, value == 0.0, *sizes, gain, offset))
+        attach_lines(engine, self.wires)
+        most = max([count for *_, count in rows], default=0)
+        n = len(unknowns)
+        self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale", "surprise", "growth")}
+        self._memory["w"][:] = self._memory["w_last"][:] = plan.signals[unknowns]
+        self._memory["scale"][:] = np.abs(plan.signals[unknowns])
+        self._memory["inverse"] = np.tile(-np.eye(most), (len(rows), 1))
+        self._memory["proposed"], self._memory["before"] = np.zeros(len(rows)), np.zeros(len(rows))
+        data = self.data = NewtonData()
+        keep = engine.keep
+        places = Moving * max(1, len(moving))
+        self._arrays = (
+            (Group * len(rows))(*(Group(*row) for row in rows)),
+            places(*moving),
+            (StepCheck * len(rows))(),
+            places(),
+        )
+        data.groups, data.moving, data.guards, data.kept_lines = (ctypes.addressof(array) for array in self._arrays)
+        data.kept = keep(np.zeros(6 * most + most * most + 2 * len(moving)))
+        data.group_count = len(rows)
+        data.order = keep(np.array(self._order, dtype=np.int64))
+        data.continuous = keep(np.array([part.moves for part in plan.parts], dtype=np.int64))
+        data.unknowns = keep(np.array(unknowns, dtype=np.int64))
+        for name, array in self._memory.items():
+            setattr(data, name, keep(array))
+        data.r, data.work = keep(np.zeros(n)), keep(np.zeros(6 * most + most * most))
+        data.most_unknowns = most
+        data.tolerance, data.error = self._tolerance, self._error
+        data.finest = FINEST_ADAPTIVE if self._error > 0.0 else FINEST
+        engine.advance_by("newton_tick", data)
+
+    def memory(self) -> dict[str, np.ndarray[Any, Any]]:
+        """Return the values kept from step to step for a checkpoint, as views of the data."""
+        values = bytes_of(self._arrays[1]).reshape(-1, ctypes.sizeof(Moving))
+        guards = bytes_of(self._arrays[2]).reshape(-1, ctypes.sizeof(StepCheck))
+        places = {"moving": values[:, Moving.u0.offset :], "guards": guards[:, StepCheck.alarm.offset :]}
+        return {**self._memory, **places}  # without the indices of unknowns and lines
+
+    def report(self) -> dict[str, str | float]:
+        """Log a warning for each loop that no inner step resolved.
+
+        Returns
+        -------
+        dict
+            For all loops: numbers of evaluations, inner steps, rolled-back steps and steps checked against their
+            halves; the largest sum of remaining errors over the magnitude of the value.
+        """
+        data, (_, moving, guards, _) = self.data, self._arrays
+        checks = sum(int(guard.checks) for guard in guards)
+        counts = {"evaluations": data.evaluations, "substeps": data.substeps, "rejected": data.rejected}
+        errors = [line.debt / line.scale if line.debt > 0.0 else 0.0 for line in moving[: len(self.wires)]]
+        for guard in guards:
+            if guard.hopeless:  # checks have ended; the magnitude may have grown with the error since
+                errors[int(guard.line)] = max(errors[int(guard.line)], HOPELESS)
+        worst = max(errors, default=0.0)
+        if worst > UNRESOLVED:
+            wire = self.wires[errors.index(worst)]
+            names = list(self.plan.ports)
+            group = next(number for number, parts in enumerate(self.groups) if wire.target in parts)
+            _LOG.warning(
+                "%s -> %s changes too fast for the step from t = %.6g s on: errors that add up to %.2g of its size "
+                "remain: %s; use a shorter step",
+                names[wire.output],
+                names[wire.input],
+                guards[group].time,
+                worst,
+                WRONG,
+            )
+        return {**counts, "checks": checks, "unresolved_error": worst}
+
+    def failure(self, number: int, time: float) -> ExperimentError:
+        """Return the error for a loop that does not converge."""
+        names = list(self.plan.ports)
+        group = set(self.groups[number])
+        wires = [wire for wire in self.inner if wire.target in group]
+        shown = ", ".join(f"{names[wire.output]} -> {names[wire.input]}" for wire in wires)
+        return ExperimentError(
+            f"the loop {shown} does not converge at t = {time:.12g} s, even with a millionth of the step: its residual "
+            f"is {self.data.worst_residual:.2g} of the size of the values; look for a part whose outputs do not settle"
+        )
+
+    def _check(self, engine: Engine, group: Sequence[int]) -> None:
+        for part in group:
+            if not engine.plan.parts[part].saves:
+                raise ExperimentError(
+                    f"'{engine.plan.parts[part].name}' is part of a loop and cannot save its state: "
+                    "use the master gauss-seidel or jacobi"
+                )

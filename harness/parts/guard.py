@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from harness.engine.floats import described_floats
-from harness.engine.native import library
+from harness.engine.library import library
 from harness.parts.fmi2 import LOADING
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Part

@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.errors import PartError
 from harness.parts.part import Calls, Part, Port, StartValue, Values
+
+if TYPE_CHECKING:
+    from harness.engine.algorithm import Algorithm
+    from harness.engine.native import Engine
 
 SET: Final = 0
 STEP: Final = 1
@@ -165,31 +169,27 @@ class Plan:
                 if schedule.operations:
                     found[signal] = place[GET, source] < place[SET, target]
                 else:
-                    found[signal] = not schedule.extrapolation and (signal in moving or rank(source) < rank(target))
+                    found[signal] = schedule.implicit and (signal in moving or rank(source) < rank(target))
         return found
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """The operations of a master in every communication step.
+    """What a master does at every tick.
 
     Parameters
     ----------
     operations : tuple of (int, int)
-        Sequence of (SET | STEP | GET, index of the part); empty for an implicit master.
-    tolerance : float
-        Tolerated residual of an implicit master relative to the magnitude of the values; 0 for an explicit master.
-    error : float
-        Tolerated coupling error relative to the magnitude of the values, from which an adaptive master chooses its
-        inner steps; 0 for one step per communication step.
-    extrapolation : int
-        Order of the polynomials with which Jacobi extrapolates inputs; 0 for none.
+        Pairs (SET | STEP | GET, index of the part), executed in this order.
+    algorithm : callable or None
+        ``algorithm(engine)`` returns an `Algorithm` in C, which replaces the operations.
+    implicit : bool
+        Whether it solves loops, so that inputs get values from the end of the step.
     """
 
-    operations: tuple[tuple[int, int], ...]
-    tolerance: float = 0.0
-    error: float = 0.0
-    extrapolation: int = 0
+    operations: tuple[tuple[int, int], ...] = ()
+    algorithm: Callable[[Engine], Algorithm] | None = None
+    implicit: bool = False
 
 
 def map_of(gain: float, offset: float, output: float) -> float:

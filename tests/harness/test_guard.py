@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from harness import CallablePart, Drive, FmuPart, HarnessError, PartError, Result, System
-from harness.engine.native import library
+from harness.engine.library import library
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the probe calls POSIX functions")
 

@@ -18,7 +18,7 @@ from friction_fmus import build, fmu
 from friction_fmus.study.steps import CACHE, StepCache
 from harness import FmuError, FmuPart, System
 from harness.compiling.platforms import PLATFORMS, compiled
-from harness.engine import native
+from harness.engine import library
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "study"))
@@ -42,7 +42,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     os.environ["FRICTION_FMUS_CACHE"] = str(folder)
     try:
         build("Coulomb", folder / "out")
-        native.library.__wrapped__()
+        library.library.__wrapped__()
     finally:
         os.environ.pop("FRICTION_FMUS_CACHE") if before is None else os.environ.update(FRICTION_FMUS_CACHE=before)
     return folder
@@ -202,7 +202,7 @@ def test_the_end_of_a_library_is_where_lief_sees_it(tmp_path: Path, platform: st
     from harness.parts.shared_library import missing_bytes
 
     chosen = PLATFORMS[platform]
-    content = compiled(chosen, native.sources(), "engine", headers=False)
+    content = compiled(chosen, library.sources(), "engine", headers=False)
     path = tmp_path / f"engine{chosen.suffix}"
     path.write_bytes(content)
     ends = segment_ends(path)

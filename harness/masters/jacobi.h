@@ -7,12 +7,12 @@
 
 #include "line.h"
 
-struct extrapolation {
+typedef struct {
     int64_t order;  /* 1 or 2 */
     int64_t known;  /* number of earlier values available */
     double *before; /* source of each line one tick ago and two ticks ago */
     double *earlier;
-};
+} Extrapolation;
 
 static void extrapolate(Engine *e, Extrapolation *x)
 {
@@ -36,9 +36,11 @@ static void extrapolate(Engine *e, Extrapolation *x)
     x->known++;
 }
 
-static bool extrapolated_tick(Engine *e, Extrapolation *x, int64_t tick)
+EXPORT bool extrapolated_tick(Engine *e, int64_t tick);
+
+EXPORT bool extrapolated_tick(Engine *e, int64_t tick)
 {
-    extrapolate(e, x);
+    extrapolate(e, e->algorithm);
     for (int64_t index = 0; index < e->part_count; index++) {
         EnginePart *const p = &e->parts[index];
         if (!is_due(p, tick))
@@ -57,5 +59,7 @@ static bool extrapolated_tick(Engine *e, Extrapolation *x, int64_t tick)
     }
     return true;
 }
+
+MIRRORED(Extrapolation)
 
 #endif

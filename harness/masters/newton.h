@@ -59,7 +59,7 @@ typedef struct {
     double time;         /* [s] of the first of these */
 } StepCheck;
 
-struct newton {
+typedef struct {
     Group *groups;
     int64_t group_count;
     const int64_t *order;      /* indices of the parts, group by group */
@@ -82,7 +82,7 @@ struct newton {
     double worst_residual;
     int64_t jumped; /* the last solution lies at a jump of r */
     int64_t evaluations, substeps, rejected;
-};
+} Newton;
 
 enum { SOLVED = 0, NOT_CONVERGED = 101, MOST_EVALUATIONS = 60, MOST_BISECTIONS = 250, MOST_HALVINGS = 20 };
 
@@ -308,8 +308,11 @@ static void restart_manipulated(Engine *e, Newton *newton)
     }
 }
 
-static bool newton_tick(Engine *e, Newton *newton, int64_t tick)
+EXPORT bool newton_tick(Engine *e, int64_t tick);
+
+EXPORT bool newton_tick(Engine *e, int64_t tick)
 {
+    Newton *const newton = e->algorithm;
     const double t = time_of(e, tick);
     if (e->manipulator_count > 0)
         restart_manipulated(e, newton);
@@ -345,5 +348,10 @@ static bool newton_tick(Engine *e, Newton *newton, int64_t tick)
             m->u0 = m->u1;
     return true;
 }
+
+MIRRORED(Group)
+MIRRORED(Moving)
+MIRRORED(Newton)
+MIRRORED(StepCheck)
 
 #endif

@@ -1,0 +1,76 @@
+"""The compiled engine and the structs that it shares with Python."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.compiling.platforms import NATIVE, native_library
+from harness.parts.shared_library import missing_bytes
+
+_POINTER, _INT = ctypes.c_void_p, ctypes.c_int64
+
+_MIRRORS: Final[dict[str, type[ctypes.Structure]]] = {}
+_Struct = TypeVar("_Struct", bound=type[ctypes.Structure])
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """Return the compiled engine, from the wheel or else built from the sources and cached."""
+    folder = Path(__file__).parent
+    shipped = folder / "binaries" / NATIVE.folder / f"engine{NATIVE.suffix}"
+    whole = shipped.is_file() and missing_bytes(shipped) == 0
+    engine = ctypes.CDLL(str(shipped if whole else native_library(sources(), "engine", headers=False)))
+    engine.engine_run.restype = _INT
+    engine.engine_run.argtypes = (_POINTER, _INT, _INT)
+    engine.engine_drive.restype = _INT
+    engine.engine_float_control.restype = ctypes.c_uint32
+    engine.engine_set_float_control.argtypes = (ctypes.c_uint32,)
+    engine.engine_drive.argtypes = (_POINTER, _INT)
+    for name in _MIRRORS:
+        _check_size(engine, name)
+    return engine
+
+
+def _check_size(engine: ctypes.CDLL, name: str) -> None:
+    size, expected = _INT.in_dll(engine, f"size_of_{name}").value, ctypes.sizeof(_MIRRORS[name])
+    assert size == expected, f"{name} has {size} bytes in C and {expected} in Python"
+
+
+def sources() -> dict[str, str]:
+    """Return the text of each of the engine's C files."""
+    folder = Path(__file__).parent
+    masters = sorted((folder.parent / "masters").glob("*.h"))
+    files = (*folder.glob("*.h"), *folder.glob("*.c"), *masters)
+    texts = {path.name: path.read_text(encoding="utf-8") for path in sorted(files)}
+    return texts | {"masters.h": "".join(f'#include "{path.name}"\n' for path in masters)}
+
+
+def mirrors(name: str) -> Callable[[_Struct], _Struct]:
+    """Declare that a ctypes structure has the layout of a C struct; its size is checked when the library is loaded.
+
+    Parameters
+    ----------
+    name : str
+        Name of the struct in engine.c.
+    """
+
+    def declared(struct: _Struct) -> _Struct:
+        _MIRRORS[name] = struct
+        if library.cache_info().currsize:
+            _check_size(library(), name)
+        return struct
+
+    return declared
+
+
+def bytes_of(struct: ctypes.Array[Any] | ctypes.Structure) -> NDArray[np.uint8]:
+    """Return a view of the bytes of a struct or of an array of structs."""
+    size = ctypes.sizeof(struct)
+    return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_buffer(struct)) if size else np.zeros(0, np.uint8)
