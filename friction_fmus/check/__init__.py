@@ -1,7 +1,7 @@
-"""Checks of an FMU: the archive, the XML, and what the binary does in a process of its own.
+"""Checks of an FMU: the archive, the XML, and the behaviour of the binary in a separate process.
 
-For any FMU of FMI 2.0 for co-simulation. The rules are functions in `archive`, `definitions`, `variables`, `structure`
-and `side_files`, and probes in `probes`; to add one, write one function.
+The checks apply to any FMI 2.0 co-simulation FMU. The rules are functions in `archive`, `definitions`, `variables`,
+`structure` and `side_files`, and probes in `probes`; each rule is one function.
 """
 
 from __future__ import annotations
@@ -33,38 +33,38 @@ from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 __all__ = ["RULES", "Finding", "Rule", "check"]
 
 _MODULES = (definitions, variables, structure)
-"""They add the rules of the XML."""
+"""Modules that register the rules of the XML."""
 
 _DANGEROUS = ("zip-", "path-outside", "path-backslash", "path-symlink", "path-duplicate", "path-clash", "path-long")
 
-FMPY = declare("fmpy", "error", "2.2", "The check of fmpy finds what no other rule does.", "description")
+FMPY = declare("fmpy", "error", "2.2", "The check of fmpy finds an error that no other rule finds.", "description")
 
 
 def check(
     path: str | Path, *, static: bool = False, ignore: Collection[str] = (), time_limit: float = 30.0
 ) -> list[Finding]:
-    """Looks for faults in one FMU.
+    """Check one FMU.
 
     Parameters
     ----------
     path : path-like
         The FMU.
     static : bool
-        Whether to leave the binary alone.
+        Whether to skip the checks that run the binary.
     ignore : collection of str
-        Names of rules that do not count.
+        Names of rules to ignore.
     time_limit : float
-        How long each probe of the binary may take [s].
+        Longest duration of each probe of the binary [s].
 
     Returns
     -------
     list of Finding
-        By severity, empty if there is none. What is no FMU of FMI 2.0 for co-simulation is one finding.
+        The findings in order of severity. A file that is not an FMI 2.0 co-simulation FMU gives one finding.
 
     Raises
     ------
     FrictionError
-        If the file cannot be read, a name in `ignore` is that of no rule, or the time limit is not positive.
+        If the file cannot be read, `ignore` contains an unknown rule, or the time limit is not positive.
     """
     for name in ignore:
         if name not in RULES:
@@ -111,7 +111,7 @@ def _examine(path: Path, static: bool, time_limit: float) -> list[Finding]:
 
 
 def _unless_told(found: list[Finding], also: Finding) -> list[Finding]:
-    """A finding more, unless there is one of that file."""
+    """Return the findings and another one, unless they already contain a finding for the same file."""
     return found if any(finding.file == also.file for finding in found) else [*found, also]
 
 
@@ -126,32 +126,32 @@ _XSD = "fmi2/fmi2ModelDescription.xsd"
 
 
 def _refusals(model: Model) -> Iterator[Finding]:
-    """Why this is nothing that the rules are for."""
+    """Yield the reasons why the rules do not apply to this file."""
     version = model.root.get("fmiVersion", "")
     if model.root.tag != "fmiModelDescription":
         text = f"the root element is {model.root.tag}, not fmiModelDescription; export it as FMI 2.0"
         yield VERSION.finding(text, DESCRIPTION, line=line_of(model.root))
     elif version != "2.0":
-        text = f"fmiVersion is {version!r}, and only 2.0 is checked; importers of FMI 2.0 refuse any other"
+        text = f"fmiVersion is {version!r}, but only 2.0 is supported; export it as FMI 2.0"
         yield VERSION.finding(text, DESCRIPTION, line=line_of(model.root))
     elif model.simulation is None:
-        kind = "for model exchange only" if model.root.find("ModelExchange") is not None else "for nothing"
-        text = f"the FMU is {kind}, and only co-simulation is checked; export it for co-simulation"
+        kind = "only model exchange" if model.root.find("ModelExchange") is not None else "no interface"
+        text = f"the FMU supports {kind}, but only co-simulation can be checked; export it for co-simulation"
         yield NO_CO_SIMULATION.finding(text, DESCRIPTION, line=line_of(model.root))
 
 
 def _fmpy(path: Path) -> list[Finding]:
-    """What fmpy finds; only asked where nothing else is wrong, so that no fault is told twice.
+    """Return the findings of fmpy, which runs only if there are no other findings, to avoid duplicates.
 
-    It is not asked for the names of variables, on which its parser takes milliseconds each; `variables` has that rule.
+    It does not check the names of variables, for which its parser needs milliseconds each; `variables` checks them.
     """
     try:
-        with path.open("rb") as file:  # not the path: fmpy leaves the file open when it fails
+        with path.open("rb") as file:  # not the path, as fmpy leaves the file open if it fails
             read_model_description(file, validate=True, validate_model_structure=True)
     except ValidationError as error:
         problems = [str(text) for text in error.problems]
-    except Exception as error:  # what it cannot read fails in many ways
+    except Exception as error:  # fmpy raises many kinds of exceptions
         problems = [str(error)]
     else:
         problems = []
-    return [FMPY.finding(f"fmpy says: {' '.join(text.split())}", DESCRIPTION) for text in problems]
+    return [FMPY.finding(f"fmpy reports: {' '.join(text.split())}", DESCRIPTION) for text in problems]

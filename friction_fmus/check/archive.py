@@ -1,4 +1,4 @@
-"""Rules of the archive (FMI 2.0.5, section 2.3), before anything is unpacked."""
+"""Rules of the archive (FMI 2.0.5, section 2.3), checked before anything is unpacked."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ _SYSTEMS = ("darwin", "linux", "windows")
 _TOP = ("binaries", "documentation", "extra", "resources", "sources", "terminalsAndIcons")
 _HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
 
-NOT_A_ZIP = declare("not-a-zip", "error", "2.3", "The file is no zip archive that can be read.", "archive")
-TRUNCATED = declare("binary-truncated", "error", "2.3", "The file of a library ends too early.", "archive")
+NOT_A_ZIP = declare("not-a-zip", "error", "2.3", "The file is not a readable zip archive.", "archive")
+TRUNCATED = declare("binary-truncated", "error", "2.3", "The file of a library is truncated.", "archive")
 
 _UNREADABLE = ("zip-bomb", "zip-encrypted", "zip-method")
-"""Rules after which nothing is unpacked."""
+"""Rules whose violation prevents unpacking."""
 
 DAMAGED = declare("zip-damaged", "error", "2.3", "A member of the archive cannot be read.", "archive")
 
@@ -54,13 +54,13 @@ class Contents:
     path : Path
         The FMU.
     members : tuple of ZipInfo
-        As they stand in the archive.
+        The members in the order of the archive.
     size : int
-        Of the file [bytes].
+        Size of the file [bytes].
     identifier : str
-        Model identifier for co-simulation; empty if it is not known.
+        Model identifier for co-simulation; empty if unknown.
     source_files : tuple of str or None
-        What the XML declares as sources; None if it is not known.
+        Source files declared in the XML; None if unknown.
     """
 
     path: Path
@@ -75,20 +75,20 @@ class Contents:
         object.__setattr__(self, "names", frozenset(member.filename for member in self.members))
 
     def below(self, folder: str) -> list[PurePosixPath]:
-        """The files in a folder of the archive."""
+        """Return the files in a folder of the archive."""
         return [PurePosixPath(n) for n in sorted(self.names) if n.startswith(f"{folder}/") and not n.endswith("/")]
 
 
 def list_members(path: Path) -> Contents | Finding:
-    """The members of an archive, or why they cannot be listed.
+    """Return the members of an archive, or a finding that explains why they cannot be listed.
 
     Raises
     ------
     OSError
-        If there is no such file or it may not be read.
+        If the file does not exist or is not readable.
     """
     if path.exists() and not path.is_dir() and not path.is_file():
-        raise OSError("it is not an ordinary file")  # a device or a pipe may be without an end
+        raise OSError("it is not a regular file")  # a device or a pipe may have no end
     try:
         entries, size = list_zip(path)
     except ZipError as error:
@@ -97,7 +97,7 @@ def list_members(path: Path) -> Contents | Finding:
 
 
 def read_member(path: Path, name: str) -> bytes | Finding:
-    """The content of a member of an archive that is no bomb, or why it cannot be read."""
+    """Return the content of a member of an archive that is not a bomb, or a finding if it cannot be read."""
     try:
         with zipfile.ZipFile(path) as archive:
             return read_zip(archive, name)
@@ -106,7 +106,7 @@ def read_member(path: Path, name: str) -> bytes | Finding:
 
 
 def examine_archive(contents: Contents) -> list[Finding]:
-    """What the rules of the archive find."""
+    """Return the findings of the archive rules."""
     findings = list(apply("archive", contents))
     if not any(finding.rule in _UNREADABLE for finding in findings):
         findings += _damaged(contents)
@@ -120,7 +120,7 @@ def _damaged(contents: Contents) -> Iterator[Finding]:
                 with archive.open(member) as file:
                     while file.read(1 << 20):
                         pass
-            except Exception as error:  # zipfile and the codecs raise many kinds for broken members
+            except Exception as error:  # zipfile and the codecs raise many kinds of exceptions for damaged members
                 reason = " ".join(str(error).split()) or type(error).__name__
                 message = f"{member.filename} cannot be unpacked ({reason}); copy or export the FMU again"
                 yield DAMAGED.finding(message, member.filename)
@@ -129,37 +129,47 @@ def _damaged(contents: Contents) -> Iterator[Finding]:
 # ---- paths
 
 
-@rule("path-outside", "error", "2.3", "A member lies outside of the folder that the FMU is unpacked to.", "archive")
+@rule(
+    "path-outside",
+    "error",
+    "2.3",
+    "The path of a member points outside the folder to which the FMU is unpacked.",
+    "archive",
+)
 def _outside(contents: Contents) -> Iterator[Fault]:
     for member in contents.members:
         if "\\" not in member.orig_filename and find_outside([member.orig_filename]) is not None:
             yield Fault(
-                f"the member {member.orig_filename!r} points outside of the archive; do not use this file",
+                f"the member {member.orig_filename!r} points outside the archive; do not use this file",
                 file=member.filename,
             )
 
 
-@rule("path-backslash", "error", "2.3", "A path has backslashes in place of slashes.", "archive")
+@rule("path-backslash", "error", "2.3", "A path contains backslashes instead of slashes.", "archive")
 def _backslash(contents: Contents) -> Iterator[Fault]:
     for member in contents.members:
         if "\\" in member.orig_filename:
-            yield Fault(f"the path {member.orig_filename!r} has backslashes; zip it with '/'", file=member.filename)
+            yield Fault(
+                f"the path {member.orig_filename!r} contains backslashes; zip the FMU with '/'", file=member.filename
+            )
 
 
-@rule("path-dot", "warning", "2.3", "A path starts with './' or has an empty or '.' part.", "archive")
+@rule("path-dot", "warning", "2.3", "A path starts with './' or contains an empty or '.' part.", "archive")
 def _dot(contents: Contents) -> Iterator[Fault]:
     for member in contents.members:
         parts = member.filename.removesuffix("/").removeprefix("/").split("/")
         if "" in parts or "." in parts:
-            yield Fault(f"the path {member.filename!r} is not in its shortest form; zip it anew", file=member.filename)
+            yield Fault(
+                f"the path {member.filename!r} is not in its shortest form; zip the FMU again", file=member.filename
+            )
 
 
-@rule("path-duplicate", "error", "2.3", "Two members have one path, or paths that differ only by case.", "archive")
+@rule("path-duplicate", "error", "2.3", "Two members have the same path, or paths that differ only in case.", "archive")
 def _duplicate(contents: Contents) -> Iterator[Fault]:
     counted = Counter(member.filename.lower() for member in contents.members)
     for name, count in counted.items():
         if count > 1:
-            yield Fault(f"{count} members are called {name!r} (case apart); keep one", file=name)
+            yield Fault(f"{count} members are called {name!r} (ignoring case); keep one", file=name)
 
 
 @rule("path-symlink", "error", "2.3", "A member is a symbolic link or another special file.", "archive")
@@ -168,15 +178,15 @@ def _symlink(contents: Contents) -> Iterator[Fault]:
         if is_special(member):
             kind = stat.filemode(member.external_attr >> 16)[0]
             yield Fault(
-                f"{member.filename!r} is no ordinary file but a {kind!r}; put the file itself there",
+                f"{member.filename!r} is not a regular file but a {kind!r}; replace it by the file itself",
                 file=member.filename,
             )
 
 
-@rule("path-clash", "error", "2.3", "A path is a file and a folder at once, case apart.", "archive")
+@rule("path-clash", "error", "2.3", "A path is both a file and a folder, ignoring case.", "archive")
 def _clash(contents: Contents) -> Iterator[Fault]:
     for name in find_clashes((normal_name(member).lower(), member.is_dir()) for member in contents.members):
-        yield Fault(f"{name!r} is a file and a folder (case apart); rename one", file=name)
+        yield Fault(f"{name!r} is both a file and a folder (ignoring case); rename one", file=name)
 
 
 @rule("path-long", "error", "2.3", "A path is longer than file systems allow.", "archive")
@@ -185,7 +195,7 @@ def _long(contents: Contents) -> Iterator[Fault]:
         if is_too_long(member.filename):
             part, whole = LONGEST
             where = f"a path that begins with {member.filename[:60]!r} is too long"
-            yield Fault(f"{where}; keep each name to {part} bytes, the path to {whole}", file=member.filename)
+            yield Fault(f"{where}; shorten each name to {part} bytes, the path to {whole}", file=member.filename)
 
 
 # ---- compression
@@ -198,7 +208,7 @@ def _encrypted(contents: Contents) -> Iterator[Fault]:
             yield Fault(f"{member.filename!r} is encrypted; zip it without a password", file=member.filename)
 
 
-@rule("zip-method", "error", "2.3", "A member is compressed by another method than deflate.", "archive")
+@rule("zip-method", "error", "2.3", "A member is compressed by a method other than deflate.", "archive")
 def _method(contents: Contents) -> Iterator[Fault]:
     for member in contents.members:
         if member.compress_type not in _DEFLATE:
@@ -207,30 +217,36 @@ def _method(contents: Contents) -> Iterator[Fault]:
             )
 
 
-@rule("zip-version", "warning", "2.3", "Unpacking a member needs more than version 2.0 of the zip format.", "archive")
+@rule("zip-version", "warning", "2.3", "A member requires a zip version above 2.0.", "archive")
 def _version(contents: Contents) -> Iterator[Fault]:
     for member in contents.members:
         if member.extract_version > 20 and member.compress_type in _DEFLATE:
             needed = member.extract_version / 10
-            yield Fault(f"{member.filename!r} needs zip version {needed}; use at most 2.0", file=member.filename)
+            yield Fault(f"{member.filename!r} requires zip version {needed}; use at most 2.0", file=member.filename)
 
 
-@rule("zip-bomb", "error", "2.3", "The archive unpacks to much more than its size lets expect.", "archive")
+@rule("zip-bomb", "error", "2.3", "The archive unpacks to far more than its size suggests.", "archive")
 def _bomb(contents: Contents) -> Iterator[Fault]:
     unpacked = unpacked_size(contents.members)
     if is_bomb(unpacked, contents.size):
         yield Fault(f"{contents.size} bytes unpack to {unpacked}; do not use this file", file="")
 
 
-# ---- what there must be, and where
+# ---- required files and their places
 
 
-@rule("no-model-description", "error", "2.3", "There is no modelDescription.xml at the top of the archive.", "archive")
+@rule(
+    "no-model-description",
+    "error",
+    "2.3",
+    "modelDescription.xml is missing at the top level of the archive.",
+    "archive",
+)
 def _no_description(contents: Contents) -> Iterator[Fault]:
     if DESCRIPTION not in contents.names:
         found = [name for name in sorted(contents.names) if PurePosixPath(name).name == DESCRIPTION]
         beside = f", only {found[0]!r}; zip the contents of that folder" if found else "; export it again as FMI 2.0"
-        yield Fault(f"there is no {DESCRIPTION} at the top{beside}", file="")
+        yield Fault(f"{DESCRIPTION} is missing at the top level{beside}", file="")
 
 
 @rule("no-code", "error", "2.3", "There are neither binaries nor sources.", "archive")
@@ -239,62 +255,62 @@ def _no_code(contents: Contents) -> Iterator[Fault]:
         yield Fault("the archive has neither binaries nor sources; export it with one of them", file="")
 
 
-@rule("platform-unknown", "warning", "2.3", "A folder of binaries is named after no platform.", "archive")
+@rule("platform-unknown", "warning", "2.3", "The name of a folder with binaries is not a platform.", "archive")
 def _platform(contents: Contents) -> Iterator[Fault]:
     for folder in sorted({path.parts[1] for path in contents.below("binaries") if len(path.parts) > 2}):
         architecture, _, system = folder.partition("-")
         if folder not in _PLATFORMS and not (architecture in _ARCHITECTURES and system in _SYSTEMS):
             known = ", ".join(_PLATFORMS)
-            yield Fault(f"binaries/{folder} is no platform; rename it to one of {known}", file=f"binaries/{folder}")
+            yield Fault(f"binaries/{folder} is not a platform; rename it to one of {known}", file=f"binaries/{folder}")
 
 
-@rule("binary-misnamed", "error", "2.3", "A platform has no library that is named after the model.", "archive")
+@rule("binary-misnamed", "error", "2.3", "A platform has no library with the name of the model.", "archive")
 def _misnamed(contents: Contents) -> Iterator[Fault]:
     for folder in sorted({path.parts[1] for path in contents.below("binaries") if len(path.parts) > 2}):
         system = folder.partition("-")[2] or folder.rstrip("0123456789")
         needed = f"binaries/{folder}/{contents.identifier}{_SUFFIXES.get(system, '')}"
         if contents.identifier and system in _SUFFIXES and needed not in contents.names:
-            yield Fault(f"there is no {needed}; name the library after modelIdentifier", file=f"binaries/{folder}")
+            yield Fault(f"{needed} is missing; name the library after modelIdentifier", file=f"binaries/{folder}")
 
 
-@rule("source-missing", "error", "2.2.1", "A file of SourceFiles is not in the folder sources.", "archive")
+@rule("source-missing", "error", "2.2.1", "A file listed in SourceFiles is missing in the folder sources.", "archive")
 def _source_missing(contents: Contents) -> Iterator[Fault]:
     missing = [
         name for name in contents.source_files or () if str(PurePosixPath("sources", name)) not in contents.names
     ]
     if missing:
         more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
-        yield Fault(f"SourceFiles lists {missing[0]!r}{more}, not found in sources; add what is missing")
+        yield Fault(f"SourceFiles lists {missing[0]!r}{more}, missing in sources; add the files")
 
 
-@rule("source-undeclared", "warning", "2.2.1", "There are C sources, but nothing says which to compile.", "archive")
+@rule("source-undeclared", "warning", "2.2.1", "There are C sources, but no list of the files to compile.", "archive")
 def _source_undeclared(contents: Contents) -> Iterator[Fault]:
     sources = [path for path in contents.below("sources") if path.suffix in (".c", ".cpp", ".cc")]
     if sources and contents.source_files == () and "sources/buildDescription.xml" not in contents.names:
-        yield Fault(f"no SourceFiles names {sources[0]} and the others; list the files to compile")
+        yield Fault(f"no SourceFiles element lists {sources[0]} and the other sources; list the files to compile")
 
 
-@rule("source-headers", "note", "2.3", "The headers of FMI are among the sources.", "archive")
+@rule("source-headers", "note", "2.3", "The sources contain FMI headers.", "archive")
 def _headers(contents: Contents) -> Iterator[Fault]:
     for path in contents.below("sources"):
         if path.name in _HEADERS:
-            yield Fault(f"{path} is shipped; leave it out, importers bring their own", file=str(path))
+            yield Fault(f"the FMU contains {path}; remove it, as importers provide it", file=str(path))
 
 
-@rule("file-unknown", "note", "2.3", "A file or folder at the top is not one of the standard's.", "archive")
+@rule("file-unknown", "note", "2.3", "A file or folder at the top level is not defined by the standard.", "archive")
 def _unknown(contents: Contents) -> Iterator[Fault]:
     for top in sorted({PurePosixPath(name).parts[0] for name in contents.names if PurePosixPath(name).parts}):
         if top not in (*_TOP, DESCRIPTION, "model.png") and top not in ("/", "..", "."):
-            yield Fault(f"{top!r} is nothing that the standard knows; move it to resources or extra", file=top)
+            yield Fault(f"the standard does not define {top!r}; move it to resources or extra", file=top)
 
 
-@rule("documentation-entry", "note", "2.3", "There is no documentation/index.html.", "archive")
+@rule("documentation-entry", "note", "2.3", "documentation/index.html is missing.", "archive")
 def _documentation(contents: Contents) -> Iterator[Fault]:
     if "documentation/index.html" not in contents.names:
-        yield Fault("there is no documentation/index.html; add it, tools open it on request", file="documentation")
+        yield Fault("documentation/index.html is missing; add it, as tools open it on request", file="documentation")
 
 
-@rule("licence-misplaced", "note", "2.3", "A licence lies elsewhere than in documentation/licenses.", "archive")
+@rule("licence-misplaced", "note", "2.3", "A licence is outside documentation/licenses.", "archive")
 def _licence(contents: Contents) -> Iterator[Fault]:
     for name in sorted(contents.names):
         path = PurePosixPath(name)
@@ -304,14 +320,16 @@ def _licence(contents: Contents) -> Iterator[Fault]:
 
 
 def truncated_libraries(contents: Contents) -> Iterator[Finding]:
-    """The libraries of all platforms in a safe archive that end too early; some loaders crash on them."""
+    """Yield a finding for each truncated library in a safe archive; some loaders crash on them."""
     libraries = [str(path) for path in contents.below("binaries") if path.suffix in _SUFFIXES.values()]
     with open_zip(contents.path) as archive:
         for name in libraries:
             with archive.open(name) as file:
                 missing = missing_of(file.read(LONGEST_TABLE), archive.getinfo(name).file_size)
             if missing:
-                yield TRUNCATED.finding(f"{name} lacks {missing} bytes at its end; copy or export the FMU again", name)
+                yield TRUNCATED.finding(
+                    f"{name} is truncated: {missing} bytes are missing at the end; copy or export the FMU again", name
+                )
 
 
 def unpack(contents: Contents, folder: Path) -> None:
@@ -320,9 +338,9 @@ def unpack(contents: Contents, folder: Path) -> None:
     Raises
     ------
     ZipError
-        If the archive has been replaced by another one in the meantime.
+        If the archive has been replaced in the meantime.
     OSError
-        If the disk does not take it.
+        If the files cannot be written.
     """
     with open_zip(contents.path) as archive:
         unpack_zip(archive, folder)

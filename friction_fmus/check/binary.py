@@ -1,4 +1,4 @@
-"""The binary of an FMU under examination: its process is watched, and a crash or a hang of it is a finding."""
+"""Checks of an FMU's binary in a monitored process, in which a crash or a hang is a finding."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from harness.compiling.platforms import NATIVE
 from harness.storage.scratch import ScratchFolder
 
 _MODULES: Final = (lifecycle, stepping, surroundings)
-"""They add the probes, in this order."""
+"""Modules that register the probes, in this order."""
 
 for _id, (_severity, _section, _summary) in BINARY_RULES.items():
     declare(_id, _severity, _section, _summary, "binary")  # type: ignore[arg-type]
 
-NO_BINARY = declare("no-binary-here", "note", "2.3", "There is no binary for this machine; none was run.", "binary")
+NO_BINARY = declare("no-binary-here", "note", "2.3", "There is no binary for this machine, so none was run.", "binary")
 
 _FLAGS: Final = (
     "canHandleVariableCommunicationStepSize",
@@ -44,31 +44,31 @@ _PROGRAM: Final = (
     "import sys; sys.path.append({folder!r}); from probes import lifecycle, stepping, surroundings; "
     "from probes.host import main; main({place!r}, {names!r})"
 )
-_DEBUG: Final = "run that call in a debugger"
+_DEBUG: Final = "run this call in a debugger"
 _ADVICE: Final = {
-    "free-null": "return at once if there is no instance",
-    "misuse-crashes": "refuse what is not allowed, and do not rely on a logger",
+    "free-null": "return immediately if there is no instance",
+    "misuse-crashes": "return an error for a call that is not allowed, and do not rely on a logger",
 }
 _START_TIME: Final = 30.0
-"""What a process may take until the first probe begins [s]: a busy machine is no fault of the FMU."""
+"""Longest time until the first probe begins, as a slow start on a busy machine is not the fault of the FMU [s]."""
 
 
 def examine_binary(contents: Contents, model: Model, time_limit: float) -> list[Finding]:
-    """What the probes find.
+    """Run the probes and return their findings.
 
     Parameters
     ----------
     contents : Contents
         The archive, in which no rule found a dangerous member.
     model : Model
-        Its XML.
+        The XML.
     time_limit : float
-        How long a probe may take [s].
+        Longest duration of a probe [s].
 
     Raises
     ------
     OSError
-        If the FMU cannot be unpacked or no process be started.
+        If the FMU cannot be unpacked or no process can be started.
     FrictionError
         If a probe itself fails.
     """
@@ -76,7 +76,9 @@ def examine_binary(contents: Contents, model: Model, time_limit: float) -> list[
     if binary not in contents.names:
         found = sorted({path.parts[1] for path in contents.below("binaries") if len(path.parts) > 2})
         there = ", ".join(found) or "none"
-        return [NO_BINARY.finding(f"there is no {binary} (binaries for: {there}); check it on such a machine")]
+        return [
+            NO_BINARY.finding(f"{binary} is missing (binaries for: {there}); run the check on one of these platforms")
+        ]
     with ScratchFolder("friction-fmus-check-") as name:
         folder = Path(name).resolve()
         unpack(contents, folder / "fmu")
@@ -92,7 +94,7 @@ def examine_binary(contents: Contents, model: Model, time_limit: float) -> list[
 
 
 def _job(model: Model) -> dict[str, Any]:
-    """All that the probes know of the XML, as JSON can say it."""
+    """Return the data of the XML that the probes need, as a JSON value."""
     experiment = model.root.find("DefaultExperiment")
     names = ("startTime", "stopTime", "stepSize")
     given = {} if experiment is None else {name: real(experiment.get(name)) for name in names}
@@ -142,7 +144,7 @@ def _start(kind: str, text: str | None) -> Any:
 
 
 def _supervise(folder: Path, once: bool, binary: str, time_limit: float) -> Iterator[Finding]:
-    """Run all probes, in a new process after each that does not come back."""
+    """Run all probes, with a new process after each one that does not return."""
     names = [name for name in PROBES if not (once and name in SEVERAL)]
     while names:
         (folder / "report").write_bytes(b"")
@@ -150,7 +152,9 @@ def _supervise(folder: Path, once: bool, binary: str, time_limit: float) -> Iter
         lines = [json.loads(line) for line in (folder / "report").read_bytes().splitlines()]
         for line in lines:
             if "fault" in line:
-                raise FrictionError(f"the probe {line['probe']} of {binary} failed itself: {line['fault']}; report it")
+                raise FrictionError(
+                    f"the probe {line['probe']} of {binary} raised {line['fault']}; report this error in the check"
+                )
             if "finding" in line:
                 yield RULES[line["finding"]].finding(line["message"], binary, variable=line["variable"])
         begun = [line["probe"] for line in lines if "probe" in line]
@@ -160,19 +164,17 @@ def _supervise(folder: Path, once: bool, binary: str, time_limit: float) -> Iter
         if not (lines and lines[-1].get("end")):
             yield _broken(folder, binary, ending, current)
             if current == "load" or (ending == "" and current not in CRASHES):
-                return  # what cannot be loaded or does not return would only take time
+                return  # no use to continue with a library that cannot be loaded or that hangs
         refused = any(line.get("finding") == "instantiate-fails" for line in lines)
         names = [] if refused else names[names.index(current) + 1 :]
 
 
 def _broken(folder: Path, binary: str, ending: str, current: str) -> Finding:
-    """What the last call did to its process."""
+    """Return the finding for the last call, which ended its process or did not return."""
     function = (folder / "trace").read_bytes().decode(errors="replace").strip() or "a call"
     hangs = ending == ""
     if current == "load" and not hangs:
-        message = (
-            f"loading the library ends its process: {ending}; it is damaged, or its initialisers are: build it again"
-        )
+        message = f"loading the library ends its process: {ending}; it or its initialisers are faulty: build it again"
         return RULES["binary-not-loadable"].finding(message, binary)
     special = CRASHES.get(current)
     how = "does not return within the time limit" if hangs else f"ends its process: {ending}"
@@ -181,7 +183,7 @@ def _broken(folder: Path, binary: str, ending: str, current: str) -> Finding:
 
 
 def _run(folder: Path, names: list[str], time_limit: float) -> str:
-    """One process; how it ended, or nothing if it was killed for taking too long."""
+    """Run one process and return how it ended; empty if it was killed at the time limit."""
     program = _PROGRAM.format(folder=str(Path(__file__).parent), place=str(folder), names=names)
     with (folder / "stdout").open("ab") as out, (folder / "stderr").open("ab") as err:
         child = subprocess.Popen(
@@ -190,7 +192,7 @@ def _run(folder: Path, names: list[str], time_limit: float) -> str:
             stdout=out,
             stderr=err,
             cwd=folder,
-            start_new_session=True,  # Ctrl-C is for the check, which then ends it
+            start_new_session=True,  # Ctrl-C goes to the check, which then ends the process
         )
         try:
             return "" if _hangs(child, folder / "report", time_limit) else _ending(child.wait())
@@ -199,7 +201,7 @@ def _run(folder: Path, names: list[str], time_limit: float) -> str:
 
 
 def _hangs(child: subprocess.Popen[bytes], report: Path, time_limit: float) -> bool:
-    """Whether no probe begins for too long, while the process is there."""
+    """Return whether no new probe begins within the time limit while the process is alive."""
     seen, deadline = 0, monotonic() + max(time_limit, _START_TIME)
     while child.poll() is None:
         try:
@@ -214,7 +216,7 @@ def _hangs(child: subprocess.Popen[bytes], report: Path, time_limit: float) -> b
 
 
 def _end(child: subprocess.Popen[bytes]) -> None:
-    """The process and what it has started."""
+    """End the process and its child processes."""
     if os.name == "posix":
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(child.pid, signal.SIGKILL)

@@ -1,4 +1,4 @@
-"""Rules of the head of modelDescription.xml: identity, units, types, categories (FMI 2.0.5, 2.2.1 to 2.2.6)."""
+"""Rules of the head of modelDescription.xml: identity, units, types, log categories (FMI 2.0.5, 2.2.1 to 2.2.6)."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _C_KEYWORDS = re.compile(
 
 
 def _repeated(elements: Iterable[etree._Element], what: str) -> Iterator[Fault]:
-    """Elements whose name stood before."""
+    """Yield a fault for each element with a repeated name."""
     seen: dict[str, int] = {}
     for element in elements:
         name = element.get("name", "")
         if name in seen:
-            message = f"{what} {name!r} stands in line {seen[name]} already; remove or rename one"
+            message = f"{what} {name!r} is already defined in line {seen[name]}; remove or rename one"
             yield Fault(message, line_of(element))
         seen.setdefault(name, line_of(element))
 
@@ -33,12 +33,12 @@ def _repeated(elements: Iterable[etree._Element], what: str) -> Iterator[Fault]:
 # ---- identity
 
 
-@rule("model-identifier", "error", "2.2.1", "The modelIdentifier is no C name.")
+@rule("model-identifier", "error", "2.2.1", "The modelIdentifier is not a C identifier.")
 def _identifier(model: Model) -> Iterator[Fault]:
     for element in (*model.all("CoSimulation"), *model.all("ModelExchange")):
         name = element.get("modelIdentifier", "")
         if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII) or _C_KEYWORDS.fullmatch(name):
-            message = f"modelIdentifier {name!r} is no C name; use letters, digits and _ only, a letter first"
+            message = f"modelIdentifier {name!r} is not a C identifier; use only letters, digits and _, a letter first"
             yield Fault(message, line_of(element))
 
 
@@ -48,25 +48,25 @@ def _guid(model: Model) -> Iterator[Fault]:
         yield Fault("the guid is empty; give a hash of the file's content", line_of(model.root))
 
 
-@rule("metadata-missing", "note", "2.2.1", "The FMU does not say who made it and what it is.")
+@rule("metadata-missing", "note", "2.2.1", "Metadata such as author or version are missing.")
 def _metadata(model: Model) -> Iterator[Fault]:
     missing = [name for name in _METADATA if not model.root.get(name)]
     if missing:
-        yield Fault(f"without {', '.join(missing)}; fill in what is known", line_of(model.root))
+        yield Fault(f"{', '.join(missing)} missing; add the known ones", line_of(model.root))
 
 
-@rule("needs-tool", "note", "4.3.1", "The FMU runs only where the tool that made it is installed.")
+@rule("needs-tool", "note", "4.3.1", "The FMU runs only where the tool that exported it is installed.")
 def _tool(model: Model) -> Iterator[Fault]:
     if model.flag("needsExecutionTool") and model.simulation is not None:
-        yield Fault("needsExecutionTool is true: the tool must be installed to run it", line_of(model.simulation))
+        yield Fault("needsExecutionTool is true; install the tool to run the FMU", line_of(model.simulation))
 
 
-@rule("serialize-without-state", "error", "4.3.1", "A capability is declared without the one that it needs.")
+@rule("serialize-without-state", "error", "4.3.1", "A capability is declared without one that it requires.")
 def _serialize(model: Model) -> Iterator[Fault]:
     for element in (*model.all("CoSimulation"), *model.all("ModelExchange")):
         flags = {name: element.get(name) in ("true", "1") for name in ("canSerializeFMUstate", "canGetAndSetFMUstate")}
         if flags["canSerializeFMUstate"] and not flags["canGetAndSetFMUstate"]:
-            message = "canSerializeFMUstate needs canGetAndSetFMUstate; declare both or neither"
+            message = "canSerializeFMUstate requires canGetAndSetFMUstate; declare both or neither"
             yield Fault(message, line_of(element))
 
 
@@ -76,19 +76,19 @@ def _source_files(model: Model) -> Iterator[Fault]:
         yield from _repeated(model.all(f"{kind}/SourceFiles/File"), "source file")
 
 
-@rule("duplicate-category", "error", "2.2.4", "Two log categories have one name.")
+@rule("duplicate-category", "error", "2.2.4", "Two log categories have the same name.")
 def _categories(model: Model) -> Iterator[Fault]:
     yield from _repeated(model.all("LogCategories/Category"), "log category")
 
 
-@rule("duplicate-annotation", "error", "2.2.6", "Two annotations are of one tool.")
+@rule("duplicate-annotation", "error", "2.2.6", "Two annotations belong to the same tool.")
 def _annotations(model: Model) -> Iterator[Fault]:
     yield from _repeated(model.all("VendorAnnotations/Tool"), "annotation of tool")
     for v in model.variables:
         yield from _repeated(v.element.iterfind("Annotations/Tool"), "annotation of tool")
 
 
-@rule("experiment", "error", "2.2.5", "The default experiment is impossible.")
+@rule("experiment", "error", "2.2.5", "The default experiment is invalid.")
 def _experiment(model: Model) -> Iterator[Fault]:
     for element in model.all("DefaultExperiment"):
         start, stop, step, tolerance = (
@@ -97,9 +97,9 @@ def _experiment(model: Model) -> Iterator[Fault]:
         values = [value for value in (start, stop, step, tolerance) if value is not None]
         first = start or 0.0
         if not all(map(math.isfinite, values)):
-            yield Fault("a value of the default experiment is not finite; give numbers", line_of(element))
+            yield Fault("a value of the default experiment is not finite; give finite numbers", line_of(element))
         elif stop is not None and stop <= first:
-            yield Fault(f"stopTime {stop:g} is not after startTime {first:g}; exchange them", line_of(element))
+            yield Fault(f"stopTime {stop:g} is not after startTime {first:g}; correct them", line_of(element))
         elif any(value is not None and value <= 0.0 for value in (step, tolerance)):
             yield Fault("stepSize and tolerance must be positive; correct them", line_of(element))
         elif stop is not None and step is not None and step > (stop - first) * (1.0 + 1e-9):
@@ -109,7 +109,7 @@ def _experiment(model: Model) -> Iterator[Fault]:
 # ---- units
 
 
-@rule("duplicate-unit", "error", "2.2.2", "Two units, or two display units of a unit, have one name.")
+@rule("duplicate-unit", "error", "2.2.2", "Two units, or two display units of a unit, have the same name.")
 def _units(model: Model) -> Iterator[Fault]:
     yield from _repeated(model.all("UnitDefinitions/Unit"), "unit")
     for unit in model.all("UnitDefinitions/Unit"):
@@ -117,7 +117,7 @@ def _units(model: Model) -> Iterator[Fault]:
 
 
 def _unit_of_elements(model: Model) -> Iterator[tuple[etree._Element, str, str | None, str | None]]:
-    """Element, name of its owner, unit and display unit, for variables and types."""
+    """Yield element, name of its owner, unit and display unit, for variables and types."""
     for v in model.variables:
         if v.typed is not None:
             yield v.typed, v.name, v.get("unit"), v.typed.get("displayUnit")
@@ -132,11 +132,11 @@ def _undefined(model: Model) -> Iterator[Fault]:
     defined = {unit.get("name") for unit in model.all("UnitDefinitions/Unit")}
     for element, owner, unit, _ in _unit_of_elements(model):
         if unit is not None and unit not in defined:
-            remedy = "define it in UnitDefinitions" if unit else "leave the attribute out for a plain number"
+            remedy = "define it in UnitDefinitions" if unit else "omit the attribute for a dimensionless variable"
             yield Fault(f"{owner} has the unit {unit!r}, which is not defined; {remedy}", line_of(element), owner)
 
 
-@rule("display-unit-undefined", "error", "2.2.2", "A display unit is not one of its unit's.")
+@rule("display-unit-undefined", "error", "2.2.2", "A display unit is not defined for its unit.")
 def _display_undefined(model: Model) -> Iterator[Fault]:
     shown = {
         unit.get("name"): {display.get("name") for display in unit.iterfind("DisplayUnit")}
@@ -144,7 +144,7 @@ def _display_undefined(model: Model) -> Iterator[Fault]:
     }
     for element, owner, unit, display in _unit_of_elements(model):
         if display is not None and display != unit and display not in shown.get(unit, ()):
-            yield Fault(f"{owner}: {display!r} is no display unit of {unit!r}; define it", line_of(element), owner)
+            yield Fault(f"{owner}: {display!r} is not a display unit of {unit!r}; define it", line_of(element), owner)
 
 
 def _stated(base: etree._Element) -> BaseUnit | None:
@@ -156,7 +156,7 @@ def _stated(base: etree._Element) -> BaseUnit | None:
 
 
 def _named_and_stated(model: Model) -> Iterator[tuple[etree._Element, str, BaseUnit, BaseUnit]]:
-    """Element, name, the unit that the name means, and the one that stands there; angles count as numbers."""
+    """Yield element, name, unit according to the name, and stated unit; angles count as dimensionless."""
     for unit in model.all("UnitDefinitions/Unit"):
         base = unit.find("BaseUnit")
         meant = parse_unit(unit.get("name", ""))
@@ -165,21 +165,21 @@ def _named_and_stated(model: Model) -> Iterator[tuple[etree._Element, str, BaseU
             yield base, unit.get("name", ""), meant, stated
 
 
-@rule("unit-exponents", "error", "2.2.2", "The exponents of a BaseUnit are not those of the unit's name.")
+@rule("unit-exponents", "error", "2.2.2", "The exponents of a BaseUnit disagree with the name of the unit.")
 def _exponents(model: Model) -> Iterator[Fault]:
     for base, name, meant, stated in _named_and_stated(model):
-        if meant.exponents[:-1] != stated.exponents[:-1]:  # rad is a number for many tools
-            yield Fault(f"the unit {name!r} is {meant} but has the BaseUnit {stated}; correct it", line_of(base))
+        if meant.exponents[:-1] != stated.exponents[:-1]:  # rad is dimensionless in many tools
+            yield Fault(f"the unit {name!r} means {meant} but has the BaseUnit {stated}; correct it", line_of(base))
 
 
-@rule("unit-factor", "error", "2.2.2", "The factor or offset of a BaseUnit is not that of the unit's name.")
+@rule("unit-factor", "error", "2.2.2", "The factor or offset of a BaseUnit disagrees with the name of the unit.")
 def _factor(model: Model) -> Iterator[Fault]:
     for base, name, meant, stated in _named_and_stated(model):
         agrees = math.isclose(meant.factor, stated.factor, rel_tol=1e-6)
         if meant.exponents[:-1] == stated.exponents[:-1] and not (
             agrees and math.isclose(meant.offset, stated.offset, rel_tol=1e-6, abs_tol=1e-9)
         ):
-            yield Fault(f"the unit {name!r} is {meant} but has the BaseUnit {stated}; correct it", line_of(base))
+            yield Fault(f"the unit {name!r} means {meant} but has the BaseUnit {stated}; correct it", line_of(base))
 
 
 @rule("unit-without-base", "note", "2.2.2", "A unit has no BaseUnit, so importers cannot compare or convert it.")
@@ -192,17 +192,17 @@ def _without_base(model: Model) -> Iterator[Fault]:
 # ---- types
 
 
-@rule("duplicate-type", "error", "2.2.3", "Two types have one name.")
+@rule("duplicate-type", "error", "2.2.3", "Two types have the same name.")
 def _types(model: Model) -> Iterator[Fault]:
     yield from _repeated(model.all("TypeDefinitions/SimpleType"), "type")
 
 
-@rule("type-and-variable", "error", "2.2.3", "A type is called as a variable is.")
+@rule("type-and-variable", "error", "2.2.3", "A type and a variable have the same name.")
 def _clash(model: Model) -> Iterator[Fault]:
     names = {v.name for v in model.variables}
     for element in model.all("TypeDefinitions/SimpleType"):
         if element.get("name") in names:
-            yield Fault(f"the type {element.get('name')!r} is called as a variable; rename it", line_of(element))
+            yield Fault(f"the type {element.get('name')!r} has the name of a variable; rename it", line_of(element))
 
 
 @rule("type-unknown", "error", "2.2.7", "A declared type does not exist.")
@@ -212,7 +212,7 @@ def _type_unknown(model: Model) -> Iterator[Fault]:
             yield _of(v, f"{v.name} is declared as {v.typed.get('declaredType')!r}, which is not defined; define it")
 
 
-@rule("type-mismatch", "error", "2.2.7", "A declared type is of another base type than the variable.")
+@rule("type-mismatch", "error", "2.2.7", "The base type of a declared type differs from the type of the variable.")
 def _type_mismatch(model: Model) -> Iterator[Fault]:
     for v in model.variables:
         if v.declared is not None and v.typed is not None and name_of(v.declared) != v.type:
@@ -220,7 +220,7 @@ def _type_mismatch(model: Model) -> Iterator[Fault]:
             yield _of(v, f"{v.name} is {v.type} but declared as {declared}; choose another")
 
 
-@rule("enumeration-items", "error", "2.2.3", "Two items of an enumeration have one name or one value.")
+@rule("enumeration-items", "error", "2.2.3", "Two items of an enumeration have the same name or value.")
 def _items(model: Model) -> Iterator[Fault]:
     for simple in model.all("TypeDefinitions/SimpleType"):
         for enumeration in simple.iterfind("Enumeration"):

@@ -1,4 +1,4 @@
-"""modelDescription.xml as the rules see it: everything as it is written, with the defaults of the standard."""
+"""modelDescription.xml for the rules: everything as written, with the defaults of the standard."""
 
 from __future__ import annotations
 
@@ -19,19 +19,21 @@ _INITIAL: Final = {
     "input": None,
     "independent": None,
 }
-"""Default of `initial` by causality; that of outputs and locals depends on the variability (section 2.2.7)."""
+"""Default of `initial` by causality; for outputs and locals it depends on the variability (section 2.2.7)."""
 
 SECTIONS: Final = ("Outputs", "Derivatives", "InitialUnknowns")
-"""What ModelStructure lists."""
+"""Sections of ModelStructure."""
 
 MALFORMED = declare("xml-malformed", "error", "2.2", "modelDescription.xml cannot be read.", "description")
 ENTITIES = declare(
-    "xml-entities", "error", "2.2", "An XML file has a DOCTYPE, by which entities come in.", "description"
+    "xml-entities", "error", "2.2", "An XML file has a DOCTYPE, which can define entities.", "description"
 )
 ENCODING = declare("xml-encoding", "error", "2.2", "An XML file is not encoded as UTF-8.", "description")
 SCHEMA = declare("schema", "error", "2.2", "modelDescription.xml violates the schema of FMI 2.0.", "description")
-VERSION = declare("fmi-version", "error", "2.2.1", "The FMU is not of FMI 2.0.", "description")
-NO_CO_SIMULATION = declare("no-co-simulation", "error", "4.3.1", "The FMU is not for co-simulation.", "description")
+VERSION = declare("fmi-version", "error", "2.2.1", "The FMU is not an FMI 2.0 FMU.", "description")
+NO_CO_SIMULATION = declare(
+    "no-co-simulation", "error", "4.3.1", "The FMU does not support co-simulation.", "description"
+)
 
 
 @dataclass(frozen=True)
@@ -43,11 +45,11 @@ class Unknown:
     line : int
         Line in the XML.
     index : int
-        Of the variable, from 1.
+        Index of the variable, from 1.
     dependencies : tuple of int or None
-        None if the attribute is missing: depends on everything.
+        Indices of the dependencies. None if the attribute is missing, which means a dependence on all knowns.
     kinds : tuple of str or None
-        dependenciesKind.
+        The attribute dependenciesKind.
     """
 
     line: int
@@ -67,9 +69,9 @@ class Variable:
     typed : lxml.etree.Element or None
         Real, Integer, Boolean, String or Enumeration.
     declared : lxml.etree.Element or None
-        That element of its SimpleType.
+        The corresponding element of its SimpleType.
     index : int
-        From 1, as ModelStructure counts.
+        Index from 1, as in ModelStructure.
     """
 
     element: etree._Element
@@ -79,7 +81,7 @@ class Variable:
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """The name."""
         return self.element.get("name", "")
 
     @property
@@ -94,22 +96,22 @@ class Variable:
 
     @property
     def reference(self) -> str:
-        """Value reference as it is written."""
+        """Value reference as written."""
         return self.element.get("valueReference", "")
 
     @property
     def causality(self) -> str:
-        """With its default."""
+        """Causality, with its default."""
         return self.element.get("causality", "local")
 
     @property
     def variability(self) -> str:
-        """With its default, which is continuous also where it is not allowed."""
+        """Variability; the default is continuous even where that is not allowed."""
         return self.element.get("variability", "continuous")
 
     @cached_property
     def initial(self) -> str | None:
-        """With its default."""
+        """The attribute initial, with its default."""
         written = self.element.get("initial")
         if written is not None:
             return written
@@ -118,7 +120,7 @@ class Variable:
         return "exact" if self.variability == "constant" else "calculated"
 
     def get(self, attribute: str) -> str | None:
-        """An attribute of the type, its own or that of the declared type."""
+        """Return an attribute of the variable's type, or else of its declared type."""
         for element in (self.typed, self.declared):
             if element is not None and element.get(attribute) is not None:
                 return element.get(attribute)
@@ -126,12 +128,12 @@ class Variable:
 
     @property
     def start(self) -> str | None:
-        """As it is written."""
+        """Start value as written."""
         return None if self.typed is None else self.typed.get("start")
 
     @property
     def settable(self) -> bool:
-        """Whether an environment may set it before the initialisation, `approx` included."""
+        """Whether importers may set the variable before initialisation, including `approx`."""
         return self.variability != "constant" and (
             self.causality in ("parameter", "input") or self.initial in ("exact", "approx")
         )
@@ -139,12 +141,12 @@ class Variable:
 
 @dataclass
 class Model:
-    """The XML.
+    """The content of modelDescription.xml.
 
     Parameters
     ----------
     root : lxml.etree.Element
-        fmiModelDescription.
+        The element fmiModelDescription.
     """
 
     root: etree._Element
@@ -160,7 +162,7 @@ class Model:
             self.variables.append(Variable(element, typed, declared, index))
 
     def all(self, path: str) -> list[etree._Element]:
-        """Elements by their path."""
+        """Return elements by their path."""
         return list(self.root.iterfind(path))
 
     @property
@@ -175,11 +177,11 @@ class Model:
 
     @property
     def source_files(self) -> tuple[str, ...]:
-        """What the XML declares as sources for co-simulation."""
+        """Source files for co-simulation declared in the XML."""
         return tuple(element.get("name", "") for element in self.all("CoSimulation/SourceFiles/File"))
 
     def flag(self, name: str) -> bool:
-        """A capability."""
+        """Return a capability flag."""
         return self.simulation is not None and self.simulation.get(name) in ("true", "1")
 
     @cached_property
@@ -188,12 +190,12 @@ class Model:
         return {section: [_unknown(e) for e in self.all(f"ModelStructure/{section}/Unknown")] for section in SECTIONS}
 
     def variable(self, index: int) -> Variable | None:
-        """A variable by its index from 1."""
+        """Return a variable by its index from 1."""
         return self.variables[index - 1] if 1 <= index <= len(self.variables) else None
 
     @cached_property
     def states(self) -> set[int]:
-        """Indices of the continuous-time states: what a derivative is the derivative of."""
+        """Indices of the continuous-time states, which the attributes derivative name."""
         derivatives = (variable.get("derivative") for variable in self.variables if variable.type == "Real")
         return {index for index in map(integer, derivatives) if index is not None}
 
@@ -213,24 +215,24 @@ def _indices(text: str | None) -> tuple[int, ...] | None:
 
 
 def name_of(element: etree._Element) -> str:
-    """The tag of an element, also of a comment."""
+    """Return the tag of an element, also of a comment."""
     return element.tag if isinstance(element.tag, str) else ""
 
 
 def line_of(element: etree._Element) -> int:
-    """Its line."""
+    """Return the line of an element."""
     line = element.sourceline
     return line if isinstance(line, int) else 1
 
 
 def child_of(element: etree._Element) -> etree._Element | None:
-    """The first child that gives a type."""
+    """Return the first child that states a type."""
     types = ("Real", "Integer", "Boolean", "String", "Enumeration")
     return next((child for child in element if name_of(child) in types), None)
 
 
 def integer(text: str | None) -> int | None:
-    """An integer as XML writes it; None where there is none."""
+    """Return an integer written in XML, or None if there is none."""
     try:
         return None if text is None or len(text) > 20 else int(text)
     except ValueError:
@@ -238,7 +240,7 @@ def integer(text: str | None) -> int | None:
 
 
 def real(text: str | None) -> float | None:
-    """A number as XML writes it, infinities and NaN included; None where there is none."""
+    """Return a number written in XML, including infinities and NaN, or None if there is none."""
     if text is None:
         return None
     special = {"INF": math.inf, "-INF": -math.inf, "NaN": math.nan}
@@ -249,31 +251,31 @@ def real(text: str | None) -> float | None:
 
 
 def parse(data: bytes, file: str = DESCRIPTION) -> etree._Element | Finding:
-    """The root of an XML file, without anything from outside of it, or why it cannot be read."""
+    """Return the root of an XML file, without external entities, or a finding if it cannot be read."""
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
     try:
         root = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
         line = error.lineno or None
         return MALFORMED.finding(f"{file} is not well-formed: {error.msg}; export the FMU again", file, line=line)
-    except ValueError as error:  # such as an encoding that nobody knows
+    except ValueError as error:  # such as an unknown encoding
         return MALFORMED.finding(f"{file} cannot be read: {error}; export the FMU again", file)
     if root.getroottree().docinfo.internalDTD is not None:
-        return ENTITIES.finding(f"{file} has a DOCTYPE, which the standard has no use for; remove it", file, line=1)
+        return ENTITIES.finding(f"{file} has a DOCTYPE, which the standard does not need; remove it", file, line=1)
     return root
 
 
 def wrong_encoding(data: bytes, root: etree._Element, file: str = DESCRIPTION) -> list[Finding]:
-    """A finding for a file that is not encoded as UTF-8, or says so.
+    """Return a finding if a file is not encoded as UTF-8 or declares another encoding.
 
     Parameters
     ----------
     data : bytes
         The file.
     root : lxml.etree.Element
-        What it was parsed to.
+        The root of the parsed file.
     file : str
-        Its name.
+        Name of the file.
     """
     stated = root.getroottree().docinfo.encoding or "UTF-8"
     try:
@@ -283,7 +285,7 @@ def wrong_encoding(data: bytes, root: etree._Element, file: str = DESCRIPTION) -
     if stated.upper() == "UTF-8":
         return []
     return [
-        ENCODING.finding(f"{file} is in {stated}; write it in UTF-8, many importers read nothing else", file, line=1)
+        ENCODING.finding(f"{file} is encoded in {stated}; use UTF-8, as many importers read nothing else", file, line=1)
     ]
 
 
@@ -293,16 +295,16 @@ def _schema(name: str) -> etree.XMLSchema:
 
 
 def violations(root: etree._Element, schema: str) -> list[tuple[str, int]]:
-    """What a file has against its schema, and the lines.
+    """Return the violations of a schema, with their lines.
 
     Parameters
     ----------
     root : lxml.etree.Element
-        The file.
+        The root of the file.
     schema : str
-        Such as ``fmi2/fmi2ModelDescription.xsd``, from fmpy.
+        Path of the schema within fmpy, such as ``fmi2/fmi2ModelDescription.xsd``.
     """
     xsd = _schema(schema)
     xsd.validate(root.getroottree())
-    log: Any = xsd.error_log  # its stubs do not know that it can be iterated
+    log: Any = xsd.error_log  # the stubs do not declare that it is iterable
     return [(f"{entry.message.removesuffix('.')}; see {Path(schema).name}", entry.line) for entry in log]

@@ -1,4 +1,4 @@
-"""What a check finds, and the rules by which it looks."""
+"""Findings of a check, and the rules."""
 
 from __future__ import annotations
 
@@ -7,33 +7,33 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 Severity = Literal["error", "warning", "note"]
-"""The standard is violated; importers will have trouble; advice."""
+"""Severities: a violation of the standard; a likely problem with importers; advice."""
 
 Kind = Literal["archive", "description", "binary"]
-"""What a rule looks at."""
+"""Kinds of rules: the part of the FMU that a rule examines."""
 
 DESCRIPTION: Final = "modelDescription.xml"
 
 LONGEST: Final = 2000
-"""Characters of a text in a finding."""
+"""Largest length of a text in a finding [characters]."""
 
 
 @dataclass(frozen=True)
 class Rule:
-    """One thing that is looked for.
+    """A rule.
 
     Parameters
     ----------
     id : str
-        Its name in reports, such as ``start-outside-limits``.
+        Name in reports, such as ``start-outside-limits``.
     severity : {"error", "warning", "note"}
-        Only notes leave the exit status at 0.
+        Severity; only notes leave the exit status at 0.
     section : str
-        Where FMI 2.0.5 says so.
+        Section of FMI 2.0.5.
     summary : str
-        One sentence: what is wrong when it is found.
+        One sentence that describes the error.
     kind : {"archive", "description", "binary"}
-        What it looks at.
+        The examined part of the FMU.
     """
 
     id: str
@@ -43,27 +43,27 @@ class Rule:
     kind: Kind
 
     def finding(self, message: str, file: str = "", *, line: int | None = None, variable: str | None = None) -> Finding:
-        """A finding by this rule, with the middle of long texts left out."""
+        """Return a finding of this rule, with long texts shortened in the middle."""
         short = None if variable is None else _shortened(variable)
         return Finding(self.id, self.severity, _shortened(message), _shortened(file), line, short)
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A fault, and where it is.
+    """An error in an FMU, and its place.
 
     Parameters
     ----------
     rule : str
         Name of the rule.
     severity : {"error", "warning", "note"}
-        That of the rule.
+        Severity of the rule.
     message : str
-        What is wrong and what to do.
+        Description of the error, and its remedy.
     file : str
         Member of the archive; empty for the archive itself.
     line : int, optional
-        Line in that file.
+        Line in the file.
     variable : str, optional
         Name of the variable.
     """
@@ -81,19 +81,19 @@ class Finding:
         return f"{self.file}:{self.line}" if self.line else self.file
 
     def __str__(self) -> str:
-        """One line of text."""
+        """Return one line of text."""
         place = f"{self.place}: " if self.file else ""
         return f"{place}{self.severity} {self.rule}: {self.message}"
 
 
 @dataclass(frozen=True)
 class Fault:
-    """What a rule's function yields; the rule makes a `Finding` of it.
+    """An error yielded by a rule's function, from which the rule makes a `Finding`.
 
     Parameters
     ----------
     message, file, line, variable
-        As of `Finding`.
+        See `Finding`.
     """
 
     message: str
@@ -103,7 +103,7 @@ class Fault:
 
 
 def _shortened(text: str) -> str:
-    """Names, paths and values may be of any length; the end of a message says what to do."""
+    """Return a text without its middle if it is long; the end of a message contains the remedy."""
     return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
 
 
@@ -116,7 +116,7 @@ _functions: Final[list[tuple[Rule, Function]]] = []
 
 
 def declare(id: str, severity: Severity, section: str, summary: str, kind: Kind) -> Rule:
-    """Add a rule that some other part of the check looks for."""
+    """Add a rule that another part of the check evaluates."""
     RULES[id] = Rule(id, severity, section, summary, kind)
     return RULES[id]
 
@@ -124,7 +124,7 @@ def declare(id: str, severity: Severity, section: str, summary: str, kind: Kind)
 def rule(
     id: str, severity: Severity, section: str, summary: str, kind: Kind = "description"
 ) -> Callable[[Function], Function]:
-    """Add a rule with the function that looks for it: from what it looks at to `Fault` objects."""
+    """Add a rule with its function, which maps the examined part of the FMU to `Fault` objects."""
 
     def add(function: Function) -> Function:
         _functions.append((declare(id, severity, section, summary, kind), function))
@@ -134,7 +134,7 @@ def rule(
 
 
 def apply(kind: Kind, subject: object) -> Iterator[Finding]:
-    """What all rules of a kind find."""
+    """Yield the findings of all rules of a kind."""
     for known, function in _functions:
         if known.kind == kind:
             for fault in function(subject):

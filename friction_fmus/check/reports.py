@@ -19,13 +19,13 @@ from friction_fmus.check.findings import RULES, Finding
 from friction_fmus.version import VERSION
 
 Results = Mapping[Path, Sequence[Finding]]
-"""What was found in each FMU."""
+"""Findings of each FMU."""
 
 _STYLE = {"error": "bold red", "warning": "yellow", "note": "cyan"}
 
 
 def failed(results: Results) -> bool:
-    """Whether there is more than notes."""
+    """Return whether there are findings other than notes."""
     return any(finding.severity != "note" for findings in results.values() for finding in findings)
 
 
@@ -47,13 +47,13 @@ def _summary(findings: Sequence[Finding]) -> str:
 
 
 def as_json(results: Results) -> str:
-    """A list of FMUs, each with its findings."""
+    """Return a JSON list of FMUs with their findings."""
     content = [{"file": str(path), "findings": [asdict(f) for f in findings]} for path, findings in results.items()]
     return json.dumps(content, indent=2)
 
 
 def as_sarif(results: Results) -> str:
-    """One run of SARIF; a finding lies in a file inside of its FMU, with the line there."""
+    """Return one SARIF run; a finding refers to a file inside its FMU and a line there."""
     artifacts, indices = _artifacts(results)
     rules = list(RULES.values())
     positions = {rule.id: index for index, rule in enumerate(rules)}
@@ -78,7 +78,7 @@ def as_sarif(results: Results) -> str:
 
 
 def _artifacts(results: Results) -> tuple[list[dict[str, Any]], dict[tuple[Path, str], int]]:
-    """The FMUs and the files in them that findings are in; where each stands in the list."""
+    """Return the FMUs and the files in them that have findings, and the index of each."""
     artifacts: list[dict[str, Any]] = []
     indices: dict[tuple[Path, str], int] = {}
     for path, findings in results.items():
@@ -94,7 +94,7 @@ def _result(
     path: Path, finding: Finding, indices: Mapping[tuple[Path, str], int], positions: Mapping[str, int]
 ) -> dict[str, Any]:
     inside = f" ({finding.place})" if finding.file else ""
-    # the location is the FMU, which lies in a repository; tools that know nested artifacts find the inner file by index
+    # the location is the FMU, a file of the repository; tools with nested artifacts find the inner file by its index
     location: dict[str, Any] = {
         "physicalLocation": {"artifactLocation": {"uri": _uri(path), "index": indices[path, ""]}}
     }
@@ -126,9 +126,9 @@ def _quoted(path: str) -> str:
 
 
 def rules_table() -> Table:
-    """All rules, for a terminal."""
+    """Return all rules as a table for a terminal."""
     table = Table(box=None, pad_edge=False)
-    for heading in ("rule", "severity", "FMI 2.0.5", "what is wrong"):
+    for heading in ("rule", "severity", "FMI 2.0.5", "error"):
         table.add_column(heading)
     for rule in RULES.values():
         table.add_row(rule.id, Text(rule.severity, _STYLE[rule.severity]), rule.section, rule.summary)
@@ -136,11 +136,11 @@ def rules_table() -> Table:
 
 
 def rules_page() -> str:
-    """All rules, as the tables of docs/check.md."""
+    """Return all rules as the tables of docs/check.md."""
     titles = {"archive": "The archive", "description": "modelDescription.xml", "binary": "The binary"}
     lines = []
     for kind, title in titles.items():
-        lines += [f"### {title}", "", "| rule | severity | FMI 2.0.5 | what is wrong |", "|---|---|---|---|"]
+        lines += [f"### {title}", "", "| rule | severity | FMI 2.0.5 | error |", "|---|---|---|---|"]
         for rule in RULES.values():
             if rule.kind == kind:
                 lines.append(f"| `{rule.id}` | {rule.severity} | {rule.section} | {rule.summary} |")

@@ -1,4 +1,4 @@
-"""Rules of the other XML files: terminals and icons, and how to build the sources (FMI 2.0.5, section 2.3)."""
+"""Rules of the other XML files: terminals and icons, and build descriptions (FMI 2.0.5, section 2.3)."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from friction_fmus.check.findings import Finding, declare
 TERMINALS: Final = "terminalsAndIcons/terminalsAndIcons.xml"
 BUILD: Final = "sources/buildDescription.xml"
 
-_TERMINALS = declare("terminals", "error", "2.3", f"{TERMINALS} is not as FMI 3.0 wants it.", "archive")
+_TERMINALS = declare("terminals", "error", "2.3", f"{TERMINALS} violates FMI 3.0.", "archive")
 _VARIABLE = declare("terminals-variable", "error", "2.3", "A terminal names a variable that does not exist.", "archive")
-_ICON = declare("terminals-icon", "warning", "2.3", "An icon that is named is not there.", "archive")
-_BUILD = declare("build-description", "error", "2.3", f"{BUILD} is wrong or names missing files.", "archive")
+_ICON = declare("terminals-icon", "warning", "2.3", "A named icon is missing.", "archive")
+_BUILD = declare("build-description", "error", "2.3", f"{BUILD} is invalid or names missing files.", "archive")
 
 
 def examine_side_files(contents: Contents, model: Model) -> Iterator[Finding]:
-    """What is wrong in those files, if they are there."""
+    """Yield the findings in these files, if they exist."""
     for file, rule, schema, examine in (
         (TERMINALS, _TERMINALS, "fmi3TerminalsAndIcons.xsd", _terminals),
         (BUILD, _BUILD, "fmi3BuildDescription.xsd", _build),
@@ -40,7 +40,7 @@ def examine_side_files(contents: Contents, model: Model) -> Iterator[Finding]:
         for message, line in violations(root, f"fmi3/{schema}"):
             yield rule.finding(message, file, line=line)
         if root.get("fmiVersion") != "3.0":
-            text = f"fmiVersion is {root.get('fmiVersion')!r}; write 3.0, also in an FMU of FMI 2.0"
+            text = f"fmiVersion is {root.get('fmiVersion')!r}; write 3.0, even in an FMI 2.0 FMU"
             yield rule.finding(text, file, line=line_of(root))
         yield from examine(contents, model, root)
 
@@ -56,12 +56,12 @@ def _terminals(contents: Contents, model: Model, root: etree._Element) -> Iterat
     for element in root.iter("TerminalGraphicalRepresentation", "Icon"):
         base = element.get("iconBaseName", "") if name_of(element) != "Icon" else "icon"
         if f"terminalsAndIcons/{base}.png" not in contents.names:
-            message = f"terminalsAndIcons/{base}.png is not there; add it, with an .svg beside it if you have one"
+            message = f"terminalsAndIcons/{base}.png is missing; add it, and optionally an .svg file"
             yield _ICON.finding(message, TERMINALS, line=line_of(element))
 
 
 def _build(contents: Contents, _model: Model, root: etree._Element) -> Iterator[Finding]:
     for element in root.iter("SourceFile"):
         if f"sources/{element.get('name')}" not in contents.names:
-            message = f"the source file {element.get('name')!r} is not in sources; add it or drop the entry"
+            message = f"the source file {element.get('name')!r} is missing in sources; add it or remove the entry"
             yield _BUILD.finding(message, BUILD, line=line_of(element))

@@ -15,7 +15,7 @@ def _entries(model: Model) -> Iterator[tuple[str, Unknown]]:
 
 
 def _line(model: Model, section: str) -> int:
-    """The line of a section, or where it should stand."""
+    """Return the line of a section, or of its parent if the section is missing."""
     found = model.all(f"ModelStructure/{section}") or model.all("ModelStructure") or [model.root]
     return line_of(found[0])
 
@@ -25,7 +25,7 @@ def _named(variables: list[Variable]) -> str:
     return shown + (f" and {len(variables) - 5} more" if len(variables) > 5 else "")
 
 
-@rule("structure-index", "error", "2.2.8", "An index of ModelStructure is that of no variable, or stands twice.")
+@rule("structure-index", "error", "2.2.8", "An index in ModelStructure is invalid or repeated.")
 def _index(model: Model) -> Iterator[Fault]:
     seen = set()
     for section, unknown in _entries(model):
@@ -33,7 +33,7 @@ def _index(model: Model) -> Iterator[Fault]:
             message = f"{section} names variable {unknown.index} of {len(model.variables)}; indices count from 1"
             yield Fault(message, unknown.line)
         if (section, unknown.index) in seen:
-            yield Fault(f"{section} names variable {unknown.index} twice; keep one", unknown.line)
+            yield Fault(f"{section} names variable {unknown.index} twice; remove one", unknown.line)
         seen.add((section, unknown.index))
 
 
@@ -42,14 +42,16 @@ def _outputs(model: Model) -> Iterator[Fault]:
     listed = {unknown.index: unknown for unknown in model.unknowns["Outputs"]}
     missing = [v for v in model.variables if v.causality == "output" and v.index not in listed]
     if missing:
-        yield Fault(f"Outputs lacks {_named(missing)}; list every output", _line(model, "Outputs"), missing[0].name)
+        yield Fault(
+            f"Outputs does not list {_named(missing)}; list every output", _line(model, "Outputs"), missing[0].name
+        )
     for index, unknown in listed.items():
         v = model.variable(index)
         if v is not None and v.causality != "output":
             yield Fault(f"Outputs lists {v.name}, which is {v.causality}; remove it", unknown.line, v.name)
 
 
-@rule("derivatives", "error", "2.2.8", "Derivatives lists a variable that is the derivative of none.")
+@rule("derivatives", "error", "2.2.8", "Derivatives lists a variable that is not a derivative.")
 def _derivatives(model: Model) -> Iterator[Fault]:
     for unknown in model.unknowns["Derivatives"]:
         v = model.variable(unknown.index)
@@ -57,18 +59,18 @@ def _derivatives(model: Model) -> Iterator[Fault]:
             yield Fault(f"{v.name} in Derivatives has no attribute derivative; add or remove it", unknown.line, v.name)
 
 
-@rule("derivatives-missing", "warning", "2.2.8", "Derivatives lacks a variable with the attribute derivative.")
+@rule("derivatives-missing", "warning", "2.2.8", "Derivatives does not list a variable with the attribute derivative.")
 def _derivatives_missing(model: Model) -> Iterator[Fault]:
     needed = model.root.find("ModelExchange") is not None or model.flag("providesDirectionalDerivative")
     listed = {unknown.index for unknown in model.unknowns["Derivatives"]}
     missing = [v for v in model.variables if v.type == "Real" and v.get("derivative") and v.index not in listed]
     if needed and missing:
-        message = f"Derivatives lacks {_named(missing)}; list the derivatives of all states"
+        message = f"Derivatives does not list {_named(missing)}; list the derivatives of all states"
         yield Fault(message, _line(model, "Derivatives"), missing[0].name)
 
 
 def _expected(model: Model) -> set[int]:
-    """Indices of what is not known before the initialisation."""
+    """Return the indices of the variables that are unknown before initialisation."""
     computed = ("approx", "calculated")
     expected = {
         v.index
@@ -82,17 +84,17 @@ def _expected(model: Model) -> set[int]:
     return expected
 
 
-@rule("initial-unknowns-missing", "error", "2.2.8", "InitialUnknowns lacks a variable.")
+@rule("initial-unknowns-missing", "error", "2.2.8", "InitialUnknowns does not list a required variable.")
 def _initial_missing(model: Model) -> Iterator[Fault]:
     listed = {unknown.index for unknown in model.unknowns["InitialUnknowns"]}
     expected = _expected(model)
     missing = [v for v in model.variables if v.index in expected and v.index not in listed]
     if missing:
-        message = f"InitialUnknowns lacks {_named(missing)}; list outputs, states and derivatives that are calculated"
+        message = f"InitialUnknowns does not list {_named(missing)}; list calculated outputs, states and derivatives"
         yield Fault(message, _line(model, "InitialUnknowns"), missing[0].name)
 
 
-@rule("initial-unknowns-extra", "error", "2.2.8", "InitialUnknowns lists a variable that is known or does not count.")
+@rule("initial-unknowns-extra", "error", "2.2.8", "InitialUnknowns lists a variable that does not belong there.")
 def _initial_extra(model: Model) -> Iterator[Fault]:
     expected = _expected(model)
     for unknown in model.unknowns["InitialUnknowns"]:
@@ -112,7 +114,7 @@ def _initial_order(model: Model) -> Iterator[Fault]:
 # ---- dependencies
 
 
-@rule("dependencies-index", "error", "2.2.8", "A dependency is no variable, or stands twice.")
+@rule("dependencies-index", "error", "2.2.8", "A dependency is not a variable, or is repeated.")
 def _dependency_index(model: Model) -> Iterator[Fault]:
     for section, unknown in _entries(model):
         dependencies = unknown.dependencies or ()
@@ -120,7 +122,7 @@ def _dependency_index(model: Model) -> Iterator[Fault]:
         if wrong:
             yield Fault(f"{section} depends on variable {wrong[0]}, which does not exist; correct it", unknown.line)
         if len(set(dependencies)) < len(dependencies):
-            yield Fault(f"a dependency of variable {unknown.index} in {section} stands twice; keep one", unknown.line)
+            yield Fault(f"a dependency of variable {unknown.index} in {section} is repeated; remove one", unknown.line)
 
 
 @rule("dependencies-order", "error", "2.2.8", "Dependencies are not in ascending order.")
@@ -134,7 +136,7 @@ def _dependency_order(model: Model) -> Iterator[Fault]:
 
 
 def _known(model: Model, section: str, v: Variable) -> bool:
-    """Whether something may depend on it."""
+    """Return whether a variable is allowed as a dependency."""
     if v.causality in ("input", "independent"):
         return True
     if section == "InitialUnknowns":
@@ -142,7 +144,7 @@ def _known(model: Model, section: str, v: Variable) -> bool:
     return v.index in model.states
 
 
-@rule("dependencies-impossible", "warning", "2.2.8", "A dependency is no input, no state and not the time.")
+@rule("dependencies-impossible", "warning", "2.2.8", "A dependency is not an input, a state or the time.")
 def _impossible(model: Model) -> Iterator[Fault]:
     for section, unknown in _entries(model):
         for index in unknown.dependencies or ():
@@ -153,14 +155,14 @@ def _impossible(model: Model) -> Iterator[Fault]:
                 yield Fault(f"{message}; name inputs, {allowed} and time only", unknown.line, v.name)
 
 
-@rule("dependencies-kind", "error", "2.2.8", "dependenciesKind does not go with dependencies or with its section.")
+@rule("dependencies-kind", "error", "2.2.8", "dependenciesKind does not match dependencies or its section.")
 def _kind(model: Model) -> Iterator[Fault]:
     for section, unknown in _entries(model):
         if unknown.kinds is None:
             continue
         where = f"of variable {unknown.index} in {section}"
         if unknown.dependencies is None or len(unknown.kinds) != len(unknown.dependencies):
-            yield Fault(f"dependenciesKind {where} has not one word for each dependency; add them", unknown.line)
+            yield Fault(f"dependenciesKind {where} does not have one word per dependency; correct it", unknown.line)
         wrong = [kind for kind in unknown.kinds if kind not in ("dependent", "constant")]
         if section == "InitialUnknowns" and wrong:
             yield Fault(f"dependenciesKind {where} is {wrong[0]}; write dependent or constant", unknown.line)

@@ -16,7 +16,7 @@ _QUOTED = r"'([A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'"
 _PART = rf"([A-Za-z_]\w*|{_QUOTED}){_INDICES}"
 _STRUCTURED = re.compile(rf"{_PART}(\.{_PART})*|der\({_PART}(\.{_PART})*(,\d+)?\)", re.ASCII)
 
-# section 2.2.7, the tables of causality x variability and of initial
+# tables of causality and variability, and of initial (section 2.2.7)
 _VARIABILITIES = {
     "parameter": {"fixed", "tunable"},
     "calculatedParameter": {"fixed", "tunable"},
@@ -41,12 +41,12 @@ def _at(v: Variable, message: str) -> Fault:
     return Fault(message, v.line, v.name)
 
 
-@rule("duplicate-variable", "error", "2.2.7", "Two variables have one name.")
+@rule("duplicate-variable", "error", "2.2.7", "Two variables have the same name.")
 def _duplicate(model: Model) -> Iterator[Fault]:
     seen: dict[str, Variable] = {}
     for v in model.variables:
         if v.name in seen:
-            yield _at(v, f"{v.name!r} stands in line {seen[v.name].line} already; rename one")
+            yield _at(v, f"{v.name!r} is already defined in line {seen[v.name].line}; rename one")
         seen.setdefault(v.name, v)
 
 
@@ -55,12 +55,12 @@ def _name(model: Model) -> Iterator[Fault]:
     structured = model.root.get("variableNamingConvention") == "structured"
     for v in model.variables:
         if structured and not _STRUCTURED.fullmatch(v.name):
-            yield _at(v, f"{v.name!r} is no structured name; rename it or declare the convention flat")
+            yield _at(v, f"{v.name!r} is not a structured name; rename it or declare the convention flat")
         if not structured and (not v.name or re.search("[\r\n\t]", v.name)):
-            yield _at(v, f"{v.name!r} is empty or has a line break or tabulator; rename it")
+            yield _at(v, f"{v.name!r} is empty or contains a line break or a tab; rename it")
 
 
-@rule("variability", "error", "2.2.7", "The causality does not go with the variability, or the type with continuous.")
+@rule("variability", "error", "2.2.7", "Causality and variability, or type and variability, are incompatible.")
 def _variability(model: Model) -> Iterator[Fault]:
     for v in model.variables:
         allowed = _VARIABILITIES.get(v.causality, {v.variability})
@@ -72,7 +72,7 @@ def _variability(model: Model) -> Iterator[Fault]:
             yield _at(v, f"{v.name} is {v.type} and continuous{default}; write variability='discrete' or another")
 
 
-@rule("initial", "error", "2.2.7", "The value of initial does not go with causality and variability.")
+@rule("initial", "error", "2.2.7", "The value of initial is incompatible with causality and variability.")
 def _initial(model: Model) -> Iterator[Fault]:
     for v in model.variables:
         if v.variability in _VARIABILITIES.get(v.causality, ()) and v.initial not in _initials(v):
@@ -85,7 +85,7 @@ def _start_missing(model: Model) -> Iterator[Fault]:
     for v in model.variables:
         needs = v.causality == "input" or (v.initial in ("exact", "approx") and v.causality != "independent")
         if needs and v.start is None and v.typed is not None:
-            yield _at(v, f"{v.name} has no start value; give the one that the binary starts with")
+            yield _at(v, f"{v.name} has no start value; give the start value of the binary")
 
 
 @rule("start-forbidden", "error", "2.2.7", "A calculated or independent variable has a start value.")
@@ -95,7 +95,12 @@ def _start_forbidden(model: Model) -> Iterator[Fault]:
             yield _at(v, f"{v.name} is computed but has start={v.start!r}; remove it or set initial='exact'")
 
 
-@rule("start-outside-limits", "error", "2.2.7", "A start value lies outside of min and max, or is no item.")
+@rule(
+    "start-outside-limits",
+    "error",
+    "2.2.7",
+    "A start value is outside min and max, or is not an item of its enumeration.",
+)
 def _start_outside(model: Model) -> Iterator[Fault]:
     items_of = cache(lambda declared: {integer(item.get("value")) for item in declared.iterfind("Item")})
     for v in model.variables:
@@ -103,13 +108,17 @@ def _start_outside(model: Model) -> Iterator[Fault]:
         if v.type in ("Boolean", "String") or start is None:
             continue
         if low is not None and start < low:
-            yield _at(v, f"{v.name} starts at {v.start}, below its min {v.get('min')}; choose one inside")
+            yield _at(
+                v, f"{v.name} starts at {v.start}, below its min {v.get('min')}; choose a value inside the limits"
+            )
         if high is not None and start > high:
-            yield _at(v, f"{v.name} starts at {v.start}, above its max {v.get('max')}; choose one inside")
+            yield _at(
+                v, f"{v.name} starts at {v.start}, above its max {v.get('max')}; choose a value inside the limits"
+            )
         if v.type == "Enumeration" and v.declared is not None:
             items = items_of(v.declared)
             if items and integer(v.start) not in items:
-                yield _at(v, f"{v.name} starts at {v.start}, which is no item of its type; choose one")
+                yield _at(v, f"{v.name} starts at {v.start}, which is not an item of its type; choose an item")
 
 
 @rule("number-not-finite", "error", "2.2.7", "A start, min, max or nominal is NaN or infinite.")
@@ -119,7 +128,7 @@ def _not_finite(model: Model) -> Iterator[Fault]:
             for attribute in ("start", "min", "max", "nominal"):
                 value = real(element.get(attribute))
                 if value is not None and not math.isfinite(value):
-                    yield _at(v, f"{attribute}={element.get(attribute)!r} of {v.name} is no finite number; give one")
+                    yield _at(v, f"{attribute}={element.get(attribute)!r} of {v.name} is not a finite number; give one")
 
 
 @rule("limits-reversed", "error", "2.2.7", "A max is below its min.")
@@ -131,7 +140,7 @@ def _reversed(model: Model) -> Iterator[Fault]:
         low, high = real(low_text), real(high_text)
         if element is not None and low is not None and high is not None and high < low:
             name = owner if isinstance(owner, str) else owner.get("name", "")
-            message = f"{name} has min {low_text} above max {high_text}; exchange them"
+            message = f"{name} has min {low_text} above max {high_text}; correct them"
             yield Fault(message, line_of(element), name)
 
 
@@ -140,10 +149,10 @@ def _nominal(model: Model) -> Iterator[Fault]:
     for v in model.variables:
         value = real(v.get("nominal"))
         if value is not None and value <= 0.0:
-            yield _at(v, f"{v.name} has nominal {v.get('nominal')}; give the size that its values have")
+            yield _at(v, f"{v.name} has nominal {v.get('nominal')}; give the typical magnitude of its values")
 
 
-@rule("value-reference-shared", "error", "2.2.7", "Variables with one value reference are no aliases.")
+@rule("value-reference-shared", "error", "2.2.7", "Variables with the same value reference are not aliases.")
 def _shared(model: Model) -> Iterator[Fault]:
     groups = defaultdict(list)
     for v in model.variables:
@@ -153,11 +162,21 @@ def _shared(model: Model) -> Iterator[Fault]:
         names = ", ".join(v.name for v in group)
         settable = [v for v in group if v.settable]
         if len(settable) > 1:
-            yield _at(settable[1], f"{names} share value reference {reference}, and more than one can be set; renumber")
+            yield _at(
+                settable[1],
+                f"{names} share value reference {reference}, and more than one can be set; use different value "
+                "references",
+            )
         elif len({v.variability == "constant" for v in group}) > 1:
-            yield _at(group[1], f"{names} share value reference {reference}, but only some are constant; renumber")
+            yield _at(
+                group[1],
+                f"{names} share value reference {reference}, but only some are constant; use different value "
+                "references",
+            )
         elif len({v.get("unit") for v in group}) > 1:
-            yield _at(group[1], f"{names} share value reference {reference}, but not the unit; renumber")
+            yield _at(
+                group[1], f"{names} share value reference {reference}, but not the unit; use different value references"
+            )
 
 
 @rule("independent", "error", "2.2.7", "There are several independent variables, or one that is not Real.")
@@ -167,33 +186,44 @@ def _independent(model: Model) -> Iterator[Fault]:
         if v.type not in ("Real", ""):
             yield _at(v, f"the independent variable {v.name} is {v.type}; make it Real")
     for v in found[1:]:
-        yield _at(v, f"{v.name} is independent, as {found[0].name} is; keep one")
+        yield _at(v, f"{v.name} and {found[0].name} are both independent; keep one")
 
 
-@rule("time-name", "note", "2.2.7", "The independent variable is not called time or has not the unit s.")
+@rule("time-name", "note", "2.2.7", "The independent variable is not called time or does not have the unit s.")
 def _time(model: Model) -> Iterator[Fault]:
     for v in model.variables:
         if v.causality == "independent" and (v.name != "time" or v.get("unit") not in (None, "s")):
             yield _at(v, f"the independent variable is {v.name!r} in {v.get('unit')!r}; call it time, in s")
 
 
-@rule("derivative-of", "error", "2.2.7", "The attribute derivative points to no other continuous Real variable.")
+@rule("derivative-of", "error", "2.2.7", "The attribute derivative does not name another continuous Real variable.")
 def _derivative(model: Model) -> Iterator[Fault]:
     for v in model.variables:
         text = v.get("derivative") if v.type == "Real" else None
         state = model.variable(integer(text) or 0)
         if text is not None and (state is None or state is v or state.type != "Real"):
-            yield _at(v, f"{v.name} is the derivative of variable {text}, which is no other Real variable; correct it")
+            yield _at(
+                v, f"{v.name} is the derivative of variable {text}, which is not another Real variable; correct it"
+            )
 
 
-@rule("multiple-set", "error", "2.2.7", "canHandleMultipleSetPerTimeInstant stands at a variable that is no input.")
+@rule(
+    "multiple-set", "error", "2.2.7", "canHandleMultipleSetPerTimeInstant is set for a variable that is not an input."
+)
 def _multiple_set(model: Model) -> Iterator[Fault]:
     for v in model.variables:
         if v.element.get("canHandleMultipleSetPerTimeInstant") is not None and v.causality != "input":
-            yield _at(v, f"{v.name} is {v.causality}; remove canHandleMultipleSetPerTimeInstant, it is for inputs")
+            yield _at(
+                v, f"{v.name} is {v.causality}; remove canHandleMultipleSetPerTimeInstant, which is for inputs only"
+            )
 
 
-@rule("reinit", "warning", "2.2.7", "reinit stands in an FMU for co-simulation only, or at what is no state.")
+@rule(
+    "reinit",
+    "warning",
+    "2.2.7",
+    "reinit is set in an FMU for co-simulation only, or for a variable that is not a state.",
+)
 def _reinit(model: Model) -> Iterator[Fault]:
     exchange = model.root.find("ModelExchange") is not None
     for v in model.variables:

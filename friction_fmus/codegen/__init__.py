@@ -1,4 +1,4 @@
-"""A law as plain C for an embedded target: sources, example, and what they cost on two microcontrollers."""
+"""A law as plain C for an embedded target: sources, example, and measured cost on two microcontrollers."""
 
 from friction_fmus.codegen.cost import CORES, Core, Cost, measure
 from friction_fmus.codegen.export import export_law

@@ -1,4 +1,4 @@
-"""What an exported law costs on a microcontroller: sizes from the cross compiler, instructions counted by QEMU."""
+"""The cost of an exported law on a microcontroller: sizes from the cross compiler, instructions counted by QEMU."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from harness.storage.scratch import ScratchFolder
 COMPILER = "arm-none-eabi-gcc"
 EMULATOR = "qemu-arm"
 PACKAGES = {COMPILER: "gcc-arm-none-eabi libnewlib-arm-none-eabi", EMULATOR: "qemu-user"}
-"""Tool -> Debian packages that have it."""
+"""Debian packages of each tool."""
 
 FLAGS = ("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections")
-"""How the law is compiled for the measurement."""
+"""Compiler options for the measurement."""
 
-_CPU = "cortex-a15"  # has all instructions of both cores; qemu-arm cannot run the M profile itself in all versions
-_COUNTED = 50  # samples, each instruction of which is one line of QEMU's log
+_CPU = "cortex-a15"  # has all instructions of both cores; some versions of qemu-arm cannot run the M profile
+_COUNTED = 50  # samples; each instruction is a line in QEMU's log
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class Core:
     Attributes
     ----------
     name : str
-        What people call it.
+        Common name.
     flags : tuple of str
-        Of the compiler.
+        Compiler options.
     """
 
     name: str
@@ -53,26 +53,26 @@ CORES = (
 
 @dataclass(frozen=True)
 class Cost:
-    """What a law costs on one core.
+    """Cost of a law on one core.
 
     Attributes
     ----------
     core : Core
         The core.
     code : int
-        Bytes of flash of initialising and stepping: instructions and constants.
+        Flash for the functions of the law: instructions and constants [bytes].
     flash : int
-        Bytes of flash with the library functions that initialising and stepping it draw in.
+        Flash including the library functions that the law calls [bytes].
     instance : int
-        Bytes of RAM of the four structs.
+        RAM for the four structs [bytes].
     static : int
-        Bytes of RAM of variables; the law has none, what there is belongs to the C library.
+        RAM for static variables, all of which belong to the C library [bytes].
     frame : int
-        Bytes of stack of its own functions, their sum.
+        Stack of the law's own functions, summed [bytes].
     stack : int or None
-        Bytes of stack that were used, library functions included; None without QEMU, as the next two.
+        Measured stack including library functions [bytes]; None without QEMU.
     mean, most : float or None
-        Instructions of a step, library functions included.
+        Mean and largest number of instructions per step, including library functions; None without QEMU.
     """
 
     core: Core
@@ -87,20 +87,20 @@ class Cost:
 
 
 def missing() -> list[str]:
-    """The tools that are not installed."""
+    """Return the tools that are not installed."""
     return [tool for tool in PACKAGES if not shutil.which(tool)]
 
 
 def measure(export: Export, core: Core) -> Cost:
-    """Compile for a core, and run if QEMU is there.
+    """Compile a law for a core, and run it if QEMU is available.
 
     Raises
     ------
     FrictionError
-        Without the cross compiler, or if a tool fails.
+        If the cross compiler is missing or a tool fails.
     """
     if COMPILER in missing():
-        raise FrictionError(f"{COMPILER} is missing; apt-get install {PACKAGES[COMPILER]}")
+        raise FrictionError(f"{COMPILER} is missing; install it with apt-get install {PACKAGES[COMPILER]}")
     p = export.prefix
     with ScratchFolder("friction-fmus-") as scratch:
         folder = Path(scratch)
@@ -117,7 +117,7 @@ def measure(export: Export, core: Core) -> Cost:
         optional = rf"^\.text\.(?:{p}_check|relations)\s+(\d+)"
         text, data, bss = _sizes(folder, f"{p}.o")
         if data + bss:
-            raise FrictionError(f"{p}.c has {data + bss} bytes of variables; a law must have none")
+            raise FrictionError(f"{p}.c has {data + bss} bytes of static variables; a law must have none")
         linked = _sizes(folder, "law.elf")
         frames = (folder / f"{p}.su").read_text(encoding="utf-8").splitlines()
         own = {line.split("\t")[0].split(":")[-1]: int(line.split("\t")[1]) for line in frames}
@@ -149,14 +149,14 @@ def run(export: Export, core: Core, given: dict[str, np.ndarray]) -> tuple[np.nd
     export : Export
         The law.
     core : Core
-        For which it is compiled.
+        The core to compile for.
     given : dict of str to array, shape (n,)
-        Inputs of n samples.
+        Input values for n samples.
 
     Returns
     -------
     tuple of array, shape (n, results) and int
-        Outputs and next states of every sample, and the bytes of stack that were used.
+        Outputs and next states of every sample, and the used stack [bytes].
 
     Raises
     ------
@@ -176,7 +176,7 @@ def run(export: Export, core: Core, given: dict[str, np.ndarray]) -> tuple[np.nd
 
 
 def assembly(export: Export, core: Core, *flags: str) -> str:
-    """The assembly of the law for a core, compiled with more flags.
+    """Return the assembly code of the law for a core, compiled with additional options.
 
     Raises
     ------
@@ -201,7 +201,7 @@ def _build(export: Export, core: Core, folder: Path, given: dict[str, np.ndarray
 
 
 def _counts(export: Export, core: Core, folder: Path) -> list[int]:
-    """Instructions of each step, from entry to return: one line of the log is one instruction."""
+    """Return the instructions of each step, from entry to return; each line of the log is one instruction."""
     _build(export, core, folder, samples(export, _COUNTED), "-DQUIET")
     symbols = _run(folder, "arm-none-eabi-nm", "program")
     entry = int(str(re.search(rf"^(\w+) T {export.prefix}_step$", symbols, re.M)[1]), 16)  # type: ignore[index]
@@ -217,7 +217,7 @@ def _counts(export: Export, core: Core, folder: Path) -> list[int]:
                 continue
             here = int(address[1], 16)
             if here == entry:
-                home = last + 4  # the call is a BL of four bytes
+                home = last + 4  # the call is a BL with four bytes
                 counts.append(0)
             elif here == home:
                 home = -1
@@ -230,7 +230,7 @@ def _counts(export: Export, core: Core, folder: Path) -> list[int]:
 
 
 def _sizes(folder: Path, name: str) -> tuple[int, int, int]:
-    """Bytes of text, data and bss."""
+    """Return the sizes of text, data and bss [bytes]."""
     text, data, bss = _run(folder, "arm-none-eabi-size", name).splitlines()[1].split()[:3]
     return int(text), int(data), int(bss)
 
@@ -239,5 +239,5 @@ def _run(folder: Path, *command: str) -> str:
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
         reason: Sequence[str] = done.stderr.strip().splitlines()[:1] or [f"status {done.returncode}"]
-        raise FrictionError(f"{command[0]} fails: {reason[0]}")
+        raise FrictionError(f"{command[0]} failed: {reason[0]}")
     return done.stdout

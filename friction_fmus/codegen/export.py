@@ -1,4 +1,4 @@
-"""A law to a folder of C files with a README that says what they cost."""
+"""Export of a law to a folder with C files and a README that states their cost."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def export_law(
     model : str or Path
         Name of a law, or path of a law file.
     out_dir : path-like
-        Folder for ``law.h``, ``law.c``, ``main.c`` and ``README.md``; made if needed.
+        Folder for ``law.h``, ``law.c``, ``main.c`` and ``README.md``; it is created if needed.
     real : {"float", "double"}
         Type of all numbers.
     start : mapping of str to number, optional
         Other start values of parameters, states and inputs; elements of vectors are ``k[1]``.
     prefix : str
-        In place of ``law`` in names of files, types and functions, for several laws in one program.
+        Prefix of names of files, types and functions, for several laws in one program.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def export_law(
     Raises
     ------
     UnknownNameError, FrictionError
-        See their messages.
+        If the model is unknown; if it is not a law or a start value is invalid.
     """
     export = make_export(model, real=real, start=start, prefix=prefix)
     costs: tuple[Cost, ...] = () if COMPILER in missing() else tuple(measure(export, core) for core in CORES)
@@ -76,23 +76,23 @@ def make_export(
     start: Mapping[str, float | bool] | None = None,
     prefix: str = "law",
 ) -> Export:
-    """What is to be written, checked; arguments and errors as `export_law`."""
+    """Return the checked data of an export; arguments and errors are those of `export_law`."""
     law = _law(model).with_room(start or {})
     check_identifier("codegen", "prefix", prefix)
     if prefix == "main":
-        raise FrictionError("The prefix main is the name of the example; choose another")
+        raise FrictionError("The prefix main is the name of the example; choose another prefix")
     values = {variable.name: variable.starts for variable in law.given}
     for name, value in (start or {}).items():
         _set(law, values, name, value)
     if broken := law.conditions.violated(values):
-        raise FrictionError(f"{law.name} needs {broken[0]}, which the given values violate")
+        raise FrictionError(f"{law.name} requires {broken[0]}, which the given values violate")
     return Export(law, FLOAT if real == "float" else DOUBLE, prefix, values)
 
 
 def _law(model: str | Path) -> Law:
     block = find(model)
     if block.kind != "law" and block.path.suffix != ".py":
-        raise FrictionError(f"{block.name} is not a law but written in C, in {block.path.name}; take it from there")
+        raise FrictionError(f"{block.name} is not a law but a C block; use its file {block.path.name}")
     return next(law for law in discover_laws(block.path) if law.name == block.name)
 
 
@@ -109,9 +109,11 @@ def _set(law: Law, values: dict[str, tuple[float, ...]], name: str, value: float
             f"There is no variable {name!r}; the elements of {plain} are 1 to {len(variable.starts)}"
         )
     if variable.kind in BOOLEANS and value not in (0.0, 1.0):
-        raise FrictionError(f"{name} = {value:g} is no truth value; give true or false")
+        raise FrictionError(f"{name} = {value:g} is not a Boolean; give true or false")
     if not (variable.min <= value <= variable.max and abs(value) < float("inf")):
-        raise FrictionError(f"{name} = {value:g} lies outside [{variable.min:g}, {variable.max:g}]; choose one inside")
+        raise FrictionError(
+            f"{name} = {value:g} lies outside [{variable.min:g}, {variable.max:g}]; choose a value inside"
+        )
     changed = list(values[plain])
     changed[place] = float(value)
     values[plain] = tuple(changed)

@@ -1,4 +1,4 @@
-"""How a law is laid out in C: its structs, and what in them is a pair of floats."""
+"""The layout of a law in C: its structs, and which of their members are pairs of floats."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Values = Mapping[str, tuple[float, ...]]
 
 @dataclass(frozen=True)
 class Export:
-    """A law, and how it is to be written.
+    """A law with the settings of its export.
 
     Attributes
     ----------
@@ -33,9 +33,9 @@ class Export:
     real : Real
         Type of all numbers.
     prefix : str
-        Of files, types and functions.
+        Prefix of files, types and functions.
     start : mapping of str to tuple of float
-        Start values of inputs, states and parameters, by variable.
+        Start values of inputs, states and parameters by variable.
     """
 
     law: Law
@@ -45,7 +45,7 @@ class Export:
 
     @property
     def groups(self) -> dict[str, tuple[Variable, ...]]:
-        """Members of the structs by the struct's name, in the order of the arguments of ``step``."""
+        """Members of the structs by the name of the struct, in the order of the arguments of ``step``."""
         return {
             "parameters": self.law.select(*PARAMETERS),
             "states": self.law.select(*STATES),
@@ -55,7 +55,7 @@ class Export:
 
     @cached_property
     def kernel(self) -> Kernel:
-        """One sample, as statements on the structs."""
+        """One sample as statements on the structs."""
         return self.statements(self.law.function, self.law.given, self.results, self._lows)
 
     @property
@@ -65,7 +65,7 @@ class Export:
 
     @cached_property
     def pairs(self) -> frozenset[str]:
-        """Names of the variables that are pairs of floats: absolute positions, and parameters that belong to them."""
+        """Names of the variables that are pairs of floats: absolute positions and related parameters."""
         wide, written = self._positions
         read, results = _scalars(self.law.given), _scalars(self.law.results)
         return frozenset([read[i][0].name for i in wide] + [results[i][0].name for i in written])
@@ -77,14 +77,14 @@ class Export:
 
     @property
     def rounded(self) -> tuple[str, ...]:
-        """Functions of the C library that are given an absolute position as one float."""
+        """Functions of the C library that receive an absolute position rounded to one float."""
         given = {i: Weight(1.0) for i, (v, _) in enumerate(_scalars(self.law.given)) if v in self.positions}
         found = rounded(graph(self.law.function)[0], given | dict(self._positions[0]))
         return tuple(sorted(LIBM[operation] + self.real.suffix for operation in found & LIBM.keys()))
 
     @cached_property
     def _positions(self) -> tuple[Mapping[int, Weight], set[int]]:
-        """Numbers of the arguments and of the results that are pairs."""
+        """Indices of the arguments and of the results that are pairs."""
         if self.real is DOUBLE:
             return {}, set()
         read = _scalars(self.law.given)
@@ -100,7 +100,7 @@ class Export:
 
     @property
     def _lows(self) -> Lows | None:
-        """The lower parts by number of argument and of result."""
+        """Return the lower parts by index of the argument and of the result."""
 
         def by_number(variables: Sequence[Variable]) -> dict[int, str]:
             scalars = [low for variable in variables for low in self.lows(variable) or [""] * len(variable.starts)]
@@ -111,19 +111,19 @@ class Export:
         return Lows(self._positions[0], by_number(self.law.given), by_number(self.law.results))
 
     def lows(self, variable: Variable) -> list[str]:
-        """C expressions of the lower parts of its scalars; none unless it is a pair."""
+        """Return the C expressions of the lower parts of a variable's scalars; empty unless it is a pair."""
         places = self.places(variable) if variable.name in self.pairs else []
         return [re.sub(r"\w+(?=\[|$)", r"\g<0>_low", place, count=1) for place in places]
 
     @property
     def result_lows(self) -> dict[int, str]:
-        """C expressions of the lower parts of `results`, by place in that list; only those that are pairs."""
+        """Return the C expressions of the lower parts of `results`, by index, for those that are pairs."""
         return dict(self._lows.writes) if self._lows else {}
 
     def statements(
         self, function: Function, given: Sequence[Variable], writes: Sequence[str], lows: Lows | None = None
     ) -> Kernel:
-        """A function of variables of the structs, as statements."""
+        """Return a function of variables of the structs as statements."""
         scalars = [variable for variable in given for _ in variable.starts]
         return kernel(
             function,
@@ -135,22 +135,22 @@ class Export:
         )
 
     def places(self, variable: Variable) -> list[str]:
-        """C expressions of its scalars, behind pointers with the names of the structs."""
+        """Return the C expressions of a variable's scalars, by way of pointers with the names of the structs."""
         group = next(name for name, members in self.groups.items() if variable in members)
         name = f"{group}->{variable.name}"
         return [f"{name}[{i}]" for i in range(len(variable.starts))] if variable.kind in VECTORS else [name]
 
     def member(self, variable: Variable) -> str:
-        """Declaration of a member."""
+        """Return the declaration of a member."""
         kind = "int" if variable.kind in (*BOOLEANS, Kind.FLAG) else self.real.name
         return f"{kind} {variable.name}{f'[{len(variable.starts)}]' if variable.kind in VECTORS else ''}"
 
 
 def _scalars(variables: Sequence[Variable]) -> list[tuple[Variable, int]]:
-    """Every variable as often as it has scalars, with the number of the element."""
+    """Return every variable once per scalar, with the index of the element."""
     return [(variable, element) for variable in variables for element in range(len(variable.starts))]
 
 
 def _is_length(variable: Variable) -> bool:
-    """Whether it may be an absolute position."""
+    """Return whether a variable may be an absolute position."""
     return variable.unit in (LENGTH, ANGLE)

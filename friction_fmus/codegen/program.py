@@ -1,7 +1,7 @@
-"""A program that runs an exported law on given samples under qemu-arm, which stands for the microcontroller.
+"""A program that runs an exported law with given samples under qemu-arm, in place of the microcontroller.
 
-It needs no C runtime: Linux calls write the results. What is measured are the instructions of the law and of the
-library functions it calls; they are the same on every core with that instruction set.
+It needs no C runtime and writes its results by Linux system calls. The counted instructions are those of the law and of
+the library functions that it calls; they are the same on every core with this instruction set.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from friction_fmus.codegen.sources import number, unit_text
 from friction_fmus.lawkit.law import BOOLEANS, Variable
 
 _SIZES = {"m": 1e-3, "m/s": 1e-2, "m/s2": 1.0, "rad": 1e-3, "rad/s": 1e-2}
-"""Size of the samples by unit: where friction and control are neither at rest nor saturated."""
+"""Magnitude of the samples by unit, for which friction and control are neither at rest nor saturated."""
 
 STACK = 4096
-"""Bytes of stack that are watched."""
+"""Size of the monitored stack [bytes]."""
 
 
 def samples(export: Export, n: int, seed: int = 1) -> dict[str, np.ndarray]:
-    """Inputs of n samples, at random about their start values, with zeros; Booleans mostly at their start.
+    """Return n random samples of the inputs around their start values, with some zeros; Booleans rarely change.
 
     Returns
     -------
     dict of str to float64 array, shape (n,)
-        By input, rounded to the type of the export.
+        Samples by input, rounded to the type of the export.
     """
     random = np.random.default_rng(seed)
 
@@ -41,8 +41,10 @@ def samples(export: Export, n: int, seed: int = 1) -> dict[str, np.ndarray]:
 
 
 def program(export: Export, given: dict[str, np.ndarray]) -> str:
-    """The text of the program: for every sample it writes a line with the bytes of the results and of the lower parts
-    of pairs, at the end the depth of the stack in bytes. With the macro QUIET it runs and writes nothing.
+    """Return the text of the program.
+
+    For every sample, the program writes a line with the bytes of the results and of the lower parts of pairs, and at
+    the end the depth of the stack [bytes]. With the macro QUIET it writes nothing.
     """
     p, inputs = export.prefix, export.law.select(*INPUTS)
     n = len(next(iter(given.values()))) if given else 1

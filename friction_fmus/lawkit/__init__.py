@@ -1,1 +1,1 @@
-"""What a law is made of: declarations, equations, conditions, and the block it becomes."""
+"""The parts of a law: declarations, equations, conditions, and the block generated from it."""

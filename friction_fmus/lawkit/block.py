@@ -1,4 +1,4 @@
-"""The C block of a law: its variables as the table of block.h, its expressions as `sample`."""
+"""The C block of a law: its variables as the table for block.h, its expressions as the function `sample`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, Variable
 
 
 def block_source(law: Law) -> str:
-    """The C file of a law's block, as block.h wants it.
+    """Return the C file of a law's block for block.h.
 
     Parameters
     ----------
@@ -25,14 +25,14 @@ def block_source(law: Law) -> str:
     Returns
     -------
     str
-        Text that depends on nothing but the law.
+        The text, which depends on the law only.
     """
     writes = [f"model->{name}" for variable in law.results for name in _elements(variable)]
     body = _statements(law.function, law.given, writes)
     last_output = max(i for i, variable in enumerate(law.variables) if variable.kind is Kind.OUTPUT)
     table = (*law.variables[: last_output + 1], FAULT, *law.variables[last_output + 1 :])
     texts = law.conditions.texts
-    origin = f"Written from the law file {law.path.name}: change that file, not this one."
+    origin = f"Generated from the law file {law.path.name}: change that file, not this one."
     return "\n".join(
         [
             _comment(f"{law.documentation}\n\n{origin}"),
@@ -50,7 +50,7 @@ def block_source(law: Law) -> str:
             "",
             '#include "block.h"',
             "",
-            "/* One constant per operation, in the order of casadi's evaluation; the results are stored at the end. */",
+            "/* One constant per operation, in casadi's order of evaluation; the results are stored at the end. */",
             "static void sample(Model *model)",
             "{",
             "    GIVEN(model)",
@@ -63,7 +63,7 @@ def block_source(law: Law) -> str:
 
 
 def _statements(function: Function, given: Sequence[Variable], writes: Sequence[str]) -> tuple[str, ...]:
-    """The C of a function of these variables, which stand there as constants of their names."""
+    """Return the C statements of a function of these variables, which are available as constants."""
     reads = [name for variable in given for name in _elements(variable)]
     scalars = [variable for variable in given for _ in variable.starts]
     booleans = [i for i, variable in enumerate(scalars) if variable.kind in BOOLEANS]
@@ -72,7 +72,7 @@ def _statements(function: Function, given: Sequence[Variable], writes: Sequence[
 
 
 def _relations(law: Law) -> list[str]:
-    """The C function that says which condition does not hold."""
+    """Return the C function that returns the text of a violated condition."""
     texts = law.conditions.texts
     held = [f"holds[{i}]" for i in range(len(texts))]
     return [
@@ -89,7 +89,7 @@ def _relations(law: Law) -> list[str]:
 
 
 def _elements(variable: Variable) -> list[str]:
-    """C names of its scalars."""
+    """Return the C names of the scalars of a variable."""
     if variable.kind in VECTORS:
         return [f"{variable.name}[{i}]" for i in range(len(variable.starts))]
     return [variable.name]
@@ -101,12 +101,12 @@ def _comment(text: str) -> str:
 
 
 def _limit(value: float) -> str:
-    """A number of the table; the macro INF is infinity there."""
+    """Return a number for the table, where the macro INF is infinity."""
     return repr(float(value)) if math.isfinite(value) else "INF" if value > 0.0 else "-INF"
 
 
 def _table(variables: Sequence[Variable]) -> list[str]:
-    """The rows of VARIABLES in columns."""
+    """Return the rows of VARIABLES in columns."""
     rows = [_row(variable) for variable in variables]
     widths = [max(len(cells[column]) for _, cells, _ in rows) for column in range(len(rows[0][1]))]
     longest = max(len(kind) for kind, _, _ in rows)
@@ -119,7 +119,7 @@ def _table(variables: Sequence[Variable]) -> list[str]:
 
 
 def _row(variable: Variable) -> tuple[str, list[str], str]:
-    """Macro, cells (name, number of elements, unit, start, min or nominal, max) and text of a variable."""
+    """Return macro, cells (name, number of elements, unit, start, min or nominal, max) and text of a variable."""
     kind = variable.kind
     unit = "" if kind in (*BOOLEANS, Kind.FLAG) else variable.unit.c
     count = low = high = ""

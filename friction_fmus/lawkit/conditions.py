@@ -1,4 +1,4 @@
-"""Relations between the parameters of a law, checked where values are given to them."""
+"""Relations between the parameters of a law, checked whenever values are assigned."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.lawkit.declarations import Kind, Variable, check_line
 
 PARAMETERS = (Kind.PARAMETER, Kind.VECTOR, Kind.SWITCH, Kind.SAMPLE_TIME)
-"""Kinds whose values a relation may use: those that are set before the first sample."""
+"""Kinds of variables that a relation may use: those that are set before the first sample."""
 
 Relation = Callable[..., Any]
 
 LIMITS: Mapping[str, Relation] = MappingProxyType({"u_min <= u_max": lambda u_min, u_max: u_min <= u_max})
-"""What every law with these two parameters needs, which are the limits of its output by convention."""
+"""Relation for every law with these two parameters, which by convention are the limits of its output."""
 
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """What must hold between the parameters of a law, because the law is singular otherwise.
+    """Relations between the parameters of a law without which the law is singular.
 
     Attributes
     ----------
     texts : tuple of str
-        Each relation as it is told to the user, such as ``u_min <= u_max``.
+        Each relation as shown to the user, such as ``u_min <= u_max``.
     parameters : tuple of Variable
         All parameters of the law.
     function : casadi.Function
-        Their scalars to one truth value for each relation.
+        Maps the scalars of the parameters to one truth value per relation.
     """
 
     texts: tuple[str, ...]
@@ -41,12 +41,12 @@ class Conditions:
     function: Function
 
     def violated(self, values: Mapping[str, float | tuple[float, ...]]) -> tuple[str, ...]:
-        """The relations that do not hold.
+        """Return the violated relations.
 
         Parameters
         ----------
         values : mapping
-            By parameter; what is missing has its start value.
+            Values by parameter; missing parameters have their start values.
         """
         arguments: list[float] = []
         for parameter in self.parameters:
@@ -57,22 +57,22 @@ class Conditions:
 
 
 def conditions_of(where: str, relations: Mapping[str, Relation], variables: tuple[Variable, ...]) -> Conditions:
-    """The relations as a casadi function.
+    """Return the relations as a casadi function.
 
     Parameters
     ----------
     where : str
-        Beginning of messages.
+        Prefix of messages.
     relations : mapping of str to callable
-        What it says -> function of SX parameters, chosen by the names of its arguments. `LIMITS` is added to a law
-        with these parameters.
+        Text of each relation and its function of SX parameters, which are selected by the names of its arguments.
+        `LIMITS` is added for a law with these parameters.
     variables : tuple of Variable
-        Of the law.
+        Variables of the law.
 
     Raises
     ------
     FrictionError
-        For an argument that is no parameter, a result that is no number, or start values that violate a relation.
+        If an argument is not a parameter, a result is not a number, or the start values violate a relation.
     """
     parameters = tuple(variable for variable in variables if variable.kind in PARAMETERS)
     elements = {variable.name: [SX.sym(scalar) for scalar in variable.scalars] for variable in parameters}
@@ -88,10 +88,10 @@ def conditions_of(where: str, relations: Mapping[str, Relation], variables: tupl
                 )
         result = SX(relation(*(vertcat(*elements[name]) for name in names)))
         if result.shape != (1, 1):
-            raise FrictionError(f"{where}: the condition {text!r} has the shape {result.shape}, it is one truth value")
+            raise FrictionError(f"{where}: the condition {text!r} has the shape {result.shape}; return one truth value")
         results.append(result)
     symbols = [symbol for variable in parameters for symbol in elements[variable.name]]
     found = Conditions(tuple(relations), parameters, Function("conditions", symbols, results))
     if broken := found.violated({}):
-        raise FrictionError(f"{where}: its start values violate {broken[0]}")
+        raise FrictionError(f"{where}: its start values violate the condition {broken[0]}")
     return found

@@ -1,4 +1,4 @@
-"""What the variables of a law are: units, kinds, and the names they may have."""
+"""Variables of a law: units, kinds and valid names."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from friction_fmus.errors import FrictionError
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit as block.h knows it: the quantities are its macros, so that the rotational twin has its own.
+    """A unit in terms of the macros of block.h, which differ between the translational and the rotational build.
 
     ``FORCE + "/(" + LENGTH + ".s)"`` is N/(m.s), and N.m/(rad.s) in the rotational build.
 
     Attributes
     ----------
     c : str
-        The C expression of the unit's name.
+        C expression for the name of the unit.
     """
 
     c: str
 
     def __add__(self, other: Unit | str) -> Unit:
-        """Join names; adjacent string literals join in C."""
+        """Join names, as C joins adjacent string literals."""
         return Unit(f"{self.c} {_unit(other).c}")
 
     def __radd__(self, other: str) -> Unit:
@@ -41,7 +41,7 @@ def _unit(unit: Unit | str) -> Unit:
 
 
 def c_string(text: str) -> str:
-    """The text as a C string literal (without trigraphs)."""
+    """Return the text as a C string literal without trigraphs."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("??", "?\\?")
     return f'"{escaped}"'
 
@@ -64,7 +64,7 @@ NO_UNIT = Unit("NO_UNIT")
 
 
 class Kind(Enum):
-    """What a variable is; the value is the name of its row in block.h."""
+    """Kinds of variables; the value is the name of the row macro in block.h."""
 
     INPUT = "INPUT"
     OPTIONAL = "OPTIONAL"
@@ -80,10 +80,10 @@ class Kind(Enum):
 
 
 VECTORS = (Kind.VECTOR, Kind.STATES)
-"""Kinds whose value is a tuple of numbers, read as ``k[0]``, ``k[1]``, ... in expressions."""
+"""Kinds with a tuple of numbers as value, written as ``k[0]``, ``k[1]``, ... in expressions."""
 
 BOOLEANS = (Kind.COMMAND, Kind.SWITCH)
-"""Kinds whose value is true or false, 1 or 0 in expressions."""
+"""Kinds with a Boolean value, 1 or 0 in expressions."""
 
 
 @dataclass(frozen=True)
@@ -93,15 +93,15 @@ class Variable:
     Attributes
     ----------
     kind : Kind
-        What it is.
+        Kind of the variable.
     unit : Unit
-        Unit in SI.
+        SI unit.
     start : float or tuple of float
         Start value; a tuple for a vector, 0 or 1 for a Boolean.
     text : str
-        One line that says what it is.
+        One-line description.
     min, max, nominal : float
-        Range of a parameter, size of a state.
+        Limits of a parameter, nominal value of a state.
     name : str
         Name in the law, the FMU and the equations.
     """
@@ -117,36 +117,36 @@ class Variable:
 
     @property
     def scalars(self) -> tuple[str, ...]:
-        """Names of its scalars in the casadi function: ``("Kp",)``, of a vector ``("k_1", "k_2", ...)``."""
+        """Names of the scalars in the casadi function: ``("Kp",)``, for a vector ``("k_1", "k_2", ...)``."""
         if isinstance(self.start, tuple):
             return tuple(f"{self.name}_{i + 1}" for i in range(len(self.start)))
         return (self.name,)
 
     @property
     def starts(self) -> tuple[float, ...]:
-        """Start values of its scalars."""
+        """Start values of the scalars."""
         return self.start if isinstance(self.start, tuple) else (self.start,)
 
 
-# The functions below stand as argument defaults of a law, where the argument is an SX: so they return Any.
+# the functions below are argument defaults of a law, where the argument is an SX; they therefore return Any
 
 
 def Input(unit: Unit | str, start: float, text: str, *, optional: bool = False) -> Any:  # noqa: N802
-    """A Real input; an optional one may stay unconnected."""
+    """Declare a Real input; an optional one may stay unconnected."""
     return Variable(Kind.OPTIONAL if optional else Kind.INPUT, _unit(unit), float(start), text)
 
 
 def Command(start: bool, text: str) -> Any:  # noqa: N802
-    """A Boolean input, 0 or 1 in expressions."""
+    """Declare a Boolean input, 0 or 1 in expressions."""
     return Variable(Kind.COMMAND, NO_UNIT, float(start), text)
 
 
 def State(  # noqa: N802
     unit: Unit | str, start: float | tuple[float, ...], text: str, *, nominal: float = 1.0
 ) -> Any:
-    """A state: the law receives its value and returns the next one under the same name.
+    """Declare a state: the law receives its value and returns the next value under the same name.
 
-    With a tuple of start values it is a vector, read as ``z[0]``, ``z[1]``, ... and returned as a list.
+    With a tuple of start values it is a vector, written as ``z[0]``, ``z[1]``, ... and returned as a list.
     """
     if isinstance(start, tuple):
         return Variable(Kind.STATES, _unit(unit), tuple(map(float, start)), text, nominal=nominal)
@@ -156,36 +156,36 @@ def State(  # noqa: N802
 def Parameter(  # noqa: N802
     unit: Unit | str, start: float | tuple[float, ...], text: str, *, min: float = -math.inf, max: float = math.inf
 ) -> Any:
-    """A tunable Real parameter; with a tuple of start values a vector ``k``, read as ``k[0]``, ``k[1]``, ..."""
+    """Declare a tunable Real parameter; a tuple of start values declares a vector ``k[0]``, ``k[1]``, ..."""
     if isinstance(start, tuple):
         return Variable(Kind.VECTOR, _unit(unit), tuple(map(float, start)), text, min, max)
     return Variable(Kind.PARAMETER, _unit(unit), float(start), text, min, max)
 
 
 def Switch(start: bool, text: str) -> Any:  # noqa: N802
-    """A tunable Boolean parameter, 0 or 1 in expressions."""
+    """Declare a tunable Boolean parameter, 0 or 1 in expressions."""
     return Variable(Kind.SWITCH, NO_UNIT, float(start), text)
 
 
 def SampleTime() -> Any:  # noqa: N802
-    """The sample time, for a law whose equations need it; every law has the fixed parameter ``Ts`` anyway."""
+    """Declare that the equations use the sample time ``Ts``, a fixed parameter of every law."""
     return Variable(Kind.SAMPLE_TIME, TIME, math.nan, "sample time", min=1e-9)
 
 
 def Output(unit: Unit | str, text: str) -> Variable:  # noqa: N802
-    """A Real output."""
+    """Declare a Real output."""
     return Variable(Kind.OUTPUT, _unit(unit), 0.0, text)
 
 
 FAULT = Variable(
-    Kind.FLAG, NO_UNIT, 0.0, "true: an input is NaN or infinite, outputs and states are held", name="fault"
+    Kind.FLAG, NO_UNIT, 0.0, "true: an input is NaN or infinite; outputs and states are held", name="fault"
 )
-"""The output that every law gets from what surrounds it."""
+"""Output that is added to every law."""
 
 
 # ---- names ----------------------------------------------------------------------------------------------------------
 
-# Names that are taken in C, in <math.h>, in the C runtimes' headers, or by block.h.
+# reserved names: C, <math.h>, headers of C runtimes, block.h
 _RESERVED = {
     "C": "auto break case char const continue default do double else enum extern float for goto if inline int long "
     "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while "
@@ -213,15 +213,16 @@ _TAKEN = {name: owner for owner, names in _RESERVED.items() for name in names.sp
 
 
 def check_identifier(where: str, what: str, name: str) -> None:
-    """Raise a FrictionError unless the name can be one in C beside math.h and block.h."""
+    """Raise a FrictionError unless the name is a valid C identifier beside math.h and block.h."""
     if not re.fullmatch(r"[A-Za-z](_?[A-Za-z0-9])*_?", name):
         raise FrictionError(
-            f"{where}: the {what} {name!r} must be letters, digits and single underscores, and begin with a letter"
+            f"{where}: the {what} {name!r} must consist of letters, digits and single underscores, and begin with a "
+            "letter"
         )
     if name in _TAKEN:
-        raise FrictionError(f"{where}: the {what} {name} is a name of {_TAKEN[name]}; choose another")
+        raise FrictionError(f"{where}: the {what} {name} is reserved by {_TAKEN[name]}; choose another name")
     if re.match(r"(fmi2|starts_of_|INPUT_|ROLE_|TYPE_|GIVEN_|LOG_|MAY_|FMI2_)", name):
-        raise FrictionError(f"{where}: the {what} {name} begins like a name of block.h; choose another")
+        raise FrictionError(f"{where}: the {what} {name} has a prefix reserved by block.h; choose another name")
 
 
 def check_line(where: str, what: str, text: str) -> None:

@@ -1,4 +1,4 @@
-"""Laws in files: found by folder, also outside of the package."""
+"""Laws in files, found by folder, inside or outside the package."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ def discover_laws(path: Path | str) -> list[Law]:
     Parameters
     ----------
     path : path
-        Folder of law files (names that begin with an underscore are left out) or one ``.py`` file; it need not belong
+        Folder of law files (names that begin with an underscore are ignored) or one ``.py`` file, which need not belong
         to a package.
 
     Returns
     -------
     list of Law
-        In the order of file names, within a file in the order of definition.
+        The laws in the order of file names, then of definition.
 
     Raises
     ------
@@ -35,12 +35,12 @@ def discover_laws(path: Path | str) -> list[Law]:
     """
     path = Path(path)
     if not path.exists():
-        raise FrictionError(f"There is no law file or folder {path}")
+        raise FrictionError(f"There is no law file or folder {path}; give an existing path")
     files = law_paths(path) if path.is_dir() else [path]
     found: dict[str, Law] = {}
     for file in files:
         for value in vars(_load(file)).values():
-            # a law that is only imported there belongs to its own file
+            # an imported law belongs to the file that defines it
             if not isinstance(value, Law) or value.path.resolve() != file.resolve():
                 continue
             other = found.setdefault(value.name, value)
@@ -60,8 +60,8 @@ def _load(file: Path) -> ModuleType:
     if spec is None or spec.loader is None:
         raise FrictionError(f"{file.name} is not a Python file; a law file ends in .py")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses and pickle look their module up
-    bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # a user's folder stays as it is
+    sys.modules[name] = module  # dataclasses and pickle look up their module
+    bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # write no files to a user's folder
     try:
         spec.loader.exec_module(module)
     except FrictionError:

@@ -1,4 +1,4 @@
-"""Names and summaries of laws, read from the text of their files: importing them would import casadi."""
+"""Names and summaries of laws, read from the text of their files, as importing them would import casadi."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Heading:
-    """What the decorator ``@law`` says about a law in words.
+    """Texts in the decorator ``@law`` of a law.
 
     Attributes
     ----------
     name, summary, source : str
-        As in `friction_fmus.lawkit.law.Law`.
+        See `friction_fmus.lawkit.law.Law`.
     path : Path
         The file that defines it.
     """
@@ -36,8 +36,8 @@ def read_headings(file: Path) -> list[Heading] | None:
     Returns
     -------
     list of Heading or None
-        None if the text of the file does not show them, because it computes a name or calls `law` other than as a
-        decorator of a function at module level; the file must then be imported.
+        None if the text of the file does not contain them, because it computes a name, or calls `law` other than as a
+        decorator of a module-level function. The file must then be imported.
     """
     try:
         tree = ast.parse(file.read_bytes())

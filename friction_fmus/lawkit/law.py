@@ -1,6 +1,7 @@
-"""Compensator laws: one Python function of casadi expressions is all that is written about a law.
+"""Compensator laws: one Python function of casadi expressions defines a law.
 
-Variables are argument defaults, equations are the body, the docstring is the documentation page::
+Variables are declared by argument defaults, the body contains the equations, and the docstring becomes the
+documentation page::
 
     @law("P", "Proportional position controller", source="textbook", Ts=1e-3,
          outputs={"u": Output(FORCE, "control force")})
@@ -104,24 +105,24 @@ class Law:
     Attributes
     ----------
     name, summary, source : str
-        Model identifier; what it is and where it comes from, one line each.
+        Model identifier; one-line description; literature.
     documentation : str
-        The documentation page as plain text; paragraphs indented by four are equations.
+        The documentation page as plain text; paragraphs indented by four spaces are equations.
     variables : tuple of Variable
-        In declaration order, the outputs after the last input, the sample time at the end.
+        Variables in declaration order: outputs follow the last input, the sample time is last.
     function : casadi.Function
-        One sample: scalar SX arguments, the scalars of `given`, to the outputs and then the next states
-        (named ``<state>_next``, of a vector ``<state>_1_next``, ...).
+        One sample: maps the scalars of `given` to the outputs, then to the next states (named ``<state>_next``, for a
+        vector ``<state>_1_next``, ...).
     path : Path
-        The file that defines it.
+        The file that defines the law.
     conditions : Conditions
-        What must hold between its parameters.
+        Relations between its parameters.
     about : About
-        What else its file says of it.
+        Further declarations in its file.
     sizes : mapping of str to Size
-        Parameters whose start values decide the length of vectors.
+        Parameters whose start values determine the length of vectors.
     remade : callable
-        The law with these parameters fixed to other values.
+        Returns the law with these parameters fixed to other values.
     """
 
     name: str
@@ -137,33 +138,33 @@ class Law:
     remade: Callable[[Mapping[str, int]], Law]
 
     def with_room(self, start: Mapping[str, Any]) -> Law:
-        """The law whose vectors are long enough for these start values; itself, if its own are.
+        """Return the law with vectors that are long enough for these start values.
 
         Raises
         ------
         FrictionError
-            A start value is above the largest size, or not a whole number.
+            If a start value exceeds the largest size or is not an integer.
         """
         maxima = {variable.name: variable.max for variable in self.variables}
         wanted = wanted_sizes(self.name, self.sizes, maxima, start)
         return self.remade(wanted) if wanted else self
 
     def select(self, *kinds: Kind) -> tuple[Variable, ...]:
-        """The variables of these kinds."""
+        """Return the variables of these kinds."""
         return tuple(variable for variable in self.variables if variable.kind in kinds)
 
     @property
     def given(self) -> tuple[Variable, ...]:
-        """What a sample reads, in the order of the function's arguments."""
+        """Variables that a sample reads, in the order of the function's arguments."""
         return tuple(variable for variable in self.variables if variable.kind is not Kind.OUTPUT)
 
     @property
     def results(self) -> tuple[Variable, ...]:
-        """What a sample writes, in the order of the function's results."""
+        """Variables that a sample writes, in the order of the function's results."""
         return self.select(Kind.OUTPUT) + self.select(Kind.STATE, Kind.STATES)
 
     def dependencies(self, result: str) -> tuple[str, ...]:
-        """What an output or the next value of a state is computed from, exactly, decisions included.
+        """Return the exact dependencies of an output or of the next value of a state, including decisions.
 
         Parameters
         ----------
@@ -188,12 +189,12 @@ class Law:
         return tuple(variable.name for variable in self.given if variable.name in used)
 
     def evaluate(self, values: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any]:
-        """One sample, by casadi.
+        """Evaluate one sample with casadi.
 
         Parameters
         ----------
         values : mapping
-            By variable; what is missing has its start value.
+            Values by variable; missing variables have their start values.
 
         Returns
         -------
@@ -203,19 +204,20 @@ class Law:
         Raises
         ------
         FrictionError
-            For a name that the law does not read, or a vector of the wrong length.
+            If a name is not a variable that the law reads, or a vector has the wrong length.
         """
         known = {variable.name for variable in self.given}
         for name in values:
             if name not in known:
-                raise FrictionError(f"{self.name} reads no variable {name!r}{nearest(name, known)}")
+                raise FrictionError(f"{self.name} has no variable {name!r} to set{nearest(name, known)}")
         arguments: list[float] = []
         for variable in self.given:
             value = values.get(variable.name, variable.start)
             elements = value if isinstance(value, tuple) else (value,)
             if len(elements) != len(variable.starts):
                 raise FrictionError(
-                    f"{self.name}: {variable.name} takes {len(variable.starts)} numbers, not {len(elements)}"
+                    f"{self.name}: {variable.name} has {len(variable.starts)} elements, but {len(elements)} numbers "
+                    "are given"
                 )
             arguments += map(float, elements)
         found = iter(map(float, self.function.call(arguments)))
@@ -226,7 +228,7 @@ class Law:
 
 
 def _by_scalar(variables: tuple[Variable, ...]) -> list[Variable]:
-    """Every variable as often as it has scalars."""
+    """Return every variable once per scalar."""
     return [variable for variable in variables for _ in variable.starts]
 
 
@@ -245,41 +247,41 @@ def law(
     loop: Loop | None = None,
     use: Use | None = None,
 ) -> Callable[[Equations], Law]:
-    """Make a function of casadi expressions a `Law`.
+    """Define a law by a function of casadi expressions.
 
     Parameters
     ----------
     name : str
         Model identifier of the FMU.
     summary, source : str
-        What it is and where it comes from (author, journal, year), one line each.
+        One-line description; literature (author, journal, year).
     Ts : float
-        Start value of the fixed parameter ``Ts``, the sample time, in seconds.
+        Default of the fixed parameter ``Ts``, the sample time [s].
     outputs : mapping of str to Variable
-        Made by `Output`.
+        Outputs, declared by `Output`.
     conditions : mapping of str to callable, optional
-        Relations without which the law is singular: ``{"w Ts < 2": lambda w, Ts: w * Ts < 2.0}``; the arguments are
-        parameters of these names. Values that violate one are refused, and the message has its text. That u_min must
-        not exceed u_max need not be said.
+        Relations without which the law is singular: ``{"w Ts < 2": lambda w, Ts: w * Ts < 2.0}``, as functions of
+        parameters with these names. Values that violate one are rejected with a message that quotes its text. The
+        relation u_min <= u_max is added automatically.
     sizes : mapping of str to Size, optional
-        Parameters whose start values decide, when the FMU is built, how long vectors of states are.
+        Parameters whose start values determine the length of state vectors when the FMU is built.
     portrait, quotes, needs : optional
-        As in `About`.
+        See `About`.
     loop : Loop, optional
-        What the law is in a control loop, for ``friction-fmus doctor``; None: the doctor does not know it.
+        Role of the law in a control loop, for ``friction-fmus doctor``; None if the doctor need not know the law.
     use : Use, optional
-        How ``friction-fmus study`` uses the law; None: the study leaves it out.
+        How ``friction-fmus study`` uses the law; None excludes it from studies.
 
     Returns
     -------
     callable
-        Decorator. The function gets an SX for every argument (a Boolean is 0 or 1) and returns a dict with every
-        output and, under the name of the state, the next value of every state.
+        Decorator. The decorated function receives an SX for every argument (0 or 1 for a Boolean) and returns a dict
+        with every output and, under the name of the state, the next value of every state.
 
     Raises
     ------
     FrictionError
-        In one sentence, whatever is wrong with the law.
+        If the law is invalid; the message says why in one sentence.
     """
 
     about = About(portrait, tuple(quotes), needs or {}, in_loop=InLoop(law=loop), use=use)
@@ -295,7 +297,7 @@ def law(
             raise FrictionError(f"{where}: the sample time Ts = {Ts!r} must be positive and finite")
         documentation = inspect.getdoc(equations) or ""
         if not documentation:
-            raise FrictionError(f"{where} needs a docstring, it becomes the documentation page")
+            raise FrictionError(f"{where} has no docstring; add one, as it becomes the documentation page")
 
         def made(wanted: Mapping[str, int]) -> Law:
             declared = resized(_declared(where, equations), sizes or {}, wanted)
@@ -321,7 +323,7 @@ def law(
 
 
 def _declared(where: str, equations: Equations) -> tuple[Variable, ...]:
-    """The arguments of the function as named variables."""
+    """Return the arguments of the function as named variables."""
     declared = []
     for name, argument in inspect.signature(equations).parameters.items():
         plain = argument.kind in (argument.POSITIONAL_OR_KEYWORD, argument.KEYWORD_ONLY)
@@ -331,7 +333,10 @@ def _declared(where: str, equations: Equations) -> tuple[Variable, ...]:
                 "Switch(...), SampleTime() as its default"
             )
         if (argument.default.kind is Kind.SAMPLE_TIME) != (name == "Ts"):
-            raise FrictionError(f"{where}: the argument Ts, and no other, is declared by SampleTime(), not {name}")
+            raise FrictionError(
+                f"{where}: the argument {name} is declared by SampleTime(), which is only for an argument Ts, and "
+                "required for it"
+            )
         declared.append(replace(argument.default, name=name))
     return tuple(declared)
 

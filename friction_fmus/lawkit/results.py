@@ -1,4 +1,4 @@
-"""The equations of a law as one casadi function, their results as scalar expressions."""
+"""The equations of a law as one casadi function with scalar results."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ def function_of(
     Parameters
     ----------
     where, name : str
-        Beginning of messages, and name of the function.
+        Prefix of messages, and name of the function.
     equations : callable
-        What the law's file defines.
+        The function in the law's file.
     declared, variables : tuple of Variable
-        Its arguments, and all variables in the order of the block.
+        Arguments of the function, and all variables in the order of the block.
 
     Raises
     ------
     FrictionError
-        Says what is wrong with the equations or with what they return.
+        If the equations raise an error or return invalid results.
     """
     given = [variable for variable in variables if variable.kind is not Kind.OUTPUT]
     elements = {variable.name: [SX.sym(scalar) for scalar in variable.scalars] for variable in given}
@@ -65,7 +65,7 @@ def function_of(
 
     arguments = [symbol for variable in given for symbol in elements[variable.name]]
     labels = [scalar for variable in given for scalar in variable.scalars]
-    # unused arguments stay: a variable that changes nothing is found by the tests of the FMU
+    # unused arguments stay; the tests of the FMU find variables without effect
     function = Function(name, arguments, expressions, labels, names, {"allow_free": True})
     if function.has_free():
         raise FrictionError(
@@ -76,12 +76,12 @@ def function_of(
 
 
 def scalars(where: str, variable: Variable, value: Any) -> list[SX]:
-    """Return what the equations give for a variable, element by element.
+    """Return the elements that the equations return for a variable.
 
     Raises
     ------
     FrictionError
-        If it is not an expression of the right size.
+        If the result is not an expression of the right size.
     """
     if variable.kind is not Kind.STATES:
         return [_scalar(where, variable.name, value)]
@@ -97,5 +97,5 @@ def _scalar(where: str, name: str, value: Any) -> SX:
     except Exception as error:
         raise FrictionError(f"{where}: {name} is a {type(value).__name__}, not an SX expression") from error
     if expression.shape != (1, 1):
-        raise FrictionError(f"{where}: {name} has the shape {expression.shape}, a result is one number")
+        raise FrictionError(f"{where}: {name} has the shape {expression.shape}; return a scalar")
     return SX(0.0) + expression if expression.nnz() == 0 else expression

@@ -1,4 +1,4 @@
-"""Laws with a vector of states whose length is chosen when the FMU is built or the C is written."""
+"""Laws with state vectors whose length is chosen when the FMU is built or the C code is generated."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from friction_fmus.lawkit.declarations import Variable
 
 @dataclass(frozen=True)
 class Size:
-    """A parameter that counts elements of vectors of states.
+    """A parameter that counts elements of state vectors.
 
-    Up to its maximum it fits the vectors as they are declared. A start value above that makes them longer, and the
-    parameter keeps that value.
+    Values up to its maximum fit into the declared vectors. A larger start value lengthens the vectors, and the
+    parameter is then fixed to this value.
 
     Attributes
     ----------
     vectors : tuple of str
-        The states that grow with it, element by element.
+        The states whose length follows the parameter.
     most : int
         The largest start value.
     """
@@ -32,35 +32,35 @@ class Size:
 def wanted_sizes(
     name: str, sizes: Mapping[str, Size], maxima: Mapping[str, float], start: Mapping[str, float]
 ) -> dict[str, int]:
-    """The sizes that start values need.
+    """Return the sizes that start values need.
 
     Parameters
     ----------
     name : str
-        Of the law.
+        Name of the law.
     sizes : mapping of str to Size
-        By parameter.
+        Sizes by parameter.
     maxima : mapping of str to float
-        Maxima of the parameters, for which there is room.
+        Maxima of the parameters, which fit into the declared vectors.
     start : mapping of str to number
-        Wanted start values of any variables.
+        Start values of any variables.
 
     Returns
     -------
     dict of str to int
-        Value by parameter, of those for which the declared vectors are too short.
+        Values of the parameters for which the declared vectors are too short.
 
     Raises
     ------
     FrictionError
-        A start value is above the largest size, or not a whole number.
+        If a start value exceeds the largest size or is not an integer.
     """
     found = {}
     for parameter, size in sizes.items():
         value = float(start.get(parameter, 0.0))
         if math.isfinite(value) and value > maxima[parameter]:
             if value > size.most or value != int(value):
-                rule = f"above {maxima[parameter]:g} it is a whole number up to {size.most}"
+                rule = f"above {maxima[parameter]:g}, give an integer up to {size.most}"
                 raise FrictionError(f"{name} cannot have {parameter} = {value:g}: {rule}")
             found[parameter] = int(value)
     return found
@@ -69,7 +69,7 @@ def wanted_sizes(
 def resized(
     variables: tuple[Variable, ...], sizes: Mapping[str, Size], wanted: Mapping[str, int]
 ) -> tuple[Variable, ...]:
-    """Return the variables with parameters that are fixed to these sizes, and with the vectors that go with them."""
+    """Return the variables with parameters fixed to these sizes and vectors of matching length."""
     by_name = {variable.name: variable for variable in variables}
     for parameter, size in wanted.items():
         added, value = size - int(by_name[parameter].max), float(size)

@@ -1,5 +1,5 @@
-"""What is done with the binary of an FMU, in a process of its own.
+"""Probes that call the binary of an FMU in a separate process.
 
-The process imports this package by its folder and nothing else of the project, so that it starts quickly: its modules
-use the standard library only.
+To start quickly, the process imports this package by its folder and nothing else of the project; its modules use the
+standard library only.
 """

@@ -1,4 +1,4 @@
-"""The process: does one probe after another and writes down what it finds before the next call can bring it down."""
+"""The process: runs one probe after another, and writes each finding before the next call can end the process."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Probe = Callable[[Library, Report], None]
 
 PROBES: Final[dict[str, Probe]] = {}
 SEVERAL: Final[set[str]] = set()
-"""Probes that make more than one instance in a process."""
+"""Probes that use more than one instance in a process."""
 CRASHES: Final[dict[str, str]] = {}
-"""The rule that a crash or a hang in a probe violates, where it is a special one."""
+"""Rules for a crash or a hang in a probe, if not the general ones."""
 
 
 def probe(*, several: bool = False, crash: str = "") -> Callable[[Probe], Probe]:
-    """Add a probe; its name is that of the function."""
+    """Register a probe under the name of its function."""
 
     def add(function: Probe) -> Probe:
         PROBES[function.__name__] = function
@@ -39,12 +39,12 @@ def probe(*, several: bool = False, crash: str = "") -> Callable[[Probe], Probe]
 
 
 def main(folder: str, names: list[str]) -> None:
-    """Do probes.
+    """Run probes.
 
     Parameters
     ----------
     folder : str
-        Holds ``job.json`` and ``trace``; gets ``report``.
+        Folder with ``job.json`` and ``trace``; ``report`` is written to it.
     names : list of str
         Names of the probes.
     """
@@ -74,21 +74,21 @@ def main(folder: str, names: list[str]) -> None:
             PROBES[name](library, report)
         except RefusedError as error:
             rule = "instantiate-fails" if error.function == "Instantiate" else "call-refused"
-            advice = "let it succeed with the guid of the XML" if rule != "call-refused" else "allow the call there"
-            report(rule, f"fmi2{error.function} gave {error.status}{error.message}; {advice}")
+            advice = "accept the guid of the XML" if rule != "call-refused" else "allow the call in this state"
+            report(rule, f"fmi2{error.function} returned {error.status}{error.message}; {advice}")
         except MissingError:
-            pass  # the first probe says so
+            pass  # the first probe reports this
         except Exception as error:
             write(probe=name, fault=f"{type(error).__name__}: {error}")
             raise
     write(end="all")
-    # without the destructors of the library: whether they run in order is the process's affair, not the FMU's
+    # skip the destructors of the library, whose order the FMU does not control
     sys.stdout.flush()
     os._exit(0)
 
 
 def _limit() -> None:
-    """No core files, and no endless output."""
+    """Prevent core files and endless output."""
     if sys.platform != "win32":
         import resource
 

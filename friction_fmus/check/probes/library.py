@@ -1,4 +1,4 @@
-"""An FMU's library called function by function, with nothing between the check and the C code."""
+"""Direct calls of the functions in an FMU's library, without a layer in between."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ SIGNATURES: Final[dict[str, tuple[Any, ...]]] = {
     "GetBooleanStatus": (c_void_p, c_int, _ints),
     "GetStringStatus": (c_void_p, c_int, _strings),
 }
-"""All functions of FMI 2.0 for co-simulation without their prefix, and the types of their arguments."""
+"""All functions of FMI 2.0 co-simulation without their prefix, with the types of their arguments."""
 
 _RESULTS: Final = {"GetTypesPlatform": c_char_p, "GetVersion": c_char_p, "Instantiate": c_void_p, "FreeInstance": None}
 _LOGGER = CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p)
@@ -64,41 +64,45 @@ class _Callbacks(ctypes.Structure):
 
 
 def settings_now() -> dict[str, object]:
-    """What a library may not change; the rounding mode where the C library can be asked."""
+    """Return settings that a library must not change; the rounding mode only if the C library can tell."""
     try:
         rounding = int(ctypes.CDLL("libm.so.6").fegetround())
     except (OSError, AttributeError):
         rounding = None
     place = str(Path.cwd())
-    return {"the working folder": place, "the locale": locale.setlocale(locale.LC_ALL), "the rounding mode": rounding}
+    return {
+        "the working directory": place,
+        "the locale": locale.setlocale(locale.LC_ALL),
+        "the rounding mode": rounding,
+    }
 
 
 class MissingError(Exception):
-    """A function that the library does not export."""
+    """The library does not export a function."""
 
 
 class RefusedError(Exception):
-    """A call that had to succeed did not.
+    """A call failed that must succeed.
 
     Parameters
     ----------
     function, status : str
-        Without prefix, and as the standard writes it.
+        Name without its prefix; status in the words of the standard.
     message : str
-        What the FMU logged last.
+        The last log message of the FMU.
     """
 
     def __init__(self, function: str, status: str, message: str) -> None:
-        """Keep all three."""
+        """Store the arguments."""
         super().__init__(function, status, message)
         self.function, self.status, self.message = function, status, message
 
 
 class Variable:
-    """What a probe needs to know of a ScalarVariable."""
+    """Data of a ScalarVariable for the probes."""
 
     def __init__(self, row: dict[str, Any]) -> None:
-        """Take the row that the check sends."""
+        """Take the row from the check."""
         self.name: str = row["name"]
         self.reference: int = row["reference"]
         self.type: str = row["type"]
@@ -112,18 +116,18 @@ class Variable:
 
 
 class Library:
-    """A loaded library and what the XML says about it.
+    """A loaded library with the data of its XML.
 
     Parameters
     ----------
     job : dict
-        What the check sends, see `friction_fmus.check.binary`.
+        Data from the check, see `friction_fmus.check.binary`.
     trace : mmap
-        Takes the name of the function that is being called, for the case that it never returns.
+        Memory for the name of the function being called, in case it never returns.
     """
 
     def __init__(self, job: dict[str, Any], trace: mmap.mmap) -> None:
-        """Load it."""
+        """Load the library."""
         self.job, self._trace = job, trace
         self.guid: str = job["guid"]
         self.start_time: float = job["start_time"]
@@ -145,7 +149,7 @@ class Library:
         self._callbacks = _Callbacks(*addresses, None, None)
 
     def mark(self, function: str) -> None:
-        """Note what is being called."""
+        """Store the name of the function being called."""
         self._trace[:TRACE_SIZE] = function.encode()[:TRACE_SIZE].ljust(TRACE_SIZE)
 
     def _log(self, _environment: object, _name: bytes, status: int, category: bytes, message: bytes) -> None:
@@ -154,18 +158,18 @@ class Library:
         self.messages = [*self.messages[-3:], (status, *names)]
 
     def flag(self, name: str) -> bool:
-        """A capability."""
+        """Return a capability flag."""
         return bool(self.job["flags"].get(name))
 
     def call(self, function: str, *arguments: object) -> Any:
-        """The result of a function without its prefix."""
+        """Call a function, given without its prefix, and return its result."""
         if function in self.missing:
             raise MissingError(function)
         self.mark(f"fmi2{function}")
         return getattr(self._handle, f"fmi2{function}")(*arguments)
 
     def instantiate(self, guid: str | None = None, name: str = "checked") -> int | None:
-        """Address of a new instance, or None."""
+        """Return the address of a new instance, or None."""
         folder = Path(self.job["resources"]).as_uri()
         pointer: int | None = self.call(
             "Instantiate",
@@ -181,7 +185,7 @@ class Library:
 
 
 class Instance:
-    """One instance; calls that are not `status` must succeed.
+    """One instance; all calls except those of `status` must succeed.
 
     Parameters
     ----------
@@ -193,7 +197,7 @@ class Instance:
     Raises
     ------
     RefusedError
-        If the FMU gives none.
+        If the FMU returns no instance.
     """
 
     def __init__(self, library: Library, name: str = "checked") -> None:
@@ -204,25 +208,25 @@ class Instance:
             raise RefusedError("Instantiate", "no instance", last_message(library))
 
     def __enter__(self) -> Instance:
-        """The instance."""
+        """Return the instance."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Free it."""
+        """Free the instance."""
         self.free()
 
     def free(self) -> None:
-        """Free it; once more does nothing."""
+        """Free the instance; further calls have no effect."""
         pointer, self.pointer = self.pointer, None
         if pointer:
             self.library.call("FreeInstance", pointer)
 
     def status(self, function: str, *arguments: object) -> int:
-        """The status of a call."""
+        """Return the status of a call."""
         return int(self.library.call(function, self.pointer, *arguments))
 
     def must(self, function: str, *arguments: object) -> None:
-        """Call and insist on fmi2OK or fmi2Warning."""
+        """Call a function and raise an error unless it returns fmi2OK or fmi2Warning."""
         self.library.messages.clear()
         status = self.status(function, *arguments)
         if status not in (OK, WARNING):
@@ -235,12 +239,12 @@ class Instance:
         return self
 
     def begin(self) -> Instance:
-        """As far as initialization mode."""
+        """Enter initialization mode."""
         self.set_up().must("EnterInitializationMode")
         return self
 
     def initialise(self) -> Instance:
-        """As far as stepping."""
+        """Complete the initialisation."""
         self.begin().must("ExitInitializationMode")
         return self
 
@@ -251,18 +255,18 @@ class Instance:
     # ---- values
 
     def read_status(self, v: Variable) -> tuple[int, Any]:
-        """Status and value of one variable."""
+        """Return status and value of one variable."""
         buffer = (_BUFFERS[v.type] * 1)()
         status = self.status(f"Get{v.type}", (c_uint * 1)(v.reference), 1, buffer)
         return status, (buffer[0] or b"").decode(errors="replace") if v.type == "String" else buffer[0]
 
     def write_status(self, v: Variable, value: Any) -> int:
-        """Status of setting one variable."""
+        """Set one variable and return the status."""
         buffer = (_BUFFERS[v.type] * 1)(value.encode() if v.type == "String" else value)
         return self.status(f"Set{v.type}", (c_uint * 1)(v.reference), 1, buffer)
 
     def snapshot(self) -> dict[str, Any]:
-        """All variables that can be read, NaN as text so that it equals itself."""
+        """Return all readable variables, with NaN as text so that it equals itself."""
         values: dict[str, Any] = {}
         for type, (names, numbers) in self.library.by_type.items():
             buffer = (_BUFFERS[type] * len(names))()
@@ -273,7 +277,7 @@ class Instance:
         return values
 
     def _readable(self, type: str) -> dict[str, Any]:
-        """What `snapshot` has of a type of which not all variables can be read."""
+        """Return the readable variables of a type, one by one."""
         values = {}
         for v in self.library.variables:
             if v.type == type:
@@ -286,14 +290,14 @@ class Instance:
 
     @contextmanager
     def saved(self) -> Iterator[c_void_p]:
-        """The state of now as a pointer, freed at the end."""
+        """Yield the current state as a pointer, and free it at the end."""
         state = c_void_p()
         self.must("GetFMUstate", byref(state))
         yield state
         self.must("FreeFMUstate", byref(state))
 
     def serialized(self, state: c_void_p) -> bytes:
-        """The bytes of a saved state."""
+        """Return the bytes of a saved state."""
         size = c_size_t()
         self.must("SerializedFMUstateSize", state, byref(size))
         buffer = ctypes.create_string_buffer(size.value)
@@ -309,24 +313,24 @@ class Instance:
 
 
 def _by_type(variables: Sequence[Variable]) -> dict[str, tuple[list[str], Any]]:
-    """Names and value references of the variables of each type."""
+    """Return names and value references of the variables of each type."""
     types = dict.fromkeys(v.type for v in variables)
     groups = {type: [v for v in variables if v.type == type] for type in types}
     return {type: ([v.name for v in group], references(group)) for type, group in groups.items()}
 
 
 def _plain(type: str, buffer: Any) -> list[Any]:
-    """The values in a buffer; NaN as text."""
+    """Return the values in a buffer, with NaN as text."""
     if type == "String":
         return [(text or b"").decode(errors="replace") for text in buffer]
     return ["NaN" if value != value else value for value in buffer]
 
 
 def last_message(library: Library) -> str:
-    """What the FMU logged last, as the end of a sentence."""
+    """Return the last log message of the FMU, as the end of a sentence."""
     return f"; it logged {library.messages[-1][2]!r}" if library.messages else ""
 
 
 def references(variables: Sequence[Variable]) -> Any:
-    """Their value references for a call."""
+    """Return the value references of variables for a call."""
     return (c_uint * len(variables))(*(v.reference for v in variables))

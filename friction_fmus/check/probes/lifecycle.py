@@ -11,36 +11,38 @@ from .host import Report, probe
 from .library import OK, WARNING, Instance, Library, MissingError, Variable, last_message
 
 _TOLERANCE = 1e-14
-"""Relative; a few units in the last place, as writers of XML with 15 to 17 digits make them."""
+"""Relative tolerance: a few units in the last place, as caused by XML numbers with 15 to 17 digits."""
 
 
 @probe()
 def functions(library: Library, report: Report) -> None:
-    """All functions are there, and the library says what it is."""
+    """Check that all functions exist and that the library states its version and platform."""
     if library.missing:
         names = ", ".join(f"fmi2{name}" for name in library.missing)
-        report("function-missing", f"the library does not export {names}; export all, also those that only fail")
+        report(
+            "function-missing", f"the library does not export {names}; export all functions, including unsupported ones"
+        )
     for function, expected in (("GetVersion", b"2.0"), ("GetTypesPlatform", b"default")):
         if function not in library.missing:
             answer = library.call(function)
             if answer != expected:
-                report("version-answer", f"fmi2{function} gives {answer!r}; return {expected.decode()!r}")
+                report("version-answer", f"fmi2{function} returns {answer!r}; return {expected.decode()!r}")
 
 
 @probe(crash="free-null")
 def free_nothing(library: Library, report: Report) -> None:
-    """fmi2FreeInstance(NULL) does nothing."""
+    """Check that fmi2FreeInstance(NULL) does nothing."""
     library.call("FreeInstance", None)
 
 
 @probe(several=True)
 def wrong_guid(library: Library, report: Report) -> None:
-    """Another guid gives no instance."""
+    """Check that another guid gives no instance."""
     other = "{00000000-1111-2222-3333-444444444444}"
     pointer = library.instantiate(guid=other)
     if pointer:
         library.call("FreeInstance", pointer)
-        report("guid-not-checked", f"fmi2Instantiate takes the guid {other}; compare it with that of the XML")
+        report("guid-not-checked", f"fmi2Instantiate accepts the guid {other}; compare it with the guid of the XML")
 
 
 def _same(v: Variable, stated: object, read: object) -> bool:
@@ -51,22 +53,24 @@ def _same(v: Variable, stated: object, read: object) -> bool:
 
 @probe()
 def start_values(library: Library, report: Report) -> None:
-    """The binary starts with what the XML says; every variable can be read; what can be set takes its own value."""
+    """Check that start values agree with the XML, variables are readable, and settable ones accept their values."""
     with Instance(library) as run:
         run.begin()
         for v in library.variables:
             status, value = run.read_status(v)
             stated = v.start if v.initial == "exact" or v.causality == "input" else None
             if status not in (OK, WARNING):
-                message = f"fmi2Get{v.type} of {v.name} fails{last_message(library)}; answer every declared variable"
+                message = (
+                    f"fmi2Get{v.type} of {v.name} fails{last_message(library)}; make every declared variable readable"
+                )
                 report("variable-not-readable", message, v.name)
             elif stated is not None and not _same(v, stated, value):
-                message = f"{v.name} starts at {value!r} but at {stated!r} in the XML; make them agree"
+                message = f"{v.name} starts at {value!r}, but at {stated!r} in the XML; make them agree"
                 report("start-differs", message, v.name)
         for v in library.variables:
             settable = v.causality in ("parameter", "input") and v.start is not None
             if settable and run.write_status(v, v.start) not in (OK, WARNING):
-                message = f"{v.name} does not take its start value {v.start}{last_message(library)}; accept it"
+                message = f"{v.name} rejects its start value {v.start}{last_message(library)}; accept it"
                 report("variable-not-settable", message, v.name)
         run.must("ExitInitializationMode")
         _check_outputs(library, report, run)
@@ -75,7 +79,7 @@ def start_values(library: Library, report: Report) -> None:
 def _check_outputs(library: Library, report: Report, run: Instance) -> None:
     for v in library.variables:
         if v.causality == "output" and v.type == "Real" and not math.isfinite(run.read_status(v)[1]):
-            message = f"{v.name} is not finite after initialisation; choose start values that work"
+            message = f"{v.name} is not finite after initialisation; choose valid start values"
             report("value-not-finite", message, v.name)
 
 
@@ -117,7 +121,7 @@ def _any_real(library: Library) -> Variable | None:
 
 @probe(several=True)
 def allowed(library: Library, report: Report) -> None:
-    """What the standard allows in each state is done."""
+    """Check that calls are accepted in each state in which the standard allows them."""
     calls: dict[str, tuple[str, Callable[[Instance], int]]] = {
         "SetDebugLogging": ("INCT", lambda run: run.status("SetDebugLogging", 1, 0, None)),
         "SetReal of an input": ("NC", lambda run: _set(run, _real(library, "input"))),
@@ -132,8 +136,8 @@ def allowed(library: Library, report: Report) -> None:
         for mode in modes:
             with _in_mode(library, mode) as run:
                 if call(run) not in (OK, WARNING):
-                    what = f"fmi2{name} is refused in the state {_MODES[mode]}{last_message(library)}"
-                    report("call-refused", f"{what}; allow it there")
+                    what = f"fmi2{name} is rejected in the state {_MODES[mode]}{last_message(library)}"
+                    report("call-refused", f"{what}; allow it in this state")
 
 
 def _state(run: Instance) -> int:
@@ -145,7 +149,7 @@ def _state(run: Instance) -> int:
 
 @probe(several=True, crash="misuse-crashes")
 def forbidden(library: Library, report: Report) -> None:
-    """What the standard forbids in a state is refused."""
+    """Check that calls are rejected in each state in which the standard forbids them."""
     step = library.job["step"]
     calls: dict[str, tuple[str, tuple[object, ...]]] = {
         "SetupExperiment": ("NCT", (0, 0.0, library.start_time, 0, 0.0)),
@@ -160,17 +164,17 @@ def forbidden(library: Library, report: Report) -> None:
             try:
                 with _in_mode(library, mode) as run:
                     if run.status(name, *arguments) in (OK, WARNING):
-                        accepted.append(f"fmi2{name} when {_MODES[mode]}")
+                        accepted.append(f"fmi2{name} in the state {_MODES[mode]}")
             except MissingError:
                 continue
     if accepted:
         shown = ", ".join(accepted)
-        report("call-order-accepted", f"accepted: {shown}; return fmi2Error and log why")
+        report("call-order-accepted", f"the FMU accepts {shown}; return fmi2Error and log the reason")
 
 
 @probe(several=True, crash="misuse-crashes")
 def without_logger(library: Library, report: Report) -> None:
-    """A refused fmi2Instantiate survives callbacks without a logger."""
+    """Check that a rejected fmi2Instantiate works with callbacks without a logger."""
     callbacks = (c_void_p * 5)()
     pointer = library.call("Instantiate", b"checked", 1, b"{wrong}", b"", ctypes.addressof(callbacks), 0, 1)
     if pointer:

@@ -11,13 +11,13 @@ from .host import Report, probe
 from .library import DISCARD, OK, WARNING, Instance, Library, RefusedError, Variable, last_message, references
 
 _ODD = (1.0 / 3.0, 1.0 / 0.06, 1.0, 0.1)
-"""Steps that are no binary fractions, as multiples of the step that the XML prefers."""
+"""Steps that are not binary fractions, as multiples of the preferred step of the XML."""
 
 Trajectory = list[dict[str, Any]]
 
 
 def _steps(library: Library, count: int) -> Iterator[tuple[float, float]]:
-    """Time and length of steps that the FMU must be able to do, on the grid of a master that counts them."""
+    """Yield times and lengths of steps that the FMU must accept, on the grid of a master that counts steps."""
     t, h = library.start_time, library.job["step"]
     for k in range(count):
         step = h * _ODD[k % 4] if library.flag("canHandleVariableCommunicationStepSize") else h
@@ -26,7 +26,7 @@ def _steps(library: Library, count: int) -> Iterator[tuple[float, float]]:
 
 
 def _drive(run: Instance, seed: int, count: int, first: int = 0) -> Trajectory:
-    """Steps with inputs that move, and all variables after each; a refused step ends it."""
+    """Perform steps with varying inputs and return all variables after each; a rejected step ends the sequence."""
     states = []
     for k, (t, h) in enumerate(_steps(run.library, first + count)):
         if k >= first:
@@ -46,7 +46,7 @@ def _move(run: Instance, v: Variable, direction: float) -> None:
 
 
 def _difference(a: Trajectory, b: Trajectory) -> tuple[str, Any, Any] | None:
-    """The first variable in which two trajectories differ, and its values."""
+    """Return the first variable in which two trajectories differ, with its values."""
     for left, right in zip(a, b, strict=False):
         for name, value in left.items():
             if name in right and right[name] != value:
@@ -56,15 +56,15 @@ def _difference(a: Trajectory, b: Trajectory) -> tuple[str, Any, Any] | None:
 
 @probe()
 def steps(library: Library, report: Report) -> None:
-    """Steps that the capabilities allow are done, and end at their end."""
+    """Check that allowed steps are performed and end at their end time."""
     told: set[str] = set()
     clock = next((v for v in library.variables if v.causality == "independent" and v.type == "Real"), None)
     with Instance(library) as run:
         run.initialise()
         for t, h in _steps(library, 8):
             if run.status("DoStep", t, h, 1) not in (OK, WARNING):
-                where = f"the step from {t!r} s over {h!r} s is refused{last_message(library)}"
-                report("step-refused", f"{where}; do it, or do not declare variable steps")
+                where = f"the step from {t!r} s over {h!r} s is rejected{last_message(library)}"
+                report("step-refused", f"{where}; accept it, or do not declare variable steps")
                 return
             if clock is not None:
                 status, time = run.read_status(clock)
@@ -72,14 +72,14 @@ def steps(library: Library, report: Report) -> None:
                 if rule and rule not in told:
                     told.add(rule)
                     where = f"{clock.name} is {time!r} s after a step from {t!r} s over {h!r} s"
-                    report(rule, f"{where}; make it the sum of both", clock.name)
+                    report(rule, f"{where}; set it to the sum of both", clock.name)
         for v in library.variables:
             if v.causality == "output" and v.type == "Real" and not math.isfinite(run.read_status(v)[1]):
-                report("value-not-finite", f"{v.name} is not finite after some steps; mend the start values", v.name)
+                report("value-not-finite", f"{v.name} is not finite after some steps; correct the start values", v.name)
 
 
 def _judge_time(library: Library, time: float, end: float) -> str | None:
-    """The rule that a time after a step violates, if any."""
+    """Return the rule that a time after a step violates, if any."""
     if time == end:
         return None
     preferred = library.job["step"] * (1.0 + 1e-9)
@@ -91,7 +91,7 @@ def _judge_time(library: Library, time: float, end: float) -> str | None:
 
 @probe()
 def rounded_steps(library: Library, report: Report) -> None:
-    """A master that counts its steps hands over times and steps that are rounded differently."""
+    """Check steps whose times are rounded differently, as from a master that counts steps."""
     h, first = library.job["step"], library.start_time
     with Instance(library) as run:
         run.initialise()
@@ -100,7 +100,7 @@ def rounded_steps(library: Library, report: Report) -> None:
             t = math.nextafter(t, math.inf if k % 2 else -math.inf) if k else t
             if run.status("DoStep", t, step, 1) not in (OK, WARNING):
                 if k:
-                    where = f"the step from {t!r} s over {step!r} s is refused{last_message(library)}"
+                    where = f"the step from {t!r} s over {step!r} s is rejected{last_message(library)}"
                     report("step-rounding", f"{where}; compare times with a tolerance")
                 return
 
@@ -110,7 +110,7 @@ def rounded_steps(library: Library, report: Report) -> None:
 
 @probe(several=True)
 def instances(library: Library, report: Report) -> None:
-    """Runs can be repeated, and another instance in between does not matter."""
+    """Check that runs are reproducible and that another instance in between has no effect."""
     trajectories = []
     for _ in range(2):
         with Instance(library) as run:
@@ -123,7 +123,7 @@ def instances(library: Library, report: Report) -> None:
         try:
             other = Instance(library, "other")
         except RefusedError as error:
-            message = f"a second instance is refused{error.message}; allow it, or set canBeInstantiatedOnlyOncePerProcess"  # fmt: skip  # noqa: E501
+            message = f"a second instance is rejected{error.message}; allow it, or set canBeInstantiatedOnlyOncePerProcess"  # fmt: skip  # noqa: E501
             report("second-instance", message)
             return
         with other:
@@ -133,20 +133,20 @@ def instances(library: Library, report: Report) -> None:
                 if v.causality == "parameter" and v.type == "Real":
                     _move(other, v, 1.0)
             if other.status("ExitInitializationMode") not in (OK, WARNING):
-                return  # the values were ours
+                return  # the values came from the check
             together: Trajectory = []
             for k in range(6):
                 _drive(other, 2, 1, k)
                 together += _drive(run, 1, 1, k)
     if found := _difference(trajectories[0], together):
         name, a, b = found
-        message = f"{name} is {a} alone and {b} beside another instance; keep nothing in static variables"
+        message = f"{name} is {a} alone and {b} beside another instance; do not use static variables"
         report("instances-interfere", message, name)
 
 
 @probe()
 def reset(library: Library, report: Report) -> None:
-    """After a reset all is as at first."""
+    """Check that a reset restores the initial state."""
     with Instance(library) as run:
         run.begin()
         start = run.snapshot()
@@ -159,7 +159,7 @@ def reset(library: Library, report: Report) -> None:
         after = _drive(run, 1, 6)
     if found := _difference([start, *before], [again, *after]):
         name, a, b = found
-        report("reset-incomplete", f"{name} is {a} at first and {b} after fmi2Reset; reset all of the memory", name)
+        report("reset-incomplete", f"{name} is {a} at first and {b} after fmi2Reset; reset the complete state", name)
 
 
 # ---- saved states
@@ -167,7 +167,7 @@ def reset(library: Library, report: Report) -> None:
 
 @probe()
 def state(library: Library, report: Report) -> None:
-    """A saved state brings back every variable and the same future."""
+    """Check that a saved state restores every variable and all future values."""
     if not library.flag("canGetAndSetFMUstate"):
         return
     with Instance(library) as run:
@@ -179,16 +179,16 @@ def state(library: Library, report: Report) -> None:
         run.must("SetFMUstate", pointer)
         if found := _difference([saved, *future], [run.snapshot(), *_drive(run, 1, 4, 4)]):
             name, a, b = found
-            message = f"{name} is {a}, and {b} after fmi2SetFMUstate; save all of the memory"
+            message = f"{name} is {a}, but {b} after fmi2SetFMUstate; save the complete state"
             report("state-not-restored", message, name)
         run.must("FreeFMUstate", byref(pointer))
         if pointer.value:
-            report("state-pointer", "fmi2FreeFMUstate leaves its argument as it was; set it to NULL")
+            report("state-pointer", "fmi2FreeFMUstate does not change its argument; set it to NULL")
 
 
 @probe(several=True)
 def serialization(library: Library, report: Report) -> None:
-    """The bytes of a state bring another instance to the same point."""
+    """Check that the bytes of a state restore it in another instance."""
     if not (library.flag("canGetAndSetFMUstate") and library.flag("canSerializeFMUstate")):
         return
     with Instance(library) as run:
@@ -201,7 +201,11 @@ def serialization(library: Library, report: Report) -> None:
         there = [other.snapshot(), *_drive(other, 1, 4, 4)]
     if found := _difference(here, there):
         name, a, b = found
-        report("state-not-serialized", f"{name} is {a}, and {b} in an instance with the same state; write all", name)
+        report(
+            "state-not-serialized",
+            f"{name} is {a}, but {b} in an instance with the same state; serialise the complete state",
+            name,
+        )
 
 
 # ---- derivatives
@@ -215,7 +219,7 @@ def _continuous(library: Library, causality: str) -> list[Variable]:
 
 @probe()
 def derivatives(library: Library, report: Report) -> None:
-    """Functions whose capability is declared are there for a call."""
+    """Check the functions of declared capabilities for derivatives."""
     inputs, outputs = _continuous(library, "input")[:1], _continuous(library, "output")[:1]
     one, result = (c_double * 1)(1.0), (c_double * 1)()
     order = (c_int * 1)(1)
@@ -240,5 +244,7 @@ def derivatives(library: Library, report: Report) -> None:
         run.initialise().step(library.start_time, library.job["step"])
         for function, (declared, capability, arguments) in calls.items():
             if declared and (status := run.status(function, *arguments)) >= DISCARD:
-                what = f"fmi2{function} returns status {status} in spite of {capability}{last_message(library)}"
+                what = (
+                    f"fmi2{function} returns status {status} although {capability} is declared{last_message(library)}"
+                )
                 report("capability", f"{what}; implement it or do not declare it")

@@ -1,4 +1,4 @@
-"""Probes of what an FMU does to its process: memory, output, settings."""
+"""Probes of the effects of an FMU on its process: memory, output, settings."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from .host import Report, probe
 from .library import OK, WARNING, Instance, Library, settings_now
 
 _BLOCK = 0.4
-"""How long a block of repetitions takes [s]."""
+"""Duration of a block of repetitions [s]."""
 _MOST = 2000
 _GROWTH = 1 << 16
-"""What is growth in a block of repetitions [bytes]."""
+"""Smallest growth in a block of repetitions that counts [bytes]."""
 
 
 def _resident() -> int:
-    """Memory of this process [bytes], its peak where the system tells no more, 0 where it tells nothing."""
+    """Return the memory of this process, or its peak if the system tells no more; 0 if unknown [bytes]."""
     try:
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:
@@ -33,7 +33,7 @@ def _resident() -> int:
 
 
 def _grows(action: Callable[[], object]) -> float | None:
-    """Bytes for each repetition if memory grows in three blocks of them, after as much time to settle."""
+    """Return the growth per repetition if memory grows in three blocks of them, after one block to settle [bytes]."""
     start, count = perf_counter(), 0
     while count < _MOST and perf_counter() - start < _BLOCK:
         action()
@@ -52,7 +52,7 @@ def _grows(action: Callable[[], object]) -> float | None:
 
 @probe(several=True)
 def memory_of_instances(library: Library, report: Report) -> None:
-    """Instances that come and go leave nothing behind."""
+    """Check that freed instances leave no memory allocated."""
 
     def live() -> None:
         with Instance(library) as run:
@@ -60,12 +60,12 @@ def memory_of_instances(library: Library, report: Report) -> None:
             run.must("Terminate")
 
     if growth := _grows(live):
-        report("memory-grows", f"every instance leaves {growth:.0f} bytes behind; free all in fmi2FreeInstance")
+        report("memory-grows", f"every instance leaks {growth:.0f} bytes; free all memory in fmi2FreeInstance")
 
 
 @probe()
 def memory_of_steps(library: Library, report: Report) -> None:
-    """A long run needs no more memory than a short one."""
+    """Check that a long run needs no more memory than a short one."""
     with Instance(library) as run:
         run.initialise()
         h, done = library.job["step"], 0
@@ -76,21 +76,21 @@ def memory_of_steps(library: Library, report: Report) -> None:
                 done += 1
 
         if growth := _grows(step):
-            report("memory-grows", f"every step takes another {growth:.0f} bytes; allocate nothing in fmi2DoStep")
+            report("memory-grows", f"every step allocates another {growth:.0f} bytes; allocate no memory in fmi2DoStep")
 
 
 @probe()
 def settings(library: Library, report: Report) -> None:
-    """All that was done until here has left the settings of the process alone."""
+    """Check that all previous calls have left the settings of the process unchanged."""
     after = settings_now()
     changed = [name for name, value in library.settings.items() if after[name] != value]
     if changed:
-        report("process-changed", f"a run changes {' and '.join(changed)}; leave the process as it is")
+        report("process-changed", f"a run changes {' and '.join(changed)}; do not change settings of the process")
 
 
 @probe()
 def messages(library: Library, report: Report) -> None:
-    """Messages come through the logger, in declared categories. The last probe, so that all have been logged."""
+    """Check that messages use the logger and declared categories; the last probe, after all messages."""
     declared = library.job["categories"]
     for name in sorted(library.categories - {""}):
         if declared and name not in declared:

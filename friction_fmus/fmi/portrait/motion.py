@@ -75,7 +75,7 @@ def push(bench: Bench) -> tuple[Panel, ...]:
     times = np.linspace(0.0, 1.0, 401)
     force = np.select([times < 0.1, times < 0.4, times < 0.5], [0.0, 1.0, 0.0], -1.0) * (times < 0.8)
     (velocity,) = bench.run(times, {"F_drive": force}, ["v"])
-    caption = "Velocity for a driving force of 1 for 0.3 s and, 0.1 s later, of -1."
+    caption = "Velocity for a driving force of 1 for 0.3 s and, after a pause of 0.1 s, of -1 for 0.3 s."
     return (Panel((Curve(times, velocity),), TIME, bench.axis("v"), caption),)
 
 

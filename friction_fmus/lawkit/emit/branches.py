@@ -1,4 +1,4 @@
-"""Which operations are computed in which branch: what only one side of a decision needs is computed on that side."""
+"""Assignment of operations to branches: an operation that only one side of a decision needs is computed there."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from friction_fmus.lawkit.emit.graph import CALLS, Node
 
 DECIDES = ("SELECT", "IF_ELSE_ZERO")
 PAYS = 6
-"""Number of operations that a branch must spare, else both sides are computed."""
+"""Smallest number of operations saved by a branch; for fewer, both sides are computed."""
 
-_ITSELF = -1  # in place of a group of selects
-_CALL = 10  # operations that a call of the C library takes the time of
+_ITSELF = -1  # stands for a node outside all groups of selects
+_CALL = 10  # cost of a call of the C library in operations
 
 
 @dataclass(frozen=True)
 class Decision:
-    """An ``if`` with all that depends on its condition.
+    """An ``if`` with the selects of its condition.
 
     Attributes
     ----------
     condition : int
-        The node that is tested.
+        The tested node.
     selects : tuple of int
-        The nodes that take one of two values by it.
+        Nodes that take one of two values depending on the condition.
     sides : tuple of Block
-        What is computed before they take the first, and the second.
+        Operations computed only for the first, and only for the second value.
     """
 
     condition: int
@@ -37,11 +37,11 @@ class Decision:
 
 
 Block = tuple["int | Decision", ...]
-"""Nodes and decisions in the order in which they are computed."""
+"""Nodes and decisions in the order of computation."""
 
 
 class _Edge(NamedTuple):
-    """One side of a decision, and which group of the selects of its condition takes it."""
+    """One side of a decision, and the group of selects of its condition that takes it."""
 
     condition: int
     side: int
@@ -52,31 +52,31 @@ _Path = tuple[_Edge, ...]
 
 
 class _CircleError(Exception):
-    """Selects of one condition depend on each other: they cannot all join."""
+    """Selects of the same condition depend on each other, so that they cannot all be joined."""
 
     def __init__(self, conditions: Sequence[int]) -> None:
         self.conditions = conditions
 
 
 def plan(nodes: Sequence[Node], results: Iterable[int]) -> Block:
-    """The operations that the results need, in an order of computation.
+    """Return the operations needed for the results, in an order of computation.
 
     Parameters
     ----------
     nodes : sequence of Node
-        All operations, arguments before what uses them.
+        All operations, arguments before their users.
     results : iterable of int
-        Which of them are the results.
+        Indices of the results.
 
     Returns
     -------
     Block
-        Without constants and arguments of the function.
+        The operations, without constants and arguments of the function.
     """
     wanted = tuple(results)
     order = _needed(nodes, wanted)
     groups: dict[int, int] = {}
-    tried: dict[int, int] = {}  # condition -> how often its selects were parted
+    tried: dict[int, int] = {}  # condition -> number of times its selects were split
     while True:
         try:
             return _Scheduler(nodes, _paths(nodes, order, wanted, groups), groups).block(())
@@ -87,7 +87,7 @@ def plan(nodes: Sequence[Node], results: Iterable[int]) -> Block:
 
 
 def _parted(nodes: Sequence[Node], order: Sequence[int], condition: int, *, singly: bool) -> dict[int, int]:
-    """Groups of the selects of a condition: by how many of them each depends on in a row, or a group for each."""
+    """Return groups of the selects of a condition: by their depth of mutual dependence, or one group for each."""
     depth: dict[int, int] = {}
     groups: dict[int, int] = {}
     for number in order:
@@ -113,7 +113,7 @@ def _edge(nodes: Sequence[Node], number: int, side: int, groups: Mapping[int, in
 def _paths(
     nodes: Sequence[Node], order: Sequence[int], results: Sequence[int], groups: Mapping[int, int]
 ) -> dict[int, _Path]:
-    """What must be decided, and how, for a node to be needed, the outermost decision first."""
+    """Return the decisions, outermost first, under which each node is needed."""
     paths: dict[int, _Path] = dict.fromkeys(results, ())
     for number in reversed(order):
         node = nodes[number]
@@ -137,7 +137,7 @@ def _paths(
 
 
 def _common(first: _Path, second: _Path) -> _Path:
-    """What both begin with."""
+    """Return the common beginning of both."""
     same = 0
     while same < min(len(first), len(second)) and first[same] == second[same]:
         same += 1
@@ -145,7 +145,7 @@ def _common(first: _Path, second: _Path) -> _Path:
 
 
 class _Scheduler:
-    """Orders the nodes of a block; decisions of one condition become one where nothing stands between them."""
+    """Scheduler of the nodes of a block; adjacent decisions with the same condition are joined."""
 
     def __init__(self, nodes: Sequence[Node], paths: dict[int, _Path], groups: Mapping[int, int]) -> None:
         self._nodes = nodes
@@ -157,9 +157,9 @@ class _Scheduler:
                 self._within.setdefault(path[:length], []).append(number)
 
     def block(self, path: _Path) -> Block:
-        """The block behind these decisions."""
+        """Return the block under these decisions."""
         units: dict[tuple[int, int], list[int]] = {}  # (condition, group) -> selects
-        owner: dict[int, tuple[int, int]] = {}  # node -> unit in which it is computed; (node, -1) is the node itself
+        owner: dict[int, tuple[int, int]] = {}  # node -> unit that computes it; (node, -1) stands for a single node
         for number in self._within.get(path, ()):
             own = self._paths[number] == path
             key = (number, _ITSELF)
@@ -198,7 +198,7 @@ class _Scheduler:
 def _ordered(
     waits: dict[tuple[int, int], set[tuple[int, int]]], last: dict[tuple[int, int], int]
 ) -> list[tuple[int, int]]:
-    """Units in an order in which none waits for a later one; those in a circle are left out."""
+    """Return units in an order in which none waits for a later one; units in a cycle are omitted."""
     users: dict[tuple[int, int], list[tuple[int, int]]] = {key: [] for key in waits}
     for key, others in waits.items():
         for other in others:

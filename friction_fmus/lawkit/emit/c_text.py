@@ -1,6 +1,6 @@
-"""Plain C from casadi expressions: one constant per operation, in casadi's own order, so that the bits agree.
+"""Plain C from casadi expressions: one constant per operation, in casadi's order, for bit-identical results.
 
-`kernel` is the translation, for any surroundings.
+`kernel` translates a function for use in any C file.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ class Real:
     Attributes
     ----------
     name : str
-        Its keyword.
+        C keyword.
     suffix : str
-        Of literals and of the functions of <math.h>.
+        Suffix of literals and of the functions in <math.h>.
     infinity : str
-        Its infinity.
+        Expression for infinity.
     largest : float
-        Its largest finite number.
+        Largest finite number.
     smallest : float
-        What constants nearer to zero become: a guard against division by zero must not become zero.
+        Smallest magnitude of a constant other than zero: a guard against division by zero must not become zero.
     """
 
     name: str
@@ -52,7 +52,7 @@ class Real:
     smallest: float
 
     def literal(self, value: float) -> str:
-        """The shortest literal that reads back as this number."""
+        """Return the shortest literal that reads back as this number."""
         if math.isnan(value):
             return "NAN"
         if math.isinf(value):
@@ -76,9 +76,9 @@ class Kernel:
     Attributes
     ----------
     lines : tuple of str
-        Declarations, then statements, the last of them assignments of all results.
+        Declarations, then statements, which end with the assignments of all results.
     functions : frozenset of str
-        What it calls of <math.h>.
+        Called functions of <math.h>.
     """
 
     lines: tuple[str, ...]
@@ -87,14 +87,14 @@ class Kernel:
 
 @dataclass(frozen=True)
 class Lows:
-    """Where the lower parts of pairs are, see `friction_fmus.lawkit.emit.pairs`.
+    """Lower parts of pairs, see `friction_fmus.lawkit.emit.pairs`.
 
     Attributes
     ----------
     wide : mapping of int to Weight
-        The arguments that are pairs.
+        Arguments that are pairs.
     reads, writes : mapping of int to str
-        Number of an argument, of a result -> C expression of its lower part.
+        C expressions of the lower parts, by index of the argument and of the result.
     """
 
     wide: Mapping[int, Weight]
@@ -117,36 +117,36 @@ def kernel(
 ) -> Kernel:
     """Translate a casadi function into C statements.
 
-    All results are assigned after the last operation, so a result may be stored where an argument is. What only
-    one side of a decision needs is computed on that side, if it is enough to pay for a branch.
+    All results are assigned after the last operation, so a result may overwrite an argument. Operations that only one
+    side of a decision needs are computed on that side if this saves enough to justify a branch.
 
     Parameters
     ----------
     function : casadi.Function
-        Of scalar SX arguments and results.
+        A function with scalar SX arguments and results.
     reads : sequence of str
-        C expression of every argument, such as ``Kp``, ``k[2]``, ``parameters->Kp``; read as often as it is used.
+        C expression of each argument, such as ``Kp``, ``k[2]``, ``parameters->Kp``; it is evaluated at each use.
     writes : sequence of str
-        Where every result is assigned, such as ``model->u``.
+        C expression that each result is assigned to, such as ``model->u``.
     real : Real
         Type of all numbers.
     conditions : iterable of int
-        Numbers of the arguments that are C truth values and not numbers.
+        Indices of the arguments that are C truth values.
     taken : iterable of str
-        Identifiers that the constants must not have.
+        Identifiers that are already in use.
     lows : Lows, optional
-        Which arguments and results are pairs; none if left out.
+        Arguments and results that are pairs; the default is none.
 
     Returns
     -------
     Kernel
-        C99 (and C89) declarations and assignments; equal to casadi's evaluation bit for bit in double if compiled
-        without contraction (``-ffp-contract=off``) and with the same C library.
+        C99 (and C89) declarations and assignments. In double, results are bit-identical to casadi's if compiled without
+        contraction (``-ffp-contract=off``) and with the same C library.
 
     Raises
     ------
     FrictionError
-        For an operation without a C form, or a function that is not scalar.
+        If an operation has no C form, or the function is not scalar.
     """
     nodes, results = graph(function)
     if lows:
@@ -157,7 +157,7 @@ def kernel(
     writer = _Writer(nodes, reads, real, truths, frozenset(taken), Zeros(nodes, results, truths))
     block = plan(nodes, results)
     last = block[-1] if block else None
-    joined = last.selects if isinstance(last, Decision) else ()  # what they take is stored there, among other results
+    joined = last.selects if isinstance(last, Decision) else ()  # their values are assigned there, among other results
     taken_there = [number for select in joined for number in nodes[select].arguments[1:]]
     copies = [line for number in (*results, *taken_there) for line in writer.copy(number)]
     targets: dict[int, list[str]] = {}
@@ -168,7 +168,7 @@ def kernel(
 
 
 class _Writer:
-    """Names every node and writes its declaration."""
+    """Writer that names every node and declares it."""
 
     def __init__(
         self,
@@ -195,7 +195,7 @@ class _Writer:
                 self._texts[number] = reads[int(node.value)]
 
     def copy(self, number: int) -> list[str]:
-        """Keep an argument that may be stored as a result: its place may be overwritten by another result."""
+        """Copy an argument that is also a result, as another result may overwrite it."""
         if self._nodes[number].operation != "INPUT" or number in self._copied:
             return []
         value = self.number(number)
@@ -203,14 +203,14 @@ class _Writer:
         return [f"const {self._real.name} {self._copied[number]} = {value};"]
 
     def block(self, block: Block, targets: Mapping[int, Sequence[str]] | None = None) -> list[str]:
-        """Declarations, then statements, then what is assigned to the targets of nodes."""
+        """Return declarations, then statements, then assignments to the targets of nodes."""
         left = dict(targets or {})
         constants: list[str] = []
         variables: dict[str, list[str]] = {}
         statements: list[str] = []
         for item in block:
             if isinstance(item, Decision):
-                # nothing is computed behind the last decision: there results need no names
+                # nothing is computed after the last decision, so results there need no names
                 final = {number: left.pop(number) for number in item.selects if number in left and item is block[-1]}
                 names = {number: self._new_name() for number in item.selects if number not in final}
                 statements += self._decision(item, {**final, **{number: [name] for number, name in names.items()}})
@@ -221,7 +221,7 @@ class _Writer:
             kind = "int" if node.operation in CONDITIONS else self._real.name
             expression = self._expression(item)
             name = self._texts[item] = self._new_name()
-            if statements:  # C89 has no declarations behind statements
+            if statements:  # C89 has no declarations after statements
                 variables.setdefault(kind, []).append(name)
                 statements.append(f"{name} = {expression};")
             else:
@@ -235,7 +235,7 @@ class _Writer:
         return [*constants, *declared, *statements, *results]
 
     def _decision(self, decision: Decision, targets: Mapping[int, Sequence[str]]) -> list[str]:
-        """Both sides, each with what only it needs."""
+        """Return both sides, each with the operations that only it needs."""
         lines = [f"if ({self._truth(decision.condition)}) {{"]
         for side, block in enumerate(decision.sides, start=1):
             lines += [f"    {line}" for line in self.block(block)]
@@ -246,7 +246,7 @@ class _Writer:
         return lines
 
     def _side(self, number: int, side: int) -> str:
-        """What a select takes on one side; casadi's sum of both turns -0.0 into 0.0."""
+        """Return the value of a select on one side; casadi's sum of both sides turns -0.0 into 0.0."""
         node, zero = self._nodes[number], self._real.literal(0.0)
         if side == len(node.arguments):
             return zero
@@ -254,14 +254,14 @@ class _Writer:
         return f"{value} + {zero}" if self._zeros.becomes_plus(number, side) else value
 
     def number(self, node: int) -> str:
-        """The node as a number."""
+        """Return the node as a number."""
         if node in self._copied:
             return self._copied[node]
         text = self._texts[node]
         return f"({self._real.name}){text}" if self._is_condition(node) else text
 
     def _truth(self, node: int) -> str:
-        """The node as a truth value."""
+        """Return the node as a truth value."""
         return self._texts[node] if self._is_condition(node) else f"{self._texts[node]} != {self._real.literal(0.0)}"
 
     def _is_condition(self, number: int) -> bool:

@@ -1,4 +1,4 @@
-"""The operations of a casadi function, as C is written from them: which there are, and which are needed when."""
+"""The graph of operations of a casadi function, from which C code is generated."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LIBM = {
     **{name.upper(): name for name in ("sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "atan2", "log1p", "expm1")},
     **{name.upper(): name for name in ("floor", "ceil", "fmod", "fabs", "copysign", "erf", "hypot", "remainder")},
     "CONSTPOW": "pow",
-    "FMA": "fma",  # of pairs; casadi has none
+    "FMA": "fma",  # for pairs; casadi has no fma
 }
 # {0}, {1}: arguments
 FORMULA = {
@@ -28,18 +28,18 @@ FORMULA = {
     "TWICE": "{two} * {0}",
     "INV": "{one} / {0}",
     "SIGN": "{0} < {zero} ? {minus_one} : {0} > {zero} ? {one} : {0}",
-    # the first of equal arguments, as fmin does; NaN in the first argument stays, where fmin gives the other
+    # returns the first of equal arguments, like fmin; a NaN in the first argument stays, unlike fmin
     "FMIN": "{1} < {0} ? {1} : {0}",
     "FMAX": "{1} > {0} ? {1} : {0}",
 }
-CALLS = {*LIBM} - {"FABS", "COPYSIGN", "SQRT"}  # the others are instructions
+CALLS = {*LIBM} - {"FABS", "COPYSIGN", "SQRT"}  # the others compile to instructions
 _NAMES = {getattr(casadi, name): name.removeprefix("OP_") for name in dir(casadi) if name.startswith("OP_")}
 OPERATIONS = {*INFIX, *CONDITIONS, *LIBM, *FORMULA, "IF_ELSE_ZERO"}
 
 
 @dataclass(frozen=True)
 class Node:
-    """An operation: its name, the numbers of its arguments, and the value of a constant or number of an input."""
+    """An operation: name, indices of its arguments, and the value of a constant or the index of an input."""
 
     operation: str
     arguments: tuple[int, ...] = ()
@@ -47,20 +47,20 @@ class Node:
 
 
 def graph(function: Function) -> tuple[list[Node], list[int]]:
-    """The operations of a scalar SX function in casadi's order, and which of them the results are."""
+    """Return the operations of a scalar SX function in casadi's order, and the indices of the results."""
     if not function.is_a("SXFunction"):
-        raise FrictionError(f"The function {function.name()} is not made of SX expressions; C is written from SX only")
+        raise FrictionError(f"The function {function.name()} does not consist of SX expressions; rewrite it with SX")
     for label, count, sparsity in (
         ("argument", function.n_in(), function.sparsity_in),
         ("result", function.n_out(), function.sparsity_out),
     ):
         for i in range(count):
             if not (sparsity(i).is_scalar() and sparsity(i).is_dense()):
-                raise FrictionError(f"The {label} {i} of {function.name()} is not one number; split the vectors")
+                raise FrictionError(f"The {label} {i} of {function.name()} is not a scalar; split the vectors")
 
     nodes: list[Node] = []
-    numbers: dict[tuple[str, tuple[int, ...], bytes], int] = {}  # what was computed once is not computed again
-    held: dict[int, int] = {}  # place in casadi's work vector -> node
+    numbers: dict[tuple[str, tuple[int, ...], bytes], int] = {}  # equal operations are computed once
+    held: dict[int, int] = {}  # index in casadi's work vector -> node
     results = [0] * function.n_out()
     for k in range(function.n_instructions()):
         operation = _NAMES.get(function.instruction_id(k), str(function.instruction_id(k)))
@@ -79,7 +79,7 @@ def graph(function: Function) -> tuple[list[Node], list[int]]:
             node = _joined(nodes, Node(operation, tuple(held[place] for place in reads)))
         else:
             raise FrictionError(
-                f"{function.name()} uses the casadi operation {operation}, which cannot be written as C; "
+                f"{function.name()} uses the casadi operation {operation}, which has no C form; "
                 "express it by arithmetic, if_else and the functions of <math.h>"
             )
         held[writes[0]] = numbers.setdefault((node.operation, node.arguments, struct.pack("d", node.value)), len(nodes))
@@ -89,7 +89,7 @@ def graph(function: Function) -> tuple[list[Node], list[int]]:
 
 
 def _joined(nodes: list[Node], node: Node) -> Node:
-    """casadi writes if_else(c, a, b) as (c ? a : 0) + (!c ? b : 0); here it becomes one decision again."""
+    """Join casadi's form of if_else(c, a, b), which is (c ? a : 0) + (!c ? b : 0), into one decision."""
     if node.operation == "ADD":
         first, second = (nodes[argument] for argument in node.arguments)
         if first.operation == second.operation == "IF_ELSE_ZERO":

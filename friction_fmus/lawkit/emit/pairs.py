@@ -1,9 +1,9 @@
-"""Absolute positions in single precision: pairs of floats, so that small motions far from zero keep their digits.
+"""Absolute positions in single precision as pairs of floats, so that small motions far from zero keep their accuracy.
 
-A float has a resolution of 60 nm at 1 m, which would be all that is left of a difference of two positions. So what
-contains an absolute position is computed as the sum of two floats, ``high`` and ``low``, by exact sums and products
-(Dekker, Numerische Mathematik 18, 1971; Knuth, The Art of Computer Programming 2, 4.2.2). A difference of two positions
-is one float again. `positions` finds what must be a pair, `split` writes the pairs as operations on floats.
+A float has a resolution of 60 nm at 1 m, which limits the difference of two positions. Values that contain an absolute
+position are therefore computed as the sum of two floats, ``high`` and ``low``, by exact sums and products (Dekker,
+Numerische Mathematik 18, 1971; Knuth, The Art of Computer Programming 2, 4.2.2). The difference of two positions is a
+single float again. `positions` finds the values that must be pairs; `split` replaces pairs by operations on floats.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ SUMS = {"ADD": 1.0, "SUB": -1.0}
 
 
 class Weight(NamedTuple):
-    """How often a value contains the distance of the axis from zero.
+    """Factor with which a value contains the distance of the axis from zero.
 
-    A reference has 1, the difference of two references has none and is a small number. The factors are operations on
-    values that are known at run time only.
+    A reference has the factor 1; the difference of two references has none and is a small number. The factors are
+    operations on values that are only known at run time.
     """
 
     number: float
@@ -41,26 +41,27 @@ def positions(
     Parameters
     ----------
     nodes : sequence of Node
-        The operations of a function, arguments before what uses them.
+        The operations of a function, arguments before their users.
     results : sequence of int
-        Which of them are the results.
+        Indices of the results.
     inputs : iterable of int
-        Numbers of the arguments that are absolute positions.
+        Indices of the arguments that are absolute positions.
     parameters : iterable of int
-        Numbers of the arguments that are lengths or pure numbers; one becomes a pair if a position is added to it,
-        multiplied or divided by it, as the rounding of it would move the axis.
+        Indices of the arguments that are lengths or pure numbers. One becomes a pair if a position is added to it or
+        multiplied or divided by it, as its rounding error would shift the axis.
     states : mapping of int to int
-        Number of a result that may be an absolute position -> number of the argument with the value before.
+        For the index of each result that may be an absolute position, the index of the argument with its previous
+        value.
     outputs : iterable of int
-        Numbers of the other results that may be absolute positions.
+        Indices of the other results that may be absolute positions.
 
     Returns
     -------
     tuple of dict of int to Weight and set of int
-        Arguments by number, and numbers of results.
+        The arguments by index, and the indices of the results.
     """
     allowed, wide = set(parameters), dict.fromkeys(inputs, Weight(1.0))
-    # first the states that hold a position itself: until they are known, any difference to them seems to be absolute
+    # first the states that store a position: until they are known, any difference from them appears to be absolute
     for kept in ((Weight(1.0),), None):
         while True:
             weights = _weights(nodes, wide)
@@ -77,7 +78,7 @@ def positions(
 
 
 def _needed(nodes: Sequence[Node], weights: Sequence[Weight | None], written: set[int]) -> list[Weight | None]:
-    """The weights of the nodes whose digits are needed: for a difference of positions, or as a position."""
+    """Return the weights of the nodes that need full accuracy: for a difference of positions, or as a position."""
     needed = set(written)
     for number in range(len(nodes) - 1, -1, -1):
         operation = nodes[number].operation
@@ -89,7 +90,7 @@ def _needed(nodes: Sequence[Node], weights: Sequence[Weight | None], written: se
 
 
 def _of_parameter(argument: int) -> Weight:
-    """What does not cancel against the position."""
+    """Return the weight of a parameter, which does not cancel against a position."""
     return Weight(1.0, (("PARAMETER", argument),))
 
 
@@ -98,7 +99,7 @@ def _among(weight: Weight | None, kept: tuple[Weight, ...] | None) -> bool:
 
 
 def _operands(nodes: Sequence[Node], weights: Sequence[Weight | None], allowed: set[int]) -> set[int]:
-    """The arguments, of those allowed, with which a pair is added, multiplied or divided."""
+    """Return the allowed arguments with which a pair is added, multiplied or divided."""
     found = set()
     for node in nodes:
         if node.operation in (*SUMS, "MUL", "DIV"):
@@ -112,7 +113,7 @@ def _argument(node: Node) -> int:
 
 
 def _weights(nodes: Sequence[Node], wide: Mapping[int, Weight]) -> list[Weight | None]:
-    """The weight of every node; None for a value that is a float."""
+    """Return the weight of every node, or None for a value that is a single float."""
     found: list[Weight | None] = []
     for number, node in enumerate(nodes):
         if node.operation == "INPUT":
@@ -157,7 +158,7 @@ def _product(number: int, node: Node, nodes: Sequence[Node], given: list[Weight 
 
 
 def rounded(nodes: Sequence[Node], wide: Mapping[int, Weight]) -> set[str]:
-    """The operations that are given a pair as one float; arguments as of `split`."""
+    """Return the operations that receive a pair rounded to one float; arguments as for `split`."""
     weights = _weights(nodes, wide)
     return {
         node.operation
@@ -175,23 +176,23 @@ def split(
     reads: Mapping[int, int],
     writes: Iterable[int],
 ) -> tuple[list[Node], list[int]]:
-    """Write the pairs as operations on floats.
+    """Replace pairs by operations on floats.
 
     Parameters
     ----------
     nodes, results
-        As of `positions`.
+        See `positions`.
     wide : mapping of int to Weight
-        Arguments that are pairs, as `positions` finds them.
+        Arguments that are pairs, from `positions`.
     reads : mapping of int to int
-        Number of an argument that is a pair -> number of the argument that is its lower part.
+        For the index of each argument that is a pair, the index of the argument with its lower part.
     writes : iterable of int
-        Numbers of the results that are pairs.
+        Indices of the results that are pairs.
 
     Returns
     -------
     tuple of list of Node and list of int
-        The same for floats; behind the results there are the lower parts of those that are pairs.
+        Nodes and results in floats; the results are followed by the lower parts of those that are pairs.
     """
     written = list(writes)
     weights = _needed(nodes, _weights(nodes, wide), {results[i] for i in written})
@@ -203,11 +204,11 @@ def split(
 
 
 Pair = tuple[int, int | None]
-"""Nodes of the upper and of the lower part; None: the lower part is 0."""
+"""Nodes of the upper and of the lower part; None for a lower part of 0."""
 
 
 class _Splitter:
-    """Writes node by node."""
+    """Splitter that processes one node after the other."""
 
     def __init__(self, given: Sequence[Node], weights: Sequence[Weight | None], reads: Mapping[int, int]) -> None:
         self.nodes: list[Node] = []
@@ -218,7 +219,7 @@ class _Splitter:
         self._numbers: dict[tuple[str, tuple[int, ...], bytes], int] = {}
 
     def write(self, number: int) -> None:
-        """The next node."""
+        """Process the next node."""
         node = self._given[number]
         parts = [self.pairs[argument] for argument in node.arguments]
         wide = [self._weights[argument] is not None for argument in node.arguments]
@@ -233,12 +234,12 @@ class _Splitter:
             self.pairs.append((self._float(node, parts), None))
 
     def low(self, number: int) -> int:
-        """The lower part of a node of those given."""
+        """Return the lower part of a given node."""
         low = self.pairs[number][1]
         return self._node("CONST", value=0.0) if low is None else low
 
     def _float(self, node: Node, parts: Sequence[Pair]) -> int:
-        """A float of pairs: sums and decisions see both parts, everything else the upper one."""
+        """Return a float from pairs: sums and decisions use both parts, all other operations the upper part."""
         if node.operation in SUMS:
             return self._difference(node.operation, *parts)
         if node.operation in COMPARE:
@@ -246,11 +247,11 @@ class _Splitter:
         return self._node(node.operation, *(high for high, _ in parts))
 
     def _difference(self, operation: str, one: Pair, two: Pair) -> int:
-        """The upper parts of neighbours have an exact difference."""
+        """Return the difference of two pairs; for close values, that of the upper parts is exact."""
         return self._plus(self._node(operation, one[0], two[0]), self._lower(operation, one[1], two[1]))
 
     def _pair(self, node: Node, parts: Sequence[Pair]) -> Pair:
-        """A pair of pairs."""
+        """Return a pair from pairs."""
         operation, one = node.operation, parts[0]
         if operation in SUMS:
             return self._sum(operation, self._exact(node.arguments[0]), self._exact(node.arguments[1]))
@@ -265,7 +266,7 @@ class _Splitter:
         return self._select(operation, parts)
 
     def _exact(self, number: int) -> Pair:
-        """A node; a constant with the digits that a float has not."""
+        """Return a node as a pair; for a constant, the lower part holds the digits that a float cannot."""
         node = self._given[number]
         if node.operation != "CONST":
             return self.pairs[number]
@@ -282,10 +283,10 @@ class _Splitter:
         )
 
     def _sum(self, operation: str, one: Pair, two: Pair) -> Pair:
-        """Knuth's exact sum of the upper parts, and the lower ones."""
+        """Return Knuth's exact sum of the upper parts plus the lower parts."""
         a, b = one[0], two[0]
         total = self._node(operation, a, b)
-        part = self._node("SUB", total, a)  # of b in the total, or of -b
+        part = self._node("SUB", total, a)  # share of b, or of -b, in the total
         left = self._node("SUB", a, self._node("SUB", total, part))
         opposite = "SUB" if operation == "ADD" else "ADD"
         rest = self._node(operation, left, self._node(opposite, b, part))
@@ -309,7 +310,7 @@ class _Splitter:
         return self._joined(total, self._node("DIV", rest, two[0]))
 
     def _floor(self, one: Pair) -> Pair:
-        """A whole number may need both parts; the lower one counts if the upper one is whole."""
+        """Return the floor of a pair; the lower part matters if the upper part is an integer."""
         whole = self._node("FLOOR", one[0])
         if one[1] is None:
             return whole, None
@@ -317,7 +318,7 @@ class _Splitter:
         return self._joined(whole, below)
 
     def _joined(self, high: int, low: int) -> Pair:
-        """The same sum with a lower part that is within the rounding of the upper one."""
+        """Return the same sum with a lower part below the rounding error of the upper part."""
         total = self._node("ADD", high, low)
         return total, self._node("SUB", low, self._node("SUB", total, high))
 
@@ -330,7 +331,7 @@ class _Splitter:
         return self._node(operation, one, two)
 
     def _node(self, operation: str, *arguments: int, value: float = 0.0) -> int:
-        """The number of an operation, which is written once."""
+        """Return the index of an operation; equal operations are written once."""
         key = (operation, arguments, struct.pack("d", value))
         number = self._numbers.setdefault(key, len(self.nodes))
         if number == len(self.nodes):

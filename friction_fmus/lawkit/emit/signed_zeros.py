@@ -1,4 +1,4 @@
-"""Where the sign of a zero can be seen: casadi's sum of both sides of a decision turns -0.0 into 0.0."""
+"""Where the sign of a zero matters: casadi's sum of both sides of a decision turns -0.0 into 0.0."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from friction_fmus.lawkit.emit.graph import COMPARE, CONDITIONS, LOGIC, Node
 
 # results that are never -0.0, whatever the arguments
 _NO_MINUS_ZERO = {"FABS", "SQ", "EXP", "COSH", "HYPOT", "SELECT", *CONDITIONS}
-# the sign of a zero argument changes nothing
+# the sign of a zero argument has no effect
 _BLIND = {*COMPARE, *LOGIC, "NOT", "FABS", "SQ", "EXP"}
-# the sign of a zero argument changes at most that of a zero result; so does that of the first argument of DIV
+# the sign of a zero argument affects at most the sign of a zero result; so does the first argument of DIV
 _PASSES = {"ADD", "SUB", "MUL", "NEG", "TWICE", "FMIN", "FMAX", "SQRT", "EXPM1"}
 
 
 class Zeros:
-    """What is known of the zeros among the values of nodes.
+    """Analysis of the zeros among the values of nodes.
 
     Parameters
     ----------
     nodes : sequence of Node
-        All operations, arguments before what uses them.
+        All operations, arguments before their users.
     results : iterable of int
-        Which of them are the results.
+        Indices of the results.
     conditions : collection of int
-        Numbers of the arguments of the function that are truth values.
+        Indices of the arguments of the function that are truth values.
     """
 
     def __init__(self, nodes: Sequence[Node], results: Iterable[int], conditions: Collection[int]) -> None:
-        """Find which zeros are seen in a result."""
+        """Find the zeros whose sign affects a result."""
         self._nodes = nodes
         self._conditions = conditions
         self._seen = set(results)
@@ -37,7 +37,7 @@ class Zeros:
             self._seen.update(self._shown(number))
 
     def never_minus(self, number: int) -> bool:
-        """Whether a node is never -0.0."""
+        """Return whether a node is never -0.0."""
         node = self._nodes[number]
         if node.operation == "CONST":
             return node.value != 0.0 or math.copysign(1.0, node.value) > 0.0
@@ -50,12 +50,12 @@ class Zeros:
         return node.operation in _NO_MINUS_ZERO
 
     def becomes_plus(self, select: int, side: int) -> bool:
-        """Whether -0.0 that a select takes on a side must become 0.0."""
+        """Return whether -0.0 on a side of a select must become 0.0."""
         node = self._nodes[select]
         return node.operation == "SELECT" and select in self._seen and not self.never_minus(node.arguments[side])
 
     def _shown(self, number: int) -> list[int]:
-        """The arguments whose sign, if they are zero, can be seen in a result by way of this node."""
+        """Return the arguments for which the sign of a zero affects a result through this node."""
         node, seen = self._nodes[number], number in self._seen
         if node.operation in _BLIND:
             return []

@@ -1,1 +1,1 @@
-"""Expressions that a group of laws shares, one module for each group."""
+"""Expressions shared by groups of laws, one module per group."""

@@ -1,4 +1,4 @@
-"""What the estimators of friction without a friction model share."""
+"""Expressions shared by friction estimators without a friction model."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from friction_fmus.lawkit.expressions import clip, limits
 
 
 def starts_now(reset: SX, running: SX) -> SX:
-    """Whether this sample only takes the measured values over: it is the first one, or reset is true."""
+    """Return whether this sample only adopts the measured values: the first sample, or one with reset true."""
     return logic_or(reset, logic_not(running))
 
 
 def compensation(estimate: SX, gain: SX, u_min: SX, u_max: SX, enable: SX) -> dict[str, SX]:
-    """The outputs u, F_hat and u_sat that compensate a share of an estimated friction force."""
+    """Return the outputs u, F_hat and u_sat that compensate a fraction of an estimated friction force."""
     wanted = gain * estimate
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
@@ -25,32 +25,32 @@ def compensation(estimate: SX, gain: SX, u_min: SX, u_max: SX, enable: SX) -> di
 
 
 def mean_friction(force: SX, m: SX, dv: SX, Ts: SX) -> SX:
-    """Mean friction over the last sampling interval, in which the force changed the velocity of a mass by dv."""
+    """Return the mean friction over the last sampling interval, in which the velocity of a mass changed by dv."""
     return force - m * dv / Ts
 
 
 def corrected(
     mean: Sequence[SX], P: Sequence[Sequence[SX]], units: Sequence[SX], i: int, measured: SX, variance: SX
 ) -> tuple[list[SX], list[list[SX]]]:
-    """A Kalman filter's state after the measurement of its element i.
+    """Return the state of a Kalman filter after a measurement of its element i.
 
     Parameters
     ----------
     mean : sequence of SX
         The n predicted values.
     P : sequence of sequences of SX
-        Their covariance as its upper triangle, rows of n, n - 1, ..., 1 elements, each value in its unit.
+        Upper triangle of their covariance, rows of n, n - 1, ..., 1 elements, with each value scaled by its unit.
     units : sequence of SX
-        The size of one unit of each value.
+        Scale (unit) of each value.
     i : int
-        The element that is measured.
+        The measured element.
     measured, variance : SX
-        What was measured, and the variance of that in squares of its unit; positive.
+        The measurement, and its positive variance in squares of the unit.
 
     Returns
     -------
     tuple
-        Mean and upper triangle of the covariance; the row of the element i is free of cancellation.
+        Mean and upper triangle of the covariance; the row of element i is computed without cancellation.
     """
     n = len(mean)
     column = [P[min(i, j)][abs(i - j)] for j in range(n)]

@@ -1,4 +1,4 @@
-"""What the laws that compute friction from the reference share."""
+"""Expressions shared by laws that compute friction from the reference."""
 
 from __future__ import annotations
 
@@ -8,39 +8,39 @@ from friction_fmus.lawkit.expressions import clip, limits
 
 
 def increment(r: SX, last: SX, started: SX, reset: SX) -> SX:
-    """Displacement of the reference since the sample before, 0 in the first sample and under reset.
+    """Return the displacement of the reference since the previous sample; 0 in the first sample and during reset.
 
     Parameters
     ----------
     r, last : SX
-        Reference of this sample and of the one before.
+        Reference in this and in the previous sample.
     started : SX
-        0 in the first sample, when there is no `last`.
+        0 in the first sample, when `last` does not exist.
     reset : SX
-        Whether this sample begins anew.
+        Whether the law is reset in this sample.
     """
-    # r - r and not 0: a NaN stays one
+    # r - r instead of 0, so that NaN stays NaN
     return r - if_else(logic_and(started, logic_not(reset)), last, r)
 
 
 def at_most(value: SX, limit: SX | float) -> SX:
-    """The smaller of both; NaN stays NaN."""
+    """Return the smaller of both; NaN stays NaN."""
     return if_else(value > limit, limit, value)
 
 
 def relax(value: SX, target: SX, decay: SX) -> SX:
-    """The value after the target has attracted it, exactly, over `decay` time constants; as in solver.h."""
+    """Return the value after exact relaxation to a target over `decay` time constants, as in solver.h."""
     return value - (target - value) * expm1(-decay)
 
 
 def fading(sigma1: SX, speed: SX, v_d: SX) -> SX:
-    """Bristle damping that falls with the speed if v_d > 0; as in presliding.h."""
+    """Return the bristle damping, which decreases with speed if v_d > 0, as in presliding.h."""
     fades = v_d > 0.0
     return if_else(fades, sigma1 * exp(-((speed / if_else(fades, v_d, 1.0)) ** 2)), sigma1)
 
 
 def feedforward(inertia: SX, friction: SX, gain: SX, enable: SX, u_min: SX, u_max: SX) -> dict[str, SX]:
-    """The outputs u, F_hat and u_sat: inertia and a share of the friction within limits, all 0 unless enabled."""
+    """Return u, F_hat and u_sat: inertia and a fraction of the friction within limits; all 0 unless enabled."""
     wanted = inertia + gain * friction
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
@@ -50,36 +50,36 @@ def feedforward(inertia: SX, friction: SX, gain: SX, enable: SX, u_min: SX, u_ma
 
 
 def when(enable: SX, **values: SX | float) -> dict[str, SX]:
-    """The values while enabled, else 0, which is where the states of these laws start."""
+    """Return the values while enabled, else 0, the start value of the states of these laws."""
     return {name: if_else(enable, value, 0.0) for name, value in values.items()}
 
 
 def reference_shift(force: SX, shift: SX, integral: SX, Kp: SX, Kd: SX, Ki: SX, Ts: SX) -> tuple[SX, SX, SX]:
-    """What a PID controller must see as a shift of its reference to give a force.
+    """Return the shift of the reference for which a PID controller generates a given force.
 
     Parameters
     ----------
     force : SX
-        To be given in this sample.
+        The force in this sample.
     shift, integral : SX
-        Shift of the position in this sample and sum of those before, times Ts.
+        Shift of the position in this sample, and sum of the earlier shifts times Ts.
     Kp, Kd, Ki, Ts : SX
-        Of the controller.
+        Gains and sample time of the controller.
 
     Returns
     -------
     rate, shift, integral : SX
-        Shift of the velocity in this sample; the other two in the next.
+        Shift of the velocity in this sample; shift and integral in the next sample.
     """
     rate = (force - Kp * shift - Ki * integral) / Kd
     return rate, shift + Ts * rate, integral + Ts * shift
 
 
 def settles_slowly(Kp: SX, Ki: SX, Ts: SX) -> SX:
-    """Whether the product of the two poles of `reference_shift` is below 1; Ki = 0 leaves its integral unused."""
+    """Return whether the product of both poles of `reference_shift` is below 1; Ki = 0 leaves its integral unused."""
     return logic_or(Ts * Ki < Kp, Ki == 0.0)
 
 
 def settles_fast(Kp: SX, Kd: SX, Ki: SX, Ts: SX) -> SX:
-    """Whether the polynomial of the poles of `reference_shift` is positive at -1."""
+    """Return whether the characteristic polynomial of `reference_shift` is positive at -1."""
     return 2.0 * Ts * Kp < 4.0 * Kd + Ts**2 * Ki

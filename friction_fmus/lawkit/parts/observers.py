@@ -1,4 +1,4 @@
-"""What friction observers, adaptive laws and sliding modes share."""
+"""Expressions shared by friction observers, adaptive laws and sliding-mode laws."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from friction_fmus.lawkit.expressions import clip, limits
 
 
 def limited(rest: SX, F_hat: SX, gain: SX, enable: SX, u_min: SX, u_max: SX) -> dict[str, SX]:
-    """The outputs u, F_hat and u_sat, u from a share of the friction and the rest; all 0 while enable is false."""
+    """Return u, F_hat and u_sat, with u from a fraction of the friction and other terms; all 0 unless enabled."""
     wanted = rest + gain * F_hat
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
@@ -18,41 +18,42 @@ def limited(rest: SX, F_hat: SX, gain: SX, enable: SX, u_min: SX, u_max: SX) -> 
 
 
 def acting(rate: SX, Ts: SX) -> SX:
-    """How long the slope of z' = drive - rate z at the beginning of Ts would have to last: (1 - exp(-rate Ts)) / rate.
+    """Return (1 - exp(-rate Ts)) / rate, the effective duration of the initial slope of z' = drive - rate z in Ts.
 
-    Drive and rate >= 0 are constant; the series where the quotient would lose digits.
+    Drive and rate >= 0 are constant. A series replaces the quotient where it would lose accuracy.
     """
     q = rate * Ts
-    # fabs and not a minus: it is known not to be -0.0, which spares an operation in the emitted C
+    # fabs instead of a minus, as it is known not to return -0.0, which saves an operation in the generated C
     return if_else(q < 1e-5, Ts * (1.0 - q / 2.0), fabs(expm1(-q) / rate))
 
 
 def relaxed(z: SX, drive: SX, rate: SX, Ts: SX) -> SX:
-    """The solution of z' = drive - rate z after Ts, exact for a constant drive and rate >= 0, as stiff as it may be."""
+    """Return the exact solution of z' = drive - rate z after Ts for constant drive and rate >= 0, however stiff."""
     return z + acting(rate, Ts) * (drive - rate * z)
 
 
 def adapted(value: SX, rate: SX, push: SX, active: SX, low: SX, high: SX, Ts: SX) -> SX:
-    """A parameter after one step of its adaptation, kept within low and high.
+    """Return a parameter after one step of its adaptation, limited to low and high.
 
     Parameters
     ----------
     value, rate : SX
         The parameter and its rate of change.
     push : SX
-        In whose direction the adaptation moves the output: it stops while that is into the active limit.
+        Direction in which the adaptation moves the output. The adaptation stops while it would drive the output further
+        into the active limit.
     active : SX
-        What `limits` gives for the output.
+        The active limit of the output from `limits`.
     """
     return clip(value + Ts * if_else(push * active > 0.0, 0.0, rate), low, high)
 
 
 def periodic_table(place: SX, table: SX) -> SX:
-    """Straight lines between the n elements of a table that repeats; place is 0 at the first one, and at most n."""
+    """Interpolate linearly in a periodic table with n elements; place is 0 at the first element and at most n."""
     n = table.numel()
     total = SX(0.0)
     for i in range(n):
-        # without decisions, so that NaN in the place is not lost
+        # without decisions, so that NaN in the place stays NaN
         apart = n / 2.0 - fabs(fabs(place - i) - n / 2.0)
         total += (fabs(apart + 1.0) + fabs(apart - 1.0) - 2.0 * apart) / 2.0 * table[i]
     return total

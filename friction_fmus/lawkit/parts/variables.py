@@ -1,6 +1,6 @@
-"""Variables that many laws have, each with its unit, start value, text and range: ``rd: SX = variables.RD``.
+"""Variables shared by many laws, with unit, start value, description and limits: ``rd: SX = variables.RD``.
 
-A law whose variable of that name has another text, start value or range declares it itself.
+A law whose variable has another description, start value or limits declares it itself.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ def starting(variable: Any, start: float) -> Any:
     Parameters
     ----------
     variable : Variable
-        One of this module.
+        A variable of this module.
     start : float
-        Its start value.
+        The new start value.
     """
     return replace(variable, start=start)
 
@@ -45,31 +45,31 @@ RDD: Any = Input(ACCELERATION, 0.0, "reference acceleration")
 X: Any = Input(LENGTH, 0.0, "measured position")
 V: Any = Input(VELOCITY, 0.0, "measured velocity")
 FED_FORWARD: Any = Input(FORCE, 0.0, "feedforward force, added before the limits", optional=True)
-U_PREV: Any = Input(FORCE, 0.0, "force that was applied since the last sample, after all limits")
+U_PREV: Any = Input(FORCE, 0.0, "force applied since the last sample, after all limits")
 
 # ---- commands --------------------------------------------------------------------------------------------------------
 
 ENABLE: Any = Command(True, "false: u = 0 and F_hat = 0")
-ENABLE_STATES: Any = Command(True, "false: u = 0, F_hat = 0 and the states at their start")
-ENABLE_INTEGRAL: Any = Command(True, "false: u = 0 and the integral at its start")
-RESET: Any = Command(False, "true: the states at their start")
-RESET_INTEGRAL: Any = Command(False, "true: the integral at its start")
+ENABLE_STATES: Any = Command(True, "false: u = 0, F_hat = 0 and the states are at their start values")
+ENABLE_INTEGRAL: Any = Command(True, "false: u = 0 and the integral is at its start value")
+RESET: Any = Command(False, "true: the states are reset to their start values")
+RESET_INTEGRAL: Any = Command(False, "true: the integral is reset to its start value")
 
 # ---- states ----------------------------------------------------------------------------------------------------------
 
-LAST: Any = State(LENGTH, 0.0, "reference of the sample before")
-STARTED: Any = State(NO_UNIT, 0.0, "1 if there was a sample before")
+LAST: Any = State(LENGTH, 0.0, "reference in the previous sample")
+STARTED: Any = State(NO_UNIT, 0.0, "1 if there is a previous sample")
 RUNNING: Any = State(NO_UNIT, 0.0, "1 after the first sample")
 X_HAT: Any = State(LENGTH, 0.0, "estimated position", nominal=1e-3)
 V_HAT: Any = State(VELOCITY, 0.0, "estimated velocity", nominal=1e-2)
 
 # ---- limits, share and mass ------------------------------------------------------------------------------------------
 
-GAIN: Any = Parameter(NO_UNIT, 1.0, "share of the friction that is compensated", min=0.0, max=1.0)
+GAIN: Any = Parameter(NO_UNIT, 1.0, "fraction of the friction that is compensated", min=0.0, max=1.0)
 U_MIN: Any = Parameter(FORCE, -1000.0, "lower limit of u")
 U_MAX: Any = Parameter(FORCE, 1000.0, "upper limit of u")
-LAM: Any = Parameter("1/s", 63.0, "rate at which the position error falls while s = 0", min=0.0)
-INERTIA: Any = Parameter(MASS, 1.0, "mass of the inertia feedforward, 0: none", min=0.0)
+LAM: Any = Parameter("1/s", 63.0, "decay rate of the position error while s = 0", min=0.0)
+INERTIA: Any = Parameter(MASS, 1.0, "mass of the inertia feedforward; 0: none", min=0.0)
 MASS_OR_NONE: Any = Parameter(MASS, 1.0, "moving mass", min=0.0)
 POSITIVE_MASS: Any = Parameter(MASS, 1.0, "moving mass", min=1e-12)
 
