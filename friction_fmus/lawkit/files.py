@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import sys
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -53,8 +54,15 @@ def _load(file: Path) -> ModuleType:
     file = file.resolve()
     try:
         require_regular(file, LARGEST_TEXT)
+        content = file.read_bytes()
     except OSError as error:
         raise FrictionError(f"{file.name} cannot be loaded: {reason(error)}; give a Python file") from error
+    return _module(file, hashlib.sha256(content).hexdigest())
+
+
+@cache
+def _module(file: Path, digest: str) -> ModuleType:
+    """Return the module of a law file with this content, which is executed once."""
     name = f"law_file_{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
