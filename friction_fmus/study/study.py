@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 import time
 from collections.abc import Sequence
@@ -37,6 +38,9 @@ from harness.storage.atomic import atomic_path
 
 CLOSE: Final = 1.5
 """Models whose error is at most this factor times the smallest are also fitted to the closed loop."""
+
+LEAST_SAMPLES: Final = 100
+"""Smallest number of samples of the servo over which a closed loop is simulated."""
 
 
 class StudyError(FrictionError):
@@ -116,6 +120,20 @@ def _check(config: StudyConfig) -> None:
             )
 
 
+def _check_duration(config: StudyConfig, data: Data) -> None:
+    """Raise ConfigError if the closed loop would be simulated over a few samples only."""
+    if config.servo is None:
+        return
+    record, Ts = data.longest, config.servo.Ts
+    duration = min(float(record.t[-1] - record.t[0]), config.compensation.duration or math.inf)
+    if duration < LEAST_SAMPLES * Ts:
+        raise ConfigError(
+            f"{config.name}: the closed loop would be simulated over {duration:g} s, which is less than "
+            f"{LEAST_SAMPLES} sample times of the servo (Ts = {Ts:g} s); check duration in [compensation], Ts in "
+            "[servo] and the record."
+        )
+
+
 @dataclass
 class _Study:
     """State of a running study."""
@@ -129,6 +147,7 @@ class _Study:
     def run(self) -> StudyResult:
         self.progress(0.0)
         data = load_data(self.config, self.out / CACHE)
+        _check_duration(self.config, data)
         models = self._models(data)
         best = models[0]
         if best.row.rank is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from friction_fmus.blocks.catalogue import catalogue
@@ -119,3 +120,22 @@ def test_fewer_than_one_process_are_refused_before_anything_is_done(tmp_path: Pa
 def test_every_law_has_its_row() -> None:
     assert set(compensators()) == {b.name for b in catalogue().values() if b.kind in ("law", "controller")}
     check_names("all")
+
+
+@pytest.mark.parametrize(("duration", "Ts"), [(1e-12, 1e-3), (0.099, 1e-3), (None, 0.05)])
+def test_a_loop_over_a_few_samples_is_refused_before_anything_is_identified(
+    tmp_path: Path, duration: float | None, Ts: float
+) -> None:
+    t = np.arange(0.0, 2.0, 1e-3)
+    rows = np.column_stack([t, 1e-3 * np.sin(2.0 * np.pi * t), 3.0 * np.sign(np.cos(2.0 * np.pi * t))])
+    np.savetxt(tmp_path / "data.csv", rows, delimiter=",", header="time [s],position [m],force [N]", comments="")
+    content = {
+        "data": {"file": "data.csv", "name": "axis"},
+        "servo": {"law": "CascadePPI", "kp": 40.0, "kv": 1500.0, "Ts": Ts, "force_limit": 350.0, "mass": 90.0},
+        "identify": {"models": ["Coulomb"]},
+        "compensation": {} if duration is None else {"duration": duration},
+    }
+    config = parse_config(content, folder=tmp_path)
+    with pytest.raises(ConfigError, match=r"over .* s, which is less than 100 sample times of the servo"):
+        run_study(config, tmp_path / "out")
+    assert not list((tmp_path / "out").rglob("*.json"))
