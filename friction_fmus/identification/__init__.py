@@ -1,4 +1,4 @@
-"""Identification of an axis: inverse model by linear least squares, closed loop by output error."""
+"""Identification of friction models from measured data: inverse model, output error, hysteresis and closed loop."""
 
 from typing import TYPE_CHECKING
 
@@ -7,7 +7,7 @@ from harness.lazy import lazy_names
 if TYPE_CHECKING:
     from friction_fmus.identification.errors import ExcitationError, FitError, IdentificationError, RecordError
     from friction_fmus.identification.estimate import Estimate
-    from friction_fmus.identification.excitation import examine, examine_pieces
+    from friction_fmus.identification.excitation import examine, examine_segments
     from friction_fmus.identification.findings import Finding, RecordWarning
     from friction_fmus.identification.grid import HysteresisGrid, identify_hysteresis
     from friction_fmus.identification.identifying import Method, identify
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from friction_fmus.identification.record import LINEAR, ROTARY, Array, AxisUnits, Record
     from friction_fmus.identification.result import Identification
     from friction_fmus.identification.scores import Score
-    from friction_fmus.identification.survey import Survey, Task, compare_models
+    from friction_fmus.identification.survey import IdentificationTask, ModelComparison, compare_models
 else:
     __getattr__, __dir__ = lazy_names(
         __name__,
@@ -47,7 +47,7 @@ else:
                 "RecordError",
             ],
             "friction_fmus.identification.estimate": ["Estimate"],
-            "friction_fmus.identification.excitation": ["examine", "examine_pieces"],
+            "friction_fmus.identification.excitation": ["examine", "examine_segments"],
             "friction_fmus.identification.findings": ["Finding", "RecordWarning"],
             "friction_fmus.identification.grid": ["HysteresisGrid", "identify_hysteresis"],
             "friction_fmus.identification.identifying": ["Method", "identify"],
@@ -75,7 +75,7 @@ else:
             "friction_fmus.identification.record": ["LINEAR", "ROTARY", "Array", "AxisUnits", "Record"],
             "friction_fmus.identification.result": ["Identification"],
             "friction_fmus.identification.scores": ["Score"],
-            "friction_fmus.identification.survey": ["Survey", "Task", "compare_models"],
+            "friction_fmus.identification.survey": ["ModelComparison", "IdentificationTask", "compare_models"],
         },
     )
 
@@ -92,11 +92,13 @@ __all__ = [
     "HysteresisGrid",
     "Identification",
     "IdentificationError",
+    "IdentificationTask",
     "InverseModelFit",
     "InverseModelSettings",
     "Mapper",
     "Measurement",
     "Method",
+    "ModelComparison",
     "Motion",
     "OutputErrorFit",
     "PreslidingFit",
@@ -105,14 +107,12 @@ __all__ = [
     "RecordWarning",
     "Score",
     "Simulator",
-    "Survey",
     "Target",
-    "Task",
     "Unknown",
     "compare_models",
     "decimate",
     "examine",
-    "examine_pieces",
+    "examine_segments",
     "filtered_motion",
     "fit_output_error",
     "identifiable",
