@@ -10,7 +10,7 @@ from harness.notebook import counted, html_table
 
 if TYPE_CHECKING:
     from friction_fmus.identification.result import Identification
-    from friction_fmus.identification.survey import Survey
+    from friction_fmus.identification.survey import ModelComparison
     from friction_fmus.study.result import StudyResult
 
 
@@ -35,13 +35,13 @@ def identification_html(result: Identification) -> str:
     return html_table(f"{result.model} by {result.method}, {_error(result)}", headings, rows)
 
 
-def survey_text(survey: Survey) -> str:
+def comparison_text(comparison: ModelComparison) -> str:
     """Return a comparison of models as one line."""
-    names = ", ".join(result.model for result in survey.results)
-    return f"<Survey of {counted(len(survey.results), 'model')} by {survey.ranked_by}: {names}>"
+    names = ", ".join(result.model for result in comparison.results)
+    return f"<ModelComparison of {counted(len(comparison.results), 'model')} by {comparison.ranked_by}: {names}>"
 
 
-def survey_html(survey: Survey) -> str:
+def comparison_html(comparison: ModelComparison) -> str:
     """Return the models of a comparison as a table, best first."""
     rows = [
         (
@@ -51,11 +51,11 @@ def survey_html(survey: Survey) -> str:
             result.validation.relative_percent if result.validation else None,
             result.bic,
         )
-        for result in survey.results
+        for result in comparison.results
     ]
     headings = ("model", "method", "fit error [%]", "validation error [%]", "BIC")
-    failed = [(name, reason) for name, reason in survey.failed.items()]
-    table = html_table(f"Models by {survey.ranked_by}", headings, rows)
+    failed = [(name, reason) for name, reason in comparison.failed.items()]
+    table = html_table(f"Models by {comparison.ranked_by}", headings, rows)
     return table + (html_table("Not identified", ("model", "reason"), failed) if failed else "")
 
 

@@ -10,7 +10,7 @@ from rich.table import Table
 from friction_fmus.cli.console import console, styled
 from friction_fmus.identification import Finding, Identification, Measurement, Record
 from friction_fmus.identification.plot import NAMES
-from friction_fmus.identification.survey import Survey
+from friction_fmus.identification.survey import ModelComparison
 
 
 def show_data(
@@ -33,7 +33,7 @@ def show_data(
         console.print(f"  {finding.measure}", soft_wrap=True)
 
 
-def show_ranking(found: Survey) -> None:
+def show_ranking(found: ModelComparison) -> None:
     """Print the models in order."""
     best = found.results[0]
     signal = NAMES.get(best.signal, best.signal)

@@ -1,11 +1,11 @@
-"""Identification of an axis: inverse model by linear least squares, closed loop by output error."""
+"""Identification of friction models from measured data: inverse model, output error, hysteresis and closed loop."""
 
 from typing import TYPE_CHECKING
 
 from harness.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from friction_fmus.identification.data.excitation import examine, examine_pieces
+    from friction_fmus.identification.data.excitation import examine, examine_segments
     from friction_fmus.identification.data.findings import Finding, RecordWarning
     from friction_fmus.identification.data.mapping import DataMapping, load_mapping, read_mapping, read_windows
     from friction_fmus.identification.data.reading import Measurement, read_measurement, read_records
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from friction_fmus.identification.fit.scores import Score
     from friction_fmus.identification.identifying import identify
     from friction_fmus.identification.result import Identification
-    from friction_fmus.identification.survey import Survey, Task, compare_models
+    from friction_fmus.identification.survey import IdentificationTask, ModelComparison, compare_models
 else:
     __getattr__, __dir__ = lazy_names(
         __name__,
@@ -47,7 +47,7 @@ else:
                 "RecordError",
             ],
             "friction_fmus.identification.fit.estimate": ["Estimate"],
-            "friction_fmus.identification.data.excitation": ["examine", "examine_pieces"],
+            "friction_fmus.identification.data.excitation": ["examine", "examine_segments"],
             "friction_fmus.identification.data.findings": ["Finding", "RecordWarning"],
             "friction_fmus.identification.fit.grid": ["HysteresisGrid", "identify_hysteresis"],
             "friction_fmus.identification.identifying": ["identify"],
@@ -80,7 +80,7 @@ else:
             "friction_fmus.identification.data.record": ["LINEAR", "ROTARY", "Array", "AxisUnits", "Record"],
             "friction_fmus.identification.result": ["Identification"],
             "friction_fmus.identification.fit.scores": ["Score"],
-            "friction_fmus.identification.survey": ["Survey", "Task", "compare_models"],
+            "friction_fmus.identification.survey": ["ModelComparison", "IdentificationTask", "compare_models"],
         },
     )
 
@@ -97,10 +97,12 @@ __all__ = [
     "HysteresisGrid",
     "Identification",
     "IdentificationError",
+    "IdentificationTask",
     "InverseModelFit",
     "InverseModelSettings",
     "Mapper",
     "Measurement",
+    "ModelComparison",
     "Motion",
     "OutputErrorFit",
     "PreslidingFit",
@@ -109,14 +111,12 @@ __all__ = [
     "RecordWarning",
     "Score",
     "Simulator",
-    "Survey",
     "Target",
-    "Task",
     "Unknown",
     "compare_models",
     "decimate",
     "examine",
-    "examine_pieces",
+    "examine_segments",
     "filtered_motion",
     "fit_output_error",
     "identifiable",

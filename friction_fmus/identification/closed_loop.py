@@ -1,4 +1,4 @@
-"""Output error on the whole co-simulated axis: servo, mass and friction as FMUs, compared in position."""
+"""Output-error identification of a co-simulated axis: servo, mass and friction as FMUs, compared in position."""
 
 from __future__ import annotations
 
@@ -20,44 +20,44 @@ from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.models import ContactModel, contact_model, state_sizes
 from friction_fmus.identification.fit.output_error import Mapper, Target, Unknown, fit_output_error
 from friction_fmus.identification.fit.scores import Score, criteria, independent_samples, score, weak_parameters
-from friction_fmus.identification.fit.setup import Wishes
+from friction_fmus.identification.fit.setup import Constraints
 from harness import System
 from harness.storage.scratch import ScratchFolder
 
 if TYPE_CHECKING:
     from friction_fmus.identification.result import Identification
 
-#: Communication step between mass and friction [s] in the fit; the rest of the servo has that of the record.
+#: Communication step between mass and friction in the fit [s]; the servo is stepped at the sample time of the record.
 FIT_STEP = 2.5e-4
 
-#: Step of the differences in parts of a parameter: its effect must stand clear of the grid of the encoder.
+#: Relative step of a parameter for finite differences: its effect must exceed the encoder resolution.
 STEP = 0.04
 
-#: Position error that counts as one, in parts of the grid of the encoder.
+#: Position error that counts as one, over the encoder resolution.
 QUANTA = 20.0
 
-#: Errors of a servo model last for many samples: up to this time they count as correlated [s].
+#: Time over which errors of the servo model count as correlated [s]; they are systematic and last for many samples.
 CORRELATED = 0.2
 
 
 @dataclass(frozen=True)
-class AxisRun:
-    """Simulator of a servo with any friction block, from parameters to the signals at the samples of the record.
+class AxisSimulator:
+    """Simulator of a servo with a friction block: returns the signals at the samples of the record for parameters.
 
     Attributes
     ----------
     servo : Servo
         Feedback and sensors.
     trajectory : Trajectory
-        The reference, and the state at the beginning.
+        Reference and initial state.
     contact : ContactModel
-        The friction block.
+        Friction block.
     direction : float
-        Sign of the motion at the beginning, in which the contact slides; 0: at rest.
+        Sign of the initial velocity, at which the contact slides; 0 at rest.
     step : float
         Longest communication step between mass and friction [s].
     fixed : tuple of (str, float)
-        Parameters that stay as they are.
+        Fixed parameters.
     """
 
     servo: Servo
@@ -68,7 +68,7 @@ class AxisRun:
     fixed: tuple[tuple[str, float], ...] = ()
 
     def __call__(self, parameters: Mapping[str, float]) -> dict[str, Array]:
-        """Return "q" [m] and "force" [N], shape (samples,), for these parameters."""
+        """Simulate the axis with these parameters and return "q" [m] and "force" [N], shape (samples,)."""
         values = {**dict(self.fixed), **parameters}
         start: dict[str, float | int | bool | str] = {"axis.m": values["M"], "axis.F_load": -values.get("OF", 0.0)}
         own = {name: value for name, value in values.items() if name in self.contact.parameters}
@@ -90,17 +90,17 @@ class AxisRun:
 _SYSTEMS: dict[tuple[Path, str], System] = {}
 
 
-def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: float = FIT_STEP) -> AxisRun:
-    """The servo of a measured axis around a friction block.
+def axis_simulator(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: float = FIT_STEP) -> AxisSimulator:
+    """Return a simulator of a measured axis with a friction block.
 
     Parameters
     ----------
     contact : ContactModel
-        The friction.
+        Friction block.
     axis : MeasuredAxis
         Record and servo.
     folder : Path
-        Where the FMU of the reference goes.
+        Folder for the FMU of the reference.
     step : float
         Longest communication step between mass and friction [s].
     """
@@ -117,64 +117,68 @@ def write_axis(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: fl
     reference = build_record(t, r, rd, np.gradient(rd, servo.Ts), folder, "MeasuredReference", domain=domain)
     trajectory = Trajectory(reference, len(r), float(record.column("q")[0]), float(v[0]), rotary=rotary)
     direction = float(np.sign(v[0])) if abs(v[0]) > 1e-3 * np.max(np.abs(v)) else 0.0
-    return AxisRun(feedback, trajectory, contact, direction, step)
+    return AxisSimulator(feedback, trajectory, contact, direction, step)
 
 
 def identify_closed_loop(
-    model: str | Path, axis: MeasuredAxis, opened: Identification, wishes: Wishes, mapper: Mapper = map
+    model: str | Path,
+    axis: MeasuredAxis,
+    open_loop: Identification,
+    constraints: Constraints,
+    mapper: Mapper = map,
 ) -> Identification:
-    """Fit mass, offset and friction so that the co-simulated servo moves as the measured one did.
+    """Fit mass, offset and friction so that the co-simulated servo follows the measured motion.
 
     Parameters
     ----------
     model : str or Path
-        The friction block.
+        Friction block.
     axis : MeasuredAxis
         Record and servo.
-    opened : Identification
-        The identification from the force of the record: where the search starts.
-    wishes : Wishes
-        What is fixed, bounds, and start values that go before.
+    open_loop : Identification
+        Identification from the force of the record; provides the start values.
+    constraints : Constraints
+        Fixed parameters, bounds, and start values that replace those of `open_loop`.
     mapper : callable, optional
-        How the runs of one Jacobian are done.
+        Map function for the simulations of one Jacobian.
 
     Returns
     -------
     Identification
-        The signal is the position; `opened` gives the fields that are not about the fit.
+        Result with the position as signal. Fields not related to the fit are those of `open_loop`.
 
     Raises
     ------
     FitError
-        Nothing is left to identify, or a simulation fails.
+        If all parameters are fixed, or a simulation fails.
     ExcitationError
-        The position does not depend on a parameter, or not independently.
+        If the position does not depend on a parameter, or the effects of parameters are linearly dependent.
 
     Notes
     -----
-    Only the position is compared: the force follows from it through the known controller and would count the same
-    error twice. The search is that of `fit_output_error`. Of `GMS` only the sliding law is fitted; the elements stay
-    those of `opened`.
+    Only positions are compared: the force follows from the position through the known controller and would count the
+    same error twice. The search is `fit_output_error`. For `GMS`, only the sliding law is fitted; the elements remain
+    those of `open_loop`.
     """
     begin = time.perf_counter()
     contact = contact_model(model, axis.record.units)
-    unseen = [name for name, e in opened.parameters.items() if not np.isfinite(e.standard_error)]
-    # an axis in closed loop hardly moves in presliding: a law with both keeps its elements
-    kept = [name for name in opened.parameters if "[" in name and "Fc" in opened.parameters]
-    names = [name for name in opened.parameters if name not in (*unseen, *kept)]
+    unseen = [name for name, e in open_loop.parameters.items() if not np.isfinite(e.standard_error)]
+    # an axis in closed loop hardly moves in presliding: a model with elements and a sliding law keeps its elements
+    kept = [name for name in open_loop.parameters if "[" in name and "Fc" in open_loop.parameters]
+    names = [name for name in open_loop.parameters if name not in (*unseen, *kept)]
     unknowns = []
     for name in names:
         parameter = contact.parameters.get(name)
         lower, upper = (parameter.lower, parameter.upper) if parameter else (1e-9 if name == "M" else -np.inf, np.inf)
-        low, high = wishes.bounds.get(name, (lower, upper))
-        value = wishes.start.get(name, opened.parameters[name].value)
-        step = STEP * max(abs(value), _floor(name, opened))
-        unknowns.append(Unknown(name, value, step, opened.parameters[name].unit, max(low, lower), min(high, upper)))
+        low, high = constraints.bounds.get(name, (lower, upper))
+        value = constraints.start.get(name, open_loop.parameters[name].value)
+        step = STEP * max(abs(value), _floor(name, open_loop))
+        unknowns.append(Unknown(name, value, step, open_loop.parameters[name].unit, max(low, lower), min(high, upper)))
     if not unknowns:
         raise FitError(f"All parameters of {contact.name} are fixed; leave at least one to be identified.")
-    rest = {**opened.fixed, **{name: opened.parameters[name].value for name in (*unseen, *kept)}}
+    rest = {**open_loop.fixed, **{name: open_loop.parameters[name].value for name in (*unseen, *kept)}}
     with ScratchFolder("friction-fmus-axis-") as folder:
-        run = replace(write_axis(contact, axis, Path(folder)), fixed=tuple(rest.items()))
+        run = replace(axis_simulator(contact, axis, Path(folder)), fixed=tuple(rest.items()))
         target = Target(axis.record.column("q"), QUANTA * (axis.servo.quantum or 5e-8))
         lag = round(CORRELATED / axis.servo.Ts)
         fit = fit_output_error(
@@ -183,7 +187,7 @@ def identify_closed_loop(
         predicted = run(fit.values())["q"]
         _SYSTEMS.clear()
     measured = axis.record.column("q")
-    estimates = {name: fit.parameters.get(name, opened.parameters[name]) for name in opened.parameters}
+    estimates = {name: fit.parameters.get(name, open_loop.parameters[name]) for name in open_loop.parameters}
     samples = independent_samples([measured - axis.record.column("reference")])
     aic, bic = criteria(predicted - measured, samples, len(unknowns))
     errors = {name: e.standard_error for name, e in estimates.items()}
@@ -192,7 +196,7 @@ def identify_closed_loop(
     correlation[np.ix_(where, where)] = fit.correlation
     values = {name: e.value for name, e in estimates.items()}
     return replace(
-        opened,
+        open_loop,
         method="closed-loop",
         parameters=estimates,
         initial={},
@@ -208,8 +212,8 @@ def identify_closed_loop(
         weak=weak_parameters(
             contact, list(estimates), values, errors, correlation, _at_bound(unknowns, values), unseen
         ),
-        warnings=() if fit.converged else ("the search ended by its limit of iterations; give better start values",),
-        seconds=opened.seconds + time.perf_counter() - begin,
+        warnings=() if fit.converged else ("the search reached its iteration limit; give better start values",),
+        seconds=open_loop.seconds + time.perf_counter() - begin,
         simulations=fit.simulations,
         errors="robust",
         servo=axis.servo,
@@ -217,30 +221,30 @@ def identify_closed_loop(
 
 
 def axis_response(result: Identification, record: Record, step: float = FIT_STEP) -> dict[str, Array]:
-    """Simulate the servo with the identified model along the reference of a record: "q" and "force"."""
+    """Simulate the servo with the identified model along the reference of a record and return "q" and "force"."""
     if result.servo is None:
-        raise FitError("This identification was not made in a closed loop; give identify an axis with its servo.")
+        raise FitError("This identification was not made in closed loop; call identify with a MeasuredAxis.")
     contact = contact_model(result.block, record.units)
     with ScratchFolder("friction-fmus-axis-") as folder:
-        run = write_axis(contact, MeasuredAxis(record, result.servo), Path(folder), step)
+        run = axis_simulator(contact, MeasuredAxis(record, result.servo), Path(folder), step)
         found = run(result.values())
         _SYSTEMS.clear()
     return found
 
 
 def validated(result: Identification, validation: Record | Sequence[Record]) -> Score:
-    """Score of the position on other records of the same axis."""
+    """Return the score of the simulated position on other records of the same axis."""
     records = (validation,) if isinstance(validation, Record) else tuple(validation)
     simulated = [axis_response(result, record)["q"] for record in records]
     return score(np.concatenate([record.column("q") for record in records]), np.concatenate(simulated))
 
 
-def _floor(name: str, opened: Identification) -> float:
-    """Least size of a parameter whose value may be zero: what makes 5 % of the force."""
-    force = float(np.sqrt(np.mean(np.square(opened.measured))))
+def _floor(name: str, open_loop: Identification) -> float:
+    """Return the smallest magnitude used to scale a parameter that may be zero: its effect is 5 % of the force."""
+    force = float(np.sqrt(np.mean(np.square(open_loop.measured))))
     if name == "OF":
         return 0.05 * force
-    v = max(float(np.max(np.abs(filtered_motion(r).v))) for r in opened.records)
+    v = max(float(np.max(np.abs(filtered_motion(r).v))) for r in open_loop.records)
     return 0.05 * force / v if name in ("Fv", "sigma1", "sigma2", "beta") else 1e-300
 
 

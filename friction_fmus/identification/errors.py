@@ -1,4 +1,4 @@
-"""What can be wrong with a record or with an identification."""
+"""Errors of records and identifications."""
 
 from friction_fmus.errors import FrictionError
 
@@ -8,12 +8,12 @@ class IdentificationError(FrictionError):
 
 
 class RecordError(IdentificationError):
-    """A record of an axis cannot be read or is not usable."""
+    """Record that cannot be read or used."""
 
 
 class ExcitationError(IdentificationError):
-    """The record does not contain the motion that the parameters need."""
+    """Record without the motion that the parameters need."""
 
 
 class FitError(IdentificationError):
-    """A fit was set up wrongly or its simulation returned something unusable."""
+    """Invalid setup of a fit, or simulation with an unusable result."""

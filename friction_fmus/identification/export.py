@@ -1,4 +1,4 @@
-"""The files of an identification: parameters, FMUs, figures, and all numbers as JSON."""
+"""Files of an identification: parameters, FMUs, figures, and all numbers as JSON."""
 
 from __future__ import annotations
 
@@ -25,48 +25,48 @@ from friction_fmus.identification.fit.scores import Score
 from friction_fmus.identification.parameter_files import Parameter, toml_text
 from friction_fmus.identification.plot import NAMES
 from friction_fmus.identification.result import Identification
-from friction_fmus.identification.survey import Survey
+from friction_fmus.identification.survey import ModelComparison
 
-#: Colours that differ in lightness as well (after M. Okabe, K. Ito, 2008).
+#: Colours that also differ in lightness (after M. Okabe, K. Ito, 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
 DASHES = ("solid", "dashed", "dotted")
 
 
-def write_outcome(
-    found: Survey, measurement: Measurement, findings: Sequence[Finding], windows: Mapping[str, Any], out: Path
+def write_results(
+    found: ModelComparison, measurement: Measurement, findings: Sequence[Finding], windows: Mapping[str, Any], out: Path
 ) -> list[Path]:
-    """Write all files of a survey; the folder gets all of them or stays as it was.
+    """Write all files of a comparison of models; if that fails, the folder is left unchanged.
 
     Parameters
     ----------
-    found : Survey
-        The identifications.
+    found : ModelComparison
+        Identified models.
     measurement : Measurement
-        Where the data come from.
+        Measured data.
     findings : sequence of Finding
-        What is to be known about the data.
+        Findings about the data.
     windows : mapping
-        The windows ``train`` and ``validation``, as far as there are some.
+        Windows ``train`` and ``validation``, if given.
     out : Path
-        Folder; made if needed.
+        Folder; created if needed.
 
     Returns
     -------
     list of Path
-        The files.
+        Written files.
 
     Raises
     ------
     IdentificationError
-        The folder cannot be made.
+        If the folder cannot be created, or a file cannot be written.
     """
     new = not out.exists()
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise IdentificationError(f"Cannot make the folder {out} ({error.strerror}); give another one.") from error
+        raise IdentificationError(f"Cannot create the folder {out} ({error.strerror}); choose another one.") from error
     try:
-        # on the same file system, so that the files move into place
+        # on the same file system, so that the files can be moved into place
         with tempfile.TemporaryDirectory(prefix=".identify-", dir=out) as scratch:
             stage = Path(scratch)
             for result in found.results:
@@ -82,46 +82,46 @@ def write_outcome(
                 (stage / name).replace(out / name)
     except OSError as error:
         reason = os.strerror(error.errno) if error.errno else str(error)
-        raise IdentificationError(f"Cannot write to {out} ({reason}); make room or give another folder.") from error
+        raise IdentificationError(f"Cannot write to {out} ({reason}); free space or choose another folder.") from error
     finally:
         if new and not any(out.iterdir()):
             out.rmdir()
     return [out / name for name in files]
 
 
-def comparison(found: Survey) -> Figure:
-    """Errors of all models as bars; the three best beside the measurement, and what they miss."""
+def comparison(found: ModelComparison) -> Figure:
+    """Draw the errors of all models as bars, and signal and residual of the three best models."""
     results = found.results
     height = 0.6 + 0.28 * len(results)
     figure = Figure(figsize=(9.0, 5.2 + height), layout="constrained")
     FigureCanvasAgg(figure)
-    bars, course, errors = figure.subplots(3, 1, height_ratios=(height, 2.6, 1.6))
+    bars, signals, errors = figure.subplots(3, 1, height_ratios=(height, 2.6, 1.6))
     _bars(bars, found)
     best = results[0]
     part = _part(best)
-    course.plot(best.t[part], best.measured[part], color="#222222", lw=2.6, label="measured")
+    signals.plot(best.t[part], best.measured[part], color="#222222", lw=2.6, label="measured")
     for result, colour, dashes in zip(results, COLOURS, DASHES, strict=False):
         inside = (result.t >= best.t[part][0]) & (result.t <= best.t[part][-1])
         style: dict[str, Any] = {"color": colour, "linestyle": dashes, "lw": 1.3}
-        course.plot(result.t[inside], result.predicted[inside], label=result.model, **style)
+        signals.plot(result.t[inside], result.predicted[inside], label=result.model, **style)
         errors.plot(result.t[inside], result.residuals[inside], **style)
     unit = "" if best.unit == "1" else f" [{best.unit}]"
-    course.set(
-        ylabel=f"{NAMES.get(best.signal, best.signal)}{unit}", title="The best ones, in a part of the fitted record"
+    signals.set(
+        ylabel=f"{NAMES.get(best.signal, best.signal)}{unit}", title="The best models in a part of the training data"
     )
-    course.tick_params(labelbottom=False)
-    errors.set(xlabel="time [s]", ylabel=f"predicted less\nmeasured{unit}")
-    course.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
-    for axes in (bars, course, errors):
+    signals.tick_params(labelbottom=False)
+    errors.set(xlabel="time [s]", ylabel=f"predicted −\nmeasured{unit}")
+    signals.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+    for axes in (bars, signals, errors):
         axes.grid(True, color="#dddddd", lw=0.6)
         axes.set_axisbelow(True)
     return figure
 
 
-def _bars(axes: Axes, found: Survey) -> None:
-    """One pair of bars for each model; those far beyond the others are cut, their number tells."""
+def _bars(axes: Axes, found: ModelComparison) -> None:
+    """Draw a pair of bars for each model; much longer bars are truncated and labelled with their value."""
     train = [result.train.relative_percent for result in found.results]
-    pairs = [(train, "#999999", "fitted")]
+    pairs = [(train, "#999999", "training")]
     if found.ranked_by != "BIC":
         scores = (result.validation for result in found.results)
         pairs.append(([score.relative_percent if score else math.nan for score in scores], COLOURS[0], "validation"))
@@ -138,12 +138,12 @@ def _bars(axes: Axes, found: Survey) -> None:
     axes.set_yticks(rows, [result.model for result in found.results])
     axes.invert_yaxis()
     axes.set_xlabel("rms error [% of the rms of the signal]")
-    axes.set_title(f"Models, the best by {found.ranked_by} at the top")
+    axes.set_title(f"Models by {found.ranked_by}, best at the top")
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
 
 
 def _part(result: Identification) -> slice:
-    """The samples around the largest change of the measured signal, a tenth of the record."""
+    """Return a tenth of the samples, around the largest change of the measured signal."""
     count = len(result.t)
     half = max(30, count // 20)
     width = max(1, count // 200)
@@ -152,7 +152,7 @@ def _part(result: Identification) -> slice:
     return slice(max(0, centre - half), centre + half)
 
 
-def _toml(found: Survey, measurement: Measurement) -> str:
+def _toml(found: ModelComparison, measurement: Measurement) -> str:
     sets = {}
     for result in found.results:
         values = {
@@ -163,7 +163,7 @@ def _toml(found: Survey, measurement: Measurement) -> str:
         units = {**{name: parameter.unit for name, parameter in known.items()}, **_drive_units(result)}
         fixed = {name: Parameter(value, units[name], "not identified") for name, value in result.fixed.items()}
         sets[result.model] = values | fixed
-    title = f"Parameters of friction models, identified from {measurement.mapping.name}"
+    title = f"Parameters of friction models identified from {measurement.mapping.name}"
     return toml_text(title, sets, measurement.mapping.citation)
 
 
@@ -173,11 +173,11 @@ def _drive_units(result: Identification) -> dict[str, str]:
 
 
 def _remark(result: Identification, name: str) -> str:
-    return f"weakly determined: {result.weak[name]}" if name in result.weak else ""
+    return f"poorly identifiable: {result.weak[name]}" if name in result.weak else ""
 
 
 def _json(
-    found: Survey, measurement: Measurement, findings: Sequence[Finding], windows: Mapping[str, Any]
+    found: ModelComparison, measurement: Measurement, findings: Sequence[Finding], windows: Mapping[str, Any]
 ) -> dict[str, Any]:
     mapping = measurement.mapping
     return {
@@ -233,5 +233,5 @@ def _score(score: Score) -> dict[str, Any]:
 
 
 def _finite(value: float) -> float | None:
-    """JSON knows no nan."""
+    """Return a number for JSON, with None for NaN and infinity."""
     return value if math.isfinite(value) else None

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 def build_identified(result: Identification, folder: Path, name: str | None) -> Path:
-    """Build the block with the found values as start values; see `Identification.to_fmu`."""
+    """Build the FMU with the identified values as start values; see `Identification.to_fmu`."""
     rotary = result.records[0].units == ROTARY
     return build(result.block, folder, _start(result), name, domain="rotational" if rotary else "translational")
 
 
 def write_parameters(result: Identification, path: Path) -> Path:
-    """Write the values as SSV; see `Identification.to_ssv`."""
+    """Write the identified values as SSV; see `Identification.to_ssv`."""
     known = contact_model(result.block, result.records[0].units).parameters
     parameters = {
         name: Parameter(value, known[name].unit if known[name].real else None, description=known[name].text)
@@ -34,6 +34,6 @@ def write_parameters(result: Identification, path: Path) -> Path:
 
 
 def _start(result: Identification) -> dict[str, float | int | bool]:
-    """Values of the parameters that the block has; counts are whole, switches true or false."""
+    """Return the values of the parameters of the block, converted to their types."""
     known = contact_model(result.block, result.records[0].units).parameters
     return {name: known[name].typed(value) for name, value in result.values().items() if name in known}

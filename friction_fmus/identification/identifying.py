@@ -1,4 +1,4 @@
-"""A friction model and data -> its parameters: one call for all methods."""
+"""Identification of a friction model from data, with any of the methods."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from friction_fmus.identification.fit.models import ContactModel, contact_model
 from friction_fmus.identification.fit.problem import Problem
 from friction_fmus.identification.fit.scores import Score, criteria, independent_samples, score, weak_parameters
 from friction_fmus.identification.fit.search import Loss, covariance
-from friction_fmus.identification.fit.setup import Setup, Wishes, check_wishes
-from friction_fmus.identification.fit.simulation_data import Piece, prepare, signal_of, traits
+from friction_fmus.identification.fit.setup import Constraints, Setup, check_constraints
+from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of, traits
 from friction_fmus.identification.methods import find_method
 from friction_fmus.identification.result import Identification
 
-#: Part of a column of the Jacobian's size that counts as no dependence at all.
+#: Relative size of a column of the Jacobian below which it counts as zero.
 UNSEEN = 1e-9
 
 
@@ -49,100 +49,101 @@ def identify(
     model : str or Path
         Name of a friction block, or path of a ``.c`` file.
     data : Record, sequence of Record, or MeasuredAxis
-        One measurement; several pieces, each of which begins in a state of its own; or an axis with the servo it was
-        measured with, whose closed loop is then simulated.
+        One record; several segments, each with its own initial state; or an axis with its servo, whose closed loop is
+        then simulated.
     fixed : mapping of str to float, optional
-        Parameters that are known, in the units of the block; of M and OF, mass and offset of a drive, too.
+        Known parameters, in the units of the block, and mass M and force offset OF of a drive.
     bounds : mapping of str to (float, float), optional
-        Bounds, inside of the ranges of the block.
+        Bounds within the ranges of the block.
     start : mapping of str to float, optional
-        Where to start. Parameters that by default keep their value, such as delta, are identified if `start` or
-        `bounds` names them.
+        Start values. Parameters that keep their default value, such as delta, are identified if `start` or `bounds`
+        contains them.
     loss : {"linear", "soft_l1", "huber", "cauchy", "arctan"}
-        How errors count; all but the first make little of outliers.
+        Loss function; the robust losses (all but "linear") reduce the influence of outliers.
     method : str
-        By default ("auto") the one that suits model and data: "inverse" for laws without a state (the law evaluated
-        along the measured motion), "hysteresis" for those with elements, "output-error" for the others (the block is
-        simulated along the measured motion), "closed-loop" for a `MeasuredAxis`.
+        "auto" selects the method from model and data: "inverse" for models without state (evaluated along the measured
+        motion), "hysteresis" for models with elements, "closed-loop" for a `MeasuredAxis`, "output-error" otherwise
+        (simulated along the measured motion).
     validation : Record or sequence of Record, optional
-        Data that are predicted with the result, only their initial states fitted.
+        Validation data, predicted with the identified parameters; only initial states are fitted.
     starts : int, optional
-        Searches from different points, of which the best end is taken; by default 1 if `start` names all parameters,
-        for elements of hysteresis and in a closed loop, otherwise 3.
+        Number of searches from different start points; the best result is returned. By default 3, or 1 if `start`
+        contains all parameters, for models with elements, and in closed loop.
     settings : InverseModelSettings, optional
-        Filter of position and, for a drive force, of both sides of the equation; by default as `default_settings`.
+        Filter of the position and, for a drive force, of both sides of the equation; by default `default_settings`.
 
     Returns
     -------
     Identification
+        Estimates with standard errors, predicted signal and scores.
 
     Raises
     ------
     FitError
-        A name is unknown, a value out of range, a method or loss not applicable.
+        If a name is unknown, a value is out of range, or method or loss is not applicable.
     RecordError
-        A column is missing, nothing moves, or the contact opens.
+        If a column is missing, the record has no motion, or the normal force is not positive.
     IdentificationError
-        The model cannot be identified from records.
+        If the model cannot be identified from records.
 
     Notes
     -----
-    The signal is the friction coefficient where friction and normal force were measured, else the friction, else the
-    drive force, then F + M a + OF. The model is the compiled FMU, run in compiled code over all samples. The
-    coordinates of the search are the logarithms of the parameters whose range excludes zero, and the others in parts of
-    their start values; the method is the trust region of `scipy.optimize.least_squares`. Standard errors: see
+    The signal is the friction coefficient if friction and normal force were measured, otherwise the friction force,
+    otherwise the drive force F + M a + OF. The model is the compiled FMU, run in compiled code over all samples. The
+    search uses the trust-region method of `scipy.optimize.least_squares`. Its coordinates are logarithms of parameters
+    whose range excludes zero, and the other parameters divided by their start values. For standard errors, see
     `covariance`.
     """
     begin = time.perf_counter()
-    wishes = Wishes(dict(fixed or {}), dict(bounds or {}), dict(start or {}))
+    constraints = Constraints(dict(fixed or {}), dict(bounds or {}), dict(start or {}))
 
     if isinstance(data, MeasuredAxis):
         if method not in ("auto", "closed-loop"):
             raise FitError(
-                f"The method for an axis with its servo is 'closed-loop', not {method!r}; or give its record."
+                f"The method {method!r} is not applicable to a MeasuredAxis; use 'closed-loop', or pass its record."
             )
-        opened = identify(
+        open_loop = identify(
             model, data.record, fixed=fixed, bounds=bounds, start=start, loss=loss, starts=starts, settings=settings
         )
-        closed = identify_closed_loop(model, data, opened, wishes)
+        closed = identify_closed_loop(model, data, open_loop, constraints)
         checked = None if validation is None else validated(closed, validation)
         return closed.timed(time.perf_counter() - begin, checked)
     records = (data,) if isinstance(data, Record) else tuple(data)
     if not records:
-        raise FitError("There are no records; give at least one.")
+        raise FitError("There are no records; pass at least one.")
     contact = contact_model(model, records[0].units)
     signal, unit = signal_of(records)
-    check_wishes(contact, signal, wishes)
+    check_constraints(contact, signal, constraints)
     name, chosen = find_method(contact, method)
-    pieces = [prepare(record, contact, signal, settings) for record in records]
-    Fn0 = _reference_load(wishes, pieces)
+    segments = [prepare(record, contact, signal, settings) for record in records]
+    Fn0 = _reference_load(constraints, segments)
     with driven(contact.path) as drive:
-        given = FitData(contact, drive, pieces, traits(pieces, Fn0 or 1.0), wishes, records[0].units, Fn0)
+        given = FitData(contact, drive, segments, traits(segments, Fn0 or 1.0), constraints, records[0].units, Fn0)
         result = _result(model, contact, name, chosen.fit(given, loss, starts), signal, unit, records, settings)
     checked = None if validation is None else _validated(result, validation)
     return result.timed(time.perf_counter() - begin, checked)
 
 
-def _reference_load(wishes: Wishes, pieces: Sequence[Piece]) -> float | None:
-    """The normal force at which the parameters hold: as fixed, else the mean one."""
-    if pieces[0].per is None:
+def _reference_load(constraints: Constraints, segments: Sequence[PreparedSegment]) -> float | None:
+    """Return the normal force at which the parameters are valid: the fixed value, or the mean."""
+    if segments[0].per is None:
         return None
-    mean = float(np.mean(np.concatenate([piece.per for piece in pieces if piece.per is not None])))
-    return float(wishes.fixed.get("Fn0", mean))
+    mean = float(np.mean(np.concatenate([segment.per for segment in segments if segment.per is not None])))
+    return float(constraints.fixed.get("Fn0", mean))
 
 
 def _reported(setup: Setup, problem: Problem, x: Array) -> tuple[dict[str, float], dict[str, float]]:
-    """Parameters and initial states at x; those of later records have their number behind the name."""
+    """Return parameters and initial states at x; names of later records end with the number of the record."""
     parameters = setup.assemble(problem.values(x, None))
     initial = {}
-    for index in range(len(problem.pieces)):
+    for index in range(len(problem.segments)):
         for name, value in setup.states(parameters, problem.values(x, index)).items():
             initial[name if index == 0 else f"{name} ({index + 1})"] = value
     return parameters, initial
 
 
 def _sensitivity(setup: Setup, problem: Problem, x: Array) -> Array:
-    """How the reported values move with the coordinates, by central differences; shape (values, p)."""
+    """Return the derivatives of the reported values with respect to the coordinates; shape (values, p)."""
 
     def flat(at: Array) -> Array:
         return np.array([value for part in _reported(setup, problem, at) for value in part.values()])
@@ -162,7 +163,7 @@ def _result(
     settings: InverseModelSettings | None,
 ) -> Identification:
     setup, problem, found = fit.setup, fit.problem, fit.found
-    lengths = [len(piece.measured) for piece in problem.pieces]
+    lengths = [len(piece.measured) for piece in problem.segments]
     spread, robust = covariance(found, lengths)
     G = _sensitivity(setup, problem, found.x)
     C = G @ spread @ G.T
@@ -170,7 +171,7 @@ def _result(
     parameters, initial = _reported(setup, problem, found.x)
     names = [*parameters, *initial]
     both = {**parameters, **initial}
-    # what no column of the Jacobian moves has no error that the data could tell
+    # parameters with a zero Jacobian column get no standard error
     seen = np.linalg.norm(found.J, axis=0) > UNSEEN * max(float(np.linalg.norm(found.J)), 1e-300)
     unseen = [name for i, name in enumerate(names) if np.any(G[i]) and not np.any((G[i] != 0.0) & seen)]
     error = np.where(np.isin(names, unseen), np.nan, error)
@@ -178,12 +179,12 @@ def _result(
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = np.nan_to_num(C / np.outer(error, error), nan=0.0, posinf=0.0, neginf=0.0)
     np.fill_diagonal(correlation, 1.0)
-    measured = np.concatenate([piece.measured for piece in problem.pieces])
+    measured = np.concatenate([segment.measured for segment in problem.segments])
     predicted = measured + found.residual * problem.size
     aic, bic = criteria(
-        found.residual * problem.size, independent_samples([p.measured for p in problem.pieces]), len(found.x)
+        found.residual * problem.size, independent_samples([p.measured for p in problem.segments]), len(found.x)
     )
-    warnings = () if found.converged else ("the search ended by its limit of iterations; give better start values",)
+    warnings = () if found.converged else ("the search reached its iteration limit; give better start values",)
 
     def unit_of(name: str) -> str:
         return setup.units.get(name.split(" (")[0], "1")
@@ -198,7 +199,7 @@ def _result(
         initial={name: estimate(name) for name in initial},
         fixed={name: float(value) for name, value in setup.constants.items()},
         correlation=correlation,
-        t=np.concatenate([piece.t for piece in problem.pieces]),
+        t=np.concatenate([segment.t for segment in problem.segments]),
         measured=measured,
         predicted=predicted,
         signal=signal,
@@ -225,7 +226,7 @@ def _at_bound(problem: Problem, x: Array) -> dict[str, float]:
     lower, upper = problem.bounds()
     for c, at, low, high in zip(problem.coordinates, x, lower, upper, strict=True):
         for limit, value in ((low, c.lower), (high, c.upper)):
-            if c.piece is None and np.isfinite(limit) and abs(at - limit) < 1e-6:
+            if c.segment is None and np.isfinite(limit) and abs(at - limit) < 1e-6:
                 found[c.name] = value
     return found
 

@@ -1,4 +1,4 @@
-"""Measured and predicted signal as a figure."""
+"""Figure of the measured and the predicted signal."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def draw(result: Identification, path: Path) -> Path:
         axes.grid(alpha=0.3)
     over_motion.set_xlabel(x_label)
     over_motion.locator_params(axis="x", nbins=4)
-    # some of the positions differ in the fourth digit only
+    # some positions differ only in the fourth digit
     over_motion.ticklabel_format(axis="x", style="sci", scilimits=(-3, 4), useOffset=True)
     over_time.legend(loc="upper right", fontsize="small")
     over_time.tick_params(labelbottom=False)
     error.plot(result.t, result.residuals, color=PREDICTED, lw=0.6)
-    error.set_ylabel("predicted - measured")
+    error.set_ylabel("predicted − measured")
     error.set_xlabel("time [s]")
     error.grid(alpha=0.3)
     figure.suptitle(
@@ -56,7 +56,7 @@ def draw(result: Identification, path: Path) -> Path:
 
 
 def _abscissa(result: Identification) -> tuple[Array, str]:
-    """The position where it was measured, else the velocity, at the instants of the signal."""
+    """Return position, or velocity if no position was measured, at the samples of the signal."""
     columns = []
     position = all(record.q is not None for record in result.records)
     for record in result.records:

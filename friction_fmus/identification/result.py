@@ -1,4 +1,4 @@
-"""The result of an identification: what was found, how sure it is, how well it fits."""
+"""The result of an identification: estimates with standard errors, prediction and scores."""
 
 from __future__ import annotations
 
@@ -22,53 +22,53 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identification:
-    """A friction model with the parameters that a record gives it.
+    """Identified friction model.
 
     Attributes
     ----------
     model : str
         Name of the block.
     method : str
-        How it was identified: "inverse", "output-error", "hysteresis" or "closed-loop".
+        Method: "inverse", "output-error", "hysteresis" or "closed-loop".
     parameters : mapping of str to Estimate
-        Estimates of the parameters of the block, of OF (offset of the force) where the contact moves to and fro, and
-        of M (moved mass) where the force is that of a drive.
+        Estimates of the parameters of the block, of the force offset OF for a reciprocating contact, and of the moved
+        mass M for a drive force.
     initial : mapping of str to Estimate
-        Estimates of the state at the beginning of the record.
+        Estimates of the initial states.
     fixed : mapping of str to float
-        Parameters of the block that were given.
+        Fixed parameters of the block.
     correlation : array, shape (p, p)
-        Correlation of the estimates, those of `parameters` first, then those of `initial`.
+        Correlation of the estimates, in the order of `parameters`, then `initial`.
     t, measured, predicted : array, shape (n,)
-        The signal that was fitted: time [s], measured and predicted, in `unit`.
+        Time [s], and measured and predicted signal, in `unit`.
     signal, unit : str
-        Name and unit of that signal: "mu", "friction", "force", or in a closed loop the position "q".
+        Name and unit of the signal: "mu", "friction", "force", or the position "q" in closed loop.
     train : Score
-        On the samples that were fitted.
+        Score on the training data.
     validation : Score or None
-        On samples that were not.
+        Score on the validation data.
     aic, bic : float
-        Information criteria of Akaike and Schwarz for Gaussian residuals, on as many independent samples as the
-        measured signal has correlation lengths: the same number for all models of one record; lower is better.
+        Information criteria of Akaike and Schwarz for Gaussian residuals; lower is better. The number of independent
+        samples follows from the correlation time of the measured signal, so it is the same for all models of a record.
     weak : mapping of str to str
-        Parameters that the record hardly determines -> why, and what to measure.
+        Poorly identifiable parameters, with the reason and advice on what to measure.
     warnings : tuple of str
-        What else to know about record and fit.
+        Warnings about record and fit.
     seconds : float
-        Time the identification took.
+        Elapsed time of the identification [s].
     simulations : int
         Number of simulations of the model.
     errors : str
-        Kind of the standard errors: "classic", for white residuals, or "robust", which counts with their correlation
-        (Newey, West 1987).
+        Type of the standard errors: "classic", for white residuals, or "robust", which take their correlation into
+        account (Newey, West 1987).
     block : str or Path
-        The block as it was named.
+        Block as passed by the user.
     records : tuple of Record
-        The data that were fitted.
+        Training data.
     settings : InverseModelSettings or None
-        The filter that was asked for.
+        Filter as passed by the user.
     servo : ServoSettings or None
-        The servo of a closed loop.
+        Servo of an identification in closed loop.
     """
 
     model: str
@@ -97,7 +97,7 @@ class Identification:
     servo: ServoSettings | None = None
 
     def __repr__(self) -> str:
-        """Return one line."""
+        """Return a summary in one line."""
         return identification_text(self)
 
     def _repr_html_(self) -> str:
@@ -105,7 +105,13 @@ class Identification:
         return identification_html(self)
 
     def values(self) -> dict[str, float]:
-        """Parameter values without their errors, those that were given included."""
+        """Return the parameter values without standard errors, including fixed parameters.
+
+        Returns
+        -------
+        dict of str to float
+            Values in the units of the estimates.
+        """
         return {**self.fixed, **{name: estimate.value for name, estimate in self.parameters.items()}}
 
     @property
@@ -114,7 +120,20 @@ class Identification:
         return self.predicted - self.measured
 
     def timed(self, seconds: float, validation: Score | None) -> Identification:
-        """The same with the time it took and the score on other data."""
+        """Return the result with elapsed time and validation score.
+
+        Parameters
+        ----------
+        seconds : float
+            Elapsed time [s].
+        validation : Score or None
+            Score on the validation data.
+
+        Returns
+        -------
+        Identification
+            Completed result.
+        """
         return replace(self, seconds=seconds, validation=validation)
 
     def predict(self, record: Record) -> Array:
@@ -123,28 +142,38 @@ class Identification:
         Parameters
         ----------
         record : Record
-            Its motion drives the model. If it has the signal, the initial state is fitted to it, and nothing else;
-            otherwise the contact begins unloaded.
+            Record whose motion drives the model. If it contains the signal, only the initial state is fitted to it;
+            otherwise the contact starts unloaded.
 
         Returns
         -------
         array, shape (n,)
-            The signal at the samples of the record, in `unit`; of a drive force without the decimation of the fit.
+            Predicted signal at the samples of the record, in `unit`; a drive force is not decimated.
 
         Raises
         ------
         RecordError
-            The record lacks the motion, or the normal force where the signal is mu.
+            If the record lacks the motion, or the normal force for the signal mu.
         """
         return predict(self, record)
 
     def compare(self, record: Record) -> tuple[Array, Array]:
-        """Measured and predicted signal of a record, both of shape (m,), filtered as for the fit.
+        """Return measured and predicted signal of a record, filtered as in the fit.
+
+        Parameters
+        ----------
+        record : Record
+            Record with the signal.
+
+        Returns
+        -------
+        measured, predicted : array, shape (m,)
+            Signals, in `unit`.
 
         Raises
         ------
         RecordError
-            The record lacks a column.
+            If the record lacks a column.
         """
         return compare(self, record)
 
@@ -154,43 +183,58 @@ class Identification:
         Parameters
         ----------
         path : path-like
-            A .png, .svg or .pdf file.
-
-        Raises
-        ------
-        OutputError
-            The file cannot be written.
-        """
-        return draw(self, Path(path))
-
-    def to_fmu(self, folder: str | Path, name: str | None = None) -> Path:
-        """Build the FMU of the block with the identified and given parameters as start values.
-
-        Parameters
-        ----------
-        folder : path-like
-            Where it goes; made if needed.
-        name : str, optional
-            Its name, by default that of the block.
+            Path of a .png, .svg or .pdf file.
 
         Returns
         -------
         Path
-            The FMU.
+            Path of the file.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written.
+        """
+        return draw(self, Path(path))
+
+    def to_fmu(self, folder: str | Path, name: str | None = None) -> Path:
+        """Build the FMU of the block with the identified and fixed parameters as start values.
+
+        Parameters
+        ----------
+        folder : path-like
+            Folder of the FMU; created if needed.
+        name : str, optional
+            Name of the FMU; by default the name of the block.
+
+        Returns
+        -------
+        Path
+            Path of the FMU.
 
         Raises
         ------
         BuildError
-            As of `friction_fmus.build`.
+            If the FMU cannot be built, see `friction_fmus.build`.
         """
         return build_identified(self, Path(folder), name)
 
     def to_ssv(self, path: str | Path) -> Path:
         """Write the parameters of the block as a parameter set (SSP 1.0).
 
+        Parameters
+        ----------
+        path : path-like
+            Path of a .ssv file.
+
+        Returns
+        -------
+        Path
+            Path of the file.
+
         Raises
         ------
         OutputError
-            The file cannot be written.
+            If the file cannot be written.
         """
         return write_parameters(self, Path(path))

@@ -1,4 +1,4 @@
-"""One record, several models: identified side by side, ranked, and written to a folder."""
+"""Identification and ranking of several models on the same record."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.identifying import identify
 from friction_fmus.identification.result import Identification
-from friction_fmus.notebook import survey_html, survey_text
+from friction_fmus.notebook import comparison_html, comparison_text
 
-Told = Callable[[int, int], None]
+ProgressCallback = Callable[[int, int], None]
 
-DRIVE = ("M", "OF")
-"""What may be given beside the parameters of a block, where the force is that of a drive."""
+DRIVE_PARAMETERS = ("M", "OF")
+"""Parameters of a drive that may be fixed in addition to those of a block."""
 
 
 @dataclass(frozen=True)
-class Task:
-    """What is asked of each model.
+class IdentificationTask:
+    """Data and options of the identification of each model.
 
     Attributes
     ----------
     train, validation : tuple of Record
-        Pieces that are fitted, and pieces that are only predicted; of the latter there may be none.
+        Training data and, optionally, validation data.
     fixed : mapping of str to float
-        Parameters that are known; a model takes those that it has.
-    options : mapping
-        Further arguments of `identify`: loss, method, starts.
+        Known parameters; each model uses those that it has.
+    options : mapping of str to object
+        Other arguments of `identify`: loss, method, starts.
     """
 
     train: tuple[Record, ...]
@@ -45,17 +45,17 @@ class Task:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Survey:
-    """Identifications of several models.
+class ModelComparison:
+    """Identified models, ranked.
 
     Attributes
     ----------
     results : tuple of Identification
-        The best one first.
+        Identified models, best first.
     failed : mapping of str to str
-        Models that could not be identified -> why.
+        Reasons why models could not be identified, by name of the model.
     ranked_by : str
-        ``validation error`` or ``BIC``.
+        Criterion of the ranking, ``validation error`` or ``BIC``.
     """
 
     results: tuple[Identification, ...]
@@ -63,48 +63,50 @@ class Survey:
     ranked_by: str
 
     def __repr__(self) -> str:
-        """Return one line."""
-        return survey_text(self)
+        """Return a summary in one line."""
+        return comparison_text(self)
 
     def _repr_html_(self) -> str:
         """Return the models as HTML, for a notebook."""
-        return survey_html(self)
+        return comparison_html(self)
 
 
-def compare_models(models: Sequence[str | Path], task: Task, workers: int = 1, told: Told | None = None) -> Survey:
-    """Identify several models.
+def compare_models(
+    models: Sequence[str | Path], task: IdentificationTask, workers: int = 1, progress: ProgressCallback | None = None
+) -> ModelComparison:
+    """Identify several models on the same data and rank them.
 
     Parameters
     ----------
     models : sequence of str or Path
         Names of friction blocks, or paths of ``.c`` files.
-    task : Task
+    task : IdentificationTask
         Data and options.
     workers : int
-        Processes side by side; more than 1 needs the guard ``if __name__ == "__main__":`` in a script.
-    told : callable, optional
-        Called with the number of models that are done and of all.
+        Number of parallel processes; a script needs the guard ``if __name__ == "__main__":`` for more than 1.
+    progress : callable, optional
+        Called with the number of finished models and the total number.
 
     Returns
     -------
-    Survey
-        Ranked by the validation error, or by the information criterion of Schwarz where there is no validation.
+    ModelComparison
+        Models ranked by the validation error, or by the Bayesian information criterion (BIC) without validation data.
 
     Raises
     ------
     FitError
-        A fixed parameter is one of no model, or no model could be identified.
+        If no model has a fixed parameter, or no model can be identified.
     """
     _check_fixed(models, task)
     found: dict[str, Identification | str] = {}
     if workers < 2 or len(models) < 2:
         for done, model in enumerate(models, start=1):
             found[str(model)] = identify_one(model, task)
-            if told:
-                told(done, len(models))
+            if progress:
+                progress(done, len(models))
     else:
         with ProcessPoolExecutor(min(workers, len(models)), mp_context=get_context("spawn")) as pool:
-            found = _side_by_side(pool, models, task, told)
+            found = _in_parallel(pool, models, task, progress)
     failed = {name: result for name, result in found.items() if isinstance(result, str)}
     results = [found[str(model)] for model in models if str(model) not in failed]
     if not results:
@@ -112,25 +114,25 @@ def compare_models(models: Sequence[str | Path], task: Task, workers: int = 1, t
         raise FitError(f"No model could be identified ({reasons}); change the data or the options.")
     identified = [result for result in results if isinstance(result, Identification)]
     validated = all(result.validation is not None for result in identified)
-    # models that predict the same, as Coulomb and Stiction in sliding, keep the order in which they were named
+    # models with equal predictions, such as Coulomb and Stiction in sliding, keep their order in `models`
     identified.sort(key=_error if validated else lambda result: round(result.bic, 3))
-    return Survey(tuple(identified), failed, "validation error" if validated else "BIC")
+    return ModelComparison(tuple(identified), failed, "validation error" if validated else "BIC")
 
 
-def identify_one(model: str | Path, task: Task) -> Identification | str:
-    """The identification of one model, or why there is none."""
+def identify_one(model: str | Path, task: IdentificationTask) -> Identification | str:
+    """Return the identification of a model, or the reason why it failed."""
     try:
-        known = {*contact_model(model, task.train[0].units).parameters, *DRIVE} if task.fixed else set()
+        known = {*contact_model(model, task.train[0].units).parameters, *DRIVE_PARAMETERS} if task.fixed else set()
         fixed = {name: value for name, value in task.fixed.items() if name in known}
         return identify(model, task.train, fixed=fixed, validation=task.validation or None, **task.options)
     except FrictionError as error:
         return " ".join(str(error).split())
-    except Exception as error:  # one model of many; the others go on
+    except Exception as error:  # a failing model must not stop the others
         return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
-def _side_by_side(
-    pool: Executor, models: Sequence[str | Path], task: Task, told: Told | None
+def _in_parallel(
+    pool: Executor, models: Sequence[str | Path], task: IdentificationTask, progress: ProgressCallback | None
 ) -> dict[str, Identification | str]:
     found: dict[str, Identification | str] = {}
     waiting = {pool.submit(identify_one, model, task): str(model) for model in models}
@@ -139,27 +141,27 @@ def _side_by_side(
             try:
                 found[waiting[future]] = future.result()
             except BrokenProcessPool:
-                found[waiting[future]] = "a process died while it or another model was identified; try it alone"
-            if told:
-                told(done, len(models))
+                found[waiting[future]] = "a worker process died during this or another model; identify it alone"
+            if progress:
+                progress(done, len(models))
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
         raise
     return found
 
 
-def _check_fixed(models: Sequence[str | Path], task: Task) -> None:
-    """Refuse a fixed parameter that no model has, which would silently do nothing."""
+def _check_fixed(models: Sequence[str | Path], task: IdentificationTask) -> None:
+    """Raise FitError for a fixed parameter that no model has, which would silently be ignored."""
     if not task.fixed:
         return
-    known = set(DRIVE)
+    known = set(DRIVE_PARAMETERS)
     for model in models:
         known |= contact_model(model, task.train[0].units).parameters.keys()
     unknown = sorted(task.fixed.keys() - known)
     if unknown:
         raise FitError(
-            f"No model here has the parameter {unknown[0]!r}, which is to be fixed; "
-            f"known are {', '.join(sorted(known))}."
+            f"None of the models has the parameter {unknown[0]!r}, which is to be fixed; their parameters are "
+            f"{', '.join(sorted(known))}."
         )
 
 

@@ -1,4 +1,4 @@
-"""Procedures that run a system of FMUs again and again."""
+"""Procedures that run a system of FMUs repeatedly: iterative learning, and identification from feedback."""
 
 from friction_fmus.procedures.feedback_error import FrictionTable, identify_from_feedback
 from friction_fmus.procedures.ilc import Loop, Training, inverse_process_sensitivity, learning_step, train, zero_phase

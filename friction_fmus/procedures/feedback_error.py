@@ -1,6 +1,6 @@
-"""Friction over speed from what the feedback has to add to a feedforward at constant speed, improved pass by pass.
+"""Friction over speed from the feedback force at constant speed; each pass improves the feedforward force.
 
-Johnson, Lorenz, IEEE Transactions on Industry Applications 28(6), 1992 (from a summary, the paper was not read).
+Method of Johnson, Lorenz, IEEE Transactions on Industry Applications 28(6), 1992, taken from a summary of the paper.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FrictionTable:
-    """Friction over speed, and how it came about.
+    """Friction over speed, identified from the feedback force.
 
     Attributes
     ----------
     speeds : array, shape (n,)
-        Speeds [m/s], negative ones backward.
+        Speeds [m/s]; negative for backward motion.
     levels : array, shape (passes + 1, n)
-        Feedforward force of each pass [N], and last the force that was found.
+        Feedforward force of each pass [N]; the last row is the result.
     feedback : array, shape (passes, n)
-        Mean force that the feedback added in each pass [N].
+        Mean feedback force of each pass [N].
     ripple : array, shape (passes, n)
-        Largest deviation of the velocity from the speed over the speed. From 1 on the axis stood still: it stuck and
-        slipped, and the mean force is not the friction at that speed.
+        Largest relative deviation of the velocity from the speed. If it is 1 or more, the axis stopped: it showed
+        stick-slip, and the mean force is not the friction at that speed.
     """
 
     speeds: Array
@@ -42,28 +42,28 @@ class FrictionTable:
 
     @property
     def friction(self) -> Array:
-        """Friction force at each speed [N], NaN where the axis stuck and slipped in the last pass."""
+        """Friction force at each speed [N]; NaN if the axis showed stick-slip in the last pass."""
         return np.where(self.ripple[-1] < 1.0, self.levels[-1], np.nan)
 
     def stribeck(self) -> dict[str, float]:
-        """The Stribeck curve through the table, of all speeds at which the axis did not stick.
+        """Fit a Stribeck curve to the speeds without stick-slip.
 
         Returns
         -------
         dict of str to float
-            Fc, Fs [N], vs [m/s] and Fv [N.s/m] as in StaticFeedforward, for its exponent 2.
+            Fc, Fs [N], vs [m/s] and Fv [N.s/m] of StaticFeedforward with the exponent 2.
 
         Raises
         ------
         FrictionError
-            If fewer than four speeds are left for the four numbers.
+            If fewer than four speeds are available for the four parameters.
         """
         good = np.isfinite(self.friction)
         v, level = np.abs(self.speeds[good]), np.abs(self.friction[good])
         if np.unique(v).size < 4:
             raise FrictionError(
-                f"stribeck: the curve has four numbers, and at {np.unique(v).size} speeds the axis moved evenly; "
-                "measure at four or more, with more damping in the controller if it stuck"
+                f"stribeck: the curve has four parameters, but the axis moved without stick-slip at "
+                f"{np.unique(v).size} of {self.speeds.size} speeds; measure at four or more, or increase the damping of the controller"
             )
 
         def misfit(p: Array) -> Array:
@@ -88,50 +88,53 @@ def identify_from_feedback(
     start: ArrayLike = 0.0,
     master: str = "newton",
 ) -> FrictionTable:
-    """Find the friction of an axis at constant speeds: F_next(v) = F(v) + mean feedback force at v.
+    """Identify the friction of an axis at constant speeds: F_next(v) = F(v) + mean feedback force at v.
 
     Parameters
     ----------
     system : callable
-        ``system(speed, force) -> System``: the axis that follows a reference of that speed [m/s], with that force [N]
-        added to the force of its controller. It is called for each speed of each pass.
+        ``system(speed, force) -> System``: returns the axis following a reference with this speed [m/s], with this
+        force [N] added to the output of its controller. It is called for each speed of each pass.
     speeds : array_like, shape (n,)
-        Speeds [m/s], none of them 0; negative ones are backward.
+        Speeds [m/s], none of them 0; negative for backward motion.
     control, velocity : str
-        Names of the signals of the whole force of the controller, with the one that is added, and of the velocity.
+        Names of the signals of the total controller force, including the added force, and of the velocity.
     settled, stop, step : float
-        Time from which on the means are taken, end of a run, and communication step [s].
+        Start of averaging, end of a run, and communication step [s].
     passes : int
-        How often all speeds are run.
+        Number of passes over all speeds.
     start : array_like, shape (n,)
         Force of the first pass [N].
     master : str
-        Who steps when, as of `System.run`.
+        Master algorithm, see `System.run`.
 
     Returns
     -------
     FrictionTable
-        The forces of all passes.
+        Forces of all passes.
 
     Raises
     ------
     FrictionError
-        If a speed is 0, or a number is out of its range.
+        If a speed is 0, or a number is outside its range.
 
     Notes
     -----
-    The axis moves evenly at every speed, and the means are right, if the damping Kd of the controller exceeds the
-    steepest fall of the friction curve, 0.858 (Fs - Fc)/vs for the exponent 2, see
-    `friction_fmus.conditions.steepest_fall`. Less may do on bristles with damping. What is found is the friction at
-    constant speed, without presliding and lag.
+    Method of Johnson, Lorenz, IEEE Transactions on Industry Applications 28(6), 1992. The axis moves without stick-slip
+    at every speed, and the means are valid, if the damping Kd of the controller exceeds the steepest fall of the
+    friction curve, 0.858 (Fs - Fc)/vs for the exponent 2, see `friction_fmus.conditions.steepest_fall`. For bristles
+    with damping, a smaller Kd may be sufficient. The result is the friction at constant speed, without presliding and
+    frictional lag.
     """
     v = np.atleast_1d(np.asarray(speeds, dtype=np.float64))
     if v.ndim != 1 or not np.isfinite(v).all() or not v.all():
-        raise FrictionError("identify_from_feedback: a speed is 0 or no number; there friction has no one value")
+        raise FrictionError(
+            "identify_from_feedback: a speed is 0 or not a number; at rest friction has no unique value, remove it"
+        )
     if passes < 1 or not 0.0 <= settled < stop:
         raise FrictionError(
-            f"identify_from_feedback: passes = {passes}, settled = {settled} s, stop = {stop} s; it takes one pass or "
-            "more, and settled before stop"
+            f"identify_from_feedback: passes = {passes}, settled = {settled} s, stop = {stop} s; use one pass or more, "
+            "and settled before stop"
         )
     levels = [np.broadcast_to(np.asarray(start, dtype=np.float64), v.shape).copy()]
     feedback, ripple = [], []

@@ -1,7 +1,7 @@
-"""Iterative learning control: trials on the harness, a learning step between them.
+"""Iterative learning control: simulated trials with a learning step between them.
 
 Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984; survey: Bristow, Tharayil, Alleyne, IEEE Control
-Systems Magazine 26(3), 2006. The FMU IterativeLearning does the same step inside, during one run.
+Systems Magazine 26(3), 2006. The FMU IterativeLearning performs the same learning step during a single run.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Loop:
-    """A mass under PID control, whose process sensitivity the learning filter inverts.
+    """Mass under PID control, whose process sensitivity the learning filter inverts.
 
     Attributes
     ----------
     m : float
         Mass [kg].
     Kp, Kd, Ki : float
-        Gains [N/m], [N.s/m], [N/(m.s)]; Ki = 0 for PD control.
+        Gains [N/m, N.s/m, N/(m.s)]; Ki = 0 for PD control.
     """
 
     m: float
@@ -40,12 +40,12 @@ class Loop:
 
 @dataclass(frozen=True)
 class Training:
-    """What was learned.
+    """Forces and errors of all trials of iterative learning.
 
     Attributes
     ----------
     forces : array, shape (trials + 1, samples)
-        Learned force of each trial [N]; the first one is 0.
+        Learned force of each trial [N]; 0 in the first trial.
     errors : array, shape (trials + 1, samples)
         Reference minus position in each trial [m].
     """
@@ -60,21 +60,21 @@ class Training:
 
 
 def inverse_process_sensitivity(error: ArrayLike, Ts: float, loop: Loop) -> Array:
-    """The force that would have made an error vanish: m e'' + Kd e' + Kp e + Ki int e, by central differences.
+    """Return the force that would have cancelled an error: m e'' + Kd e' + Kp e + Ki int e, by central differences.
 
     Parameters
     ----------
     error : array_like, shape (samples,)
-        Error of a trial [m]; beyond its ends it is taken to be constant.
+        Error of a trial [m]; assumed constant beyond its ends.
     Ts : float
         Sample time [s].
     loop : Loop
-        The loop in which the force will act.
+        Loop in which the force acts.
 
     Returns
     -------
     array, shape (samples,)
-        Force [N]. The integral of a sample does not contain that sample, like PID's.
+        Force [N]. As in the law PID, the integral at a sample excludes that sample.
     """
     e = np.asarray(error, dtype=np.float64)
     wide = np.concatenate([e[:1], e, e[-1:]])
@@ -86,19 +86,20 @@ def inverse_process_sensitivity(error: ArrayLike, Ts: float, loop: Loop) -> Arra
 
 
 def zero_phase(force: ArrayLike, Ts: float, fq: float) -> Array:
-    """Low-pass without phase: Butterworth of order 2, there and back, at rest on the first value of either way.
+    """Filter a signal with a zero-phase low-pass filter: second-order Butterworth, forward and backward.
 
     Parameters
     ----------
     force : array_like, shape (samples,)
-        What is filtered.
+        Signal.
     Ts, fq : float
-        Sample time [s] and corner frequency [Hz]; 0, or 1/(2 Ts) and more, is no filter.
+        Sample time [s] and corner frequency [Hz]; with 0, or 1/(2 Ts) and above, the signal is not filtered.
 
     Returns
     -------
     array, shape (samples,)
-        The filtered values; the gain is the square of the filter's.
+        Filtered signal. The gain is the square of the Butterworth gain; each pass starts in the steady state of its
+        first value.
     """
     values = np.asarray(force, dtype=np.float64)
     if fq <= 0.0 or fq * Ts >= 0.5:
@@ -111,7 +112,28 @@ def zero_phase(force: ArrayLike, Ts: float, fq: float) -> Array:
 
 
 def learning_step(force: ArrayLike, error: ArrayLike, Ts: float, loop: Loop, *, rate: float, fq: float) -> Array:
-    """The force of the next trial: Q (force + rate L error), shape (samples,) [N]."""
+    """Return the force of the next trial, Q (force + rate L error).
+
+    Parameters
+    ----------
+    force : array_like, shape (samples,)
+        Learned force of this trial [N].
+    error : array_like, shape (samples,)
+        Error of this trial [m].
+    Ts : float
+        Sample time [s].
+    loop : Loop
+        Loop that the learning filter L inverts, see `inverse_process_sensitivity`.
+    rate : float
+        Learning rate.
+    fq : float
+        Corner frequency of the filter Q [Hz], see `zero_phase`.
+
+    Returns
+    -------
+    array, shape (samples,)
+        Force of the next trial [N].
+    """
     return zero_phase(np.asarray(force) + rate * inverse_process_sensitivity(error, Ts, loop), Ts, fq)
 
 
@@ -129,27 +151,29 @@ def train(
     fq: float = 50.0,
     master: str = "gauss-seidel",
 ) -> Training:
-    """Learn the force of a motion in repeated runs, each of which begins in the same state.
+    """Learn the force of a motion in repeated runs that start in the same state.
 
     Parameters
     ----------
     system : callable
-        ``system(learned) -> System``: the system with the part ``learned`` in it, whose output ``F`` [N] is wired to
-        the input of the controller to which the force is added, and held for a sample. It is called for each trial.
+        ``system(learned) -> System``: returns the system including the part ``learned``, whose output ``F`` [N] must
+        be connected to the input of the controller that is added to its force. It is called for each trial.
     loop : Loop
-        What the learning filter inverts.
+        Loop that the learning filter inverts.
     reference, position : str
         Names of the signals whose difference is the error, ``"part.port"``.
     samples : int
-        Samples of a trial.
-    Ts, step : float
-        Sample time and communication step [s], a whole part of Ts; without `step` it is Ts.
+        Number of samples of a trial.
+    Ts : float
+        Sample time [s].
+    step : float, optional
+        Communication step [s]; Ts must be an integer multiple of it. By default Ts.
     trials : int
-        Learning steps; one more trial than that is run.
+        Number of learning steps; the number of trials is one more.
     rate, fq : float
         Learning rate, and corner frequency of the zero-phase filter Q [Hz].
     master : str
-        Who steps when, as of `System.run`.
+        Master algorithm, see `System.run`.
 
     Returns
     -------
@@ -159,20 +183,23 @@ def train(
     Raises
     ------
     FrictionError
-        If step is no whole part of Ts, or a number is out of its range.
+        If Ts is not an integer multiple of the step, or a number is outside its range.
 
     Notes
     -----
-    For a linear loop with the process P and the controller C the error falls monotonically in the 2-norm if
-    ``|Q (1 - rate L P/(1 + P C))| < 1`` at all frequencies; the first trials take it down by about ``1 - rate``.
+    For a linear loop with the process P and the controller C, the 2-norm of the error decreases monotonically if
+    ``|Q (1 - rate L P/(1 + P C))| < 1`` at all frequencies (Bristow, Tharayil, Alleyne 2006). The first trials reduce
+    the error by a factor of about ``1 - rate``.
     """
     every = round(Ts / step) if step else 1
     if every < 1 or (step and not math.isclose(every * step, Ts, rel_tol=1e-9)):
-        raise FrictionError(f"train: the step {step} s is no whole part of the sample time {Ts} s; choose one that is")
+        raise FrictionError(
+            f"train: the sample time {Ts} s is not an integer multiple of the step {step} s; correct it"
+        )
     if samples < 2 or trials < 0 or not 0.0 < rate < 2.0:
         raise FrictionError(
-            f"train: samples = {samples}, trials = {trials}, rate = {rate}; it takes 2 samples or more, no negative "
-            "number of trials, and a rate between 0 and 2"
+            f"train: samples = {samples}, trials = {trials}, rate = {rate}; use 2 samples or more, 0 trials or more, "
+            "and a rate between 0 and 2"
         )
     times = Ts * np.arange(samples)
     force = np.zeros(samples)

@@ -1,6 +1,6 @@
-"""Friction and cogging from the forces that iterative learning finds at constant speed in both directions.
+"""Friction and cogging from the forces learned by iterative learning at constant speed in both directions.
 
-No paper could be identified for the scheme; it is as a summary states it.
+The method is taken from a summary; its original publication could not be identified.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from friction_fmus.errors import FrictionError
 Array = NDArray[np.float64]
 
 POINTS = 16
-"""Points of the tables of TustinFeedback."""
+"""Number of points of the tables of TustinFeedback."""
 
 
 @dataclass(frozen=True)
@@ -26,13 +26,13 @@ class PositionTables:
     Attributes
     ----------
     x : array, shape (n,)
-        Positions [m], from the first on in equal steps; the tables repeat after n steps.
+        Equally spaced positions [m]; the tables are periodic with n steps.
     speeds : array, shape (m,)
         Speeds [m/s].
     friction : array, shape (m, n)
-        Friction force of motion to the front [N].
+        Friction force in forward motion [N].
     cogging : array, shape (n,)
-        Force that holds the axis against cogging, the mean over the speeds [N].
+        Force that compensates cogging, averaged over the speeds [N].
     """
 
     x: Array
@@ -41,21 +41,21 @@ class PositionTables:
     cogging: Array
 
     def tustin(self) -> dict[str, float]:
-        """Tustin's curve of the mean friction over the position, with exponent 1.
+        """Fit Tustin's curve, with the exponent 1, to friction averaged over the position.
 
         Returns
         -------
         dict of str to float
-            Fc, Fs [N], Fv [N.s/m] and vs [m/s] as in TustinFeedback.
+            Fc, Fs [N], Fv [N.s/m] and vs [m/s] of TustinFeedback.
 
         Raises
         ------
         FrictionError
-            If there are fewer than four speeds for the four numbers.
+            If there are fewer than four speeds for the four parameters.
         """
         if self.speeds.size < 4:
             raise FrictionError(
-                f"tustin: the curve has four numbers and there are {self.speeds.size} speeds; learn at four or more"
+                f"tustin: the curve has four parameters, but there are only {self.speeds.size} speeds; use four or more"
             )
         v, level = self.speeds, self.friction.mean(axis=1)
 
@@ -68,12 +68,12 @@ class PositionTables:
         return {"Fc": float(Fc), "Fs": float(Fs), "Fv": float(Fv), "vs": float(np.exp(log_vs))}
 
     def start_values(self, pitch: float) -> dict[str, float]:
-        """Start values of TustinFeedback: the curve, the level and the cogging at its 16 points.
+        """Return start values of TustinFeedback: the curve, and level and cogging at its 16 points.
 
         Parameters
         ----------
         pitch : float
-            Length after which the tables repeat [m].
+            Period of the tables [m].
 
         Returns
         -------
@@ -83,7 +83,7 @@ class PositionTables:
         Raises
         ------
         FrictionError
-            As `tustin`.
+            If there are fewer than four speeds, see `tustin`.
         """
         at = self.x[0] + pitch / POINTS * np.arange(POINTS)
         share = (self.friction / self.friction.mean(axis=1, keepdims=True)).mean(axis=0)
@@ -95,27 +95,32 @@ class PositionTables:
 
 
 def separate(x: ArrayLike, speeds: ArrayLike, forward: ArrayLike, backward: ArrayLike) -> PositionTables:
-    """Friction (u+ - u-)/2 and cogging (u+ + u-)/2.
+    """Separate learned forces into friction (u+ - u-)/2 and cogging (u+ + u-)/2.
 
     Parameters
     ----------
     x : array_like, shape (n,)
-        Positions in equal steps over one period [m].
+        Equally spaced positions over one period [m].
     speeds : array_like, shape (m,)
         Speeds above 0 [m/s].
     forward, backward : array_like, shape (m, n)
-        Learned force at each speed and position, in motion to the front and to the back [N].
+        Learned force at each speed and position in forward and backward motion, u+ and u- [N].
+
+    Returns
+    -------
+    PositionTables
+        Friction at each speed, and cogging averaged over the speeds.
 
     Raises
     ------
     FrictionError
-        If the shapes do not fit, or a speed is not above 0.
+        If the shapes do not match, or a speed is not above 0.
     """
     at, v = np.asarray(x, dtype=np.float64), np.asarray(speeds, dtype=np.float64)
     ahead, back = np.asarray(forward, dtype=np.float64), np.asarray(backward, dtype=np.float64)
     if ahead.shape != (v.size, at.size) or back.shape != ahead.shape or not (v > 0.0).all():
         raise FrictionError(
-            f"separate: {at.size} positions and {v.size} speeds above 0 need forces of the shape "
-            f"({v.size}, {at.size}); there are {ahead.shape} and {back.shape}"
+            f"separate: {at.size} positions and {v.size} speeds need speeds above 0 and forces of the shape "
+            f"({v.size}, {at.size}), but the shapes are {ahead.shape} and {back.shape}"
         )
     return PositionTables(at, v, (ahead - back) / 2.0, ((ahead + back) / 2.0).mean(axis=0))

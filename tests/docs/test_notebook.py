@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from friction_fmus import fmu
-from friction_fmus.identification import Estimate, Identification, Score, Survey
+from friction_fmus.identification import Estimate, Identification, ModelComparison, Score
 from harness import CallablePart, FmuPart, Port, System
 from harness.notebook import html_table
 
@@ -82,8 +82,8 @@ def test_an_identification() -> None:
 
 
 def test_a_comparison_of_models() -> None:
-    survey = Survey((identification(), identification("Dahl")), {"GMS": "no samples"}, "validation error")
-    assert repr(survey) == "<Survey of 2 models by validation error: LuGre, Dahl>"
+    survey = ModelComparison((identification(), identification("Dahl")), {"GMS": "no samples"}, "validation error")
+    assert repr(survey) == "<ModelComparison of 2 models by validation error: LuGre, Dahl>"
     found = cells(survey._repr_html_())
     assert found[5:10] == ["LuGre", "output-error", "2.5", "2.5", "123.4"]
     assert found[-2:] == ["GMS", "no samples"]

@@ -10,7 +10,7 @@ import pytest
 from friction_fmus import identify
 from friction_fmus.data import MeasuredAxis, load_emps
 from friction_fmus.identification import FitError
-from friction_fmus.identification.closed_loop import write_axis
+from friction_fmus.identification.closed_loop import axis_simulator
 from friction_fmus.identification.fit.models import contact_model
 
 #: Found by `benchmarks/identification.py`.
@@ -28,7 +28,7 @@ LUGRE = {
 
 def test_the_emps_axis_with_lugre_moves_as_measured(tmp_path: Path) -> None:
     axis = load_emps()
-    run = write_axis(contact_model("LuGre", axis.record.units), axis, tmp_path)
+    run = axis_simulator(contact_model("LuGre", axis.record.units), axis, tmp_path)
     simulated = run(LUGRE)
     q, force = axis.record.column("q"), axis.record.column("force")
     assert 1e6 * np.sqrt(np.mean((simulated["q"] - q) ** 2)) < 1.38

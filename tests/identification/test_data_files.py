@@ -90,7 +90,7 @@ def test_a_decimal_comma_is_read_and_named(tmp_path: Path) -> None:
 def test_a_decimal_comma_beside_separating_commas_is_refused(tmp_path: Path) -> None:
     rows = [",".join(f"{value:.6f}".replace(".", ",") for value in row) for row in zip(T, X, strict=True)]
     path = write(tmp_path, "\n".join(["t [s],x [mm]", *rows]))
-    with pytest.raises(RecordError, match="decimal points, write the file with semicolons"):
+    with pytest.raises(RecordError, match="decimal points, use semicolons"):
         read_records(path)
 
 
@@ -146,16 +146,14 @@ def test_trajectories_of_dymola_bring_their_units(tmp_path: Path) -> None:
 def test_a_row_with_other_cells_is_named_with_its_line(tmp_path: Path) -> None:
     text = "# one\n" + lines()
     broken = text.replace(text.splitlines()[6], "0.004,1")
-    with pytest.raises(RecordError, match=r"Line 7 of .* has 2 cells, the others have 3"):
+    with pytest.raises(RecordError, match=r"Line 7 of .* has 2 cells, but the others have 3"):
         read_records(write(tmp_path, broken))
 
 
 def test_a_word_among_the_numbers_is_named_with_its_line(tmp_path: Path) -> None:
     rows = lines().splitlines()
     rows[11] = rows[11].rsplit(",", 1)[0] + ",overflow"
-    with pytest.raises(
-        RecordError, match=r"column 'force' for the force, is not made of numbers: .*'overflow' in line 12"
-    ):
+    with pytest.raises(RecordError, match=r"column 'force' for the force, is not numeric: .*'overflow' in line 12"):
         read_records(write(tmp_path, "\n".join(rows)), tables("t", "x", "force"))
 
 
@@ -180,7 +178,7 @@ def test_missing_cells_are_left_out_and_named(tmp_path: Path) -> None:
         ("a.csv", b"one\ntwo\nthree\nfour\n", "has no line of numbers"),
         ("a.mat", b"nothing of MATLAB" * 50, "cannot be read as a .mat file"),
         ("a.parquet", b"PAR1", "cannot be read as a .parquet file"),
-        ("a.xlsx", b"", "has no known format; give a file that ends in .csv, "),
+        ("a.xlsx", b"", "is unknown; use a file that ends in .csv, "),
     ],
 )
 def test_files_that_are_none_are_refused(tmp_path: Path, name: str, content: bytes, message: str) -> None:
@@ -203,5 +201,5 @@ def test_values_that_no_machine_has_are_refused(tmp_path: Path, column: str, siz
     values = {"t": T, "x": 1e3 * X, "u": F}
     values[column] = size * values[column] / np.abs(values[column]).max()
     rows = [",".join(values), *(",".join(f"{cell:.9g}" for cell in row) for row in zip(*values.values(), strict=True))]
-    with pytest.raises(RecordError, match=r"which no machine has; correct the unit or the file"):
+    with pytest.raises(RecordError, match=r"which is implausible; correct the unit or the file"):
         read_records(write(tmp_path, "\n".join(rows)), tables("t", "x", "u"))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from friction_fmus.identification import ROTARY, Record, RecordError, examine
-from friction_fmus.identification.data.excitation import examine_pieces
+from friction_fmus.identification.data.excitation import examine_segments
 from friction_fmus.identification.data.record import Array
 
 TS = 2e-3
@@ -92,7 +92,7 @@ def test_one_stroke_to_and_fro_has_few_reversals() -> None:
 def test_strokes_at_one_speed_are_named_with_the_speed() -> None:
     found = {finding.name: finding for finding in examine(record(trapezoid(0.05, 0.1, 0.05, 4), TINY))}
     assert set(found) == {"one-speed", "no-low-speed"}
-    assert "at one speed, 100 mm/s" in found["one-speed"].what
+    assert "within 10 % of one speed, 100 mm/s" in found["one-speed"].what
     assert found["one-speed"].measure == "Move at 5 speeds or more, from 1 mm/s to 100 mm/s."
 
 
@@ -103,14 +103,14 @@ def test_fast_motion_alone_has_no_low_speed() -> None:
 def test_long_strokes_alone_have_no_presliding() -> None:
     (finding,) = examine(record(FAST, SLOW))
     assert finding.name == "no-presliding"
-    assert "movements between reversals are" in finding.what
+    assert "The shortest strokes are" in finding.what
     assert finding.measure == "Add slow sines with amplitudes from 2 µm to 100 µm."
 
 
 def test_a_coarse_encoder_is_named_with_its_step() -> None:
     (finding,) = (f for f in examine(record(FAST, SLOW, TINY, quantum=5e-5)) if f.name == "coarse-position")
-    assert "steps of 50 µm" in finding.what
-    assert finding.measure == "Measure the position in steps of 2 µm or finer."
+    assert "resolution of the position is 50 µm" in finding.what
+    assert finding.measure == "Measure the position with a resolution of 2 µm or better."
 
 
 def test_a_motion_of_a_few_steps_of_the_encoder_is_coarse() -> None:
@@ -122,7 +122,7 @@ def test_few_samples_behind_a_reversal_are_too_slow_sampling() -> None:
     assert names(made) == ["slow-sampling"]
     # 0.1 mm = 0.1 m (1 - cos(2 pi 5 t)) at t = 1.4 ms, within one interval of 2 ms
     (finding,) = examine(made)
-    assert "first 100 µm have 2 samples" in finding.what or "first 100 µm have 1 samples" in finding.what
+    assert "first 100 µm have only 2 samples" in finding.what or "first 100 µm have only 1 sample," in finding.what
 
 
 def test_slow_motion_does_not_show_the_mass() -> None:
@@ -162,13 +162,13 @@ def test_an_axis_at_rest_has_no_motion() -> None:
 def test_a_rotary_axis_is_judged_in_radians() -> None:
     made = record(hump(4.0, 0.5, 6), hump(2.0, 0.05, 1))
     (finding,) = (f for f in examine(replace(made, units=ROTARY)) if f.name == "no-presliding")
-    assert "after 0.001 rad at most" in finding.what
+    assert "after at most 0.001 rad" in finding.what
 
 
 def test_pieces_lack_what_all_of_them_lack() -> None:
     without_tiny, without_slow = record(FAST, SLOW), record(FAST, TINY)
-    assert examine_pieces([without_tiny, without_slow]) == ()
-    assert [f.name for f in examine_pieces([without_tiny, record(FAST)])] == ["no-presliding"]
+    assert examine_segments([without_tiny, without_slow]) == ()
+    assert [f.name for f in examine_segments([without_tiny, record(FAST)])] == ["no-presliding"]
 
 
 def test_every_finding_says_what_and_what_to_measure() -> None:

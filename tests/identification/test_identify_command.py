@@ -19,7 +19,7 @@ import pytest
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.identification import FitError, Identification, compare_models, identify, read_measurement
-from friction_fmus.identification.survey import Task, _side_by_side
+from friction_fmus.identification.survey import IdentificationTask, _in_parallel
 from harness import open_archive, read_ssv
 
 ROOT = Path(__file__).parents[2]
@@ -178,8 +178,8 @@ def test_a_process_that_dies_is_a_reason_too(log: Path) -> None:
             future.set_exception(BrokenProcessPool("gone"))
             return future
 
-    task = Task(read_measurement(log).window(0.0, 3.0))
-    found = _side_by_side(Dying(), ["Dahl", "LuGre"], task, None)
+    task = IdentificationTask(read_measurement(log).window(0.0, 3.0))
+    found = _in_parallel(Dying(), ["Dahl", "LuGre"], task, None)
     assert set(found) == {"Dahl", "LuGre"}
     assert "a process died" in str(found["Dahl"])
 
@@ -251,9 +251,9 @@ def test_wrong_arguments_are_refused_with_a_sentence(
 
 def test_a_survey_from_python_is_ranked(log: Path) -> None:
     measurement = read_measurement(log)
-    task = Task(measurement.window(0.0, 3.0), measurement.window(14.0, 16.5), {"M": 20.0})
+    task = IdentificationTask(measurement.window(0.0, 3.0), measurement.window(14.0, 16.5), {"M": 20.0})
     told: list[tuple[int, int]] = []
-    found = compare_models(["Viscous", "Coulomb"], task, told=lambda done, total: told.append((done, total)))
+    found = compare_models(["Viscous", "Coulomb"], task, progress=lambda done, total: told.append((done, total)))
     assert [result.model for result in found.results] == ["Coulomb", "Viscous"]
     assert found.results[0].fixed["M"] == 20.0
     assert told == [(1, 2), (2, 2)]

@@ -114,9 +114,9 @@ def test_headings_that_leave_a_choice_are_answered_with_the_mapping_to_write(tmp
     with pytest.raises(RecordError) as caught:
         read_records(path)
     message, _, shown = str(caught.value).partition("\n\n")
-    assert "'t' has no unit for a time" in message
-    assert "no column is known to be the force or friction" in message
-    assert "# columns not used: u" in shown
+    assert "'t' has no unit" in message
+    assert "no heading is recognised as force or friction" in message
+    assert "# unused columns: u" in shown
     completed = shown.replace('"t", unit = "?"', '"t", unit = "s"').replace('"x", unit = "?"', '"x", unit = "m"')
     completed = completed.replace('"?", unit = "?"', '"u", unit = "V", gain = "2 N/V"')
     (record,) = read_records(mapping(tmp_path, completed))
@@ -126,20 +126,26 @@ def test_headings_that_leave_a_choice_are_answered_with_the_mapping_to_write(tmp
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        ({}, "does not tell|do not tell"),
+        ({}, "do not identify"),
         ({"position": {"column": "x", "unit": "m"}}, "has no time in"),
         ({"time": {"column": "t", "unit": "s"}}, "neither position nor velocity"),
-        ({"time": {"column": "t", "unit": "mm"}}, "time, has the unit 'mm', which is no time"),
-        ({"force": {"column": "u", "unit": "V"}}, "force, has the unit 'V', which is no force; .* gain = .2.5 N/V"),
-        ({"force": {"column": "u", "unit": "V", "gain": "3 N/A"}}, "V times the gain 3 N/A, which is no force"),
-        ({"force": {"column": "u", "unit": "V", "gain": "much"}}, "no number with a known unit"),
-        ({"force": {"column": "u", "unit": "bananas"}}, "'bananas', which is not known"),
-        ({"force": {"column": "u", "unit": "N", "sign": 2}}, "sign = 2; give 1 or -1"),
+        ({"time": {"column": "t", "unit": "mm"}}, "time, has the unit 'mm', which has the wrong dimension"),
+        (
+            {"force": {"column": "u", "unit": "V"}},
+            "force, has the unit 'V', which has the wrong dimension; .* gain = .2.5 N/V",
+        ),
+        (
+            {"force": {"column": "u", "unit": "V", "gain": "3 N/A"}},
+            "gain 3 N/A, which has the wrong dimension",
+        ),
+        ({"force": {"column": "u", "unit": "V", "gain": "much"}}, "not a number with a known unit"),
+        ({"force": {"column": "u", "unit": "bananas"}}, "unknown unit 'bananas'"),
+        ({"force": {"column": "u", "unit": "N", "sign": 2}}, "sign = 2; use 1 or -1"),
         ({"force": {"column": "u", "unit": "N", "scale": 2}}, "unknown key 'scale'"),
         ({"force": {"unit": "N"}}, "force, needs column"),
-        ({"force": 3}, "force, is 3; write"),
-        ({"current": "u"}, "unknown role 'current' in .columns.; known are time, position"),
-        ({"time": {"period": "-1 ms"}}, "give a positive time"),
+        ({"force": 3}, "force, is 3; use"),
+        ({"current": "u"}, "unknown role 'current' in .columns.; valid are time, position"),
+        ({"time": {"period": "-1 ms"}}, "use a positive time"),
     ],
 )
 def test_mappings_that_make_no_sense_are_refused(tmp_path: Path, columns: dict[str, Any], message: str) -> None:
@@ -151,12 +157,12 @@ def test_mappings_that_make_no_sense_are_refused(tmp_path: Path, columns: dict[s
 @pytest.mark.parametrize(
     ("windows", "message"),
     [
-        ({"test": [0, 1]}, "unknown window 'test'; known are train, validation"),
+        ({"test": [0, 1]}, "unknown window 'test'; valid are train, validation"),
         ({"train": [1, 0]}, "the earlier one first"),
-        ({"train": [1]}, "give begin and end"),
-        ({"train": "all"}, "give begin and end"),
-        ({"validation": [0, 1]}, "give one for train, too"),
-        ({"train": [0, 2], "validation": [1, 3]}, "windows that overlap"),
+        ({"train": [1]}, "give start and end"),
+        ({"train": "all"}, "give start and end"),
+        ({"validation": [0, 1]}, "add one for train"),
+        ({"train": [0, 2], "validation": [1, 3]}, "overlapping windows"),
     ],
 )
 def test_windows_that_make_no_sense_are_refused(windows: dict[str, Any], message: str) -> None:
@@ -167,11 +173,11 @@ def test_windows_that_make_no_sense_are_refused(windows: dict[str, Any], message
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[data]\nfile = 3\n", "file = 3; give a text"),
+        ("[data]\nfile = 3\n", "file = 3; use a string"),
         ("[data]\npath = 'x'\n", "unknown key 'path'"),
         ("[colums]\n", "unknown table 'colums'"),
         ("[data\n", "cannot be read as TOML"),
-        ("data = 1\n", "make it a table"),
+        ("data = 1\n", "must be a table"),
         ("[data]\nname = 'x'\n", "names no data file"),
     ],
 )
@@ -184,7 +190,7 @@ def test_columns_of_two_kinds_of_axes_are_refused(tmp_path: Path) -> None:
     path = axis(tmp_path, t=T, x=X, u=V)
     columns = {"time": {"column": "t", "unit": "s"}, "position": {"column": "x", "unit": "m"}}
     force = {"column": "u", "unit": "N.m"}
-    with pytest.raises(RecordError, match="column 'u' for the force, has a unit that does not go with an axis in m"):
+    with pytest.raises(RecordError, match="column 'u' for the force, has a unit that is not valid for an axis"):
         read_records(path, {"columns": {**columns, "force": force}})
 
 
@@ -197,7 +203,7 @@ def test_a_column_that_is_not_there_is_named_with_those_that_are(tmp_path: Path)
 
 def test_a_mapping_is_not_given_twice(tmp_path: Path) -> None:
     path = mapping(tmp_path, "[data]\nfile = 'axis.csv'\n")
-    with pytest.raises(RecordError, match="is a mapping itself"):
+    with pytest.raises(RecordError, match="is itself a mapping"):
         read_records(path, path)
 
 

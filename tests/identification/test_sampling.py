@@ -66,7 +66,7 @@ def test_gaps_split_the_record(tmp_path: Path) -> None:
     measurement = read_measurement(axis(tmp_path, T[keep], motion(T[keep]), velocity(T[keep])))
     assert named(measurement.findings) == ["gaps", "short-pieces"]
     assert "2 gaps, the longest of 0.152 s after t = 0.299 s" in measurement.findings[0].what
-    assert [record.name for record in measurement.records] == ["axis, piece 1", "axis, piece 2"]
+    assert [record.name for record in measurement.records] == ["axis, segment 1", "axis, segment 2"]
     assert [(record.t[0], record.t[-1]) for record in measurement.records] == [(0.0, 0.299), (0.451, 0.899)]
     assert [len(part) for part in measurement.window(0.2, 0.6)] == [100, 150]
 
@@ -80,7 +80,7 @@ def test_a_doubled_time_is_an_error_with_its_line(tmp_path: Path) -> None:
 
 def test_a_time_that_goes_back_is_an_error_with_its_line(tmp_path: Path) -> None:
     t = np.where(T >= 0.5, T - 0.2, T)
-    with pytest.raises(RecordError, match=r"goes back from 0\.499 s to 0\.3 s in line 502 \(one such place\)"):
+    with pytest.raises(RecordError, match=r"decreases from 0\.499 s to 0\.3 s in line 502 \(once in the file\)"):
         read_measurement(axis(tmp_path, t, motion(t), velocity(t)))
 
 
@@ -103,7 +103,7 @@ def test_a_column_of_nothing_is_an_error_that_names_it(tmp_path: Path) -> None:
 def test_position_and_velocity_in_units_that_disagree_are_named(tmp_path: Path) -> None:
     findings = read_measurement(axis(tmp_path, T, 1e3 * motion(T), velocity(T), velocity(T))).findings
     assert named(findings) == ["position-and-velocity-disagree"]
-    assert "changes 1e+03 times as much" in findings[0].what
+    assert "changes by 1e+03 times" in findings[0].what
     assert read_measurement(axis(tmp_path, T, motion(T), velocity(T), velocity(T) + 0.1)).findings == ()
 
 
@@ -120,7 +120,7 @@ def test_motion_that_no_machine_makes_is_named(tmp_path: Path) -> None:
 def test_forces_of_the_other_sign_are_named(tmp_path: Path) -> None:
     findings = read_measurement(axis(tmp_path, T, motion(T), 3.0 - velocity(T))).findings
     assert named(findings) == ["force-of-other-sign"]
-    assert findings[0].measure == "Give the column sign = -1."
+    assert findings[0].measure == "Set sign = -1 for this column."
 
 
 def test_an_angle_that_begins_anew_after_each_turn_is_named(tmp_path: Path) -> None:

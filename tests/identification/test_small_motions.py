@@ -87,7 +87,7 @@ def test_lugre_at_rest_is_a_spring_and_a_damper(build_fmu: BuildFmu) -> None:
         ({"band": (50.0, 10.0)}, FitError, "band"),
         ({"mass": -1.0}, FitError, "negative"),
         ({"segments": 2}, FitError, "at least 4"),
-        ({"segments": 4000}, RecordError, "too few"),
+        ({"segments": 4000}, RecordError, "has only .* samples for .* segments"),
         ({"band": (400.0, 499.0)}, ExcitationError, "coherent"),
     ],
 )

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from friction_fmus.identification.fit.grid import HysteresisGrid, with_count
-from friction_fmus.identification.fit.rank import not_separated
-from friction_fmus.identification.fit.search import Found, covariance
+from friction_fmus.identification.fit.rank import dependent_columns
+from friction_fmus.identification.fit.search import SearchResult, covariance
 from friction_fmus.study.ranking import extremes, rank
 from friction_fmus.study.records import CompensatorResult, Corner, Metrics
 
@@ -23,12 +23,12 @@ def test_of_two_dependences_all_that_take_part_are_named(seed: int) -> None:
     _, singular, right = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
     turn = random.uniform(0.0, 2.0 * np.pi)
     right[3:] = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ right[3:]
-    assert not_separated(singular, right, "abcde") == ["a", "b", "c", "d"]
+    assert dependent_columns(singular, right, "abcde") == ["a", "b", "c", "d"]
 
 
 def test_columns_that_are_independent_are_separated() -> None:
     _, singular, right = np.linalg.svd(np.random.default_rng(1).normal(size=(50, 4)), full_matrices=False)
-    assert not_separated(singular, right, "abcd") == []
+    assert dependent_columns(singular, right, "abcd") == []
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -38,7 +38,7 @@ def test_a_direction_that_the_residuals_do_not_depend_on_gets_no_variance(seed: 
     one = random.normal(size=20_000) * np.exp(random.uniform(-9.0, 9.0))
     J = np.column_stack([one, one * (1.0 + 1e-16 * random.integers(-3, 4, one.size)), random.normal(size=one.size)])
     residual = random.normal(size=one.size)
-    found = Found(x=np.zeros(3), J=J, residual=residual, converged=True, loss="linear", scale=1.0)
+    found = SearchResult(x=np.zeros(3), J=J, residual=residual, converged=True, loss="linear", scale=1.0)
     spread, _ = covariance(found, [one.size])
     # the sum of the two is known to 1/|one|, and each of them to half of that where nothing else is known
     assert np.sqrt(spread[0, 0]) == pytest.approx(0.5 / np.linalg.norm(one), rel=0.05)
@@ -53,7 +53,7 @@ def test_of_joins_that_change_the_curve_equally_the_first_one_is_made() -> None:
                     HysteresisGrid(
                         distance=np.full(4, 1e-5) * (1.0 + 2e-16 * np.random.default_rng(seed).integers(-2, 3, 4)),
                         stiffness=np.full(4, 1e4),
-                        beginning=np.zeros(4),
+                        initial_force=np.zeros(4),
                         linear={},
                         t=np.zeros(1),
                         measured=np.zeros(1),

@@ -58,15 +58,15 @@ def test_passes_begin_with_a_table(axis: Callable[[float, float], System]) -> No
 def test_speeds_at_which_the_axis_stuck_have_no_friction() -> None:
     table = FrictionTable(np.array([1.0, 2.0]), np.ones((2, 2)), np.zeros((1, 2)), np.array([[1.0, 0.5]]))
     assert np.isnan(table.friction[0]) and table.friction[1] == 1.0
-    with pytest.raises(FrictionError, match="at 1 speeds the axis moved evenly; measure at four or more"):
+    with pytest.raises(FrictionError, match=r"without stick-slip at 1 of .* speeds; measure at four or more"):
         table.stribeck()
 
 
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"speeds": [0.0, 1.0]}, "a speed is 0 or no number"),
-        ({"speeds": [np.nan]}, "a speed is 0 or no number"),
+        ({"speeds": [0.0, 1.0]}, "a speed is 0 or not a number"),
+        ({"speeds": [np.nan]}, "a speed is 0 or not a number"),
         ({"passes": 0}, "passes = 0, settled = 1.0 s, stop = 1.2 s"),
         ({"settled": 1.5}, "settled before stop"),
     ],

@@ -104,7 +104,7 @@ def test_parameters_that_cannot_be_told_apart_are_refused() -> None:
         return {"x": (parameters["a"] + parameters["b"]) * np.exp(-T)}
 
     unknowns = [Unknown("a", 1.0, 0.1, "m"), Unknown("b", 1.0, 0.1, "m")]
-    with pytest.raises(ExcitationError, match="a and b apart"):
+    with pytest.raises(ExcitationError, match="a and b to be separated"):
         fit_output_error(product, unknowns, {"x": target()})
 
 
@@ -113,12 +113,12 @@ def test_parameters_that_cannot_be_told_apart_are_refused() -> None:
     [
         ([], {"x": target()}, "at least one unknown"),
         (UNKNOWNS, {}, "at least one unknown and one target"),
-        ([UNKNOWNS[0], UNKNOWNS[0]], {"x": target()}, "given twice"),
+        ([UNKNOWNS[0], UNKNOWNS[0]], {"x": target()}, "contain a name twice"),
         ([replace(UNKNOWNS[0], step=0.0)], {"x": target()}, "step of a"),
         ([replace(UNKNOWNS[0], lower=5.0)], {"x": target()}, "start value 1.4 of a is outside"),
         (UNKNOWNS, {"x": Target(target().measured, 0.0)}, "scale of the target 'x'"),
-        (UNKNOWNS, {"x": Target(target().measured, 1.0, first=601)}, "sample 601 of 601"),
-        (UNKNOWNS, {"y": target()}, "returned x, v and not 'y'"),
+        (UNKNOWNS, {"x": Target(target().measured, 1.0, first=601)}, "sample 601, but has only 601"),
+        (UNKNOWNS, {"y": target()}, "returned x, v, but not 'y'"),
         (UNKNOWNS, {"x": Target(np.zeros(5), 1.0)}, "shape"),
     ],
 )

@@ -68,9 +68,9 @@ def run(options: argparse.Namespace) -> None:
     """
     from friction_fmus.cli.console import RunBar, console, progress_bar, styled
     from friction_fmus.cli.identification_tables import show_data, show_parameters, show_ranking
-    from friction_fmus.identification import examine_pieces, read_measurement
-    from friction_fmus.identification.export import write_outcome
-    from friction_fmus.identification.survey import Task, compare_models
+    from friction_fmus.identification import examine_segments, read_measurement
+    from friction_fmus.identification.export import write_results
+    from friction_fmus.identification.survey import IdentificationTask, compare_models
 
     models = _models(options.model)
     if options.output.exists() and not options.output.is_dir():
@@ -79,9 +79,9 @@ def run(options: argparse.Namespace) -> None:
     windows = _windows(options, measurement)
     train, validation = (measurement.window(*windows[w]) if w in windows else () for w in ("train", "validation"))
     train = train or measurement.records
-    findings = (*measurement.findings, *examine_pieces(train))
+    findings = (*measurement.findings, *examine_segments(train))
     show_data(measurement, train, validation, findings)
-    task = Task(
+    task = IdentificationTask(
         train,
         validation,
         {name: float(value) for name, value in map(parse_fixed, options.fixed or ())},
@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> None:
     )
     with progress_bar() as bar:
         found = compare_models(models, task, max(1, options.workers), RunBar(bar, "identifying").update)
-    files = write_outcome(found, measurement, findings, windows, options.output)
+    files = write_results(found, measurement, findings, windows, options.output)
     show_ranking(found)
     for result in found.results if len(found.results) <= SHOWN else found.results[:1]:
         show_parameters(result)

@@ -1,4 +1,4 @@
-"""What to know about a record before its parameters are believed: named findings, each with what to measure next."""
+"""Findings about a record that limit the reliability of its parameters, each with advice on what to measure."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ from dataclasses import dataclass
 
 
 class RecordWarning(UserWarning):
-    """A record was read, but something about it should be known; the text begins with the name of the finding."""
+    """Warning about a problem in a record; the text starts with the name of the finding."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing to know about a record.
+    """Finding about a record.
 
     Attributes
     ----------
     name : str
         Stable name, such as ``no-reversal``.
     what : str
-        What was found, with numbers; one sentence.
+        Description with numbers, in one sentence.
     measure : str
-        What to measure or to change; one sentence.
+        Advice on what to measure or change, in one sentence.
     """
 
     name: str
@@ -28,5 +28,5 @@ class Finding:
     measure: str
 
     def __str__(self) -> str:
-        """The finding in one line."""
+        """Return the finding in one line."""
         return f"{self.name}: {self.what} {self.measure}"

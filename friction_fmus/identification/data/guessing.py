@@ -1,4 +1,4 @@
-"""Which column is which, where headings leave no choice; else the mapping to be written."""
+"""Mapping of columns to signals from unambiguous headings; otherwise a template of the mapping to complete."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from friction_fmus.identification.data.quantities import fits, unit_of
 from friction_fmus.identification.data.tables import Table
 from friction_fmus.identification.errors import RecordError
 
-#: Headings, in small letters, that mean a role and nothing else.
+#: Unambiguous headings of each role, in lower case.
 NAMES = {
     "time": ("t", "time"),
     "position": ("x", "q", "pos", "position", "angle", "displacement"),
@@ -24,12 +24,12 @@ NAMES = {
 
 
 def guess_mapping(table: Table, path: Path) -> DataMapping:
-    """The mapping that headings with units imply.
+    """Return the mapping implied by headings with units.
 
     Raises
     ------
     RecordError
-        They leave a choice; the message has the mapping to be written.
+        If the headings are ambiguous; the message contains a template of the mapping.
     """
     found: dict[str, Column] = {}
     reasons = []
@@ -42,26 +42,28 @@ def guess_mapping(table: Table, path: Path) -> DataMapping:
                 named.add(role)
                 known = unit_of(unit)
                 if known is None or not fits(role, known):
-                    reasons.append(f"{heading!r} has {f'the unit {unit}' if unit else 'no unit'} for a {role}")
+                    problem = f"the unit {unit}, which is not valid for a {role}" if unit else "no unit"
+                    reasons.append(f"{heading!r} has {problem}")
                 else:
                     fitting.append(Column(heading, unit))
         if len(fitting) > 1:
-            reasons.append(f"{' and '.join(repr(c.column) for c in fitting)} may both be the {role}")
+            reasons.append(f"{' and '.join(repr(c.column) for c in fitting)} could both be the {role}")
         elif fitting:
             found[role] = fitting[0]
     for need in (("time",), ("position", "velocity"), ("force", "friction")):
         if not (found.keys() | named) & set(need):
-            reasons.append(f"no column is known to be the {' or '.join(need)}")
+            reasons.append(f"no heading is recognised as {' or '.join(need)}")
     if reasons:
         raise RecordError(
-            f"The headings of {path} do not tell what its columns are: {'; '.join(reasons)}. Write a file such as "
-            f"{path.stem}.toml beside it, correct it, and give that instead:\n\n{mapping_to_write(table, path, found)}"
+            f"The headings of {path} do not identify its columns: {'; '.join(reasons)}. Save the following text as "
+            f"{path.stem}.toml in the same folder, correct it, and use that file instead:\n\n"
+            f"{mapping_to_write(table, path, found)}"
         )
     return DataMapping(path, columns=found)
 
 
 def mapping_to_write(table: Table, path: Path, found: Mapping[str, Column]) -> str:
-    """A mapping as TOML text, with what is known of the columns, and ? for what is not."""
+    """Return a template of a mapping as TOML, with the recognised columns, and ? for unknown entries."""
     free = [name for name in table.columns if name not in {column.column for column in found.values()}]
     entries = []
     for role in ("time", "position", "force"):
@@ -80,9 +82,9 @@ def mapping_to_write(table: Table, path: Path, found: Mapping[str, Column]) -> s
             "",
             "[columns]",
             *entries,
-            '# a command instead of a force: unit = "V", gain = "35.15 N/V"; of the other sign: sign = -1',
-            "# more roles: velocity, reference, normal, and friction, measured as such, instead of force",
-            f"# columns not used: {', '.join(free) or 'none'}",
+            '# if the column is a drive command: unit = "V", gain = "35.15 N/V"; if its sign is inverted: sign = -1',
+            "# other roles: velocity, reference, normal (force), and friction instead of force if it was measured",
+            f"# unused columns: {', '.join(free) or 'none'}",
         ]
     )
 
@@ -93,7 +95,7 @@ def _entry(role: str, column: Column) -> str:
 
 
 def _parts(heading: str, unit: str) -> tuple[str, str]:
-    """Name in small letters and unit of a heading; ``position_mm`` has its unit behind the last underscore."""
+    """Return name, in lower case, and unit of a heading; the unit of ``position_mm`` follows the last underscore."""
     name = heading.strip().lower().replace(" ", "_")
     if unit or any(name in names for names in NAMES.values()):
         return name, unit

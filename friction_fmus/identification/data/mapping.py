@@ -1,4 +1,4 @@
-"""What the columns of a data file are: read from TOML, or guessed from headings that leave no choice."""
+"""Mapping from the columns of a data file to signals, read from TOML."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ WINDOWS = ("train", "validation")
 
 @dataclass(frozen=True)
 class Column:
-    """One column of the data file.
+    """Column of a data file.
 
     Attributes
     ----------
     column : str
-        Its heading; empty for a time that is not in the file.
+        Heading; empty if the file has no column for the time.
     unit : str
-        Unit of its numbers; empty: the one in the heading.
+        Unit of the numbers; empty for the unit in the heading.
     gain : str
-        What one such unit is, as number and unit: the force ``35.15 N/V`` of a command in V; empty: none.
+        Factor with unit, such as ``35.15 N/V`` for the force of a command in V; empty for none.
     sign : int
-        1, or -1 for a column of the other sign.
+        1, or -1 to invert the sign.
     period : str
-        For the time alone: the sampling interval, such as ``1 ms``, if the file has no column for it.
+        Sample time, such as ``1 ms``, if the file has no column for the time.
     """
 
     column: str
@@ -44,18 +44,18 @@ class Column:
 
 @dataclass(frozen=True)
 class DataMapping:
-    """Data file, meaning of its columns, and which part of it is for what.
+    """Data file, mapping of its columns, and windows.
 
     Attributes
     ----------
     file : Path or None
-        The data file.
+        Path of the data file.
     name, citation : str
-        What the record is called, and whom to cite for it.
+        Name of the record, and citation of the data.
     columns : mapping of str to Column
-        By role: time, position, velocity, reference, force, friction, normal.
+        Columns by role: time, position, velocity, reference, force, friction, normal.
     windows : mapping of str to (float, float)
-        Begin and end [s] of ``train`` and ``validation``, in the time of the file.
+        Start and end of the windows ``train`` and ``validation``, in the time of the file [s].
     """
 
     file: Path | None
@@ -66,49 +66,60 @@ class DataMapping:
 
 
 def load_mapping(path: Path) -> DataMapping:
-    """Read a mapping from a TOML file; its data file is looked for beside it.
+    """Read a mapping from a TOML file.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the TOML file. The path of the data file is relative to its folder.
+
+    Returns
+    -------
+    DataMapping
+        Validated mapping.
 
     Raises
     ------
     RecordError
-        The file is missing, is no TOML, or does not say what a mapping says.
+        If the file is missing, is not valid TOML, or has an invalid entry.
     """
     try:
         table = read_toml(path)
     except FileNotFoundError as error:
         raise RecordError(f"There is no file {path}; give the path of a data file or of its mapping.") from error
     except (OSError, ValueError) as error:
-        raise RecordError(f"{path} cannot be read as TOML ({reason(error)}); repair it.") from error
+        raise RecordError(f"{path} cannot be read as TOML ({reason(error)}); correct it.") from error
     return read_mapping(table, path.parent, str(path))
 
 
 def read_mapping(table: Mapping[str, Any], folder: Path, origin: str = "The mapping") -> DataMapping:
-    """Read the tables ``[data]``, ``[columns]`` and ``[windows]``.
+    """Read a mapping from the tables ``[data]``, ``[columns]`` and ``[windows]``.
 
     Parameters
     ----------
-    table : mapping
-        These tables, and no other ones.
+    table : mapping of str to mapping
+        These tables; others are rejected.
     folder : Path
-        Where a relative path of the data file begins.
+        Folder to which the path of the data file is relative.
     origin : str
-        What is being read, for error messages.
+        Name of the mapping in error messages.
 
     Returns
     -------
     DataMapping
+        Validated mapping.
 
     Raises
     ------
     RecordError
-        Something is unknown, missing or of the wrong kind.
+        If an entry is unknown, missing or of the wrong type.
     """
     _known(table, ("data", "columns", "windows"), origin, "table")
     data = _table(table, "data", origin)
     _known(data, ("file", "name", "citation"), f"{origin}, [data],", "key")
     for key, value in data.items():
         if not isinstance(value, str) or (key == "file" and not is_line(value)):
-            raise RecordError(f"{origin}, [data], has {key} = {shown(value)}; give a text.")
+            raise RecordError(f"{origin}, [data], has {key} = {shown(value)}; use a string.")
     columns = {role: _column(role, value, origin) for role, value in _table(table, "columns", origin).items()}
     if columns:
         if "time" not in columns:
@@ -121,94 +132,106 @@ def read_mapping(table: Mapping[str, Any], folder: Path, origin: str = "The mapp
 
 
 def read_windows(table: Mapping[str, Any], where: str) -> dict[str, tuple[float, float]]:
-    """Begin and end of the windows of a record.
+    """Read the windows of a record.
+
+    Parameters
+    ----------
+    table : mapping of str to (float, float)
+        Start and end of ``train`` and ``validation`` [s].
+    where : str
+        Location of the table, as the start of error messages.
+
+    Returns
+    -------
+    dict of str to (float, float)
+        Validated windows.
 
     Raises
     ------
     RecordError
-        They are no pairs of times, overlap, or there is one for validation only; `where` begins the sentence.
+        If a window is not a pair of increasing times, windows overlap, or only ``validation`` is given.
     """
     _known(table, WINDOWS, where, "window")
     windows = {}
     for name, pair in table.items():
         times = [float(t) for t in pair if type(t) in (int, float)] if isinstance(pair, (list, tuple)) else []
         if len(times) != 2 or len(pair) != 2 or not times[0] < times[1]:
-            raise RecordError(f"{where} has {name} = {shown(pair)}; give begin and end in s, the earlier one first.")
+            raise RecordError(f"{where} has {name} = {shown(pair)}; give start and end in s, the earlier one first.")
         windows[name] = (times[0], times[1])
     if set(windows) == {"validation"}:
-        raise RecordError(f"{where} has a window for validation only; give one for train, too.")
+        raise RecordError(f"{where} has only a window for validation; add one for train.")
     if len(windows) == 2:
         (begin, end), (other_begin, other_end) = windows.values()
         if begin < other_end and other_begin < end:
-            raise RecordError(f"{where} has windows that overlap; a validation needs samples that were not fitted.")
+            raise RecordError(f"{where} has overlapping windows; separate them, validation data must not be fitted.")
     return windows
 
 
 def _known(table: Mapping[str, Any], names: tuple[str, ...], origin: str, noun: str) -> None:
     unknown = [name for name in table if name not in names]
     if unknown:
-        raise RecordError(f"{origin} has the unknown {noun} {shown(unknown[0])}; known are {', '.join(names)}.")
+        raise RecordError(f"{origin} has the unknown {noun} {shown(unknown[0])}; valid are {', '.join(names)}.")
 
 
 def _table(table: Mapping[str, Any], name: str, origin: str) -> Mapping[str, Any]:
     value = table.get(name, {})
     if not isinstance(value, Mapping):
-        raise RecordError(f"{origin} has {name} = {shown(value)}; make it a table [{name}].")
+        raise RecordError(f"{origin} has {name} = {shown(value)}; {name} must be a table.")
     return value
 
 
 def _column(role: str, value: Any, origin: str) -> Column:
-    """One entry of ``[columns]``: a heading, or a table with column, unit, gain and sign."""
+    """Read an entry of ``[columns]``: a heading, or a table with column, unit, gain and sign."""
     where = f"{origin}, [columns], {role},"
     if role not in ROLES:
-        raise RecordError(f"{origin} has the unknown role {shown(role)} in [columns]; known are {', '.join(ROLES)}.")
+        raise RecordError(f"{origin} has the unknown role {shown(role)} in [columns]; valid are {', '.join(ROLES)}.")
     if isinstance(value, str):
         return Column(value)
     if not isinstance(value, Mapping):
-        raise RecordError(f'{where} is {shown(value)}; write {{ column = "heading", unit = "..." }}.')
+        raise RecordError(f'{where} is {shown(value)}; use {{ column = "heading", unit = "..." }}.')
     keys = ("column", "unit", "gain", "sign", *(("period",) if role == "time" else ()))
     _known(value, keys, where, "key")
     if ("column" in value) == ("period" in value):
         choice = "either column or period" if role == "time" else "column"
-        raise RecordError(f'{where} needs {choice}; write {{ column = "heading", unit = "..." }}.')
+        raise RecordError(f'{where} needs {choice}; use {{ column = "heading", unit = "..." }}.')
     for key in ("column", "unit", "period"):
         if key in value and (not isinstance(value[key], str) or (key != "column" and not is_line(value[key]))):
-            raise RecordError(f"{where} has {key} = {shown(value[key])}; give a text.")
+            raise RecordError(f"{where} has {key} = {shown(value[key])}; use a string.")
     sign = value.get("sign", 1)
     if isinstance(sign, bool) or sign not in (1, -1):
-        raise RecordError(f"{where} has sign = {shown(sign)}; give 1 or -1.")
+        raise RecordError(f"{where} has sign = {shown(sign)}; use 1 or -1.")
     if not isinstance(gain := value.get("gain", ""), str) and number(gain) is None:
-        raise RecordError(f"{where} has gain = {shown(gain)}; give a number with its unit, such as '35.15 N/V'.")
+        raise RecordError(f"{where} has gain = {shown(gain)}; use a number with a unit, such as '35.15 N/V'.")
     found = Column(value.get("column", ""), value.get("unit", ""), str(gain), int(sign), value.get("period", ""))
     _check_units(role, found, where)
     return found
 
 
 def _check_units(role: str, column: Column, where: str) -> None:
-    """Refuse units that are not of the quantity, before any data are read."""
+    """Reject units of the wrong quantity before any data are read."""
     if column.period:
         seconds, unit = parse_quantity(column.period, f"{where} period")
         if not fits("time", unit) or seconds <= 0.0:
-            raise RecordError(f"{where} has the period {column.period!r}; give a positive time, such as '1 ms'.")
+            raise RecordError(f"{where} has the period {column.period!r}; use a positive time, such as '1 ms'.")
     if column.unit:
         combined_unit(role, column, where)
 
 
 def combined_unit(role: str, column: Column, where: str, unit: str = "") -> tuple[float, Any]:
-    """Number and unit that one unit of the column stands for, its gain included.
+    """Return factor and unit of one unit of the column, including its gain.
 
     Raises
     ------
     RecordError
-        A unit is unknown, or not one of the quantity.
+        If a unit is unknown, or of the wrong quantity.
     """
     text = column.unit or unit
     known = unit_of(text)
     if known is None:
         raise RecordError(
-            f'{where} has no unit; write it as unit = "...".'
+            f'{where} has no unit; add unit = "...".'
             if not text
-            else f"{where} has the unit {text!r}, which is not known; write one such as mm, N.m, rad/s."
+            else f"{where} has the unknown unit {text!r}; use a unit such as mm, N.m, rad/s."
         )
     gain = 1.0
     total = known
@@ -217,9 +240,9 @@ def combined_unit(role: str, column: Column, where: str, unit: str = "") -> tupl
         total = times(known, per)
     if not fits(role, total):
         product = f"{text} times the gain {column.gain}" if column.gain else f"the unit {text!r}"
-        hint = "" if column.gain else f', or the gain that leads to it, such as gain = "2.5 {EXAMPLE[role]}/{text}"'
+        hint = "" if column.gain else f', or add a gain with units, such as gain = "2.5 {EXAMPLE[role]}/{text}"'
         raise RecordError(
-            f"{where} has {product}, which is no {QUANTITY[role]}; give a unit such as {EXAMPLE[role]}{hint}."
+            f"{where} has {product}, which has the wrong dimension; use a unit such as {EXAMPLE[role]}{hint}."
         )
     return gain, total
 
@@ -233,4 +256,4 @@ EXAMPLE = {
     "friction": "N",
     "normal": "N",
 }
-"""A unit of each role, for error messages and for mappings to be written."""
+"""Example unit of each role, for error messages and templates."""

@@ -1,4 +1,4 @@
-"""Velocity, turning points and noise of a record, for looking at it rather than for fitting."""
+"""Velocity, reversal points and noise of a record, for checks of the excitation and not for fits."""
 
 from __future__ import annotations
 
@@ -10,41 +10,41 @@ from scipy.signal import butter, find_peaks, sosfiltfilt
 
 from friction_fmus.identification.data.record import Array, Record
 
-#: The position is looked at up to this many times the frequency at which half of its power is below.
+#: Bandwidth of the smoothed position over its median frequency, below which half of the power of the velocity is.
 BANDWIDTH = 30.0
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
-    """The motion of a record.
+class MotionFeatures:
+    """Features of the motion in a record.
 
     Attributes
     ----------
     q, v : array, shape (n,)
-        Position and velocity, smoothed.
+        Smoothed position and velocity.
     noise : float
         Standard deviation of the noise of the position, or of the integral of the velocity.
-    turns : array of int
-        Samples at which the motion turns round.
-    strokes : array, shape (turns - 1,)
-        Distances between one turn and the next.
+    reversals : array of int
+        Indices of the reversal points.
+    strokes : array, shape (reversals - 1,)
+        Distances between consecutive reversal points.
     """
 
     q: Array
     v: Array
     noise: float
-    turns: Array
+    reversals: Array
     strokes: Array
 
 
-def course(record: Record) -> Course:
-    """Look at the motion of a record.
+def motion_features(record: Record) -> MotionFeatures:
+    """Return the features of the motion in a record.
 
     Notes
     -----
-    A turn is a peak that stands out by 10 standard deviations of the noise (from fourth differences), 3 steps of the
-    encoder and a millionth of the whole motion. The velocity, if it was not measured, is the central difference of the
-    position behind a zero-phase low-pass filter of second order.
+    A reversal point is a peak with a prominence of at least 10 standard deviations of the noise (from fourth
+    differences), 3 encoder counts and a millionth of the travel. A velocity that was not measured is the central
+    difference of the position behind a second-order zero-phase low-pass filter.
     """
     measured = record.q if record.q is not None else cumulative_trapezoid(record.column("v"), record.t, initial=0)
     noise = float(np.median(np.abs(np.diff(measured, 4)))) / (0.6745 * np.sqrt(70.0))
@@ -52,12 +52,12 @@ def course(record: Record) -> Course:
     v = record.v if record.v is not None else np.gradient(q, record.Ts)
     span = float(np.ptp(measured))
     height = max(10.0 * noise, 3.0 * record.quantum, 1e-6 * span)
-    turns = np.sort(np.concatenate([find_peaks(side * measured, prominence=height)[0] for side in (1.0, -1.0)]))
-    return Course(q, v, noise, turns, np.abs(np.diff(q[turns])) if turns.size else np.zeros(0))
+    reversals = np.sort(np.concatenate([find_peaks(side * measured, prominence=height)[0] for side in (1.0, -1.0)]))
+    return MotionFeatures(q, v, noise, reversals, np.abs(np.diff(q[reversals])) if reversals.size else np.zeros(0))
 
 
 def _smoothed(q: Array, Ts: float) -> Array:
-    """The position behind a zero-phase low-pass filter that leaves `BANDWIDTH` harmonics of the motion."""
+    """Return the position behind a zero-phase low-pass filter at `BANDWIDTH` times the median frequency."""
     power = np.abs(np.fft.rfft(np.gradient(q))) ** 2
     frequencies = np.fft.rfftfreq(len(q), Ts)
     total = np.cumsum(power)

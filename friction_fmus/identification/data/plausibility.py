@@ -1,4 +1,4 @@
-"""Units and signs that cannot be right."""
+"""Checks for implausible units and signs."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from friction_fmus.identification.data.findings import Finding
 from friction_fmus.identification.data.mapping import Column
 from friction_fmus.identification.data.record import Array, Record
 
-#: Largest motion and speed that is taken for that of a machine, by unit of the position.
+#: Largest plausible travel and speed of a machine, by unit of the position.
 LARGEST = {"m": (100.0, 100.0), "rad": (1e6, 1e5)}
 
-#: Factor between two columns from which one of their units is doubted.
+#: Ratio of two columns above which one of their units counts as wrong.
 FACTOR = 3.0
 
 
 def plausible(records: Sequence[Record], columns: Mapping[str, Column]) -> Iterator[Finding]:
-    """Findings about units and signs of the pieces of one measurement.
+    """Yield findings about units and signs of a measurement.
 
     Parameters
     ----------
     records : sequence of Record
-        The pieces.
+        Segments of the measurement.
     columns : mapping of str to Column
-        What their columns come from.
+        Columns of the data file, by role.
 
     Yields
     ------
@@ -54,8 +54,7 @@ def _velocity(record: Record) -> Iterator[Finding]:
         return
     units = record.units
     what = (
-        f"The position [{units.position}] changes {ratio:.3g} times as much as the integral of the velocity "
-        f"[{units.velocity}]."
+        f"The position [{units.position}] changes by {ratio:.3g} times the integral of the velocity [{units.velocity}]."
     )
     yield Finding("position-and-velocity-disagree", what, "Correct the unit or the sign of one of the two columns.")
 
@@ -66,7 +65,7 @@ def _reference(record: Record) -> Iterator[Finding]:
     ratio = float(np.ptp(record.q) / np.ptp(record.reference))
     if 0.1 < ratio < 10.0:
         return
-    what = f"The position moves {ratio:.3g} times as far as its reference."
+    what = f"The range of the position is {ratio:.3g} times the range of its reference."
     yield Finding("position-and-reference-disagree", what, "Correct the unit of one of the two columns.")
 
 
@@ -77,19 +76,22 @@ def _size(record: Record) -> Iterator[Finding]:
     fast = float(np.quantile(np.abs(v), 0.99))
     if found <= distance and fast <= speed:
         return
-    what = f"The axis would move by {found:.3g} {record.units.position} at up to {fast:.3g} {record.units.velocity}."
+    what = (
+        f"The axis moves by {found:.3g} {record.units.position} at up to {fast:.3g} {record.units.velocity}, which is "
+        "implausible."
+    )
     yield Finding("implausible-motion", what, "Correct the unit of the position, of the velocity or of the time.")
 
 
 def _turns(record: Record) -> Iterator[Finding]:
-    """An angle that begins anew after each turn, as absolute encoders and resolvers give it."""
+    """Yield a finding about an angle that wraps around after each turn, as from absolute encoders and resolvers."""
     if record.q is None or record.units.position != "rad":
         return
     jumps = np.abs(np.diff(record.q))
     jumps = jumps[jumps > np.pi]
     if jumps.size:
         what = f"The position jumps by {jumps.max():.4g} rad from one sample to the next, {_times(jumps.size)}."
-        yield Finding("position-jumps", what, "Log a position that goes on counting behind a full turn.")
+        yield Finding("position-jumps", what, "Log a multi-turn position, or unwrap the angle.")
 
 
 def _times(count: int) -> str:
@@ -97,7 +99,7 @@ def _times(count: int) -> str:
 
 
 def _sign(record: Record, columns: Mapping[str, Column]) -> Iterator[Finding]:
-    """Friction takes power out, and a drive puts it in: over whole cycles the mean of force times velocity is > 0."""
+    """Yield findings about signs: over whole cycles, the mean of drive or friction force times velocity is positive."""
     v = record.v if record.v is not None else np.gradient(record.column("q"), record.Ts)
     for role, force in (("force", record.force), ("friction", record.friction)):
         if force is None:
@@ -107,13 +109,13 @@ def _sign(record: Record, columns: Mapping[str, Column]) -> Iterator[Finding]:
         if lost < -0.2 * float(np.mean(np.abs(power))) < 0.0:
             heading = columns[role].column if role in columns else role
             what = (
-                f"The {role} in column {heading!r} mostly acts {'against' if role == 'force' else 'with'} the motion, "
-                f"as if the contact gave off power ({lost:.3g} W on average)."
+                f"The sign of the {role} in column {heading!r} seems to be inverted: the contact would deliver power "
+                f"({lost:.3g} W on average)."
             )
             other = -columns[role].sign if role in columns else -1
-            yield Finding(f"{role}-of-other-sign", what, f"Give the column sign = {other}.")
+            yield Finding(f"{role}-of-other-sign", what, f"Set sign = {other} for this column.")
 
 
 def _without_line(values: Array, t: Array) -> Array:
-    """Values less their straight line, which the offset of a velocity puts there."""
+    """Return values minus their linear trend, which a velocity offset causes."""
     return np.asarray(values - np.polynomial.Polynomial.fit(t, values, 1)(t), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Units of the columns of a record: what a column is measured in, and what the record wants."""
+"""Units of the columns of a data file, and conversion to the units of a record."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ QUANTITY = {
     "friction": "force",
     "normal": "normal",
 }
-"""Role of a column -> physical quantity."""
+"""Physical quantity of each role of a column."""
 
 _LONGEST = 2 * LONGEST_UNIT
-"""Characters of a number with its unit."""
+"""Largest number of characters of a number with a unit."""
 
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
 
 
 def unit_of(text: str) -> BaseUnit | None:
-    """Base unit of a unit name such as ``mm``, ``N.m``, ``rpm``; None where it is not understood."""
+    """Return the base unit of a unit such as ``mm``, ``N.m``, ``rpm``; None if the unit is unknown."""
     known = parse_unit(text)
     if known is not None or not text.strip():
         return known
@@ -37,7 +37,7 @@ def unit_of(text: str) -> BaseUnit | None:
 
 
 def wanted_unit(role: str, units: AxisUnits) -> str:
-    """The unit that the record has for a role, such as ``position``."""
+    """Return the unit of a role, such as ``position``, in a record."""
     return {
         "time": "s",
         "position": units.position,
@@ -48,42 +48,42 @@ def wanted_unit(role: str, units: AxisUnits) -> str:
 
 
 def fits(role: str, unit: BaseUnit) -> bool:
-    """Whether a unit is one of the quantity, on a linear or a rotary axis."""
+    """Return whether a unit is valid for a role, on a linear or a rotary axis."""
     return any(unit.exponents == _exponents(wanted_unit(role, units)) for units in (LINEAR, ROTARY))
 
 
 def axis_units(role: str, unit: BaseUnit) -> AxisUnits | None:
-    """The kind of axis that the unit of a position, velocity or reference tells; None for others."""
+    """Return the axis units implied by the unit of a position, velocity or reference; None for other roles."""
     if QUANTITY[role] not in ("position", "velocity"):
         return None
     return LINEAR if unit.exponents == _exponents(wanted_unit(role, LINEAR)) else ROTARY
 
 
 def factor(role: str, unit: BaseUnit, units: AxisUnits) -> float | None:
-    """What turns numbers of a unit into those of the record; None where the quantities differ."""
+    """Return the conversion factor from a unit to the unit of the record; None if the quantities differ."""
     return unit.factor if unit.exponents == _exponents(wanted_unit(role, units)) else None
 
 
 def parse_quantity(text: str | float, where: str) -> tuple[float, BaseUnit]:
-    """Number and unit of ``35.15 N/V``; a number alone has the unit 1.
+    """Return number and unit of a text such as ``35.15 N/V``; a number alone has the unit 1.
 
     Raises
     ------
     RecordError
-        It is no number with a known unit; `where` begins the sentence.
+        If the text is not a number with a known unit; the message starts with `where`.
     """
     given = str(text)
     match = _NUMBER.fullmatch(given) if len(given) <= _LONGEST and not isinstance(text, bool) else None
     unit = unit_of(match[2] or "1") if match else None
     if match is None or unit is None or not 0.0 < abs(float(match[1])) < math.inf:
         raise RecordError(
-            f"{where} is {given[:_LONGEST]!r}, which is no number with a known unit; write it like '35.15 N/V'."
+            f"{where} is {given[:_LONGEST]!r}, which is not a number with a known unit; use the form '35.15 N/V'."
         )
     return float(match[1]), unit
 
 
 def times(a: BaseUnit, b: BaseUnit) -> BaseUnit:
-    """Product of two units."""
+    """Return the product of two units."""
     return BaseUnit(tuple(i + j for i, j in zip(a.exponents, b.exponents, strict=True)), a.factor * b.factor)
 
 

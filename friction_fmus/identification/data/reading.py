@@ -1,4 +1,4 @@
-"""Records out of data files."""
+"""Reading records from data files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from friction_fmus.identification.data.table_files import read_table
 from friction_fmus.identification.data.tables import Table
 from friction_fmus.identification.errors import RecordError
 
-#: Role in a mapping -> column of a record.
+#: Column of a record for each role in a mapping.
 FIELD = {
     "time": "t",
     "position": "q",
@@ -32,22 +32,22 @@ FIELD = {
     "normal": "normal",
 }
 
-#: Largest value of a measurement in SI units, and one over the smallest: what is computed from them stays a number.
+#: Largest value of a measurement in SI units, and one over the smallest, so that computations do not overflow.
 LARGEST = 1e50
 
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
-    """What a data file and its mapping say.
+    """Contents of a data file.
 
     Attributes
     ----------
     records : tuple of Record
-        The pieces between gaps; one if there are none.
+        Segments between gaps; a single record if there are no gaps.
     mapping : DataMapping
-        What the columns are, as it was given or guessed.
+        Mapping of the columns, as given or derived from the headings.
     findings : tuple of Finding
-        What should be known about the data, apart from the excitation (see `examine`).
+        Problems found in the data; for the excitation, see `examine`.
     """
 
     records: tuple[Record, ...]
@@ -55,21 +55,31 @@ class Measurement:
     findings: tuple[Finding, ...]
 
     def window(self, begin: float, end: float) -> tuple[Record, ...]:
-        """The parts of the records with begin <= t <= end [s].
+        """Return the parts of the records with begin <= t <= end.
+
+        Parameters
+        ----------
+        begin, end : float
+            Start and end of the window [s].
+
+        Returns
+        -------
+        tuple of Record
+            Parts with at least `SHORTEST` samples.
 
         Raises
         ------
         RecordError
-            No piece has `SHORTEST` samples there.
+            If no segment has `SHORTEST` samples in the window.
         """
         inside = [r for r in self.records if np.count_nonzero((r.t >= begin) & (r.t <= end)) >= SHORTEST]
         if not inside:
             raise RecordError(
                 f"The window {begin:g} .. {end:g} s has fewer than {SHORTEST} samples of the record "
-                f"{self.records[0].name!r}, which lasts from {self.records[0].t[0]:g} to "
+                f"{self.records[0].name!r}, which extends from {self.records[0].t[0]:g} to "
                 f"{self.records[-1].t[-1]:g} s; choose another one."
             )
-        # a thousandth of a sample for times that are not exact in binary
+        # tolerance of a thousandth of a sample for times without exact binary representation
         return tuple(r.window(begin - 1e-3 * r.Ts, end + 1e-3 * r.Ts) for r in inside)
 
 
@@ -81,26 +91,26 @@ def read_records(
     Parameters
     ----------
     path : path-like
-        A data file (.csv, .tsv, .txt, .dat, .parquet, .mat), or a mapping (.toml) that names one.
+        Data file (.csv, .tsv, .txt, .dat, .parquet, .mat), or mapping (.toml) that names one.
     mapping : path-like, mapping or DataMapping, optional
-        What the columns of a data file are: a TOML file, its tables, or what `read_mapping` made of them. Without it
-        headings with units must tell.
+        Mapping of the columns: a TOML file, its tables, or the result of `read_mapping`. Without a mapping, the
+        headings must identify the signals and contain units.
 
     Returns
     -------
     tuple of Record
-        The pieces between gaps, in SI units.
+        Segments between gaps, in SI units.
 
     Raises
     ------
     RecordError
-        A file or a column is missing or not as the mapping says, a unit is of another quantity, the time does not
-        increase.
+        If a file or a column is missing or does not agree with the mapping, a unit is of the wrong quantity, or the
+        time does not increase.
 
     Warns
     -----
     RecordWarning
-        For each finding, such as ``gaps`` or ``irregular-sampling``; `read_measurement` returns them instead.
+        For each finding, such as ``gaps`` or ``irregular-sampling``; `read_measurement` returns the findings instead.
     """
     measurement = read_measurement(path, mapping)
     for finding in measurement.findings:
@@ -111,13 +121,24 @@ def read_records(
 def read_measurement(
     source: str | Path | DataMapping, mapping: str | Path | Mapping[str, Any] | DataMapping | None = None
 ) -> Measurement:
-    """Read a data file: its records, its mapping and what was found.
+    """Read a data file with its mapping and findings.
 
-    Parameters and errors are those of `read_records`; `source` may also be a mapping that names its data file.
+    Parameters
+    ----------
+    source : path-like or DataMapping
+        Data file, or mapping that names one, see `read_records`.
+    mapping : path-like, mapping or DataMapping, optional
+        Mapping of the columns, see `read_records`.
 
     Returns
     -------
     Measurement
+        Records, mapping and findings.
+
+    Raises
+    ------
+    RecordError
+        As `read_records`.
     """
     known, path = _located(source, mapping)
     table = read_table(path)
@@ -129,14 +150,14 @@ def read_measurement(
     t, columns = _complete(table, columns, findings, path)
     _check_time(table, t, columns.pop("row"), known.columns["time"], path)
     quantum = _quantum(columns["q"]) if "q" in columns else 0.0
-    pieces, about_time = equally_spaced(t, columns)
+    segments, about_time = equally_spaced(t, columns)
     findings += about_time
-    if not pieces:
-        raise RecordError(f"{path} has no {SHORTEST} samples without a gap; log longer pieces.")
-    names = [known.name] if len(pieces) == 1 else [f"{known.name}, piece {i + 1}" for i in range(len(pieces))]
+    if not segments:
+        raise RecordError(f"{path} has no {SHORTEST} samples without a gap; log longer without interruption.")
+    names = [known.name] if len(segments) == 1 else [f"{known.name}, segment {i + 1}" for i in range(len(segments))]
     records = tuple(
-        Record(name, piece.t, units=units, citation=known.citation, quantum=quantum, **piece.columns)
-        for name, piece in zip(names, pieces, strict=True)
+        Record(name, segment.t, units=units, citation=known.citation, quantum=quantum, **segment.columns)
+        for name, segment in zip(names, segments, strict=True)
     )
     findings += plausible(records, known.columns)
     return Measurement(records, known, tuple(findings))
@@ -145,10 +166,10 @@ def read_measurement(
 def _located(
     source: str | Path | DataMapping, mapping: str | Path | Mapping[str, Any] | DataMapping | None
 ) -> tuple[DataMapping, Path]:
-    """The mapping and the data file that a user's arguments stand for."""
+    """Return mapping and path of the data file for the arguments of a user."""
     if isinstance(source, DataMapping) or Path(source).suffix.lower() == ".toml":
         if mapping is not None:
-            raise RecordError(f"{source} is a mapping itself; give it alone, or give a data file with a mapping.")
+            raise RecordError(f"{source} is itself a mapping; omit the second mapping, or give a data file first.")
         known = source if isinstance(source, DataMapping) else load_mapping(Path(source))
         if known.file is None:
             raise RecordError(f'{source} names no data file; add file = "..." to its table [data].')
@@ -164,7 +185,7 @@ def _located(
 
 
 def _converted(table: Table, known: DataMapping, path: Path) -> tuple[dict[str, Array], AxisUnits]:
-    """The columns of the record in its units, rows as in the file."""
+    """Return the columns converted to the units of the record, with all rows of the file."""
     units: AxisUnits | None = None
     scales = {}
     for role, column in known.columns.items():
@@ -172,7 +193,7 @@ def _converted(table: Table, known: DataMapping, path: Path) -> tuple[dict[str, 
         if column.period:
             continue
         if column.column in table.texts:
-            raise RecordError(f"{where} is not made of numbers: it has {table.texts[column.column]}; repair the file.")
+            raise RecordError(f"{where} is not numeric: it contains {table.texts[column.column]}; correct the file.")
         if column.column not in table.columns:
             there = ", ".join(repr(name) for name in (*table.columns, *table.texts)) or "none"
             raise RecordError(f"{path} has no column {column.column!r} for the {role}; it has {there}.")
@@ -185,8 +206,8 @@ def _converted(table: Table, known: DataMapping, path: Path) -> tuple[dict[str, 
         scale = factor(role, unit, units)
         if scale is None:
             raise RecordError(
-                f"{path}, column {column.column!r} for the {role}, has a unit that does not go with an axis in "
-                f"{units.position}, which wants one like {wanted_unit(role, units)}; correct one of the units."
+                f"{path}, column {column.column!r} for the {role}, has a unit that is not valid for an axis with the "
+                f"position in {units.position}; use a unit such as {wanted_unit(role, units)}, or correct the position."
             )
         columns[FIELD[role]] = column.sign * gain * scale * table.columns[column.column]
     period = known.columns["time"].period
@@ -199,28 +220,28 @@ def _converted(table: Table, known: DataMapping, path: Path) -> tuple[dict[str, 
 def _complete(
     table: Table, columns: dict[str, Array], findings: list[Finding], path: Path
 ) -> tuple[Array, dict[str, Array]]:
-    """The rows in which every column has a number; the others are missing samples."""
+    """Return the rows without missing values."""
     good = np.all([np.isfinite(values) for values in columns.values()], axis=0)
     if not good.all():
         counts = {name: int(np.count_nonzero(~np.isfinite(values))) for name, values in columns.items()}
         worst = max(counts, key=lambda name: counts[name])
         if np.count_nonzero(good) < SHORTEST:
             raise RecordError(
-                f"{path} has {np.count_nonzero(good)} rows in which all needed columns have numbers; most are "
-                f"missing for {worst!r} ({counts[worst]} of {len(good)}); map another column or repair the file."
+                f"{path} has only {np.count_nonzero(good)} rows without missing values; most are missing for "
+                f"{worst!r} ({counts[worst]} of {len(good)}); map another column or correct the file."
             )
         what = (
             f"{np.count_nonzero(~good)} of {len(good)} rows have empty, NaN or infinite cells, the first one in "
-            f"{table.place(int(np.argmin(good)))}; they were left out."
+            f"{table.place(int(np.argmin(good)))}; these rows are ignored."
         )
-        findings.append(Finding("missing-samples", what, "Log all columns at the same instants."))
+        findings.append(Finding("missing-samples", what, "Log all columns at the same times."))
     kept = {name: values[good] for name, values in columns.items()}
     for name, values in kept.items():
         largest = float(np.max(np.abs(values), initial=0.0))
         if largest > LARGEST or 0.0 < largest < 1.0 / LARGEST:
             raise RecordError(
-                f"{path} has values up to {largest:.3g} in SI units for {name!r}, which no machine has; "
-                "correct the unit or the file."
+                f"{path} has values up to {largest:.3g} in SI units for {name!r}, which is implausible; correct the "
+                "unit or the file."
             )
     kept["row"] = np.flatnonzero(good).astype(np.float64)
     return kept.pop("t"), kept
@@ -237,20 +258,20 @@ def _check_time(table: Table, t: Array, rows: Array, column: Column, path: Path)
     if t[at] == t[at - 1]:
         raise RecordError(
             f"{path} has the time {t[at]:.9g} s twice, the second time in {place} ({_times(wrong.size)}); remove "
-            f'doubled rows, log the time with more digits, or give time = {{ period = "..." }}.'
+            f'duplicate rows, log the time with more digits, or use time = {{ period = "..." }}.'
         )
     raise RecordError(
-        f"The time in {path} goes back from {t[at - 1]:.9g} s to {t[at]:.9g} s in {place} ({_times(wrong.size)}); "
-        "sort the rows, or cut the file there if the log was started again."
+        f"The time in {path} decreases from {t[at - 1]:.9g} s to {t[at]:.9g} s in {place} ({_times(wrong.size)}); sort "
+        "the rows, or split the file there if the log was restarted."
     )
 
 
 def _times(count: int) -> str:
-    return "one such place" if count == 1 else f"{count} such places"
+    return "once in the file" if count == 1 else f"{count} times in the file"
 
 
 def _quantum(q: Array) -> float:
-    """Grid of a position, if all its values lie on one; else 0."""
+    """Return the resolution of a position if all its values are on a grid; otherwise 0."""
     levels = np.unique(q)
     gaps = np.diff(levels)
     span = levels[-1] - levels[0]

@@ -1,4 +1,4 @@
-"""The record of one axis or one contact: what every identification here starts from."""
+"""Record of an axis or a contact, the input of every identification."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from friction_fmus.identification.errors import RecordError
 
 Array: TypeAlias = NDArray[np.float64]
 
-#: Largest deviation of one sampling interval from the mean one, as a fraction of it.
+#: Largest relative deviation of a sampling interval from the mean.
 JITTER = 0.01
 
 
 @dataclass(frozen=True)
 class AxisUnits:
-    """Units of an axis; the defaults are those of a linear one, see `ROTARY` for the other.
+    """Units of an axis; the defaults are for a linear axis, see `ROTARY` for a rotary one.
 
     Attributes
     ----------
     position, velocity, force, inertia, viscous : str
-        Unit of the position, its rate, the force or torque, the mass or inertia, and the viscous coefficient.
+        Units of position, velocity, force or torque, mass or moment of inertia, and viscous coefficient.
     """
 
     position: str = "m"
@@ -37,18 +37,18 @@ LINEAR = AxisUnits()
 ROTARY = AxisUnits("rad", "rad/s", "N.m", "kg.m2", "N.m.s/rad")
 
 
-#: The columns a record may have, all but the time optional.
+#: Columns of a record; all except the time are optional.
 COLUMNS = ("t", "q", "v", "reference", "force", "friction", "normal")
 
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Motion and forces of one axis or one contact, sampled at equal intervals.
+    """Motion and forces of an axis or a contact, sampled at equal intervals.
 
     Parameters
     ----------
     name : str
-        What the record is called in reports and error messages.
+        Name in reports and error messages.
     t : array, shape (n,)
         Time [s], increasing, equally spaced within 1 %.
     q : array, shape (n,), optional
@@ -66,15 +66,15 @@ class Record:
     units : AxisUnits
         Units of the axis.
     citation : str
-        Whom to cite wherever the record or a result of it is shown.
+        Citation of the data.
     quantum : float
-        Grid of the position measurement, in `units.position`; 0 if it is not known.
+        Resolution of the position measurement, in `units.position`; 0 if unknown.
 
     Raises
     ------
     RecordError
-        Neither position nor velocity, lengths differ, fewer than 3 samples, NaN or infinite samples, time not
-        increasing or not equally spaced.
+        If position and velocity are missing, lengths differ, there are fewer than 3 samples, NaN or infinite samples,
+        or the time is not increasing and equally spaced.
     """
 
     name: str
@@ -90,7 +90,7 @@ class Record:
     quantum: float = 0.0
 
     def __post_init__(self) -> None:
-        """Make the columns read-only arrays of numbers, and check them."""
+        """Convert the columns to read-only arrays and validate them."""
         columns = {}
         for column in COLUMNS:
             if (given := getattr(self, column)) is None:
@@ -111,12 +111,10 @@ class Record:
         if len(set(lengths.values())) > 1:
             listed = ", ".join(f"{column} {length}" for column, length in lengths.items())
             raise RecordError(
-                f"The columns of the record {self.name!r} have different lengths ({listed}); cut them to one length."
+                f"The columns of the record {self.name!r} have different lengths ({listed}); make them equal."
             )
         if lengths["t"] < 3:
-            raise RecordError(
-                f"The record {self.name!r} has {lengths['t']} samples; velocities need at least 3 of them."
-            )
+            raise RecordError(f"The record {self.name!r} has {lengths['t']} samples; use at least 3.")
         for column, values in columns.items():
             bad = np.flatnonzero(~np.isfinite(values))
             if bad.size:
@@ -139,8 +137,8 @@ class Record:
             )
 
     @property
-    def Ts(self) -> float:  # noqa: N802 (the symbol of the sampling period)
-        """Mean sampling interval [s]."""
+    def Ts(self) -> float:  # noqa: N802 (the symbol of the sample time)
+        """Mean sample time [s]."""
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
     def __len__(self) -> int:
@@ -148,7 +146,7 @@ class Record:
         return len(self.t)
 
     def column(self, name: str) -> Array:
-        """Return a column that is needed.
+        """Return a required column.
 
         Parameters
         ----------
@@ -158,30 +156,41 @@ class Record:
         Returns
         -------
         array, shape (n,)
+            Values of the column.
 
         Raises
         ------
         RecordError
-            The record does not have it.
+            If the record does not have the column.
         """
         values: Array | None = getattr(self, name)
         if values is None:
-            raise RecordError(f"The record {self.name!r} has no column {name!r}, which is needed here; add it.")
+            raise RecordError(f"The record {self.name!r} has no column {name!r}, which is required; add it.")
         return values
 
     def window(self, begin: float, end: float) -> Record:
-        """Return the samples with begin <= t <= end [s].
+        """Return the samples with begin <= t <= end.
+
+        Parameters
+        ----------
+        begin, end : float
+            Start and end of the window [s].
+
+        Returns
+        -------
+        Record
+            Record with the samples in the window.
 
         Raises
         ------
         RecordError
-            Fewer than 3 samples are in the window.
+            If fewer than 3 samples are in the window.
         """
         inside = (self.t >= begin) & (self.t <= end)
         if np.count_nonzero(inside) < 3:
             raise RecordError(
                 f"The window {begin:g} .. {end:g} s has fewer than 3 samples of the record {self.name!r}, which "
-                f"lasts from {self.t[0]:g} to {self.t[-1]:g} s; choose another one."
+                f"extends from {self.t[0]:g} to {self.t[-1]:g} s; choose another one."
             )
         columns = {name: getattr(self, name) for name in COLUMNS}
         return replace(self, **{name: values[inside] for name, values in columns.items() if values is not None})

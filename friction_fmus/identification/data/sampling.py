@@ -1,4 +1,4 @@
-"""From the times of a file to equally spaced pieces."""
+"""Segmentation of a measurement at gaps, and resampling to equal intervals."""
 
 from __future__ import annotations
 
@@ -12,56 +12,55 @@ from scipy.interpolate import CubicSpline
 from friction_fmus.identification.data.findings import Finding
 from friction_fmus.identification.data.record import JITTER, Array
 
-#: An interval longer than this many usual ones is a gap: nothing is interpolated across it.
+#: Ratio of an interval to the median above which it is a gap, across which nothing is interpolated.
 GAP = 5.0
 
-#: Samples that a piece between gaps needs to be kept.
+#: Smallest number of samples of a segment.
 SHORTEST = 50
 
-#: Columns that are smooth, because a mass moves; the others are interpolated linearly.
+#: Columns that are smooth because of inertia; the others are interpolated linearly.
 SMOOTH = ("q", "v", "reference")
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
-    """A part of a measurement without gaps, equally spaced.
+class SampledSegment:
+    """Equally spaced segment of a measurement without gaps.
 
     Attributes
     ----------
     t : array, shape (n,)
         Time [s].
     columns : mapping of str to array, shape (n,)
-        The other columns.
+        Other columns.
     """
 
     t: Array
     columns: Mapping[str, Array]
 
 
-def equally_spaced(t: Array, columns: Mapping[str, Array]) -> tuple[list[Piece], list[Finding]]:
-    """Split a measurement at its gaps and put each piece on equal intervals.
+def equally_spaced(t: Array, columns: Mapping[str, Array]) -> tuple[list[SampledSegment], list[Finding]]:
+    """Split a measurement at gaps, and convert each segment to equal intervals.
 
     Parameters
     ----------
     t : array, shape (n,)
-        Time [s], increasing.
+        Increasing time [s].
     columns : mapping of str to array, shape (n,)
-        The other columns.
+        Other columns.
 
     Returns
     -------
-    list of Piece
-        Pieces of at least `SHORTEST` samples; none if there are no such ones.
+    list of SampledSegment
+        Segments of at least `SHORTEST` samples.
     list of Finding
-        ``gaps``, ``short-pieces``, ``rounded-time``, ``irregular-sampling``, as far as they apply.
+        Findings that apply: ``gaps``, ``short-pieces``, ``rounded-time``, ``irregular-sampling``.
 
     Notes
     -----
-    A piece whose intervals deviate by more than 1 % from their mean is put on a grid of its own: without
-    interpolation where the times are equally spaced but for the rounding of their digits; else by a cubic spline
-    (position, velocity, reference) or linearly (forces, which may jump), at the median interval. Where the samples
-    lie further apart than that, nothing is known above half their local rate, so no band-limited interpolation is
-    claimed.
+    A segment whose intervals deviate by more than 1 % from their mean gets a new time grid. If the times are equally
+    spaced except for rounding, samples are not interpolated. Otherwise they are resampled at the median interval by a
+    cubic spline (position, velocity, reference) or linearly (forces, which may jump). The result contains no
+    information above half the local sample rate.
     """
     steps = np.diff(t)
     usual = float(np.median(steps))
@@ -71,19 +70,17 @@ def equally_spaced(t: Array, columns: Mapping[str, Array]) -> tuple[list[Piece],
         longest = float(steps.max())
         what = (
             f"The record has {cuts.size} gap{'s' * (cuts.size > 1)}, the longest of {longest:.4g} s after "
-            f"t = {t[int(np.argmax(steps))]:.6g} s, against a usual interval of {usual:.4g} s; it was split there."
+            f"t = {t[int(np.argmax(steps))]:.6g} s (median interval {usual:.4g} s); it is split at each gap."
         )
-        findings.append(Finding("gaps", what, "Log without pauses: each piece needs an initial state of its own."))
+        findings.append(Finding("gaps", what, "Log without pauses: each segment needs its own initial state."))
     starts = np.concatenate([[0], cuts + 1, [len(t)]])
     spans = [slice(int(a), int(b)) for a, b in pairwise(starts)]
     long_enough = [span for span in spans if span.stop - span.start >= SHORTEST]
     if len(long_enough) < len(spans):
         lost = sum(span.stop - span.start for span in spans if span not in long_enough)
-        what = (
-            f"{len(spans) - len(long_enough)} pieces between gaps, {lost} samples together, are left out as too short."
-        )
+        what = f"{len(spans) - len(long_enough)} segments with {lost} samples in total are too short and are ignored."
         findings.append(Finding("short-pieces", what, f"Log at least {SHORTEST} samples without a gap."))
-    pieces, rounded, resampled = [], [], []
+    segments, rounded, resampled = [], [], []
     for span in long_enough:
         part = {name: values[span] for name, values in columns.items()}
         grid, method = _grid(t[span], usual)
@@ -92,25 +89,25 @@ def equally_spaced(t: Array, columns: Mapping[str, Array]) -> tuple[list[Piece],
             resampled.append(float(np.diff(t[span]).max()))
         elif method == "rounded":
             rounded.append(_digits(t[span]))
-        pieces.append(Piece(grid, part))
+        segments.append(SampledSegment(grid, part))
     if rounded:
-        what = f"The times are rounded to {max(rounded):.3g} s and equally spaced but for that; they were made so."
+        what = f"The times are rounded to {max(rounded):.3g} s; they are replaced by equally spaced times."
         findings.append(Finding("rounded-time", what, "Log the time with more digits."))
     if resampled:
         off = np.abs(steps[steps <= GAP * usual] / usual - 1.0) > JITTER
         first, longest = t[:-1][steps <= GAP * usual][off][0], max(resampled)
         what = (
-            f"{np.count_nonzero(off)} of {len(off)} intervals deviate by more than 1 % from the usual {usual:.4g} s, "
-            f"the first one at t = {first:.6g} s; positions and velocities were resampled at that interval by a cubic "
-            f"spline, forces linearly. Where samples lie furthest apart, {longest:.4g} s, the record knows nothing "
+            f"{np.count_nonzero(off)} of {len(off)} intervals deviate by more than 1 % from the median {usual:.4g} s, "
+            f"the first one at t = {first:.6g} s; positions and velocities are resampled at the median interval by a "
+            f"cubic spline, forces linearly. With the longest interval, {longest:.4g} s, the record has no information "
             f"above {0.5 / longest:.4g} Hz."
         )
         findings.append(Finding("irregular-sampling", what, "Log at equal intervals, from a real-time task."))
-    return pieces, findings
+    return segments, findings
 
 
 def _grid(t: Array, usual: float) -> tuple[Array, str]:
-    """Equally spaced times for a piece, and how they were found: "kept", "rounded" or "resampled"."""
+    """Return equally spaced times of a segment, and how they were determined: "kept", "rounded" or "resampled"."""
     count = len(t) - 1
     mean = (t[-1] - t[0]) / count
     if np.all(np.abs(np.diff(t) / mean - 1.0) <= JITTER):
@@ -121,12 +118,12 @@ def _grid(t: Array, usual: float) -> tuple[Array, str]:
     digits = _digits(t)
     if np.max(np.abs(t - line)) <= 0.6 * digits and digits <= 0.4 * slope:
         return line, "rounded"
-    # from the first sample on, so that where only some samples are missing the others stay what they are
+    # the grid starts at the first sample, so that the others are unchanged if only some samples are missing
     return t[0] + usual * np.arange(int((t[-1] - t[0]) / usual + 1e-3) + 1), "resampled"
 
 
 def _digits(t: Array) -> float:
-    """The decimal place to which all times are rounded [s]; 0 if there is none above the nanosecond."""
+    """Return the decimal place to which all times are rounded [s]; 0 if it is below a nanosecond."""
     for places in range(10):
         scaled = (t - t[0]) * 10.0**places
         if np.max(np.abs(scaled - np.round(scaled))) < 1e-3:

@@ -1,4 +1,4 @@
-"""Data files of all formats as tables."""
+"""Reading data files of all supported formats as tables."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from friction_fmus.identification.errors import RecordError
 
 
 def read_table(path: Path) -> Table:
-    """Read a data file; the suffix names the format.
+    """Read a data file; the suffix determines the format.
 
     Raises
     ------
     RecordError
-        The suffix is unknown, or the file cannot be read.
+        If the suffix is unknown, or the file cannot be read.
     """
     readers: dict[str, Callable[[Path], Table]] = dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc"), read_text)
     readers |= {".parquet": _read_parquet, ".pq": _read_parquet, ".mat": _read_mat}
@@ -28,16 +28,16 @@ def read_table(path: Path) -> Table:
     if suffix in (".gz", ".xz") and readers.get(Path(path.stem).suffix.lower()) is read_text:
         readers[suffix] = read_text
     if suffix not in readers:
-        raise RecordError(f"{path} has no known format; give a file that ends in {', '.join(readers)} or .toml.")
+        raise RecordError(f"The format of {path} is unknown; use a file that ends in {', '.join(readers)} or .toml.")
     if not path.is_file():
-        raise RecordError(f"There is no data file {path}; give the path of one.")
+        raise RecordError(f"There is no data file {path}; correct the path.")
     try:
         return readers[suffix](path)
     except RecordError:
         raise
-    except Exception as error:  # the libraries raise whatever they stumble over in a damaged file
+    except Exception as error:  # a damaged file may raise any exception in the libraries
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise RecordError(f"{path} cannot be read as a {suffix} file ({reason}); write it again.") from error
+        raise RecordError(f"{path} cannot be read as a {suffix} file ({reason}); export it again.") from error
 
 
 def _read_parquet(path: Path) -> Table:
@@ -47,14 +47,14 @@ def _read_parquet(path: Path) -> Table:
 
 
 HDF5: Final = b"\x89HDF\r\n\x1a\n"
-"""How a file of MATLAB 7.3 goes on behind its first 512 bytes, or begins."""
+"""Signature of HDF5, at offset 512 of a MATLAB 7.3 file or at its start."""
 
 
 def _read_mat(path: Path) -> Table:
-    """A .mat file: of MATLAB up to 7.2 through scipy, of 7.3 through h5py, of Dymola through the harness."""
+    """Read a .mat file: MATLAB up to 7.2 with scipy, MATLAB 7.3 with h5py, Dymola with the harness."""
     with path.open("rb") as file:
-        beginning = file.read(520)
-    if HDF5 in (beginning[:8], beginning[512:]):
+        header = file.read(520)
+    if HDF5 in (header[:8], header[512:]):
         return Table(path, _same_length(path, _hdf5(path)))
     import scipy.io
 
@@ -73,7 +73,7 @@ def _trajectory(path: Path) -> Table:
 
 
 def _flat(name: str, value: Any) -> Iterator[tuple[str, Array]]:
-    """Vectors of a variable: itself, the columns of a matrix ``a(:,1)``, the members of a structure ``a.b``."""
+    """Yield the vectors of a variable: itself, columns of a matrix ``a(:,1)``, or members of a structure ``a.b``."""
     if name.startswith("__"):
         return
     if hasattr(value, "_fieldnames"):
@@ -111,10 +111,10 @@ def _hdf5(path: Path) -> Iterator[tuple[str, Array]]:
 
 
 def _same_length(path: Path, vectors: Iterator[tuple[str, Array]]) -> dict[str, Array]:
-    """The vectors of the length that most of them have; scalars and settings are left out."""
+    """Return the vectors with the most frequent length; others, such as scalars and settings, are ignored."""
     found = {name: values for name, values in vectors if values.size >= 3}
     if not found:
-        raise RecordError(f"{path} has no vectors of numbers; save time, position and force as vectors or matrices.")
+        raise RecordError(f"{path} has no numeric vectors; save time, position and force as vectors or matrices.")
     sizes = [values.size for values in found.values()]
     length = max(set(sizes), key=lambda size: (sizes.count(size), size))
     return {name: values for name, values in found.items() if values.size == length}

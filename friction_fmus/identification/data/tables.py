@@ -1,4 +1,4 @@
-"""Named columns of numbers out of a data file."""
+"""Numeric columns of a data file."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from friction_fmus.identification.data.record import Array
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """The columns of a data file.
+    """Columns of a data file.
 
     Attributes
     ----------
     file : Path
-        The file.
+        Path of the file.
     columns : mapping of str to array
-        Numbers by heading, nan where a cell is empty.
+        Numeric columns by heading, with NaN for empty cells.
     units : mapping of str to str
-        Units by heading, as far as the file has them.
+        Units by heading, if the file states them.
     texts : mapping of str to str
-        Columns that are not numbers -> the first cell that is none, and where it is.
+        First non-numeric cell of each other column and its location, by heading.
     lines : array of int, shape (n,), or None
-        Line of the file on which each row stands.
+        Line number of each row in the file.
     findings : tuple of Finding
-        What should be known about the file.
+        Problems found in the file.
     """
 
     file: Path
@@ -42,12 +42,12 @@ class Table:
     findings: tuple[Finding, ...] = ()
 
     def place(self, row: int) -> str:
-        """Where a row is, for messages."""
+        """Return the location of a row in the file, for messages."""
         return f"line {self.lines[row]}" if self.lines is not None else f"row {row + 1}"
 
 
 def from_arrow(path: Path, table: Any, lines: NDArray[np.int64] | None = None) -> Table:
-    """Columns of a pyarrow table; moments become seconds since the first one."""
+    """Return the columns of a pyarrow table; time stamps become seconds since the first one."""
     import pyarrow as pa
     import pyarrow.compute as pc
 

@@ -1,4 +1,4 @@
-"""Columns of numbers out of CSV and its relatives."""
+"""Reading CSV and similar text files."""
 
 from __future__ import annotations
 
@@ -26,24 +26,23 @@ _SEPARATORS = (";", "\t", ",", "|")
 
 
 def read_text(path: Path) -> Table:
-    """Read a table of text: columns separated by ; tab , | or blanks, after comments and a heading.
+    """Read a text table: columns separated by ; tab , | or spaces, after comments and a heading.
 
     Raises
     ------
     RecordError
-        There is no table, a row has more or fewer cells than the heading, or commas are decimal points and
-        separators at once.
+        If there is no table, rows have different numbers of cells, or commas are both decimal points and separators.
     """
     full = [(n, line) for n, line in enumerate(_decoded(path).splitlines(), start=1) if line.strip()]
     numbered = [(n, line) for n, line in full if not line.lstrip().startswith(_COMMENTS)]
     if len(numbered) < 4:
-        raise RecordError(f"{path} has too few lines for a table ({len(numbered)}); give a heading and numbers below.")
+        raise RecordError(f"{path} has too few lines for a table ({len(numbered)}); use a heading and rows of numbers.")
     separator = _separator([line for _, line in numbered])
     first = next((i for i, (_, line) in enumerate(numbered) if _is_data(_cells(line, separator))), None)
     if first is None:
-        raise RecordError(f"{path} has no line of numbers; give a table with a heading and numbers below.")
+        raise RecordError(f"{path} has no line of numbers; use a table with a heading and rows of numbers.")
     width = _width(path, numbered[first:], separator)
-    # a heading may be the last comment, as numpy.savetxt writes it
+    # the heading may be the last comment line, as written by numpy.savetxt
     remarks = [(n, line.lstrip(' #%/!"')) for n, line in full if n < numbered[0][0]] if first == 0 else []
     remarked = [row for row in remarks[-1:] if len(_cells(row[1], separator)) == width]
     headings = _headings(
@@ -59,17 +58,17 @@ def read_text(path: Path) -> Table:
             units[name] = unit
     if len(set(names)) < len(names):
         (double, _), *_ = Counter(names).most_common(1)
-        raise RecordError(f"{path} has two columns called {double!r}; give each its own heading.")
+        raise RecordError(f"{path} has two columns with the heading {double!r}; rename one.")
     table = _parsed(path, names, numbered[first:], separator, comma)
     found: tuple[Finding, ...] = ()
     if comma:
-        what = f"The numbers of {path.name} have a comma where others have a point, and were read so."
-        found = (Finding("decimal-comma", what, "Check one value of each column, or write points."),)
+        what = f"Commas in the numbers of {path.name} are read as decimal points."
+        found = (Finding("decimal-comma", what, "Check a value of each column, or use decimal points."),)
     return replace(table, units={**units, **table.units}, findings=found)
 
 
 def split_unit(heading: str) -> tuple[str, str]:
-    """Name and unit of a heading such as ``x [mm]`` or ``x (mm)``; the unit is empty where there is none."""
+    """Return name and unit of a heading such as ``x [mm]`` or ``x (mm)``; the unit may be empty."""
     heading = heading.strip().strip('"').strip()
     match = _HEADING.fullmatch(heading)
     return (match["name"], match["unit"].strip()) if match and match["name"] else (heading, "")
@@ -80,7 +79,7 @@ def _decoded(path: Path) -> str:
     with opener(path, "rb") as file:
         content = file.read(LARGEST_DATA + 1)
     if len(content) > LARGEST_DATA:
-        raise RecordError(f"{path} holds more than {LARGEST_DATA} bytes of text; give a part of it.")
+        raise RecordError(f"{path} has more than {LARGEST_DATA} bytes of text; split the file.")
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         return content.decode("utf-16")
     try:
@@ -90,7 +89,7 @@ def _decoded(path: Path) -> str:
 
 
 def _separator(lines: list[str]) -> str:
-    """The separator that stands equally often in nearly all of the last lines; blanks if there is none."""
+    """Return the separator with the same count in most of the last lines; a space if there is none."""
     tail = lines[-50:]
     for separator in _SEPARATORS:
         counts = Counter(line.count(separator) for line in tail)
@@ -106,26 +105,26 @@ def _cells(line: str, separator: str) -> list[str]:
 
 
 def _is_data(cells: list[str]) -> bool:
-    """Whether a line is one of numbers; dates and words may stand beside them."""
+    """Return whether a line is a row of data: at least half of its cells are numbers."""
     numbers = [cell for cell in cells if cell and _NUMBER.fullmatch(cell)]
     return len(numbers) >= max(1, (len(cells) + 1) // 2)
 
 
 def _width(path: Path, numbered: list[tuple[int, str]], separator: str) -> int:
-    """Number of cells of each line, which must be the same; the last may be an empty one behind a separator."""
+    """Return the number of cells per line, which must be equal; the last cell may be empty."""
     widths = [len(_cells(line, separator)) for _, line in numbered]
     width = Counter(widths).most_common(1)[0][0]
     other = next((i for i, found in enumerate(widths) if found != width), None)
     if other is not None:
         raise RecordError(
-            f"Line {numbered[other][0]} of {path} has {widths[other]} cells, the others have {width}; "
-            "repair or remove it."
+            f"Line {numbered[other][0]} of {path} has {widths[other]} cells, but the others have {width}; correct or "
+            "remove it."
         )
     return width
 
 
 def _headings(path: Path, above: list[tuple[int, str]], separator: str, width: int, loose_end: bool) -> list[str]:
-    """Names of the columns: the last line above the numbers, and units from a line of their own below it."""
+    """Return the headings of the columns, including units from a separate line of units."""
     if not above:
         return [f"column {index + 1}" for index in range(width)]
     rows = [_cells(line, separator) for _, line in above]
@@ -140,9 +139,9 @@ def _headings(path: Path, above: list[tuple[int, str]], separator: str, width: i
         raise RecordError(
             f"The heading in line {number} of {path} has {cells} names, but the numbers below have {width} columns; "
             + (
-                "if the commas are decimal points, write the file with semicolons between the columns."
+                "if the commas are decimal points, use semicolons between the columns."
                 if decimal
-                else "give each column a name."
+                else "add a name for each column."
             )
         )
     *earlier, last = fitting
@@ -177,5 +176,5 @@ def _parsed(path: Path, names: list[str], numbered: list[tuple[int, str]], separ
             ),
         )
     except pa.ArrowInvalid as error:
-        raise RecordError(f"{path} cannot be read as a table ({error}); write it again.") from error
+        raise RecordError(f"{path} cannot be read as a table ({error}); export it again.") from error
     return from_arrow(path, table, lines)

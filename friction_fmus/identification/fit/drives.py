@@ -1,4 +1,4 @@
-"""Loaded FMUs that wait for their next use: to unpack and load one takes longer than a fit of a small record."""
+"""Pool of loaded FMUs: unpacking and loading an FMU takes longer than fitting a short record."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _LOCK = threading.Lock()
 
 @contextmanager
 def driven(path: Path) -> Iterator[Drive]:
-    """Lend a drive of an FMU to one user; the last one of each FMU stays loaded.
+    """Provide a drive of an FMU for exclusive use; the last one of each FMU stays loaded.
 
     Parameters
     ----------
     path : Path
-        The FMU.
+        Path of the FMU.
     """
     with _LOCK:
         drive = _IDLE.pop(path, None)

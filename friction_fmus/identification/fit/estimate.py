@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Estimate:
-    """One estimated parameter.
+    """Estimated parameter.
 
     Attributes
     ----------
@@ -16,9 +16,9 @@ class Estimate:
     value : float
         Estimate, in `unit`.
     standard_error : float
-        Standard error, in `unit`; nan where none can be given.
+        Standard error, in `unit`; NaN if it is not available.
     unit : str
-        Unit of both.
+        Unit of value and standard error.
     """
 
     name: str

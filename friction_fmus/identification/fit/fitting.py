@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from friction_fmus.identification.data.record import AxisUnits
 from friction_fmus.identification.fit.models import ContactModel, Traits
 from friction_fmus.identification.fit.problem import Problem
-from friction_fmus.identification.fit.search import Found, Loss, search
-from friction_fmus.identification.fit.setup import Setup, Wishes, scalar_setup
-from friction_fmus.identification.fit.simulation_data import Piece
+from friction_fmus.identification.fit.search import Loss, SearchResult, search
+from friction_fmus.identification.fit.setup import Constraints, Setup, scalar_setup
+from friction_fmus.identification.fit.simulation_data import PreparedSegment
 from harness import Drive
 
 
@@ -24,11 +24,11 @@ class FitData:
         The block.
     drive : Drive
         The block, ready to be simulated along the records.
-    pieces : sequence of Piece
+    segments : sequence of PreparedSegment
         The records.
     traits : Traits
         Rough values of level, stiffness and so on, from which a search starts.
-    wishes : Wishes
+    constraints : Constraints
         What the user says of the parameters.
     units : AxisUnits
         Units of the axis.
@@ -38,15 +38,15 @@ class FitData:
 
     model: ContactModel
     drive: Drive
-    pieces: Sequence[Piece]
+    segments: Sequence[PreparedSegment]
     traits: Traits
-    wishes: Wishes
+    constraints: Constraints
     units: AxisUnits
     Fn0: float | None
 
     def problem(self, setup: Setup) -> Problem:
         """Return the least squares problem with these unknowns."""
-        return Problem(self.drive, self.pieces, setup.coordinates, setup.assemble, setup.states, setup.constants)
+        return Problem(self.drive, self.segments, setup.coordinates, setup.assemble, setup.states, setup.constants)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,13 +59,13 @@ class Fit:
         The unknowns.
     problem : Problem
         The least squares problem.
-    found : Found
+    found : SearchResult
         Its solution.
     """
 
     setup: Setup
     problem: Problem
-    found: Found
+    found: SearchResult
 
 
 def fit_scalars(data: FitData, loss: Loss, starts: int | None) -> Fit:
@@ -80,7 +80,7 @@ def fit_scalars(data: FitData, loss: Loss, starts: int | None) -> Fit:
     starts : int or None
         Number of searches, if not this one.
     """
-    setup = scalar_setup(data.model, data.pieces, data.traits, data.wishes, data.units, data.Fn0)
+    setup = scalar_setup(data.model, data.segments, data.traits, data.constraints, data.units, data.Fn0)
     problem = data.problem(setup)
-    known = all(c.name in data.wishes.start or c.name == "OF" for c in problem.shared)
+    known = all(c.name in data.constraints.start or c.name == "OF" for c in problem.shared)
     return Fit(setup, problem, search(problem, loss, starts or (1 if known else 3)))

@@ -1,10 +1,11 @@
-"""Hysteresis as non-negative least squares: the stiffness at each of a grid of break-away distances.
+"""Identification of hysteresis by non-negative least squares: the stiffness at each point of a grid of distances.
 
-The force of an elastic, perfectly plastic element is proportional to its stiffness for a given break-away distance, so
-the stiffnesses follow from linear least squares with the sign of a spring (the distribution of W. Iwan, Journal of
-Applied Mechanics 33(4), 1966; the algorithm is that of C. Lawson, R. Hanson, "Solving least squares problems", 1974).
-The initial force of an element is unknown, too: it stands three times in the regression, begun at its lower limit, at
-zero and at its upper limit, and what the three get together is an element begun in between.
+For a given break-away distance, the force of an elastic, perfectly plastic element is proportional to its stiffness.
+The stiffnesses therefore follow from linear least squares with non-negative coefficients (distribution of W. Iwan,
+Journal of Applied Mechanics 33(4), 1966; algorithm of C. Lawson, R. Hanson, "Solving least squares problems", 1974).
+The initial force of an element is also unknown. Each element appears three times in the regression, with its lower
+limit, zero and its upper limit as initial force; a combination of the three is an element with an initial force between
+the limits.
 """
 
 from __future__ import annotations
@@ -22,38 +23,38 @@ from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.errors import ExcitationError
 from friction_fmus.identification.fit.drives import driven
 from friction_fmus.identification.fit.models import contact_model
-from friction_fmus.identification.fit.simulation_data import Piece, prepare, signal_of
+from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of
 
-#: Elements of the block `MaxwellSlip`.
+#: Number of elements of the block `MaxwellSlip`.
 BLOCK_ELEMENTS = 10
 
-#: Initial forces of an element, in parts of its limit.
-BEGINNINGS = (-1.0, 0.0, 1.0)
+#: Initial forces of an element over its limit.
+INITIAL_FORCES = (-1.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class HysteresisGrid:
-    """Elements at given break-away distances.
+    """Elements identified on a grid of break-away distances.
 
     Attributes
     ----------
     distance : array, shape (p,)
-        Break-away distances, increasing [position].
+        Break-away distances in ascending order [position].
     stiffness : array, shape (p,)
-        Stiffness of the element at each, 0 where there is none [force / position].
-    beginning : array, shape (p,)
-        Initial force in parts of the force at which the element slips, -1 to 1.
+        Stiffness of the element at each distance; 0 without an element [force / position].
+    initial_force : array, shape (p,)
+        Initial force over the slip force of the element, -1 to 1.
     linear : mapping of str to float
-        What was fitted beside them: "sigma2" [force / velocity], and M and OF of a drive.
+        Other fitted parameters: "sigma2" [force / velocity], and M and OF of a drive.
     t, measured, predicted : array, shape (n,)
-        Time [s], and the signal.
+        Time [s], measured and predicted signal.
     relative_percent : float
-        Root mean square of predicted minus measured in percent of that of the measured signal.
+        Root mean square of predicted minus measured, in percent of the root mean square of the measured signal.
     """
 
     distance: Array
     stiffness: Array
-    beginning: Array
+    initial_force: Array
     linear: Mapping[str, float]
     t: Array
     measured: Array
@@ -67,140 +68,152 @@ def identify_hysteresis(record: Record, points: int = 20, viscous: bool = False)
     Parameters
     ----------
     record : Record
-        Motion and friction, or force of a drive.
+        Motion and friction, or drive force.
     points : int
-        Points of the grid, in equal ratios from 1/200 to 2/3 of the distance between the outermost positions.
+        Number of grid points, logarithmically spaced from 1/200 to 2/3 of the range of the position.
     viscous : bool
-        Whether a viscous force is fitted beside the elements.
+        Whether to fit a viscous force in addition.
 
     Returns
     -------
     HysteresisGrid
+        Stiffness at each break-away distance.
 
     Raises
     ------
     RecordError
-        A column is missing.
+        If a column is missing.
     ExcitationError
-        Nothing moves.
+        If the record has no motion.
+
+    Notes
+    -----
+    Non-negative least squares (C. Lawson, R. Hanson, "Solving least squares problems", 1974) on the distribution of
+    elements of W. Iwan, Journal of Applied Mechanics 33(4), 1966.
     """
     model = contact_model("MaxwellSlip", record.units)
     signal, _ = signal_of([record])
-    piece = prepare(record, model, signal)
-    scale = 1.0 if piece.per is None else float(np.mean(piece.per))
-    return fit_grid(piece, scale, coarse(piece, points), viscous)
+    segment = prepare(record, model, signal)
+    scale = 1.0 if segment.per is None else float(np.mean(segment.per))
+    return fit_grid(segment, scale, coarse(segment, points), viscous)
 
 
-def coarse(piece: Piece, points: int) -> Array:
-    """Break-away distances in equal ratios, as far as the motion of a record tells them apart."""
-    reach = float(np.ptp(piece.x))
+def coarse(segment: PreparedSegment, points: int) -> Array:
+    """Return logarithmically spaced break-away distances that the motion of a record can distinguish."""
+    reach = float(np.ptp(segment.x))
     if reach <= 0.0:
-        raise ExcitationError(f"Nothing moves in the record {piece.record.name!r}; record reversals of the motion.")
+        raise ExcitationError(f"The record {segment.record.name!r} has no motion; record a motion with reversals.")
     return np.geomspace(reach / 200.0, reach / 1.5, points)
 
 
 def fit_grid(
-    piece: Piece,
+    segment: PreparedSegment,
     scale: float,
     distance: Array,
     viscous: bool,
     given: Mapping[str, float] | None = None,
-    beginnings: Sequence[float] = BEGINNINGS,
+    initial_forces: Sequence[float] = INITIAL_FORCES,
 ) -> HysteresisGrid:
-    """The same for a prepared record.
+    """Fit the stiffness of elements with given break-away distances to a prepared record.
 
     Parameters
     ----------
-    piece : Piece
-        The record.
+    segment : PreparedSegment
+        Prepared record.
     scale : float
-        Force that corresponds to 1 of the signal.
+        Force that corresponds to a signal of 1.
     distance : array, shape (p,)
-        Break-away distances, increasing.
+        Break-away distances in ascending order.
     viscous : bool
-        As of `identify_hysteresis`.
+        Whether to fit a viscous force in addition.
     given : mapping of str to float, optional
-        Mass M and offset OF where they are known.
-    beginnings : sequence of float
-        Initial forces of an element, in parts of its limit.
+        Known mass M and offset OF.
+    initial_forces : sequence of float
+        Initial forces of an element over its limit.
     """
     given, points = given or {}, len(distance)
-    responses = element_responses(piece, np.tile(distance, len(beginnings)), np.repeat(beginnings, points))
-    columns = [piece.rows(responses)]
+    responses = element_responses(segment, np.tile(distance, len(initial_forces)), np.repeat(initial_forces, points))
+    columns = [segment.rows(responses)]
     names = []
-    v = piece.inputs["v"]
+    v = segment.inputs["v"]
     if viscous:
         names.append("sigma2")
-        columns.append(piece.rows(v[:, None]))
-    if piece.a is not None and "M" not in given:
+        columns.append(segment.rows(v[:, None]))
+    if segment.a is not None and "M" not in given:
         names.append("M")
-        columns.append(piece.rows(piece.a[:, None]))
-    if (piece.a is not None or piece.reciprocating) and "OF" not in given:
-        names += ["OF", "-OF"]  # it may have either sign
-        columns.append(np.column_stack([np.ones_like(piece.measured), -np.ones_like(piece.measured)]))
-    known = piece.predicted(np.zeros_like(v), given.get("M", 0.0), given.get("OF", 0.0))
-    A, b = np.column_stack(columns), (piece.measured - known) * scale
+        columns.append(segment.rows(segment.a[:, None]))
+    if (segment.a is not None or segment.reciprocating) and "OF" not in given:
+        names += ["OF", "-OF"]  # the offset may have either sign
+        columns.append(np.column_stack([np.ones_like(segment.measured), -np.ones_like(segment.measured)]))
+    known = segment.predicted(np.zeros_like(v), given.get("M", 0.0), given.get("OF", 0.0))
+    A, b = np.column_stack(columns), (segment.measured - known) * scale
     length = np.linalg.norm(A, axis=0)
     length[length == 0.0] = 1.0
-    # least squares keep their solution under a rotation: p rows instead of n; threads would cost more than they save
+    # a QR decomposition reduces the problem from n to p rows; threads would cost more than they save
     with threadpool_limits(1):
         Q, R = scipy.linalg.qr(A / length, mode="economic", check_finite=False)
         solution = scipy.optimize.nnls(R, Q.T @ b)[0] / length
-    shares = solution[: len(beginnings) * points].reshape(len(beginnings), points)
+    shares = solution[: len(initial_forces) * points].reshape(len(initial_forces), points)
     stiffness = np.sum(shares, axis=0)
-    beginning = np.array(beginnings) @ shares / np.where(stiffness > 0.0, stiffness, 1.0)
+    initial_force = np.array(initial_forces) @ shares / np.where(stiffness > 0.0, stiffness, 1.0)
     rest = dict(zip(names, solution[shares.size :], strict=True))
     if "-OF" in rest:
         rest["OF"] -= rest.pop("-OF")
     predicted = A @ solution / scale + known
-    error, size = predicted - piece.measured, piece.measured
+    error, size = predicted - segment.measured, segment.measured
     return HysteresisGrid(
         distance=distance,
         stiffness=stiffness,
-        beginning=beginning,
+        initial_force=initial_force,
         linear={name: float(value) for name, value in rest.items()},
-        t=piece.t,
-        measured=piece.measured,
+        t=segment.t,
+        measured=segment.measured,
         predicted=predicted,
         relative_percent=100.0 * float(np.linalg.norm(error) / np.linalg.norm(size)),
     )
 
 
-def element_responses(piece: Piece, distance: Array, beginning: Array) -> Array:
-    """Deflections of elements along a record, from the block `MaxwellSlip` with stiffness 1; shape (n, elements)."""
+def element_responses(segment: PreparedSegment, distance: Array, initial_force: Array) -> Array:
+    """Return the deflections of elements along a record, from MaxwellSlip with stiffness 1; shape (n, elements)."""
     outputs = [f"Fi[{i}]" for i in range(1, BLOCK_ELEMENTS + 1)]
     columns = []
     with driven(fmu("MaxwellSlip")) as drive:
         for first in range(0, len(distance), BLOCK_ELEMENTS):
-            d, s = distance[first : first + BLOCK_ELEMENTS], beginning[first : first + BLOCK_ELEMENTS]
+            d, s = distance[first : first + BLOCK_ELEMENTS], initial_force[first : first + BLOCK_ELEMENTS]
             start: dict[str, float | int | bool | str] = {"N": len(d)}
             for i, (limit, part) in enumerate(zip(d, s, strict=True), start=1):
                 start |= {f"k[{i}]": 1.0, f"W[{i}]": float(limit), f"Fi[{i}]": float(part * limit)}
-            columns.append(replace(piece, inputs={"v": piece.inputs["v"]}).run(drive, outputs[: len(d)], start))
+            columns.append(replace(segment, inputs={"v": segment.inputs["v"]}).run(drive, outputs[: len(d)], start))
     return np.column_stack(columns)
 
 
 def with_count(grid: HysteresisGrid, count: int | None, most: int = BLOCK_ELEMENTS) -> tuple[Array, Array, Array]:
-    """So many elements with nearly the same virgin curve: stiffness, force at which they slip, and beginning.
+    """Return a given number of elements with nearly the same virgin curve as a grid.
 
     Parameters
     ----------
     grid : HysteresisGrid
-        Up to as many elements as it has points.
+        Identified elements.
     count : int or None
-        How many; None: as few as change the curve by at most 0.5 % of its end.
+        Number of elements; None for the smallest number that changes the curve by at most 0.5 % of its final value.
     most : int
-        Largest number.
+        Largest number of elements if `count` is None.
+
+    Returns
+    -------
+    tuple of arrays, shape (count,)
+        Stiffness, slip force, and initial force over slip force of each element.
 
     Notes
     -----
-    Again and again the two neighbours are joined (stiffness and force add up) that change the curve the least; or, if
-    there are too few, the strongest element is halved into two whose break-away distances differ by a factor of 2.
+    As long as there are too many elements, the two neighbours whose combination changes the curve least are combined:
+    their stiffnesses and slip forces add up. If there are too few, the element with the largest slip force is split
+    into two whose break-away distances differ by a factor of 2.
     """
     kept = grid.stiffness * grid.distance > 1e-6 * float(np.sum(grid.stiffness * grid.distance))
     if not np.any(kept):
-        raise ExcitationError("No element follows the measured force; record reversals with the sliding between them.")
-    k, d, s = grid.stiffness[kept], grid.distance[kept], grid.beginning[kept]
+        raise ExcitationError("No element reproduces the measured force; record reversals with sliding between them.")
+    k, d, s = grid.stiffness[kept], grid.distance[kept], grid.initial_force[kept]
     W = k * d
     x = np.geomspace(0.5 * grid.distance[0], 2.0 * grid.distance[-1], 200)
 
@@ -213,7 +226,7 @@ def with_count(grid: HysteresisGrid, count: int | None, most: int = BLOCK_ELEMEN
         for i in range(len(k) - 1):
             joined = _join(k, i, k[i] + k[i + 1]), _join(W, i, W[i] + W[i + 1])
             options.append((float(np.max(np.abs(curve(*joined) - curve(k, W)))), i))
-        least = min(options)[0] + 1e-9 * float(np.sum(W))  # of equal changes the first one, whatever the last bits are
+        least = min(options)[0] + 1e-9 * float(np.sum(W))  # tolerance: of equal changes, the first is used
         change, i = next(option for option in options if option[0] <= least)
         if count is None and len(k) <= most and change > 0.005 * float(np.sum(W)):
             break

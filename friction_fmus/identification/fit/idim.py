@@ -1,12 +1,12 @@
 """Inverse dynamic identification by least squares (IDIM-LS).
 
-The force that moves the axis is linear in the parameters,
+The drive force of the axis is linear in the parameters,
 
-    F = M q'' + Fv q' + Fc sgn(q') + OF,                                                      (1)
+    F = M q'' + Fv q' + Fc sgn(q') + OF.                                                      (1)
 
-so with the motion from a filtered position one sample is one row of W theta = F, and theta follows from
-linear least squares (M. Gautier, Ph. Poignet, "Extended Kalman filtering and weighted least squares dynamic
-identification of robot", Control Engineering Practice 9, 2001; for this axis: Janot, Gautier, Brunot 2019).
+With the motion from a filtered position, each sample is a row of W theta = F, and theta follows from linear least
+squares (M. Gautier, Ph. Poignet, "Extended Kalman filtering and weighted least squares dynamic identification of
+robot", Control Engineering Practice 9, 2001; for the EMPS axis: Janot, Gautier, Brunot 2019).
 """
 
 from __future__ import annotations
@@ -20,29 +20,28 @@ import scipy.signal
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.errors import ExcitationError, FitError, RecordError
 from friction_fmus.identification.fit.estimate import Estimate
-from friction_fmus.identification.fit.rank import not_separated
+from friction_fmus.identification.fit.rank import dependent_columns
 
 
 @dataclass(frozen=True)
 class InverseModelSettings:
-    """How the record becomes a regression.
+    """Settings of the regression of the inverse model.
 
-    The defaults are those the authors of the EMPS record identified it with: the axis is followed up to 20
-    Hz, the filter cuts at five times that, and the rows are decimated to 100 Hz so that twice 20 Hz remains
-    and the residuals of neighbouring rows are no longer correlated by the filter.
+    The defaults are the settings used by the authors of the EMPS record: the bandwidth of the motion is 20 Hz, the
+    filter cuts off at five times that, and the rows are decimated to 100 Hz, which keeps the motion and avoids
+    residuals correlated by the filter.
 
     Attributes
     ----------
     cutoff : float
-        Cut-off frequency of the zero-phase Butterworth filter on the position [Hz].
+        Cut-off frequency of the zero-phase Butterworth filter of the position [Hz].
     order : int
-        Its order (one way).
+        Order of this filter in each direction.
     border : int
-        Samples left out at the beginning, where differences and filter start [-].
+        Number of initial samples to discard, where filter and differences settle.
     decimation : int
-        One row is kept out of this many, after an 8th-order zero-phase Chebyshev filter at 0.8 of the new
-        Nyquist frequency on regressors and force alike, so both sides of the equation see the same filter
-        [-].
+        Decimation factor of the rows. Regressors and force are filtered alike, by an 8th-order zero-phase Chebyshev
+        filter at 0.8 of the new Nyquist frequency.
     """
 
     cutoff: float = 100.0
@@ -53,7 +52,13 @@ class InverseModelSettings:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Filtered motion of an axis, all of shape (n,): position, velocity and acceleration."""
+    """Filtered motion of an axis.
+
+    Attributes
+    ----------
+    q, v, a : array, shape (n,)
+        Position, velocity and acceleration, in the units of the axis.
+    """
 
     q: Array
     v: Array
@@ -69,11 +74,11 @@ class InverseModelFit:
     parameters : mapping of str to Estimate
         M, Fv, Fc, OF (and Fs, vs, delta for the Stribeck form).
     relative_residual : float
-        Norm of the residual over norm of the force, both decimated [-].
+        Norm of the residual over the norm of the force, both decimated.
     condition : float
-        Condition number of the decimated regressor matrix with columns of length 1 [-].
+        Condition number of the decimated regressor matrix with normalised columns.
     v, friction : array, shape (rows,)
-        Decimated velocity, and decimated F - M q'': the data behind the friction curve.
+        Decimated velocity, and decimated F - M q'': the points of the friction curve.
     """
 
     parameters: Mapping[str, Estimate]
@@ -83,19 +88,25 @@ class InverseModelFit:
     friction: Array
 
     def values(self) -> dict[str, float]:
-        """Parameter values without their errors."""
+        """Return the parameter values without standard errors.
+
+        Returns
+        -------
+        dict of str to float
+            Values in the units of the estimates.
+        """
         return {name: estimate.value for name, estimate in self.parameters.items()}
 
 
 def filtered_motion(record: Record, settings: InverseModelSettings | None = None) -> Motion:
-    """Position, velocity and acceleration from the measured position.
+    """Return filtered position, velocity and acceleration of a record.
 
     Parameters
     ----------
     record : Record
-        The record.
+        Record with a position.
     settings : InverseModelSettings, optional
-        Cut-off and order of the filter.
+        Cut-off frequency and order of the filter.
 
     Returns
     -------
@@ -105,19 +116,19 @@ def filtered_motion(record: Record, settings: InverseModelSettings | None = None
     Raises
     ------
     RecordError
-        The record is too short for the filter, or the cut-off is not below the Nyquist frequency.
+        If the record is too short for the filter, or the cut-off frequency is not below the Nyquist frequency.
 
     Notes
     -----
-    The reflection at the ends is three times the filter order, as in MATLAB's ``filtfilt`` which the
-    published figures were computed with (scipy's own default is three samples longer).
+    The reflection at the ends is three times the filter order, as in MATLAB's ``filtfilt``, which was used for the
+    published values; scipy's default is three samples longer.
     """
     settings = InverseModelSettings() if settings is None else settings
     nyquist = 0.5 / record.Ts
     if not 0.0 < settings.cutoff < nyquist:
         raise RecordError(
-            f"The cut-off {settings.cutoff:g} Hz is not between 0 and the Nyquist frequency {nyquist:g} Hz "
-            f"of the record {record.name!r}; lower it."
+            f"The cut-off frequency {settings.cutoff:g} Hz is not between 0 and the Nyquist frequency {nyquist:g} Hz "
+            f"of the record {record.name!r}; correct it."
         )
     sos = scipy.signal.butter(settings.order, settings.cutoff / nyquist, output="sos")
     _require_length(record, 3 * settings.order + 1)
@@ -132,9 +143,9 @@ def identify_inverse_model(record: Record, settings: InverseModelSettings | None
     Parameters
     ----------
     record : Record
-        The record; position and force are used, the reference is not.
+        Record with position and force.
     settings : InverseModelSettings, optional
-        Filters; the defaults are the published ones.
+        Filters; by default the published ones.
 
     Returns
     -------
@@ -144,20 +155,19 @@ def identify_inverse_model(record: Record, settings: InverseModelSettings | None
     Raises
     ------
     RecordError
-        The record is too short for the filters.
+        If the record is too short for the filters.
     ExcitationError
-        The motion does not tell the parameters apart.
+        If the regressors of the parameters are linearly dependent.
 
     Notes
     -----
-    Janot, Gautier, Brunot 2019, with the settings of the script `Script_IDIM_LS.m` that the authors give out
-    with the record; it gives their figures to all printed digits. The sign is that of the *filtered*
-    velocity, taken at the full rate and before decimation; every regressor column and the force are
-    decimated by 10, to 100 Hz, with the same zero-phase filter; the first 49 samples are dropped. The 20 Hz
-    that their text speaks of are the bandwidth of the motion and not the rate of the rows: decimation to 20
-    Hz would give M 94.66 kg.
+    Method of Janot, Gautier, Brunot 2019, with the settings of the script `Script_IDIM_LS.m` published with the record;
+    the result agrees with their values in all printed digits. The sign is taken from the *filtered* velocity at the
+    full rate, before decimation. All regressors and the force are decimated by 10, to 100 Hz, with the same zero-phase
+    filter; the first 49 samples are discarded. The 20 Hz mentioned in their text are the bandwidth of the motion, not
+    the rate of the rows: decimation to 20 Hz would give M = 94.66 kg.
 
-    The standard errors are those of ordinary least squares, s sqrt(diag((W'W)^-1)), and hold for uncorrelated
+    The standard errors are those of ordinary least squares, s sqrt(diag((W'W)^-1)), which assume uncorrelated
     residuals.
     """
     settings = InverseModelSettings() if settings is None else settings
@@ -177,37 +187,38 @@ def identify_inverse_stribeck(
     deltas: Sequence[float] = (1.0, 2.0),
     vs: Iterable[float] | None = None,
 ) -> InverseModelFit:
-    """Stribeck friction from the inverse model: start values for the fit in closed loop.
+    """Identify Stribeck friction from the inverse model, for example as start values of a fit in closed loop.
 
     Parameters
     ----------
     record : Record
-        The record.
+        Record with position and force.
     settings : InverseModelSettings, optional
-        Filters.
+        Filters; by default the published ones.
     deltas : sequence of float
-        Exponents to try; the best one is kept [-].
+        Exponents of the grid.
     vs : iterable of float, optional
-        Stribeck velocities to try, in the velocity unit; by default 25 between 1/200 and 1/2 of the largest
+        Stribeck velocities of the grid, in the velocity unit; by default 25 values from 1/200 to 1/2 of the largest
         speed.
 
     Returns
     -------
     InverseModelFit
-        Parameters M, Fv, Fc, Fs, OF with the standard errors at fixed vs and delta, and vs and delta (chosen
-        from the grid, standard error nan). Fs may come out below Fc: an axis may strengthen with speed.
+        Parameters M, Fv, Fc, Fs, OF with standard errors for fixed vs and delta, and the best vs and delta of the grid,
+        with the standard error NaN. Fs may be below Fc if friction increases with speed.
 
     Raises
     ------
     ExcitationError
-        No grid point is identifiable.
+        If the regressors are linearly dependent at all grid points.
     FitError
-        The grid is empty or not positive.
+        If the grid is empty or not positive.
 
     Notes
     -----
-    The friction Fc + (Fs - Fc) exp(-|v/vs|^delta) is linear in everything but vs and delta, so these two are
-    searched on a grid and the others are solved for (variable projection; G. Golub, V. Pereyra, 1973).
+    The friction Fc + (Fs - Fc) exp(-|v/vs|^delta) is linear in all parameters except vs and delta. These two are
+    searched on a grid, and the others follow from linear least squares (variable projection; G. Golub, V. Pereyra,
+    1973).
     """
     settings = InverseModelSettings() if settings is None else settings
     motion = filtered_motion(record, settings)
@@ -234,7 +245,7 @@ def identify_inverse_stribeck(
         except ExcitationError as error:
             refused = error
             continue
-        # curves that fit equally well, as all do without a Stribeck effect: the first one, not the last bits, decides
+        # of curves with equal residuals, as without a Stribeck effect, the first one is kept; rounding must not decide
         if best is None or fit.relative_residual < (1.0 - 1e-9) * best[0] - 1e-12:
             best = (fit.relative_residual, fit, covariance, (delta, speed))
     if best is None:
@@ -253,24 +264,24 @@ def identify_inverse_stribeck(
 
 
 def decimate(signal: Array, factor: int) -> Array:
-    """Keep every `factor`-th sample of a zero-phase low-passed signal, the last sample included.
+    """Decimate a signal behind a zero-phase low-pass filter; the last sample is kept.
 
     Parameters
     ----------
     signal : array, shape (n,) or (n, columns)
-        The signal.
+        Signal.
     factor : int
-        1 leaves the signal as it is.
+        Decimation factor; with 1 the signal is returned unchanged.
 
     Returns
     -------
     array, shape (ceil(n / factor),) or (ceil(n / factor), columns)
+        Every `factor`-th sample of the filtered signal, counted from the end.
 
     Notes
     -----
-    Chebyshev filter of type I, order 8, 0.05 dB ripple, edge at 0.8 of the new Nyquist frequency, run
-    forwards and backwards, reflection 24 samples, phase of the kept samples counted from the end: MATLAB's
-    ``decimate``.
+    The filter is a Chebyshev filter of type I, order 8, 0.05 dB ripple, with the edge at 0.8 of the new Nyquist
+    frequency, run forward and backward with a reflection of 24 samples, as in MATLAB's ``decimate``.
     """
     if factor == 1:
         return signal
@@ -283,10 +294,10 @@ def decimate(signal: Array, factor: int) -> Array:
 def _linear_fit(
     record: Record, motion: Motion, columns: Mapping[str, Array], settings: InverseModelSettings
 ) -> tuple[InverseModelFit, Array]:
-    """Least squares of the force on the columns; the fit and the covariance of its parameters."""
+    """Return the least-squares fit of the force on the columns, and the covariance of its parameters."""
     if settings.decimation < 1 or settings.border < 0:
         raise FitError(
-            f"The decimation {settings.decimation} must be at least 1 and the border {settings.border} at least 0."
+            f"The decimation is {settings.decimation} and the border {settings.border}; they must be at least 1 and 0."
         )
     _require_length(record, settings.border + max(25, (len(columns) + 1) * settings.decimation))
     names = list(columns)
@@ -296,13 +307,13 @@ def _linear_fit(
     length = np.linalg.norm(W, axis=0)
     if np.any(length == 0.0):
         raise ExcitationError(
-            f"The record {record.name!r} does not excite {names[int(np.argmin(length))]} at all; record a "
-            "motion with accelerations in both directions and several speeds."
+            f"The record {record.name!r} contains no excitation for {names[int(np.argmin(length))]}; record a motion "
+            "with accelerations in both directions and several speeds."
         )
     _, singular, right = np.linalg.svd(W / length, full_matrices=False)
-    if mixed := not_separated(singular, right, names):
+    if mixed := dependent_columns(singular, right, names):
         raise ExcitationError(
-            f"The record {record.name!r} does not tell {' and '.join(mixed)} apart; record a motion with "
+            f"The record {record.name!r} does not allow {' and '.join(mixed)} to be separated; record a motion with "
             "accelerations in both directions and several speeds."
         )
     theta = right.T @ ((right @ (W.T @ force / length)) / singular**2) / length
@@ -329,6 +340,6 @@ def _linear_fit(
 def _require_length(record: Record, samples: int) -> None:
     if len(record) <= samples:
         raise RecordError(
-            f"The record {record.name!r} has {len(record)} samples and the filters need more than "
-            f"{samples}; give a longer record or a smaller decimation."
+            f"The record {record.name!r} has {len(record)} samples, but the filters need more than {samples}; use a "
+            "longer record or a smaller decimation."
         )

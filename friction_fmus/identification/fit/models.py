@@ -1,7 +1,8 @@
-"""Which parameters of a block are identified, where the search starts, and what determines each of them.
+"""Parameters of blocks that are identified, their start values, and the motion that determines each of them.
 
-Names, units, ranges and start values come from the FMU. The blocks of this package use one name for one thing, so that
-one row serves all models; the file of a block states exceptions and further parameters (`IDENTIFIED`).
+Names, units, ranges and default values come from the FMU. The blocks of this package use the same name for the same
+quantity, so that one entry of `ROWS` serves all models. The file of a block states exceptions and further parameters
+(`IDENTIFIED`).
 """
 
 from __future__ import annotations
@@ -24,16 +25,16 @@ from harness import FmuPart, open_archive
 
 @dataclass(frozen=True)
 class Traits:
-    """What a look at the data tells of the friction.
+    """Rough properties of the friction, estimated from the data.
 
     Attributes
     ----------
     level, peak : float
         Typical and largest force in sliding [force].
     viscous : float
-        Its growth with speed [force / velocity].
+        Increase of the force with speed [force / velocity].
     stiffness, damping : float
-        Of the contact in small motions [force / position], [force / velocity].
+        Stiffness and damping of the contact in small motions [force / position], [force / velocity].
     speed : float
         Largest speed [velocity].
     """
@@ -47,11 +48,11 @@ class Traits:
 
     @property
     def distance(self) -> float:
-        """Path over which the contact goes from rest to sliding [position]."""
+        """Distance from rest to sliding [position]."""
         return self.level / self.stiffness
 
     def value(self, expression: str) -> float:
-        """Return the value of an expression of these numbers, as `Fitted.start` has it."""
+        """Return the value of an expression of these numbers, see `Fitted.start`."""
         return float(evaluate(expression, {name: getattr(self, name) for name in names_in(expression)}))
 
 
@@ -88,17 +89,17 @@ ROWS: Mapping[str, Fitted] = {
     "W": Fitted("level", "loops"),
     "alpha": Fitted("1", "loops"),
 }
-"""Parameters that are identified, by name; elements of vectors without their number, parameters of v < 0 without
-``_neg``. A block whose parameter of that name is another thing says so in its file."""
+"""Start value and required motion of identified parameters, by name without the index of an element and without the
+suffix ``_neg`` of a parameter for v < 0. The file of a block states exceptions."""
 
 HELD = ("delta", "v_d", "delta_v", "gamma", "Fs_a", "tauL", "dead_band", "DV", "offset", "Fn0", "sigma")
-"""Parameters that keep their value unless `start` or `bounds` names them: shapes that trade with others, and effects
-that most records do not show."""
+"""Parameters that keep their default value unless `start` or `bounds` contains them: shape parameters correlated with
+others, and effects that most records do not contain."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a block, from its FMU."""
+    """Parameter of a block, read from its FMU."""
 
     name: str
     unit: str
@@ -110,34 +111,34 @@ class Parameter:
 
     @property
     def real(self) -> bool:
-        """Whether it is a Real."""
+        """Whether the parameter has the type Real."""
         return self.kind == "Real"
 
     def typed(self, value: float) -> float | int | bool:
-        """A value in the type that the block takes."""
+        """Return a value converted to the type of the parameter."""
         return value if self.real else bool(value) if self.kind == "Boolean" else int(value)
 
 
 @dataclass(frozen=True)
 class ContactModel:
-    """A friction block as identification sees it.
+    """Friction block with the properties needed for its identification.
 
     Attributes
     ----------
     name : str
         Name of the block.
     path : Path
-        Its FMU.
+        FMU of the block.
     parameters : mapping of str to Parameter
-        All of them.
+        All parameters, by name.
     states : tuple of str
-        Its states.
+        Names of the states.
     loaded : bool
-        Whether it takes the normal force.
+        Whether the block has the normal force as input.
     rate_dependent : bool
-        Whether it depends on more than the path.
-    told : Identified
-        What its file says of its identification.
+        Whether the force depends on the velocity, not only on the path.
+    identified_by : Identified
+        Identification of the block, as stated in its file.
     """
 
     name: str
@@ -146,24 +147,24 @@ class ContactModel:
     states: tuple[str, ...]
     loaded: bool
     rate_dependent: bool
-    told: Identified
+    identified_by: Identified
 
     @property
     def static(self) -> bool:
-        """Whether the force follows from the velocity at the same instant."""
+        """Whether the force is a function of the present velocity."""
         return not self.states
 
     @property
     def initial_state(self) -> str | None:
-        """The state that is identified with the parameters, if there is one."""
-        return self.told.state or None
+        """State whose initial value is identified; None if there is none."""
+        return self.identified_by.state or None
 
     def identified(self, named: set[str], fixed: Mapping[str, float]) -> list[str]:
-        """Names of the scalar parameters to identify; `named` are those that start or bounds name."""
+        """Return the scalar parameters to identify; `named` are the keys of the user's start values and bounds."""
         chosen = []
         for name, parameter in self.parameters.items():
             base = name.removesuffix("_neg")
-            fitted = base in self.told.fits or (base in ROWS and base not in HELD)
+            fitted = base in self.identified_by.fits or (base in ROWS and base not in HELD)
             mirrored = name != base and not fixed.get("asymmetric", 0.0)
             if name in fixed or not parameter.real or "[" in name or mirrored:
                 continue
@@ -172,25 +173,25 @@ class ContactModel:
         return chosen
 
     def fit_of(self, name: str) -> Fitted | None:
-        """Return how a parameter is identified, an element of a vector and a parameter for v < 0 included."""
+        """Return start value and required motion of a parameter, a vector element or a parameter for v < 0."""
         base = name.split("[")[0].removesuffix("_neg")
-        return self.told.fits.get(base, ROWS.get(base))
+        return self.identified_by.fits.get(base, ROWS.get(base))
 
 
 def state_sizes(model: ContactModel, values: Mapping[str, float]) -> dict[str, float]:
-    """States that a contact in steady sliding has -> their size: the deflection, or the force of each element.
+    """Return the magnitude of each state in steady sliding: the deflection, or the force of each element.
 
     Parameters
     ----------
     model : ContactModel
-        The block.
+        Friction block.
     values : mapping of str to float
-        Its parameters; those that are missing have their start values.
+        Parameters; missing ones have their default values.
     """
     values = {**{name: parameter.start for name, parameter in model.parameters.items()}, **values}
     if model.initial_state is not None:
-        return {model.initial_state: float(evaluate(model.told.size, values))}
-    if model.told.method != "hysteresis":
+        return {model.initial_state: float(evaluate(model.identified_by.size, values))}
+    if model.identified_by.method != "hysteresis":
         return {}
     elements = range(1, int(values["N"]) + 1)
     if "alpha[1]" not in values:
@@ -201,7 +202,15 @@ def state_sizes(model: ContactModel, values: Mapping[str, float]) -> dict[str, f
 
 
 def identifiable() -> tuple[str, ...]:
-    """Names of the blocks that `identify` takes: friction with the velocity in and the force out, nothing random."""
+    """Return the names of the blocks of the catalogue that `identify` accepts.
+
+    They are friction models with the velocity as input and the force as output, without random behaviour.
+
+    Returns
+    -------
+    tuple of str
+        Names in the order of the catalogue.
+    """
     return tuple(
         block.name
         for block in catalogue().values()
@@ -213,21 +222,21 @@ def identifiable() -> tuple[str, ...]:
 
 
 def contact_model(model: str | Path, units: AxisUnits) -> ContactModel:
-    """Build the block and read its parameters; a block of the package only once.
+    """Build a block and read its parameters; the result is cached for blocks of the catalogue.
 
     Parameters
     ----------
     model : str or Path
-        As of `friction_fmus.build`.
+        Name of a block, or path of a ``.c`` file, see `friction_fmus.build`.
     units : AxisUnits
-        Units of the axis; a rotary one takes the rotational twin.
+        Units of the axis; a rotary axis uses the rotational variant of the block.
 
     Raises
     ------
     IdentificationError
-        The block is not one that a record identifies.
+        If the block cannot be identified from a record.
     UnknownNameError, BuildError
-        There is no such block, or it does not compile.
+        If there is no such block, or it does not compile.
     """
     if str(model) in catalogue():
         return _known(str(model), units)
@@ -243,16 +252,14 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
     block = find(model)
     if str(model) in catalogue() and block.name not in identifiable():
         raise IdentificationError(
-            f"{block.name} cannot be identified from a record of motion and force; choose one of "
+            f"{block.name} cannot be identified from a record of motion and force; use one of "
             f"{', '.join(identifiable())}."
         )
     path = fmu(model, "rotational" if units == ROTARY else "translational")
     part = FmuPart(block.name, path)
     names = {port.name for port in part.inputs}
     if "v" not in names or "F" not in {port.name for port in part.outputs}:
-        raise IdentificationError(
-            f"{block.name} has no input v or no output F; identification needs a friction block with both."
-        )
+        raise IdentificationError(f"{block.name} has no input v or no output F; use a friction block with both.")
     variables = open_archive(path).variables
     parameters = {}
     for port in part.parameters:

@@ -1,8 +1,7 @@
-"""Least squares of a simulation against measured signals (output error), simulator passed in.
+"""Output-error identification: least squares of simulated against measured signals.
 
-The simulator is any callable from parameter values to signals: here a co-simulated servo made of FMUs, in
-the tests a closed form. What the fit minimises is the sum over the targets of |simulated - measured|^2 /
-scale^2.
+The simulator is a callable that returns signals for parameter values, such as a co-simulated servo or a closed form.
+The fit minimises the sum over the targets of |simulated - measured|^2 / scale^2.
 """
 
 from __future__ import annotations
@@ -18,17 +17,17 @@ import scipy.optimize
 from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.errors import ExcitationError, FitError
 from friction_fmus.identification.fit.estimate import Estimate
-from friction_fmus.identification.fit.rank import not_separated
+from friction_fmus.identification.fit.rank import dependent_columns
 
 S = TypeVar("S")
 T = TypeVar("T")
 
-#: From parameter values to simulated signals, each of the shape of its target.
+#: Function of parameter values that returns simulated signals, each with the shape of its target.
 Simulator = Callable[[Mapping[str, float]], Mapping[str, Array]]
 
 
 class Mapper(Protocol):
-    """Applies a function to several items: `map`, or the `map` of an executor."""
+    """Function that applies another function to several items: `map`, or the `map` method of an executor."""
 
     def __call__(self, function: Callable[[S], T], items: Iterable[S], /) -> Iterable[T]:
         """Return the results in the order of the items."""
@@ -36,18 +35,18 @@ class Mapper(Protocol):
 
 @dataclass(frozen=True)
 class Unknown:
-    """A parameter to be fitted.
+    """Parameter to fit.
 
     Attributes
     ----------
     name : str
-        Name under which the simulator receives it.
+        Name that the simulator receives.
     start : float
         Start value, in `unit`.
     step : float
-        Step of the finite differences, in `unit`. It also scales the search. Take a step whose effect stands
-        clear of quantisation and of the events in the simulation: 0.5 to 5 % of the value, not the square
-        root of the machine precision.
+        Step of the finite differences, in `unit`; it also scales the search. The effect of the step must exceed
+        quantisation and event errors of the simulation: use 0.5 to 5 % of the value, not the square root of the machine
+        precision.
     unit : str
         Unit of the parameter.
     lower, upper : float
@@ -64,16 +63,16 @@ class Unknown:
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """A measured signal the simulation is to reproduce.
+    """Measured signal to be reproduced by the simulation.
 
     Attributes
     ----------
     measured : array, shape (n,)
-        The measurement.
+        Measured samples.
     scale : float
-        Error that counts as one, in the unit of the signal: it weighs the targets against each other.
+        Error that counts as one, in the unit of the signal; determines the relative weight of the targets.
     first : int
-        Samples before this one are left out.
+        First sample used in the fit.
     """
 
     measured: Array
@@ -90,13 +89,13 @@ class OutputErrorFit:
     parameters : mapping of str to Estimate
         Estimates with robust standard errors.
     classic_errors : mapping of str to float
-        Standard errors for uncorrelated residuals; too small wherever neighbouring samples err alike.
+        Standard errors for uncorrelated residuals; too small if the residuals of neighbouring samples are correlated.
     rms : mapping of str to float
         Root mean square error of each target, in its unit.
     simulations : int
-        Number of simulations used.
+        Number of simulations.
     converged : bool
-        Whether the search ended by its tolerances rather than by `max_iterations`.
+        Whether the search converged before `max_iterations`.
     correlation : array, shape (p, p)
         Correlation of the estimates.
     """
@@ -109,7 +108,13 @@ class OutputErrorFit:
     correlation: Array
 
     def values(self) -> dict[str, float]:
-        """Parameter values without their errors."""
+        """Return the parameter values without standard errors.
+
+        Returns
+        -------
+        dict of str to float
+            Values in the units of the estimates.
+        """
         return {name: estimate.value for name, estimate in self.parameters.items()}
 
 
@@ -129,43 +134,43 @@ def fit_output_error(
     Parameters
     ----------
     simulate : callable
-        From parameter values to signals.
+        Function of parameter values that returns signals.
     unknowns : sequence of Unknown
-        Parameters to be fitted.
+        Parameters to fit.
     targets : mapping of str to Target
-        Measured signals by the name the simulator gives them.
+        Measured signals, by the name of the simulated signal.
     mapper : callable, optional
-        How the runs of one Jacobian are done; the `map` of a pool runs them side by side.
+        Map function for the simulations of one Jacobian; the `map` method of a pool runs them in parallel.
     tolerance : float
-        The search ends when the cost, or the parameters in units of their steps, change by less than this
-        part.
+        Relative change of the cost, or of the parameters divided by their steps, at which the search ends.
     max_iterations : int
-        Largest number of points tried; each costs at most ``1 + len(unknowns)`` simulations.
+        Largest number of iterations; each needs at most ``1 + len(unknowns)`` simulations.
     correlation : int
-        Lag in samples up to which the residuals may be correlated, for the robust standard errors.
+        Largest lag at which residuals may be correlated, for the robust standard errors [samples].
     iterated : callable, optional
-        Called with the number of simulations done so far.
+        Called with the number of simulations after each simulation.
 
     Returns
     -------
     OutputErrorFit
+        Estimates with standard errors and correlation.
 
     Raises
     ------
     FitError
-        No unknowns or targets, names given twice, a start value outside its bounds, a step or scale that is
-        not positive, a signal that is missing, of the wrong shape or not finite.
+        If there are no unknowns or targets, a name occurs twice, a start value is outside its bounds, a step or scale
+        is not positive, or a signal is missing, has the wrong shape or is not finite.
     ExcitationError
-        The targets do not depend on a parameter, or not independently.
+        If the targets do not depend on a parameter, or the effects of parameters are linearly dependent.
 
     Notes
     -----
-    The search is the trust-region method of `scipy.optimize.least_squares` on the parameters divided by
-    their steps, with forward differences of one step. The covariance is (J'J)^-1 S (J'J)^-1 with S the sum
-    over lags of the products of neighbouring scores J_k r_k, weighted linearly down to `correlation` (W.
-    Newey, K. West, "A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent
-    covariance matrix", Econometrica 55, 1987): the errors of a servo model are systematic and last for many
-    samples, which the classic formula s^2 (J'J)^-1 would count as so many independent measurements.
+    The search uses the trust-region method of `scipy.optimize.least_squares` on the parameters divided by their steps,
+    with forward differences of one step. The covariance is (J'J)^-1 S (J'J)^-1, where S is the sum over lags of the
+    products of scores J_k r_k, with weights that decrease linearly up to `correlation` (W. Newey, K. West, "A simple,
+    positive semi-definite, heteroskedasticity and autocorrelation consistent covariance matrix", Econometrica 55,
+    1987). The errors of a servo model are systematic and last for many samples; the classic formula s^2 (J'J)^-1 would
+    count these samples as independent measurements.
     """
     _check(unknowns, targets)
     names = [unknown.name for unknown in unknowns]
@@ -188,9 +193,9 @@ def fit_output_error(
             iterated(simulations)
         return np.concatenate([_error(signals, name, targets[name]) * weight[name] for name in targets])
 
-    # the residual of every point, so that its Jacobian need not simulate it again
+    # residuals by point, so that the Jacobian does not repeat the simulation
     latest: dict[bytes, Array] = {}
-    # the latest Jacobian and where it was taken
+    # latest Jacobian and its point
     known: tuple[Array, Array] | None = None
 
     def residual(x: Array) -> Array:
@@ -205,7 +210,7 @@ def fit_output_error(
         centre = latest.get(x.tobytes())
         if centre is None:
             centre = residual(x)
-        # forwards, or backwards where the bound is in the way
+        # forward differences, backward at an upper bound
         direction = np.where(x + 1.0 <= upper, 1.0, -1.0)
         shifted = [named(x + direction[i] * np.eye(len(x))[i]) for i in range(len(x))]
         moved = [stacked(signals) for signals in mapper(simulate, shifted)]
@@ -253,8 +258,7 @@ def fit_output_error(
 
 
 def score_covariance(J: Array, r: Array, lengths: Sequence[int], correlation: int) -> Array:
-    """Newey-West estimate of the covariance of J' r; targets add up sample by sample where they share a time
-    axis."""
+    """Return the Newey-West estimate of the covariance of J' r; targets of equal length are added sample by sample."""
     products = np.split(J * r[:, None], np.cumsum(lengths)[:-1])
     if len(set(lengths)) == 1:
         products = [np.sum(products, axis=0)]
@@ -271,20 +275,20 @@ def score_covariance(J: Array, r: Array, lengths: Sequence[int], correlation: in
 def _error(signals: Mapping[str, Array], name: str, target: Target) -> Array:
     if name not in signals:
         raise FitError(
-            f"The simulation returned {', '.join(signals) or 'nothing'} and not {name!r}; name the target as it does."
+            f"The simulation returned {', '.join(signals) or 'nothing'}, but not {name!r}; correct the target's name."
         )
     simulated = np.asarray(signals[name], dtype=np.float64)
     if simulated.shape != target.measured.shape:
         raise FitError(
-            f"The simulation returned {name!r} with shape {simulated.shape}, measured is "
-            f"{target.measured.shape}; simulate the instants of the record."
+            f"The simulation returned {name!r} with shape {simulated.shape}, but the measurement has shape "
+            f"{target.measured.shape}; simulate at the samples of the record."
         )
     error: Array = (simulated - target.measured)[target.first :]
     if not np.all(np.isfinite(error)):
         raise FitError(
             f"The simulation of {name!r} is not finite from sample "
-            f"{int(np.argmin(np.isfinite(error))) + target.first} on; reduce the communication step or "
-            "narrow the bounds of the parameters."
+            f"{int(np.argmin(np.isfinite(error))) + target.first} on; reduce the communication step, or narrow the "
+            "bounds of the parameters."
         )
     return error
 
@@ -293,13 +297,14 @@ def _require_excitation(J: Array, names: Sequence[str]) -> None:
     length = np.linalg.norm(J, axis=0)
     if np.any(length == 0.0):
         raise ExcitationError(
-            f"The simulation does not depend on {names[int(np.argmin(length))]}; leave it out or record a "
-            "motion that needs it."
+            f"The simulation does not depend on {names[int(np.argmin(length))]}; fix it, or record a motion that "
+            "depends on it."
         )
     _, singular, right = np.linalg.svd(J / length, full_matrices=False)
-    if mixed := not_separated(singular, right, names):
+    if mixed := dependent_columns(singular, right, names):
         raise ExcitationError(
-            f"The measured signals do not tell {' and '.join(mixed)} apart; fix one of them or record another motion."
+            f"The measured signals do not allow {' and '.join(mixed)} to be separated; fix one of them, or record "
+            "another motion."
         )
 
 
@@ -308,19 +313,20 @@ def _check(unknowns: Sequence[Unknown], targets: Mapping[str, Target]) -> None:
         raise FitError("A fit needs at least one unknown and one target.")
     names = [unknown.name for unknown in unknowns]
     if len(set(names)) < len(names):
-        raise FitError(f"An unknown is given twice among {', '.join(names)}.")
+        raise FitError(f"The unknowns {', '.join(names)} contain a name twice; remove one.")
     for unknown in unknowns:
         if not (math.isfinite(unknown.step) and unknown.step > 0.0):
             raise FitError(f"The step of {unknown.name} is {unknown.step:g}; it must be positive and finite.")
         if not unknown.lower <= unknown.start <= unknown.upper:
             raise FitError(
-                f"The start value {unknown.start:g} of {unknown.name} is outside {unknown.lower:g} .. "
-                f"{unknown.upper:g}; move it or the bounds."
+                f"The start value {unknown.start:g} of {unknown.name} is outside its bounds {unknown.lower:g} .. "
+                f"{unknown.upper:g}; change it or the bounds."
             )
     for name, target in targets.items():
         if not (math.isfinite(target.scale) and target.scale > 0.0):
             raise FitError(f"The scale of the target {name!r} is {target.scale:g}; it must be positive and finite.")
         if not 0 <= target.first < len(target.measured):
             raise FitError(
-                f"The target {name!r} starts at sample {target.first} of {len(target.measured)}; choose one within."
+                f"The target {name!r} starts at sample {target.first}, but has only {len(target.measured)} samples; "
+                "reduce first."
             )

@@ -1,4 +1,4 @@
-"""What an identified model says of another record."""
+"""Prediction of a record by an identified model."""
 
 from __future__ import annotations
 
@@ -15,41 +15,41 @@ from friction_fmus.identification.fit.models import ContactModel, contact_model,
 from friction_fmus.identification.fit.problem import Coordinate, Problem
 from friction_fmus.identification.fit.search import search
 from friction_fmus.identification.fit.setup import INITIAL_LIMIT
-from friction_fmus.identification.fit.simulation_data import Piece, prepare
+from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare
 
 if TYPE_CHECKING:
     from friction_fmus.identification.result import Identification
 
 
 def predict(result: Identification, record: Record) -> Array:
-    """The signal along the motion of a record; see `Identification.predict`."""
+    """Predict the signal along the motion of a record; see `Identification.predict`."""
     if result.signal == "q":
         return axis_response(result, record)["q"]
     force = result.signal == "force"
     known = (record.force if force else record.friction) is not None
     zero = np.zeros(len(record))
     filled = record if known else replace(record, force=zero) if force else replace(record, friction=zero)
-    piece, F = _simulated(result, filled, fit=known)
+    segment, F = _simulated(result, filled, fit=known)
     values = result.values()
-    if piece.a is None:
-        return piece.predicted(F, 0.0, values.get("OF", 0.0))
-    return F + values.get("M", 0.0) * piece.a + values.get("OF", 0.0)
+    if segment.a is None:
+        return segment.predicted(F, 0.0, values.get("OF", 0.0))
+    return F + values.get("M", 0.0) * segment.a + values.get("OF", 0.0)
 
 
 def compare(result: Identification, record: Record) -> tuple[Array, Array]:
-    """Measured and predicted signal; see `Identification.compare`."""
+    """Return measured and predicted signal; see `Identification.compare`."""
     if result.signal == "q":
         return record.column("q"), predict(result, record)
-    piece, F = _simulated(result, record, fit=True)
+    segment, F = _simulated(result, record, fit=True)
     values = result.values()
-    return piece.measured, piece.predicted(F, values.get("M", 0.0), values.get("OF", 0.0))
+    return segment.measured, segment.predicted(F, values.get("M", 0.0), values.get("OF", 0.0))
 
 
-def _simulated(result: Identification, record: Record, fit: bool) -> tuple[Piece, Array]:
-    """The record, and the friction force along its motion from the initial state that suits best."""
+def _simulated(result: Identification, record: Record, fit: bool) -> tuple[PreparedSegment, Array]:
+    """Return the prepared record, and the friction force along its motion with a fitted initial state."""
     contact = contact_model(result.block, record.units)
-    piece = prepare(record, contact, result.signal, result.settings)
-    coordinates, sizes = _initial(result, contact, piece)
+    segment = prepare(record, contact, result.signal, result.settings)
+    coordinates, sizes = _initial(result, contact, segment)
     values = {
         name: contact.parameters[name].typed(value) if name in contact.parameters else value
         for name, value in result.values().items()
@@ -59,19 +59,19 @@ def _simulated(result: Identification, record: Record, fit: bool) -> tuple[Piece
         return {name: part * sizes[name] for name, part in parts.items()}
 
     with driven(contact.path) as drive:
-        problem = Problem(drive, [piece], coordinates, lambda _: {}, states, values)
+        problem = Problem(drive, [segment], coordinates, lambda _: {}, states, values)
         x = problem.start()
         if coordinates:
             x = search(problem, "linear", 1).x if fit else 0.0 * x
-        return piece, problem.force(x, 0)
+        return segment, problem.force(x, 0)
 
 
 def _initial(
-    result: Identification, contact: ContactModel, piece: Piece
+    result: Identification, contact: ContactModel, segment: PreparedSegment
 ) -> tuple[tuple[Coordinate, ...], dict[str, float]]:
-    """The initial states to fit, begun at the force with which the record does, and their sizes in sliding."""
+    """Return the initial states to fit, started from the first measured force, and their sizes in sliding."""
     sizes = {name: size for name, size in state_sizes(contact, result.values()).items() if size > 0.0}
     limit = INITIAL_LIMIT if contact.initial_state else 1.0
-    peak = float(np.max(np.abs(piece.measured))) or 1.0
-    part = 0.99 * float(np.median(piece.measured[:3])) / peak
-    return tuple(Coordinate(name, 1.0, part, -limit, limit, piece=0) for name in sizes), sizes
+    peak = float(np.max(np.abs(segment.measured))) or 1.0
+    part = 0.99 * float(np.median(segment.measured[:3])) / peak
+    return tuple(Coordinate(name, 1.0, part, -limit, limit, segment=0) for name in sizes), sizes

@@ -1,13 +1,13 @@
 """Presliding stiffness and damping from the response to small motions about rest.
 
-Before a contact slides it is a spring and a damper: with a deflection far below the presliding distance LuGre, for
-one, gives F = sigma0 x + (sigma1 + sigma2) v. The dynamic stiffness, force over position, is then
+Before it slides, a contact acts as a spring and a damper. For a deflection far below the presliding distance, LuGre
+gives F = sigma0 x + (sigma1 + sigma2) v, and the dynamic stiffness, force over position, is
 
-    Z(w) = sigma0 - M w^2 + i w (sigma1 + sigma2),                                              (1)
+    Z(w) = sigma0 - M w^2 + i w (sigma1 + sigma2).                                              (1)
 
-which is measured at all frequencies at once with noise or a sum of sines as the excitation (J. Bendat, A. Piersol:
-Random Data, 2nd ed., 1986, chapters 6 and 9; in presliding: Altpeter, Ghorbel, Longchamp, "Relationship between two
-friction models: a singular perturbation approach", CDC 1998, linearise LuGre like this).
+It is measured at all frequencies simultaneously with noise or a sum of sines as excitation (J. Bendat, A. Piersol:
+Random Data, 2nd ed., 1986, chapters 6 and 9; linearisation of LuGre: Altpeter, Ghorbel, Longchamp, "Relationship
+between two friction models: a singular perturbation approach", CDC 1998).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.errors import ExcitationError, FitError, RecordError
 from friction_fmus.identification.fit.estimate import Estimate
 
-#: Frequencies with less coherence than this are left out: noise, or sliding, outweighs the linear response there.
+#: Lower limit of the coherence; at frequencies below it, noise or sliding dominates the linear response.
 COHERENT = 0.9
 
 
@@ -33,16 +33,16 @@ class PreslidingFit:
     Attributes
     ----------
     parameters : mapping of str to Estimate
-        sigma0 (stiffness), "sigma1 + sigma2" (damping; a small motion cannot tell them apart) and, where the force is
-        that of a drive, M (moved mass).
+        sigma0 (stiffness), "sigma1 + sigma2" (damping; small motions only determine the sum) and, for a drive force, M
+        (moved mass).
     frequency : array, shape (m,)
-        Frequencies that were used [Hz].
+        Frequencies used in the fit [Hz].
     stiffness : complex array, shape (m,)
-        Measured dynamic stiffness there, force over position.
+        Measured dynamic stiffness, force over position.
     coherence : array, shape (m,)
-        Part of the response's power that is linear in the excitation, 0 to 1.
+        Coherence of excitation and response, 0 to 1.
     stroke : float
-        Largest distance of the position from its mean, in the unit of the position.
+        Largest deviation of the position from its mean, in the unit of the position.
     """
 
     parameters: Mapping[str, Estimate]
@@ -52,7 +52,13 @@ class PreslidingFit:
     stroke: float
 
     def values(self) -> dict[str, float]:
-        """Parameter values without their errors."""
+        """Return the parameter values without standard errors.
+
+        Returns
+        -------
+        dict of str to float
+            Values in the units of the estimates.
+        """
         return {name: estimate.value for name, estimate in self.parameters.items()}
 
 
@@ -69,41 +75,42 @@ def identify_presliding(
     Parameters
     ----------
     record : Record
-        Position, and friction or drive force, of an axis that is shaken within its presliding distance: by noise or by
-        a sum of sines of at least two frequencies.
+        Position, and friction or drive force, of an axis excited within its presliding distance by noise or by a sum of
+        sines with at least two frequencies.
     band : (float, float), optional
-        Frequencies to use [Hz]; by default all at which the response is coherent.
+        Frequency band to use [Hz]; by default all frequencies with a coherent response.
     mass : float, optional
-        Moved mass if it is known, only for a drive force; in `units.inertia`.
+        Known moved mass, in `units.inertia`; only for a drive force.
     held : bool
-        Whether the force is a command that is held from each sample to the next, as by a sampled servo. What acts on
-        the axis then is half a sample late, which shows as damping if it is not said.
+        Whether the force is a command held between samples, as by a sampled servo. The force on the axis is then
+        delayed by half a sample, which would otherwise appear as damping.
     segments : int
-        The record is cut into this many pieces, over which the spectra are averaged; at least 4.
+        Number of segments over which the spectra are averaged; at least 4.
 
     Returns
     -------
     PreslidingFit
+        Stiffness and damping with standard errors, and the measured dynamic stiffness.
 
     Raises
     ------
     RecordError
-        A column is missing, or the record is too short.
+        If a column is missing, or the record is too short.
     ExcitationError
-        Too few frequencies have a coherent response.
+        If the response is coherent at fewer than 3 frequencies.
     FitError
-        The band, the mass or the number of segments makes no sense.
+        If the band, the mass or the number of segments is invalid.
 
     Notes
     -----
-    Equation (1) is fitted to the quotient of averaged spectra (Welch, Hann window, overlap of one half) by least
-    squares, weighted by the variance that the coherence g^2 gives it, |Z|^2 (1 - g^2) / (2 n g^2) for n segments
-    (Bendat, Piersol 1986, section 9.2). Where the force is that of a drive, noise is taken to be in the position, else
-    in the measured friction.
+    Equation (1), Z(w) = sigma0 - M w^2 + i w (sigma1 + sigma2), is fitted to the ratio of averaged spectra (Welch, Hann
+    window, overlap of one half) by least squares. The weights follow from the coherence g^2: the variance is
+    |Z|^2 (1 - g^2) / (2 n g^2) for n segments (Bendat, Piersol 1986, section 9.2). Noise is assumed in the position
+    for a drive force, and otherwise in the measured friction.
 
-    The stiffness falls with the amplitude A as the contact begins to slide: by (sigma0 A / Fc)^2 / 3 for the tip of
-    Dahl's loop, Fc tanh(sigma0 A / Fc). So shake by less than a tenth of Fc / sigma0, and see whether half of the
-    amplitude gives the same.
+    The stiffness decreases with the amplitude A as the contact starts to slide: by the fraction (sigma0 A / Fc)^2 / 3
+    for the tip of Dahl's loop, Fc tanh(sigma0 A / Fc). Use amplitudes below a tenth of Fc / sigma0, and check that half
+    the amplitude gives the same result.
     """
     _check(record, band, mass, segments)
     q = record.column("q")
@@ -118,9 +125,9 @@ def identify_presliding(
     used = (f > 1.5 / (size * record.Ts)) & (f >= low) & (f <= high) & (coherence > COHERENT)
     if np.count_nonzero(used) < 3:
         raise ExcitationError(
-            f"The force of the record {record.name!r} and its position are coherent at {np.count_nonzero(used)} "
-            f"frequencies, and at least 3 are needed; shake the axis at rest by noise or many sines within the band, "
-            "and by less than its presliding distance."
+            f"Force and position of the record {record.name!r} are coherent at {np.count_nonzero(used)} frequencies, "
+            "but at least 3 are needed; excite the axis at rest with noise or many sines within the band, with an "
+            "amplitude below its presliding distance."
         )
     f, coherence = f[used], coherence[used]
     Z = own[used] / across[used] if drive else across[used] / own[used]
@@ -140,7 +147,7 @@ def identify_presliding(
     scale = np.linalg.norm(rows, axis=0)
     covariance = np.linalg.inv((rows / scale).T @ (rows / scale)) / np.outer(scale, scale)
     theta = covariance @ (rows.T @ np.concatenate([right.real, right.imag]))
-    # a segment overlaps with its neighbours, and the window leaks into neighbouring frequencies
+    # segments overlap, and the window correlates neighbouring frequencies
     errors = np.sqrt(1.5 * np.diag(covariance))
     units = {"M": record.units.inertia, "sigma1 + sigma2": record.units.viscous}
     stiffness_unit = f"{record.units.force}/{record.units.position}"
@@ -158,15 +165,15 @@ def identify_presliding(
 
 def _check(record: Record, band: tuple[float, float] | None, mass: float | None, segments: int) -> None:
     if band is not None and not 0.0 <= band[0] < band[1]:
-        raise FitError(f"The band {band[0]:g} .. {band[1]:g} Hz is empty; give a lower and a higher frequency.")
+        raise FitError(f"The band {band[0]:g} .. {band[1]:g} Hz is empty; give the lower frequency first.")
     if mass is not None and not mass >= 0.0:
         raise FitError(f"The mass is {mass:g}; it must not be negative.")
     if mass is not None and record.friction is not None:
-        raise FitError(f"The record {record.name!r} has the friction itself, so that no mass is needed; leave it out.")
+        raise FitError(f"The record {record.name!r} has measured friction, so the mass is not used; omit it.")
     if segments < 4:
-        raise FitError(f"There are {segments} segments; take at least 4, coherence needs them.")
+        raise FitError(f"There are {segments} segments; use at least 4 to estimate the coherence.")
     if len(record) < 32 * segments:
         raise RecordError(
-            f"The record {record.name!r} has {len(record)} samples, which is too few for {segments} segments; record "
-            "for longer or take fewer."
+            f"The record {record.name!r} has only {len(record)} samples for {segments} segments; use a longer record "
+            "or fewer segments."
         )

@@ -1,4 +1,4 @@
-"""A friction block and records as a least squares problem: coordinates of the search, residuals, Jacobian."""
+"""Identification as a least-squares problem: coordinates of the search, residuals and Jacobian."""
 
 from __future__ import annotations
 
@@ -9,35 +9,35 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.fit.simulation_data import Piece
+from friction_fmus.identification.fit.simulation_data import PreparedSegment
 from harness import Drive, PartError, StartValueError
 
-#: Step of the differences, in coordinates of the search.
+#: Step of the finite differences, in coordinates of the search.
 DIFFERENCE = 1e-4
 
-#: Every so many samples are enough to come near to the end of a search, if a record has at least so many.
+#: Stride of the samples in a preliminary search, and number of samples from which on it is used.
 STRIDE, LONG = 4, 2000
 
-#: Tolerance of the blocks' own solvers [-]; it must stay well below the step of the differences.
+#: Tolerance of the solvers of the blocks; it must be much smaller than the step of the finite differences.
 TOLERANCE = 1e-7
 
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One unknown of the search, of the size 1.
+    """Unknown of the search, scaled to a magnitude of 1.
 
     Attributes
     ----------
     name : str
         Name of the value.
     scale : float
-        Its size; the start of the search is x = 0 (logarithm) or value / scale.
+        Magnitude of the value; the coordinate is x = log(value / scale) or x = value / scale.
     start, lower, upper : float
-        Of the value.
+        Start value and bounds of the value.
     log : bool
-        Whether the search goes along its logarithm, as it does where zero is not allowed.
-    piece : int or None
-        The record whose initial state it is; None: all records share it.
+        Whether the coordinate is logarithmic, as for values that must not be zero.
+    segment : int or None
+        Index of the record whose initial state it is; None if all records share it.
     """
 
     name: str
@@ -46,24 +46,24 @@ class Coordinate:
     lower: float = -math.inf
     upper: float = math.inf
     log: bool = False
-    piece: int | None = None
+    segment: int | None = None
 
     def value(self, x: float) -> float:
-        """The value at x."""
+        """Return the value at the coordinate x."""
         value = self.scale * (math.exp(min(x, 300.0)) if self.log else x)
         return min(max(value, self.lower), self.upper)
 
     def at(self, value: float) -> float:
-        """The x of a value; minus infinity for 0 on a logarithm."""
+        """Return the coordinate of a value; minus infinity for 0 on a logarithmic scale."""
         if not self.log:
             return value / self.scale
         return math.log(value / self.scale) if value > 0.0 else -math.inf
 
 
-#: From values of the coordinates to parameters of the block, M and OF included.
+#: Function of the coordinates' values that returns the parameters of the block, including M and OF.
 Assemble = Callable[[Mapping[str, float]], dict[str, float]]
 
-#: From parameters and values of the coordinates of one record to initial states of the block.
+#: Function of the parameters and the coordinates' values of one record that returns initial states of the block.
 States = Callable[[Mapping[str, float], Mapping[str, float]], dict[str, float]]
 
 
@@ -74,21 +74,21 @@ class Problem:
     Attributes
     ----------
     drive : Drive
-        The block.
-    pieces : sequence of Piece
-        The records.
+        Loaded block.
+    segments : sequence of PreparedSegment
+        Prepared records.
     coordinates : sequence of Coordinate
-        Those that all records share first, then the others.
+        Coordinates shared by all records first, then the others.
     assemble, states : callable
-        From values to what the block is started with.
+        Functions that return parameters and initial states of the block.
     constants : mapping of str to float
         Other start values.
     simulations : int
-        Runs so far.
+        Number of simulations so far.
     """
 
     drive: Drive
-    pieces: Sequence[Piece]
+    segments: Sequence[PreparedSegment]
     coordinates: Sequence[Coordinate]
     assemble: Assemble
     states: States
@@ -96,72 +96,74 @@ class Problem:
     simulations: int = field(default=0)
 
     def __post_init__(self) -> None:
-        """Find the size of the signal."""
-        total = np.concatenate([piece.measured for piece in self.pieces])
+        """Compute the magnitude of the signal."""
+        total = np.concatenate([segment.measured for segment in self.segments])
         self.size = float(np.sqrt(np.mean(np.square(total)))) or 1.0
         self.count = len(total)
 
     def thinned(self) -> Problem | None:
-        """The same on every fourth sample, where the records are long and driven on straight lines; else None."""
-        long = all(len(p.measured) >= LONG and p.between == "linear" and p.filter is None for p in self.pieces)
-        return replace(self, pieces=[p.thinned(STRIDE) for p in self.pieces], simulations=0) if long else None
+        """Return the problem with every fourth sample; None unless records are long and inputs piecewise linear."""
+        long = all(len(p.measured) >= LONG and p.between == "linear" and p.filter is None for p in self.segments)
+        return replace(self, segments=[p.thinned(STRIDE) for p in self.segments], simulations=0) if long else None
 
     @property
     def shared(self) -> list[Coordinate]:
-        """The coordinates that are the same for all records."""
-        return [c for c in self.coordinates if c.piece is None]
+        """Coordinates shared by all records."""
+        return [c for c in self.coordinates if c.segment is None]
 
-    def values(self, x: Array, piece: int | None) -> dict[str, float]:
-        """Values of the coordinates that all share, or of those of one piece."""
-        return {c.name: c.value(float(at)) for c, at in zip(self.coordinates, x, strict=True) if c.piece == piece}
+    def values(self, x: Array, segment: int | None) -> dict[str, float]:
+        """Return the values of the shared coordinates (None), or of those of one segment."""
+        return {c.name: c.value(float(at)) for c, at in zip(self.coordinates, x, strict=True) if c.segment == segment}
 
     def simulate(self, x: Array, index: int) -> Array:
-        """The predicted signal of one piece."""
+        """Return the predicted signal of one segment."""
         given = {**self.constants, **self.assemble(self.values(x, None))}
         force = self.force(x, index)
-        return self.pieces[index].predicted(force, float(given.get("M", 0.0)), float(given.get("OF", 0.0)))
+        return self.segments[index].predicted(force, float(given.get("M", 0.0)), float(given.get("OF", 0.0)))
 
     def force(self, x: Array, index: int) -> Array:
-        """The friction force along one piece."""
-        piece, parameters = self.pieces[index], self.assemble(self.values(x, None))
+        """Return the friction force along one segment."""
+        segment, parameters = self.segments[index], self.assemble(self.values(x, None))
         start = {**self.constants, **parameters, **self.states(parameters, self.values(x, index))}
         start = {name: value for name, value in start.items() if name not in ("M", "OF")}
         self.simulations += 1
-        force: Array = piece.run(self.drive, ["F"], start, TOLERANCE)[:, 0]
+        force: Array = segment.run(self.drive, ["F"], start, TOLERANCE)[:, 0]
         return force
 
     def error(self, x: Array, index: int) -> Array:
-        """Predicted minus measured of one piece, in parts of the size of the signal; infinite where the block refuses
-        the values, which a search takes as a step too far."""
-        measured = self.pieces[index].measured
+        """Return predicted minus measured signal of one segment over the magnitude of the signal.
+
+        The result is infinite if the block rejects the values; the search then takes a smaller step.
+        """
+        measured = self.segments[index].measured
         try:
             return (self.simulate(x, index) - measured) / self.size
         except (PartError, StartValueError):
             return np.full(len(measured), np.inf)
 
     def residual(self, x: Array) -> Array:
-        """All errors, piece after piece."""
-        return np.concatenate([self.error(x, index) for index in range(len(self.pieces))])
+        """Return the errors of all segments, concatenated."""
+        return np.concatenate([self.error(x, index) for index in range(len(self.segments))])
 
     def jacobian(self, x: Array, centre: Array | None = None) -> Array:
-        """Differences forwards, or backwards where a bound is in the way."""
+        """Return the Jacobian by forward differences, or backward differences at an upper bound."""
         centre = self.residual(x) if centre is None else centre
-        ends = np.cumsum([0, *(len(piece.measured) for piece in self.pieces)])
+        ends = np.cumsum([0, *(len(segment.measured) for segment in self.segments)])
         J = np.zeros((len(centre), len(x)))
         for i, c in enumerate(self.coordinates):
             step = DIFFERENCE if x[i] + DIFFERENCE <= c.at(c.upper) else -DIFFERENCE
             moved = np.array(x)
             moved[i] += step
-            for index in range(len(self.pieces)) if c.piece is None else [c.piece]:
+            for index in range(len(self.segments)) if c.segment is None else [c.segment]:
                 rows = slice(ends[index], ends[index + 1])
                 change = (self.error(moved, index) - centre[rows]) / step
                 J[rows, i] = change if np.all(np.isfinite(change)) else 0.0
         return J
 
     def start(self) -> Array:
-        """Where the search begins."""
+        """Return the start point of the search."""
         return np.array([c.at(c.start) for c in self.coordinates])
 
     def bounds(self) -> tuple[Array, Array]:
-        """Of the search."""
+        """Return lower and upper bounds of the coordinates."""
         return np.array([c.at(c.lower) for c in self.coordinates]), np.array([c.at(c.upper) for c in self.coordinates])

@@ -1,4 +1,4 @@
-"""Which parameters a linear regression cannot separate."""
+"""Linear dependence of the columns of a regression."""
 
 from __future__ import annotations
 
@@ -8,25 +8,26 @@ import numpy as np
 
 from friction_fmus.identification.data.record import Array
 
-#: Smallest singular value of columns of length 1 over the largest one from which on they count as independent. It lies
-#: far above rounding errors (1e-15) and those of difference quotients (1e-9), and far below a usable excitation.
+#: Ratio of the smallest to the largest singular value, of normalised columns, below which they count as dependent. The
+#: limit is far above the errors of rounding (1e-15) and difference quotients (1e-9), and far below useful excitation.
 RANK_TOLERANCE = 1e-6
 
 
-def not_separated(singular: Array, right: Array, names: Sequence[str]) -> list[str]:
-    """Return the names that take part in a linear dependence of columns; empty if there is none.
+def dependent_columns(singular: Array, right: Array, names: Sequence[str]) -> list[str]:
+    """Return the names of linearly dependent columns; empty if all columns are independent.
 
     Parameters
     ----------
     singular, right : array, shapes (p,) and (p, p)
-        Singular values, the largest first, and right singular vectors of the columns scaled to length 1.
+        Singular values in descending order, and right singular vectors, of the columns scaled to length 1.
     names : sequence of str
-        Of the columns.
+        Names of the columns.
 
     Notes
     -----
-    Of two dependences the singular vectors are any two combinations, by the last bits of the columns. What counts is
-    the length of the part of each unit vector in the space that they span, which does not depend on the choice.
+    With two dependences, the singular vectors are an arbitrary basis of the null space, determined by rounding. The
+    test therefore uses the length of the projection of each unit vector onto the null space, which does not depend on
+    the basis.
     """
     dependent = right[singular < RANK_TOLERANCE * singular[0]]
     parts = np.linalg.norm(dependent, axis=0)

@@ -1,4 +1,4 @@
-"""How well a prediction fits, and what the data leave open."""
+"""Scores of a prediction, information criteria, and poorly identifiable parameters."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.fit.models import ContactModel
 from friction_fmus.identification.fit.setup import advice
 
-#: Standard error over value from which on a parameter counts as weakly determined.
+#: Relative standard error above which a parameter counts as poorly identifiable.
 WEAK = 0.25
 
-#: Correlation of two estimates from which on they count as hardly told apart.
+#: Correlation of two estimates above which they count as poorly identifiable.
 TOGETHER = 0.98
 
 
 @dataclass(frozen=True)
 class Score:
-    """How well a model reproduces a signal.
+    """Residual of a predicted signal.
 
     Attributes
     ----------
     rms : float
-        Root mean square of simulated minus measured, in the unit of the signal.
+        Root mean square of predicted minus measured, in the unit of the signal.
     relative_percent : float
-        The same in percent of the root mean square of the signal.
+        Residual in percent of the root mean square of the measured signal.
     fit_percent : float
-        100 (1 - |simulated - measured| / |measured - mean|): 100 is exact, 0 no better than the mean.
+        100 (1 - |predicted - measured| / |measured - mean|): 100 is exact, 0 is no better than the mean.
     samples : int
         Number of samples.
     """
@@ -42,7 +42,7 @@ class Score:
 
 
 def score(measured: Array, predicted: Array) -> Score:
-    """Compare a prediction with the measurement, both of shape (n,)."""
+    """Return the score of a prediction against the measurement, both of shape (n,)."""
     error = predicted - measured
     rms = float(np.sqrt(np.mean(np.square(error))))
     size = float(np.sqrt(np.mean(np.square(measured))))
@@ -56,12 +56,12 @@ def score(measured: Array, predicted: Array) -> Score:
 
 
 def independent_samples(signals: Sequence[Array]) -> float:
-    """How many independent samples signals are worth: their number over their correlation time.
+    """Return the number of independent samples in signals: their number over the correlation time.
 
     Notes
     -----
-    The correlation time is 1 + 2 (rho_1 + ... + rho_k) up to the first correlation that is not positive. It is that
-    of the measurement, not of the residuals, so that it is the same for all models of one record.
+    The correlation time is 1 + 2 (rho_1 + ... + rho_k) up to the first correlation that is not positive. It is computed
+    from the measurement, not from residuals, so that it is the same for all models of a record.
     """
     total = 0.0
     for signal in signals:
@@ -78,7 +78,7 @@ def independent_samples(signals: Sequence[Array]) -> float:
 
 
 def criteria(residual: Array, samples: float, parameters: int) -> tuple[float, float]:
-    """AIC (H. Akaike, 1974) and BIC (G. Schwarz, 1978) for Gaussian residuals on so many independent samples."""
+    """Return AIC (H. Akaike, 1974) and BIC (G. Schwarz, 1978) for Gaussian residuals and independent samples."""
     variance = max(float(np.mean(np.square(residual))), 1e-300)
     base, count = samples * math.log(variance), parameters + 1
     return base + 2.0 * count, base + math.log(samples) * count
@@ -93,41 +93,41 @@ def weak_parameters(
     at_bound: Mapping[str, float],
     unseen: Sequence[str],
 ) -> dict[str, str]:
-    """Name the parameters that the data hardly determine.
+    """Return the poorly identifiable parameters.
 
     Parameters
     ----------
     model : ContactModel
-        The block.
+        Friction block.
     names : sequence of str
-        The parameters, in the order of `correlation`.
+        Parameters, in the order of `correlation`.
     values, errors : mapping of str to float
         Estimates and standard errors.
     correlation : array, shape (p, p)
-        Of the estimates; p may exceed the number of names.
+        Correlation of the estimates; p may exceed the number of names.
     at_bound : mapping of str to float
-        Parameters that ended at a bound -> the bound.
+        Bounds of the parameters that reached a bound.
     unseen : sequence of str
         Parameters that the data do not depend on.
 
     Returns
     -------
     dict of str to str
-        Parameter -> why, and what to measure.
+        Reason and advice on what to measure, by parameter.
     """
     weak = {}
     for i, name in enumerate(names):
         reasons = []
         if name in unseen:
-            reasons.append("the record does not depend on it, it is kept at its start value")
+            reasons.append("the record does not depend on it; it keeps its start value")
         elif name in at_bound:
-            reasons.append(f"it ended at its bound {at_bound[name]:.4g}")
+            reasons.append(f"the estimate is at its bound {at_bound[name]:.4g}")
         elif errors[name] > WEAK * abs(values[name]) and name != "OF":
             percent = 100.0 * errors[name] / abs(values[name]) if values[name] else math.inf
             reasons.append(f"its standard error is {percent:.0f} % of its value")
         others = [(abs(correlation[i, j]), names[j]) for j in range(len(names)) if j != i and names[j] not in unseen]
         if name not in unseen and others and (strongest := max(others))[0] > TOGETHER:
-            reasons.append(f"it is hardly told apart from {strongest[1]} (correlation {strongest[0]:.3f})")
+            reasons.append(f"it is correlated with {strongest[1]} ({strongest[0]:.3f})")
         if reasons:
             weak[name] = f"{' and '.join(reasons)}; measure {advice(model, name)}"
     return weak

@@ -1,4 +1,4 @@
-"""The search: trust region from several starts, robust loss, covariance of what was found."""
+"""Search for the minimum: trust region from several start points, robust losses, covariance of the result."""
 
 from __future__ import annotations
 
@@ -17,42 +17,42 @@ from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.output_error import score_covariance
 from friction_fmus.identification.fit.problem import Problem
 
-#: Random points that are looked at for each start of the search after the first one.
+#: Number of random candidates for each additional start point.
 CANDIDATES = 12
 
-#: Largest factor by which a random start is off the first one, and largest change of what is linear, in its size.
+#: Largest factor between a coordinate of a random start point and of the first one.
 SPREAD = 3.0
 
-#: Relative change of the cost at which a search on a part of the samples ends, and on all of them.
+#: Relative change of the cost at which a search ends, on a part of the samples and on all samples.
 NEAR, CLOSE = 1e-4, 1e-7
 
-#: Distance from a bound at which a search begins at least.
+#: Smallest distance of a start point from the bounds.
 INSIDE = 1e-9
 
-#: Probability below which residuals are taken for correlated.
+#: Probability (p value) below which residuals count as correlated.
 WHITE = 1e-3
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """The end of a search.
+class SearchResult:
+    """Result of a search.
 
     Attributes
     ----------
     x : array, shape (p,)
         Coordinates.
     residual : array, shape (n,)
-        In parts of the size of the signal.
+        Residual over the magnitude of the signal.
     J : array, shape (n, p)
-        Jacobian there.
+        Jacobian of the residual at x.
     converged : bool
-        Whether it ended by its tolerances.
+        Whether the search converged before the iteration limit.
     loss : str
-        The loss that was minimised.
+        Minimised loss.
     scale : float
-        Error from which on it is not the square.
+        Residual above which a robust loss differs from the square.
     """
 
     x: Array
@@ -68,28 +68,28 @@ class Found:
         return float(np.mean(np.square(self.residual)))
 
 
-def search(problem: Problem, loss: Loss, starts: int) -> Found:
-    """Least squares from the start of the problem and from others around it.
+def search(problem: Problem, loss: Loss, starts: int) -> SearchResult:
+    """Minimise the residuals from the start point of the problem and from random points around it.
 
     Parameters
     ----------
     problem : Problem
         Residuals and coordinates.
     loss : str
-        One of `Loss`; all but "linear" scale by 1.48 times the median of the absolute residuals.
+        One of `Loss`; robust losses are scaled by 1.48 times the median of the absolute residuals.
     starts : int
-        How many searches; the second and later ones begin at the best of random points. Long records are searched on a
-        part of their samples first, and on all of them from the best end only.
+        Number of searches; each one after the first starts at the best of several random points. For long records, all
+        searches use a part of the samples, and the best result is refined on all samples.
 
     Raises
     ------
     FitError
-        The loss is unknown, or the block refuses the start values.
+        If the loss is unknown, or the block rejects the start values.
     """
     if loss not in get_args(Loss):
-        raise FitError(f"There is no loss {loss!r}; choose one of {', '.join(get_args(Loss))}.")
+        raise FitError(f"There is no loss {loss!r}; use one of {', '.join(get_args(Loss))}.")
     if starts < 1:
-        raise FitError(f"There are to be {starts} starts; give at least 1.")
+        raise FitError(f"The number of starts is {starts}; use at least 1.")
     lower, upper = problem.bounds()
     first = np.clip(problem.start(), lower, upper)
     thin = problem.thinned()
@@ -99,7 +99,7 @@ def search(problem: Problem, loss: Loss, starts: int) -> Found:
     for _ in range(starts - 1):
         drawn = [_drawn(problem, first, lower, upper, random) for _ in range(CANDIDATES)]
         points.append(min(drawn, key=lambda x: _cost(quick.residual(x))))
-    # the matrices are tall and narrow: threads of the linear algebra cost more than they save
+    # the matrices are tall and narrow: threads in the linear algebra cost more than they save
     with threadpool_limits(1):
         if thin is not None:
             near = [_one(thin, point, lower, upper, loss, NEAR) for point in points]
@@ -108,14 +108,14 @@ def search(problem: Problem, loss: Loss, starts: int) -> Found:
         found = [_one(problem, point, lower, upper, loss, CLOSE) for point in points]
     best = min((f for f in found if f is not None), key=lambda f: f.cost, default=None)
     if best is None:
-        # what the block says of its start values is the reason
+        # repeat the simulation: the error of the block states why it rejects the start values
         problem.simulate(first, 0)
-        raise FitError("The model cannot be simulated from any start; give others.")
+        raise FitError("The model cannot be simulated from any start point; give other start values.")
     return best
 
 
 def _drawn(problem: Problem, first: Array, lower: Array, upper: Array, random: np.random.Generator) -> Array:
-    """A random point around the first one."""
+    """Return a random point around the first one."""
     x = np.array(first)
     for i, c in enumerate(problem.coordinates):
         factor = math.log(SPREAD) * random.uniform(-1.0, 1.0)
@@ -128,8 +128,10 @@ def _cost(residual: Array) -> float:
     return cost if math.isfinite(cost) else math.inf
 
 
-def _one(problem: Problem, start: Array, lower: Array, upper: Array, loss: Loss, tolerance: float) -> Found | None:
-    """One search; None where the block refuses its start."""
+def _one(
+    problem: Problem, start: Array, lower: Array, upper: Array, loss: Loss, tolerance: float
+) -> SearchResult | None:
+    """Run one search; return None if the block rejects its start point."""
     latest: dict[bytes, Array] = {}
 
     def residual(x: Array) -> Array:
@@ -162,16 +164,17 @@ def _one(problem: Problem, start: Array, lower: Array, upper: Array, loss: Loss,
         )
         x, converged = np.asarray(result.x, dtype=np.float64), bool(result.status > 0)
         error = problem.residual(x)
-    return Found(x, error, problem.jacobian(x, error), converged, loss, scale)
+    return SearchResult(x, error, problem.jacobian(x, error), converged, loss, scale)
 
 
 def correlation_length(residual: Array) -> int:
-    """Lag in samples up to which residuals are correlated; 0 where nothing speaks against white noise.
+    """Return the lag in samples up to which residuals are correlated; 0 for white noise.
 
     Notes
     -----
-    White by the test of G. Ljung, G. Box, "On a measure of lack of fit in time series models", Biometrika 65, 1978,
-    over 20 lags at the level `WHITE`; otherwise twice the first lag with a correlation within 2/sqrt(n) of zero.
+    Whiteness is tested with G. Ljung, G. Box, "On a measure of lack of fit in time series models", Biometrika 65, 1978,
+    over 20 lags at the level `WHITE`. For correlated residuals, the result is twice the first lag with a correlation
+    within 2/sqrt(n) of zero.
     """
     n = len(residual)
     centred = residual - np.mean(residual)
@@ -190,21 +193,21 @@ def correlation_length(residual: Array) -> int:
     return min(max(2 * first, 1), n // 4)
 
 
-def covariance(found: Found, lengths: Sequence[int]) -> tuple[Array, bool]:
-    """Covariance of the coordinates, and whether it is the robust one.
+def covariance(found: SearchResult, lengths: Sequence[int]) -> tuple[Array, bool]:
+    """Return the covariance of the coordinates, and whether it is the robust estimate.
 
     Notes
     -----
-    s^2 (J'J)^-1 for white residuals and the loss "linear"; otherwise B^-1 S B^-1, with the S of Newey and West as in
-    `fit_output_error`, and for a robust loss rho of P. Huber, "Robust estimation of a location parameter", Annals of
-    Mathematical Statistics 35, 1964: the scores are rho'(z) r J and B = J' (rho' + 2 z rho'') J with z = (r/scale)^2.
-    Directions that the residuals do not depend on get no variance from here.
+    The covariance is s^2 (J'J)^-1 for white residuals and the loss "linear"; otherwise B^-1 S B^-1 with S of Newey and
+    West, as in `fit_output_error`. For a robust loss rho (P. Huber, "Robust estimation of a location parameter", Annals
+    of Mathematical Statistics 35, 1964), the scores are rho'(z) r J and B = J' (rho' + 2 z rho'') J with
+    z = (r/scale)^2. Directions that the residuals do not depend on have zero variance in the result.
     """
     J, residual = found.J, found.residual
     ends = np.cumsum(lengths)[:-1]
-    lag = max(correlation_length(piece) for piece in np.split(residual, ends))
+    lag = max(correlation_length(segment) for segment in np.split(residual, ends))
     weight, curvature = _weights(found.loss, (residual / found.scale) ** 2)
-    # by the singular values of J: those of J'J would be cut off among its rounding errors
+    # singular values of J, because small ones of J'J would be lost in rounding errors
     _, singular, right = np.linalg.svd(J * np.sqrt(curvature)[:, None], full_matrices=False)
     right, singular = right[singular > 1e-7 * singular[0]], singular[singular > 1e-7 * singular[0]]
     inverse = (right.T / singular**2) @ right
@@ -217,7 +220,7 @@ def covariance(found: Found, lengths: Sequence[int]) -> tuple[Array, bool]:
 
 
 def _weights(loss: str, z: Array) -> tuple[Array, Array]:
-    """rho' and rho' + 2 z rho'' of the losses of `scipy.optimize.least_squares`, the latter not negative."""
+    """Return rho' and max(rho' + 2 z rho'', 0) of a loss of `scipy.optimize.least_squares`."""
     if loss == "linear":
         first, second = np.ones_like(z), np.zeros_like(z)
     elif loss == "soft_l1":

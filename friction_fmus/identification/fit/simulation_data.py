@@ -1,4 +1,4 @@
-"""Records as what a friction block is driven with, and its force as what was measured."""
+"""Preparation of records for simulation: inputs of a friction block, and the measured signal."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ Between: TypeAlias = Literal["held", "linear", "halves"]
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
-    """One record, ready for a fit.
+class PreparedSegment:
+    """Record prepared for a fit.
 
     Attributes
     ----------
     record : Record
-        Where it comes from.
+        Original record.
     inputs : mapping of str to array, shape (n,)
-        What drives the block: v, and Fn where the normal force was measured.
+        Inputs of the block: v, and Fn if the normal force was measured.
     between : {"held", "linear", "halves"}
-        The inputs between two samples: the later value, on straight lines, or the nearer value.
+        Interpolation of the inputs between samples: the later value, linear, or the nearer value.
     x : array, shape (n,)
-        Position along which the block is driven, from 0.
+        Position of the motion, from 0.
     a : array, shape (n,) or None
-        Acceleration, where the measured force is that of the drive.
+        Acceleration, if the signal is a drive force.
     per : array, shape (n,) or None
-        Normal force, where the signal is the friction coefficient [N].
+        Normal force, if the signal is the friction coefficient [N].
     measured : array, shape (m,)
-        The signal to reproduce, decimated as `rows` does.
+        Signal to reproduce, decimated by `rows`.
     t : array, shape (m,)
-        Its instants [s].
+        Time of the signal [s].
     filter : InverseModelSettings or None
-        Filter that both sides of the equation see; None: none.
+        Filter of both sides of the equation; None for none.
     stride : int
-        Samples of the record from one to the next.
+        Distance between the samples used, in samples of the record.
     """
 
     record: Record
@@ -59,11 +59,11 @@ class Piece:
 
     @property
     def step(self) -> float:
-        """Sampling interval [s]."""
+        """Sample time [s]."""
         return self.stride * self.record.Ts
 
-    def thinned(self, stride: int) -> Piece:
-        """Every so many samples of a piece that is driven on straight lines and not filtered."""
+    def thinned(self, stride: int) -> PreparedSegment:
+        """Return the segment with every `stride`-th sample; it must have linear inputs and no filter."""
         inputs = {name: values[::stride] for name, values in self.inputs.items()}
         per = None if self.per is None else self.per[::stride]
         some = replace(self, inputs=inputs, x=self.x[::stride], per=per, stride=stride)
@@ -72,43 +72,43 @@ class Piece:
     def run(
         self, drive: Drive, outputs: Sequence[str], start: Mapping[str, StartValue], tolerance: float | None = None
     ) -> Array:
-        """Outputs of a block at the samples, shape (n, len(outputs))."""
+        """Simulate the block and return its outputs at the samples, shape (n, len(outputs))."""
         if self.between == "linear":
             return drive.run(self.inputs, outputs, self.step, between="linear", start=start, tolerance=tolerance)
         if self.between == "halves":
             nearer = {name: np.repeat(values, 2)[1:] for name, values in self.inputs.items()}
             return drive.run(nearer, outputs, 0.5 * self.step, start=start, tolerance=tolerance)[::2]
-        # the step that ends at a sample takes its values, also at the first one
+        # the step that ends at a sample uses the values of that sample, including the first one
         inputs = {name: np.append(values, values[-1]) for name, values in self.inputs.items()}
         return drive.run(inputs, outputs, self.step, start=start, tolerance=tolerance)[1:]
 
     def rows(self, signal: Array) -> Array:
-        """What is left of a signal of shape (n,) or (n, columns) behind the filter."""
+        """Return a signal of shape (n,) or (n, columns), filtered and decimated like the measured one."""
         if self.filter is None:
             return signal
         return decimate(signal[self.filter.border :], self.filter.decimation)
 
     def predicted(self, F: Array, M: float, OF: float) -> Array:
-        """The signal for this friction force, mass and offset."""
+        """Return the predicted signal for a friction force, mass and offset."""
         if self.per is not None:
             return (F + OF) / self.per
         return self.rows(F + OF if self.a is None else F + M * self.a + OF)
 
     @property
     def reciprocating(self) -> bool:
-        """Whether the contact slides to and fro, so that an offset of the force shows."""
+        """Whether the contact slides in both directions, so that a force offset is identifiable."""
         v = self.inputs["v"]
         fast = 0.1 * float(np.max(np.abs(v)))
         return min(float(np.mean(v > fast)), float(np.mean(v < -fast))) > 0.05
 
 
 def signal_of(records: Sequence[Record]) -> tuple[str, str]:
-    """Return name and unit of the signal that is fitted: mu, friction or force.
+    """Return name and unit of the signal to fit: mu, friction or force.
 
     Raises
     ------
     RecordError
-        A record has neither, or not the same ones as the others.
+        If a record has neither friction nor force, or not the same signals as the others.
     """
     if all(record.friction is not None for record in records):
         if all(record.normal is not None for record in records):
@@ -117,36 +117,38 @@ def signal_of(records: Sequence[Record]) -> tuple[str, str]:
     for record in records:
         if record.force is None:
             raise RecordError(
-                f"The record {record.name!r} has neither friction nor force; give the column that is to be explained."
+                f"The record {record.name!r} has neither friction nor force; add a column with one of them."
             )
     return "force", records[0].units.force
 
 
-def prepare(record: Record, model: ContactModel, signal: str, settings: InverseModelSettings | None = None) -> Piece:
-    """Make a piece of a record.
+def prepare(
+    record: Record, model: ContactModel, signal: str, settings: InverseModelSettings | None = None
+) -> PreparedSegment:
+    """Prepare a record for the simulation of a friction block.
 
     Parameters
     ----------
     record : Record
         Motion and forces.
     model : ContactModel
-        Tells whether the path alone matters.
+        Friction block; determines how the velocity is computed.
     signal : str
-        As from `signal_of`.
+        Signal to fit, see `signal_of`.
     settings : InverseModelSettings, optional
-        Filter of the motion and, for the force of a drive, of both sides of the equation.
+        Filter of the motion and, for a drive force, of both sides of the equation.
 
     Returns
     -------
-    Piece
-        Driven by the measured velocity, on straight lines. Without one: a force that depends on the path only is
-        driven along the measured path exactly, with the difference quotient held over each interval; any other one
-        with the velocity of the filtered position.
+    PreparedSegment
+        The block is driven by the measured velocity, linearly interpolated. If no velocity was measured, a rate-
+        independent block follows the measured path exactly, with the difference quotient held over each interval; other
+        blocks use the velocity of the filtered position.
 
     Raises
     ------
     RecordError
-        The contact opens (normal force not positive), or the record is too short for the filter.
+        If the normal force is not positive, or the record is too short for the filter.
     """
     filter_ = settings if settings is not None else default_settings(record)
     inputs: dict[str, Array] = {}
@@ -162,8 +164,8 @@ def prepare(record: Record, model: ContactModel, signal: str, settings: InverseM
             v = record.column("v")
             a = np.gradient(v, record.Ts)
         if not model.static:
-            # way and force at each sample are of second order, as with straight lines, and a bristle model has exact
-            # steps for it; the later value would make sigma1 smaller by about sigma0 Ts/2
+            # the nearer value gives second-order accuracy of path and force, as linear interpolation does, and bristle
+            # models step it exactly; the later value would reduce sigma1 by about sigma0 Ts/2
             between = "halves"
     elif record.v is not None:
         v = record.v
@@ -180,52 +182,51 @@ def prepare(record: Record, model: ContactModel, signal: str, settings: InverseM
         x = record.column("q") - record.column("q")[0]
     else:
         x = np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * record.Ts))
-    piece = Piece(record, inputs, between, x, a, per, np.zeros(0), record.t, used)
+    segment = PreparedSegment(record, inputs, between, x, a, per, np.zeros(0), record.t, used)
     column = record.column("force" if signal == "force" else "friction")
-    measured = column / per if per is not None else piece.rows(column)
+    measured = column / per if per is not None else segment.rows(column)
     t = record.t if used is None else _kept(record.t[used.border :], used.decimation)
-    return replace(piece, measured=measured, t=t)
+    return replace(segment, measured=measured, t=t)
 
 
 def default_settings(record: Record) -> InverseModelSettings:
-    """The filter of the EMPS record, at other sampling rates in the same place below the Nyquist frequency, but not
-    above its 100 Hz."""
+    """Return the filter used for the EMPS record, scaled to the sample rate and limited to its 100 Hz."""
     rate = 1.0 / record.Ts
     cutoff = min(100.0, 0.1 * rate)
     return InverseModelSettings(cutoff=cutoff, decimation=max(1, round(rate / cutoff)))
 
 
-def traits(pieces: Sequence[Piece], scale: float = 1.0) -> Traits:
-    """Look at the data: what a friction law's parameters are about.
+def traits(segments: Sequence[PreparedSegment], scale: float = 1.0) -> Traits:
+    """Return rough properties of the friction, for start values of parameters.
 
     Parameters
     ----------
-    pieces : sequence of Piece
-        The records.
+    segments : sequence of PreparedSegment
+        Prepared records.
     scale : float
-        Force that corresponds to 1 of the signal: the mean normal force where the signal is mu.
+        Force that corresponds to a signal of 1: the mean normal force for the signal mu.
 
     Raises
     ------
     RecordError
-        Nothing moves, or the signal is zero.
+        If there is no motion, or the signal is zero.
     """
     v, x, y = [], [], []
-    for piece in pieces:
-        columns = np.column_stack([piece.inputs["v"], piece.x])
-        kept = piece.rows(columns)
+    for segment in segments:
+        columns = np.column_stack([segment.inputs["v"], segment.x])
+        kept = segment.rows(columns)
         v.append(kept[:, 0])
         x.append(kept[:, 1])
-        force = piece.measured * scale
-        if piece.a is not None:
-            force = _without_inertia(piece, kept[:, 0])
+        force = segment.measured * scale
+        if segment.a is not None:
+            force = _without_inertia(segment, kept[:, 0])
         y.append(force)
     speed = np.concatenate(v)
     force = np.concatenate(y)
     top = float(np.max(np.abs(speed)))
     if top == 0.0 or not np.any(force):
         raise RecordError(
-            f"The record {pieces[0].record.name!r} has no motion or no force; give one in which the contact moves."
+            f"The record {segments[0].record.name!r} has no motion or no force; use a record with sliding."
         )
     moving = np.abs(speed) > 0.3 * top
     level = float(np.median(np.abs(force[moving])))
@@ -233,7 +234,7 @@ def traits(pieces: Sequence[Piece], scale: float = 1.0) -> Traits:
     fast = np.abs(speed[moving])
     viscous = 0.0
     if np.ptp(fast) > 0.0:
-        # reversals make force and speed grow together, too: at most half of the force is taken for viscous
+        # force and speed also increase together after reversals: at most half of the force counts as viscous
         slope = float(np.polyfit(fast, np.abs(force[moving]), 1)[0])
         viscous = min(max(0.0, slope), 0.5 * level / top)
     stiffness, damping = _presliding(v, x, y, level)
@@ -248,8 +249,7 @@ def traits(pieces: Sequence[Piece], scale: float = 1.0) -> Traits:
 
 
 def _presliding(v: Sequence[Array], x: Sequence[Array], y: Sequence[Array], level: float) -> tuple[float, float]:
-    """Stiffness and damping of the small-signal response: dF = sigma0 dx + sigma1 dv while the force is far from the
-    level of sliding."""
+    """Return stiffness and damping from dF = sigma0 dx + sigma1 dv while the force is well below the sliding level."""
     rows, forces = [], []
     for velocity, position, force in zip(v, x, y, strict=True):
         dx, dv, dF = np.diff(position), np.diff(velocity), np.diff(force)
@@ -264,33 +264,33 @@ def _presliding(v: Sequence[Array], x: Sequence[Array], y: Sequence[Array], leve
         length = np.linalg.norm(A, axis=0)
         length[length == 0.0] = 1.0
         solution = np.linalg.lstsq(A / length, b, rcond=None)[0] / length
-        # differences of noise say nothing: the ratio of the sums is what remains of many small steps
+        # with noisy differences the estimate may be too small
         stiffness = max(float(solution[0]), least)
         damping = max(float(solution[1]), 0.0)
     top = max(float(np.max(np.abs(velocity))) for velocity in v)
     return stiffness, damping if damping > 0.0 else 0.01 * level / top
 
 
-def _without_inertia(piece: Piece, v: Array) -> Array:
-    """The drive force less mass times acceleration and offset, by least squares with Coulomb and viscous friction."""
-    assert piece.a is not None
-    a = piece.rows(piece.a)
-    sign = piece.rows(np.sign(piece.inputs["v"]))
+def _without_inertia(segment: PreparedSegment, v: Array) -> Array:
+    """Return the drive force minus inertia and offset, fitted together with Coulomb and viscous friction."""
+    assert segment.a is not None
+    a = segment.rows(segment.a)
+    sign = segment.rows(np.sign(segment.inputs["v"]))
     A = np.column_stack([a, np.ones_like(a), v, sign])
     length = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-    solution = np.linalg.lstsq(A / length, piece.measured, rcond=None)[0] / length
-    rest: Array = piece.measured - A[:, :2] @ solution[:2]
+    solution = np.linalg.lstsq(A / length, segment.measured, rcond=None)[0] / length
+    rest: Array = segment.measured - A[:, :2] @ solution[:2]
     return rest
 
 
-def inertia_guess(pieces: Sequence[Piece]) -> tuple[float, float]:
-    """Start values of mass and offset: least squares with Coulomb and viscous friction."""
+def inertia_guess(segments: Sequence[PreparedSegment]) -> tuple[float, float]:
+    """Return start values of mass and offset, fitted together with Coulomb and viscous friction."""
     rows, forces = [], []
-    for piece in pieces:
-        assert piece.a is not None
-        v = piece.inputs["v"]
-        rows.append(piece.rows(np.column_stack([piece.a, np.ones_like(v), v, np.sign(v)])))
-        forces.append(piece.measured)
+    for segment in segments:
+        assert segment.a is not None
+        v = segment.inputs["v"]
+        rows.append(segment.rows(np.column_stack([segment.a, np.ones_like(v), v, np.sign(v)])))
+        forces.append(segment.measured)
     A = np.concatenate(rows)
     length = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     solution = np.linalg.lstsq(A / length, np.concatenate(forces), rcond=None)[0] / length
@@ -302,7 +302,7 @@ def _normal(record: Record) -> Array:
     if np.min(normal) <= 0.01 * float(np.mean(np.abs(normal))):
         raise RecordError(
             f"The normal force of the record {record.name!r} is {np.min(normal):g} N at "
-            f"{record.t[int(np.argmin(normal))]:g} s; cut a window in which the contact is loaded."
+            f"{record.t[int(np.argmin(normal))]:g} s; select a window in which the contact is loaded."
         )
     return normal
 

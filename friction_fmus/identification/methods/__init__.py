@@ -56,11 +56,11 @@ def find_method(model: ContactModel, name: str = "auto") -> tuple[str, Method]:
     FitError
         If the block is identified by another method, or names one that does not exist.
     """
-    natural = model.told.method or ("inverse" if model.static else "output-error")
+    natural = model.identified_by.method or ("inverse" if model.static else "output-error")
     if natural not in method_names():
         raise FitError(
             f"{model.name} names the method {natural!r}, which does not exist{nearest(natural, method_names())}"
         )
     if name not in ("auto", natural):
-        raise FitError(f"{model.name} is identified by the method {natural!r}, not by {name!r}; leave method out.")
+        raise FitError(f"{model.name} is identified with the method {natural!r}, not {name!r}; omit method.")
     return natural, cast(Method, import_module(f"{__name__}.{natural.replace('-', '_')}"))

@@ -1,4 +1,4 @@
-"""Blocks with elastic, perfectly plastic elements: a start from the grid, and the unknowns of the refinement."""
+"""Identification of blocks with elastic, perfectly plastic elements: start values from a grid, then a search."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ import numpy as np
 from friction_fmus.identification.data.record import AxisUnits
 from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.fitting import Fit, FitData
-from friction_fmus.identification.fit.grid import BEGINNINGS, BLOCK_ELEMENTS, coarse, fit_grid, with_count
+from friction_fmus.identification.fit.grid import BLOCK_ELEMENTS, INITIAL_FORCES, coarse, fit_grid, with_count
 from friction_fmus.identification.fit.models import ContactModel, Traits
 from friction_fmus.identification.fit.problem import Coordinate
 from friction_fmus.identification.fit.search import Loss, search
-from friction_fmus.identification.fit.setup import Setup, Wishes, constants_of, coordinate, surroundings
-from friction_fmus.identification.fit.simulation_data import Piece
+from friction_fmus.identification.fit.setup import Constraints, Setup, constants_of, coordinate, surroundings
+from friction_fmus.identification.fit.simulation_data import PreparedSegment
 
-#: Points of the grid of break-away distances.
+#: Number of points of the grid of break-away distances.
 POINTS = 20
 
-#: Static over Coulomb friction where the search of a law with both begins.
+#: Start value of the ratio of static to Coulomb friction.
 EXCESS = 1.1
 
 
-#: Break-away distances of a finer grid around those found, in parts of them.
+#: Break-away distances of a finer grid over the distance found before.
 AROUND = (0.75, 0.9, 1.0, 1.1, 1.35)
 
-#: Initial forces on a finer grid, in parts of the limit.
+#: Initial forces on a finer grid over the limit of the element.
 FINER = (-1.0, -0.66, -0.33, 0.0, 0.33, 0.66, 1.0)
 
 
@@ -53,7 +53,7 @@ def fit(data: FitData, loss: Loss, starts: int | None) -> Fit:
     FitError
         N is out of range, an element is fixed, or Fc of a law whose elements add up to it.
     """
-    common = data.model, data.pieces, data.traits, data.wishes, data.units, data.Fn0
+    common = data.model, data.segments, data.traits, data.constraints, data.units, data.Fn0
     setup = hysteresis_setup(*common)
     problem = data.problem(setup)
     found = search(problem, loss, starts or 1)
@@ -72,58 +72,62 @@ def fit(data: FitData, loss: Loss, starts: int | None) -> Fit:
 
 def hysteresis_setup(
     model: ContactModel,
-    pieces: Sequence[Piece],
+    segments: Sequence[PreparedSegment],
     traits: Traits,
-    wishes: Wishes,
+    constraints: Constraints,
     units: AxisUnits,
     Fn0: float | None,
     found: Mapping[str, float] | None = None,
 ) -> Setup:
-    """The unknowns of a block with elements, started from a grid fitted to the first record.
+    """Return the setup of a search for a block with elements, with start values from a grid fitted to the first record.
 
-    Without `found` the grid is the coarse one; with it, a finer one around the break-away distances that it has.
+    Without `found` the grid is coarse; otherwise it is a finer one around the break-away distances in `found`.
 
-    Each element has a stiffness and a break-away distance, both on a logarithm, and in each record an initial force
-    between the limits at which it slips. Of a law with a Stribeck curve the elements make Fc, and Fs is a multiple of
-    it.
+    Each element has a stiffness and a break-away distance, searched on a logarithmic scale, and for each record an
+    initial force within its slip limits. For a law with a Stribeck curve, the slip forces of the elements add up to Fc,
+    and Fs is a multiple of Fc.
 
     Raises
     ------
     FitError
-        N is out of range, an element is fixed, or Fc of a law whose elements add up to it.
+        If N is out of range, or a parameter of an element, or Fc of a law with elements, is given.
     """
     generalised = "alpha[1]" in model.parameters
-    _check(model, wishes, generalised)
-    wanted = wishes.fixed.get("N")
-    distance = coarse(pieces[0], POINTS)
-    beginnings: Sequence[float] = BEGINNINGS
+    _check(model, constraints, generalised)
+    wanted = constraints.fixed.get("N")
+    distance = coarse(segments[0], POINTS)
+    initial_forces: Sequence[float] = INITIAL_FORCES
     if found is not None:
         before = np.array([value for name, value in found.items() if name.startswith("d[")])
-        distance, beginnings, wanted = np.sort(np.outer(before, AROUND).ravel()), FINER, float(len(before))
-    grid = fit_grid(pieces[0], Fn0 or 1.0, distance, generalised, wishes.fixed, beginnings)
+        distance, initial_forces, wanted = np.sort(np.outer(before, AROUND).ravel()), FINER, float(len(before))
+    grid = fit_grid(segments[0], Fn0 or 1.0, distance, generalised, constraints.fixed, initial_forces)
     k, W, s = with_count(grid, None if wanted is None else int(wanted))
     N = len(k)
-    # an element that goes beyond this never slips
-    reach = max(float(np.ptp(piece.x)) for piece in pieces)
+    # an element with a larger break-away distance never slips
+    reach = max(float(np.ptp(segment.x)) for segment in segments)
     coordinates = []
     for i in range(N):
         coordinates.append(Coordinate(f"k[{i + 1}]", float(k[i]), float(k[i]), 0.0, log=True))
         d = float(W[i] / k[i])
         coordinates.append(Coordinate(f"d[{i + 1}]", d, d, 0.0, max(2.0 * reach, d), log=True))
-    law = [name for name in model.identified(wishes.named, wishes.fixed) if name not in ("Fc", "Fs")]
+    law = [name for name in model.identified(constraints.named, constraints.fixed) if name not in ("Fc", "Fs")]
     if generalised:
-        coordinates += [coordinate(model, name, traits, wishes) for name in law]
-        if "Fs" not in wishes.fixed:
-            start = wishes.start["Fs"] / wishes.start.get("Fc", float(np.sum(W))) if "Fs" in wishes.start else EXCESS
+        coordinates += [coordinate(model, name, traits, constraints) for name in law]
+        if "Fs" not in constraints.fixed:
+            start = (
+                constraints.start["Fs"] / constraints.start.get("Fc", float(np.sum(W)))
+                if "Fs" in constraints.start
+                else EXCESS
+            )
             coordinates.append(Coordinate("Fs/Fc", 1.0, start, 0.0, log=True))
-    coordinates += surroundings(pieces, traits, wishes)
-    coordinates = [_moved(c, grid.linear, wishes) for c in coordinates]
-    for index, piece in enumerate(pieces):
+    coordinates += surroundings(segments, traits, constraints)
+    coordinates = [_moved(c, grid.linear, constraints) for c in coordinates]
+    for index, segment in enumerate(segments):
         for i in range(N):
-            first = float(np.median(piece.measured[:3])) * (Fn0 or 1.0) / float(np.sum(W))
+            first = float(np.median(segment.measured[:3])) * (Fn0 or 1.0) / float(np.sum(W))
             part = float(s[i]) if index == 0 else first
             part = min(max(part, -0.99), 0.99)
-            coordinates.append(Coordinate(f"Fi[{i + 1}]", 1.0, part, -1.0, 1.0, piece=index))
+            coordinates.append(Coordinate(f"Fi[{i + 1}]", 1.0, part, -1.0, 1.0, segment=index))
 
     def assemble(values: Mapping[str, float]) -> dict[str, float]:
         stiffness = [values[f"k[{i}]"] for i in range(1, N + 1)]
@@ -142,33 +146,33 @@ def hysteresis_setup(
     def states(parameters: Mapping[str, float], values: Mapping[str, float]) -> dict[str, float]:
         force = {i: parameters.get(f"W[{i}]", 0.0) for i in range(1, N + 1)}
         if generalised:
-            top = max(parameters["Fc"], parameters.get("Fs", wishes.fixed.get("Fs", 0.0)))
+            top = max(parameters["Fc"], parameters.get("Fs", constraints.fixed.get("Fs", 0.0)))
             force = {i: top * parameters[f"alpha[{i}]"] for i in force}
         return {f"Fi[{i}]": values[f"Fi[{i}]"] * level for i, level in force.items()}
 
     unit = {name: p.unit for name, p in model.parameters.items()} | {"M": units.inertia, "OF": units.force}
     unit |= {f"Fi[{i}]": units.force for i in range(1, N + 1)}
-    return Setup(tuple(coordinates), assemble, states, {**constants_of(model, wishes, Fn0), "N": N}, unit)
+    return Setup(tuple(coordinates), assemble, states, {**constants_of(model, constraints, Fn0), "N": N}, unit)
 
 
-def _moved(c: Coordinate, linear: Mapping[str, float], wishes: Wishes) -> Coordinate:
-    """The same unknown, begun where the grid ended unless the user says where."""
-    if c.name not in linear or c.name in wishes.start:
+def _moved(c: Coordinate, linear: Mapping[str, float], constraints: Constraints) -> Coordinate:
+    """Return a coordinate that starts at the value fitted with the grid, unless the user gave a start value."""
+    if c.name not in linear or c.name in constraints.start:
         return c
     return replace(c, start=min(max(linear[c.name], c.lower), c.upper))
 
 
-def _check(model: ContactModel, wishes: Wishes, generalised: bool) -> None:
-    N = wishes.fixed.get("N")
+def _check(model: ContactModel, constraints: Constraints, generalised: bool) -> None:
+    N = constraints.fixed.get("N")
     if N is not None and not (int(N) == N and 1 <= N <= BLOCK_ELEMENTS):
-        raise FitError(f"N = {N:g} of {model.name} is no whole number from 1 to {BLOCK_ELEMENTS}; give one.")
+        raise FitError(f"N = {N:g} of {model.name} is not an integer from 1 to {BLOCK_ELEMENTS}; correct it.")
     given = [
         name
-        for name in (*wishes.fixed, *wishes.named)
-        if "[" in name or (generalised and name == "Fc" and "Fc" in wishes.fixed)
+        for name in (*constraints.fixed, *constraints.named)
+        if "[" in name or (generalised and name == "Fc" and "Fc" in constraints.fixed)
     ]
     if given:
         raise FitError(
-            f"{given[0]} of {model.name} cannot be given: the elements follow from the record"
-            f"{', and Fc is their sum' if generalised else ''}; leave it out."
+            f"{given[0]} of {model.name} cannot be fixed, bounded or started: the elements are identified from the "
+            f"record{', and Fc is the sum of their slip forces' if generalised else ''}; remove it."
         )
