@@ -93,9 +93,9 @@ struct engine {
     Pair *pairs;
     int64_t pair_count;
     Line *lines;
-    const int64_t *lines_from;    /* part p has the lines lines_from[p], ..., lines_from[p + 1] - 1 */
-    Advance *advance; /* of the master; NULL: the program is the master */
-    void *algorithm;  /* its data */
+    const int64_t *lines_from; /* part p has the lines lines_from[p], ..., lines_from[p + 1] - 1 */
+    Advance *advance;          /* of the master; NULL: the program is the master */
+    void *algorithm;           /* its data */
     int64_t failed_part, failed_operation, status, float_change; /* of the last run */
     double failed_time;
 };
