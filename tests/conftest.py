@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 
 import pytest
+from fmpy import read_model_description
 
-from friction_fmus import build
+from friction_fmus import build, fmu
 
 # the longest first, so that no worker waits for another one at the end; the wheel when the platforms are compiled
 LONG = (
     "test_platforms.py",
-    "test_documents.py",
     "test_examples.py",
     "test_native_checks.py",
     "test_mutants.py",
@@ -28,15 +29,27 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
 
 
+@cache
+def own_start_values(name: str) -> Mapping[str, str]:
+    """Start values of a block as its FMU states them."""
+    variables = read_model_description(str(fmu(name))).modelVariables
+    return {v.name: v.start for v in variables if v.type == "Real" and v.start is not None}
+
+
 @pytest.fixture(scope="session")
 def build_fmu(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """``build_fmu(name, **start_values)`` -> path of the FMU, each with other start values in a folder of its own."""
+    """``build_fmu(name, **start_values)`` -> path of the FMU, each with other start values in a folder of its own.
+
+    Start values that the block has anyway make no other FMU.
+    """
     made: dict[tuple[object, ...], Path] = {}
 
     def make(name: str, **start: float) -> Path:
-        key = (name, *sorted(start.items()))
+        own = own_start_values(name) if start else {}
+        changed = {key: value for key, value in start.items() if key not in own or float(own[key]) != value}
+        key = (name, *sorted(changed.items()))
         if key not in made:
-            made[key] = build(name, tmp_path_factory.mktemp("fmus"), start)
+            made[key] = build(name, tmp_path_factory.mktemp("fmus"), changed)
         return made[key]
 
     return make

@@ -7,7 +7,6 @@ import re
 import shutil
 import subprocess
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import fmpy
@@ -18,7 +17,7 @@ from lxml import etree
 from shell.instance import SIGNATURES, Instance, Library, RefusedError, signals
 from shell.selection import CONTINUOUS_BLOCKS
 
-from friction_fmus import build, catalogue
+from friction_fmus import catalogue
 from harness.compiling import toolchain
 
 PACKAGER = {"block_rows", "block_evaluate"}
@@ -70,15 +69,6 @@ def test_simulates_its_default_experiment(library: Library) -> None:
         assert np.isfinite(result[name]).all(), name
 
 
-@pytest.mark.parametrize("library", tuple(catalogue())[::5], indirect=True)
-def test_two_builds_are_the_same_bytes(library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("FRICTION_FMUS_CACHE", str(tmp_path / "another cache"))
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.chdir(tmp_path)
-    again = build(library.identifier, tmp_path / "elsewhere")
-    assert again.read_bytes() == library.fmu.read_bytes()
-
-
 def test_the_archive_is_as_section_2_3_of_the_standard_wants_it(library: Library) -> None:
     with zipfile.ZipFile(library.fmu) as archive:
         names = archive.namelist()
@@ -126,33 +116,6 @@ def test_a_warning_of_the_compiler_ends_a_build() -> None:
 def test_one_source_file_is_compiled(library: Library) -> None:
     files = [str(element.get("name")) for element in etree.parse(library.folder / "modelDescription.xml").iter("File")]
     assert files == [f"{library.identifier}.c"]
-
-
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="links with gcc")
-def test_blocks_compiled_from_source_share_a_program(build_fmu: Callable[..., Path], tmp_path: Path) -> None:
-    """With the prefixes of the standard's own header (fmpy's copy drops them) no symbol is defined twice."""
-    headers = tmp_path / "headers"
-    shutil.copytree(toolchain.header_folder(), headers)
-    functions = headers / "fmi2Functions.h"
-    text = functions.read_text(encoding="utf-8")
-    standard = (
-        "#define P_(a, b) a##b\n#define P(a, b) P_(a, b)\n#define fmi2FullName(name) P(FMI2_FUNCTION_PREFIX, name)"
-    )
-    assert "#define fmi2FullName(name) name" in text
-    functions.write_text(text.replace("#define fmi2FullName(name) name", standard), encoding="utf-8")
-    flags = [flag for flag in toolchain.FLAGS if "OVERRIDE" not in flag]
-    objects = []
-    for name in catalogue():
-        sources = tmp_path / name
-        sources.mkdir()
-        with zipfile.ZipFile(build_fmu(name)) as archive:
-            for entry in archive.namelist():
-                if entry.startswith("sources/"):
-                    (sources / Path(entry).name).write_bytes(archive.read(entry))
-        objects.append(tmp_path / f"{name}.o")
-        command = ["gcc", *flags, "-O0", "-I", headers, "-c", f"{name}.c", "-o", objects[-1]]
-        subprocess.run(command, cwd=sources, check=True)
-    subprocess.run(["gcc", "-shared", *objects, "-o", tmp_path / "all.so", "-lm"], check=True)
 
 
 # ---- the XML and the binary agree

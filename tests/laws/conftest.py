@@ -34,8 +34,15 @@ class Workshop:
         self.name = name
         self._folder = folder
         self._numbers = count()
+        self._made: dict[tuple[str, ...], Path] = {}
 
     def library(self, text: str, *flags: str) -> Path:
+        """The library of a source; the same one for the same text and flags."""
+        if (text, *flags) not in self._made:
+            self._made[text, *flags] = self._compiled(text, *flags)
+        return self._made[text, *flags]
+
+    def _compiled(self, text: str, *flags: str) -> Path:
         source = self._folder / f"source{next(self._numbers)}.c"
         source.write_text(text, encoding="utf-8")
         target = source.with_suffix(".so")

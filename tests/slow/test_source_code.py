@@ -1,4 +1,4 @@
-"""The sources of an FMU are enough: for three compilers, for fmpy, and for a program that links several blocks."""
+"""The sources of an FMU compile: with three compilers, with fmpy, all in one program, and to the same bytes again."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ import pytest
 from fmpy.build import build_platform_binary
 from shell.instance import Library, load
 
-from harness.compiling.toolchain import header_folder
+from friction_fmus import build, catalogue
+from harness.compiling.toolchain import FLAGS, header_folder
 
 COMPILERS = {
     "gcc": ["gcc", "-fsyntax-only"],
@@ -124,3 +125,36 @@ def test_blocks_linked_into_one_program_run(build_fmu: Callable[..., Path], tmp_
     subprocess.run(["gcc", "-I", headers, tmp_path / "pair.c", *objects, "-o", program, "-lm"], check=True)
     run = subprocess.run([program], capture_output=True, text=True, check=True)
     assert [float(line) for line in run.stdout.split()] == expected
+
+
+@pytest.mark.parametrize("library", tuple(catalogue())[::5], indirect=True)
+def test_two_builds_are_the_same_bytes(library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FRICTION_FMUS_CACHE", str(tmp_path / "another cache"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    again = build(library.identifier, tmp_path / "elsewhere")
+    assert again.read_bytes() == library.fmu.read_bytes()
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="links with gcc")
+def test_blocks_compiled_from_source_share_a_program(build_fmu: Callable[..., Path], tmp_path: Path) -> None:
+    """With the prefixes of the standard's own header (fmpy's copy drops them) no symbol is defined twice."""
+    headers = tmp_path / "headers"
+    shutil.copytree(header_folder(), headers)
+    functions = headers / "fmi2Functions.h"
+    text = functions.read_text(encoding="utf-8")
+    assert "#define fmi2FullName(name) name" in text
+    functions.write_text(text.replace("#define fmi2FullName(name) name", STANDARD), encoding="utf-8")
+    flags = [flag for flag in FLAGS if "OVERRIDE" not in flag]
+    objects = []
+    for name in catalogue():
+        sources = tmp_path / name
+        sources.mkdir()
+        with zipfile.ZipFile(build_fmu(name)) as archive:
+            for entry in archive.namelist():
+                if entry.startswith("sources/"):
+                    (sources / Path(entry).name).write_bytes(archive.read(entry))
+        objects.append(tmp_path / f"{name}.o")
+        command = ["gcc", *flags, "-O0", "-I", headers, "-c", f"{name}.c", "-o", objects[-1]]
+        subprocess.run(command, cwd=sources, check=True)
+    subprocess.run(["gcc", "-shared", *objects, "-o", tmp_path / "all.so", "-lm"], check=True)

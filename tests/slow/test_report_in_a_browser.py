@@ -15,9 +15,9 @@ import numpy as np
 import pypdfium2
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from made_up_study import made_up_study
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
+from study.made_up_study import made_up_study
 
 from friction_fmus.report import write_report
 

@@ -29,7 +29,7 @@ NAMES = {
 
 
 @pytest.fixture
-def wide(library: Library, tmp_path: Path) -> Callable[[int], Path]:
+def wide(faulty: Library, tmp_path: Path) -> Callable[[int], Path]:
     """The FMU in order with that many aliases more: half of them outputs, half of them local."""
 
     def make(count: int) -> Path:
@@ -42,7 +42,7 @@ def wide(library: Library, tmp_path: Path) -> Callable[[int], Path]:
         xml = xml.replace("</Outputs>", f"{unknowns}</Outputs>").replace(
             "</InitialUnknowns>", f"{unknowns}</InitialUnknowns>"
         )
-        members = {XML: xml.encode(), BINARY: library(), "documentation/index.html": b"<html/>"}
+        members = {XML: xml.encode(), BINARY: faulty(), "documentation/index.html": b"<html/>"}
         return zipped(members, tmp_path / "wide.fmu")
 
     return make
@@ -63,7 +63,7 @@ def test_twice_the_variables_take_twice_the_time(wide: Callable[[int], Path]) ->
     assert seconds_of(wide(40_000)) < 3.0 * seconds_of(wide(20_000))
 
 
-def test_an_enumeration_of_many_items(library: Library, tmp_path: Path) -> None:
+def test_an_enumeration_of_many_items(faulty: Library, tmp_path: Path) -> None:
     """Every variable of a type needs its items."""
     count = 5000
     items = "".join(f'<Item name="i{k}" value="{k}"/>' for k in range(count))
@@ -77,7 +77,7 @@ def test_an_enumeration_of_many_items(library: Library, tmp_path: Path) -> None:
     xml = xml.replace("</UnitDefinitions>", f"</UnitDefinitions>{types}").replace(
         "</ModelVariables>", f"{rows}</ModelVariables>"
     )
-    path = zipped({XML: xml.encode(), BINARY: library(), "documentation/index.html": b"<html/>"}, tmp_path / "a.fmu")
+    path = zipped({XML: xml.encode(), BINARY: faulty(), "documentation/index.html": b"<html/>"}, tmp_path / "a.fmu")
     before = os.times()
     assert check(path, static=True) == []
     assert sum(os.times()[:2]) - sum(before[:2]) < 5.0
@@ -85,10 +85,10 @@ def test_an_enumeration_of_many_items(library: Library, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("convention", ["structured", "flat"])
 @pytest.mark.parametrize("name", NAMES)
-def test_a_name_of_a_million_characters(library: Library, tmp_path: Path, name: str, convention: str) -> None:
+def test_a_name_of_a_million_characters(faulty: Library, tmp_path: Path, name: str, convention: str) -> None:
     xml = (HERE / "faulty.xml").read_text(encoding="utf-8")
     xml = xml.replace('name="u"', f'name="{NAMES[name]}"').replace('"structured"', f'"{convention}"')
-    path = zipped({XML: xml.encode(), BINARY: library(), "documentation/index.html": b"<html/>"}, tmp_path / "a.fmu")
+    path = zipped({XML: xml.encode(), BINARY: faulty(), "documentation/index.html": b"<html/>"}, tmp_path / "a.fmu")
     before = os.times()
     found = check(path)
     assert sum(os.times()[:4]) - sum(before[:4]) < 10.0

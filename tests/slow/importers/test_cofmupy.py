@@ -20,24 +20,9 @@ from interop.importers import (
 )
 from interop.loops import REAL_PARTS, Loop, all_loops, ports, start_value, variables
 
-from friction_fmus import catalogue
-
 needs_cofmupy = pytest.mark.skipif(
-    not PYTHON.exists(), reason="CoFmuPy is not installed: run tests/slow/install_cofmupy.py"
+    not PYTHON.exists(), reason="CoFmuPy is not installed: run tests/slow/importers/install_cofmupy.py"
 )
-
-
-@pytest.fixture(scope="session")
-def fmus(build_fmu: Callable[..., Path]) -> Mapping[str, Path]:
-    """All FMUs of the catalogue by name."""
-    return {block: build_fmu(block) for block in catalogue()}
-
-
-@pytest.fixture
-def python(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> str:
-    """The interpreter of the environment with CoFmuPy, which leaves temporary files behind."""
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    return str(PYTHON)
 
 
 @pytest.fixture(scope="session")
@@ -57,7 +42,7 @@ def test_models_plants_and_signals_are_all_real(fmus: Mapping[str, Path], real_f
 
 
 @needs_cofmupy
-def test_every_real_fmu_simulates_its_default_experiment(python: str, real_fmus: Mapping[str, Path]) -> None:
+def test_every_real_fmu_simulates_its_default_experiment(real_fmus: Mapping[str, Path]) -> None:
     def job(name: str, fmu: Path) -> dict[str, Any]:
         inputs = {f"block.{port}": start_value(variables(fmu)[port]) for port in ports(fmu, "input")}
         return alone_job(name, fmu, method="gauss_seidel", start=inputs)  # else all inputs are 0
@@ -68,12 +53,12 @@ def test_every_real_fmu_simulates_its_default_experiment(python: str, real_fmus:
         found = as_trajectories(jobs[name], answer["rows"])
         return deviation(found, default_experiment(real_fmus[name]), found)
 
-    assert failures(jobs, in_worker("in_cofmupy", jobs.values(), python), judge, 1e-8) == {}
+    assert failures(jobs, in_worker("in_cofmupy", jobs.values(), str(PYTHON)), judge, 1e-8) == {}
 
 
 @needs_cofmupy
 def test_every_real_fmu_in_a_closed_loop_gives_the_trajectory_of_gauss_seidel(
-    python: str, build_fmu: Callable[..., Path], real_fmus: Mapping[str, Path]
+    build_fmu: Callable[..., Path], real_fmus: Mapping[str, Path]
 ) -> None:
     loops = {name: loop.real() for name, loop in all_loops(build_fmu, real_fmus, REAL_PARTS).items()}
 
@@ -87,4 +72,4 @@ def test_every_real_fmu_in_a_closed_loop_gives_the_trajectory_of_gauss_seidel(
         expected = without_start(loops[name].own("gauss-seidel", answer["order"]))
         return deviation(found, expected, loops[name].states())
 
-    assert failures(jobs, in_worker("in_cofmupy", jobs.values(), python), judge, 1e-6) == {}
+    assert failures(jobs, in_worker("in_cofmupy", jobs.values(), str(PYTHON)), judge, 1e-6) == {}
