@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import os
 import tempfile
@@ -26,6 +27,9 @@ from friction_fmus.identification.parameter_files import Parameter, toml_text
 from friction_fmus.identification.plot import NAMES
 from friction_fmus.identification.result import Identification
 from friction_fmus.identification.survey import Survey
+from harness.compiling import toolchain
+
+_LOG = logging.getLogger("friction_fmus")
 
 #: Colours that differ in lightness as well (after M. Okabe, K. Ito, 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
@@ -36,6 +40,8 @@ def write_outcome(
     found: Survey, measurement: Measurement, findings: Sequence[Finding], windows: Mapping[str, Any], out: Path
 ) -> list[Path]:
     """Write all files of a survey; the folder gets all of them or stays as it was.
+
+    Where no compiler is installed, the FMUs are left out, and a warning says so.
 
     Parameters
     ----------
@@ -69,8 +75,12 @@ def write_outcome(
         # on the same file system, so that the files move into place
         with tempfile.TemporaryDirectory(prefix=".identify-", dir=out) as scratch:
             stage = Path(scratch)
+            lacking = toolchain.lacking()
+            if lacking is not None:
+                _LOG.warning("the results are written without FMUs: %s", lacking)
             for result in found.results:
-                result.to_fmu(stage)
+                if lacking is None:
+                    result.to_fmu(stage)
                 result.to_ssv(stage / f"{result.model}.ssv")
                 result.plot(stage / f"{result.model}.png")
             (stage / "parameters.toml").write_text(_toml(found, measurement), encoding="utf-8")
