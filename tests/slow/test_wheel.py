@@ -11,7 +11,6 @@ from importlib.metadata import Distribution
 from pathlib import Path
 
 import pytest
-from hatchling.builders.wheel import WheelBuilder
 from packaging.requirements import Requirement
 
 from friction_fmus import catalogue
@@ -183,17 +182,3 @@ def test_an_identification_without_a_compiler_leaves_out_the_fmus(environment: d
     assert done.returncode == 0, done.stderr
     assert "the results are written without FMUs: ziglang is not installed" in done.stderr
     assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".json", ".png", ".ssv", ".toml"}
-
-
-def test_an_editable_install_requires_what_compiles_and_studies(tmp_path: Path) -> None:
-    hook = WheelBuilder(str(ROOT)).get_build_hooks(str(tmp_path))["custom"]
-    data: dict[str, list[str]] = {"dependencies": []}
-    hook.initialize("editable", data)
-    assert {Requirement(text).name for text in data["dependencies"]} == set(EXTRAS)
-
-
-def test_every_extra_brings_its_packages() -> None:
-    extras = WheelBuilder(str(ROOT)).metadata.core.optional_dependencies
-    for package, extra in EXTRAS.items():
-        assert package in {Requirement(text).name for text in extras[extra.name]}
-        assert package in {Requirement(text).name for text in extras["all"]}
