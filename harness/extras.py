@@ -17,6 +17,7 @@ class Extra(NamedTuple):
 
 EXTRAS: Final = {
     "casadi": Extra("build", "compensator laws (build, codegen, doctor, show, study) need it"),
+    "cattrs": Extra("study", "the command study needs it"),
     "distributed": Extra("dask", "--scheduler needs it"),
     "plotly": Extra("study", "the report of the command study needs it"),
     "pyarrow": Extra("parquet", "Parquet files (identify, run, sweep) need it"),
