@@ -22,11 +22,16 @@ def build_fmus(names: list[str], folder: Path) -> None:
 
 
 class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
-    """Adds ``friction_fmus/fmus`` and ``harness/engine/binaries``; an editable install compiles on first use."""
+    """Adds ``friction_fmus/fmus`` and ``harness/engine/binaries``.
+
+    An editable install compiles on first use instead, and so depends on what that needs; it gets everything, so that
+    every command works in a checkout.
+    """
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile before the files are collected."""
         if version == "editable":
+            build_data["dependencies"] += self.metadata.core.optional_dependencies["all"]
             return
         from friction_fmus.blocks.catalogue import OWN_BLOCKS, catalogue
         from harness.compiling.platforms import PLATFORMS, compiled

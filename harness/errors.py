@@ -86,6 +86,10 @@ class ResultFileError(HarnessError):
     """A file cannot be read as a result."""
 
 
+class MissingPackageError(HarnessError, ModuleNotFoundError):
+    """A package is not installed that comes with an extra, see `harness.extras`."""
+
+
 class BuildError(HarnessError):
     """C sources do not compile, or the result cannot be packaged."""
 

@@ -6,6 +6,8 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 
+from harness.extras import EXTRAS, missing
+
 
 def lazy_names(
     package: str, modules: Mapping[str, Sequence[str]]
@@ -34,7 +36,12 @@ def lazy_names(
     def getter(name: str) -> object:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        value = getattr(import_module(homes[name]), name)
+        try:
+            value = getattr(import_module(homes[name]), name)
+        except ModuleNotFoundError as error:
+            if error.name not in EXTRAS:
+                raise
+            raise missing(error.name) from error
         setattr(sys.modules[package], name, value)
         return value
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from friction_fmus.blocks.about import About, about_c_block
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.lawkit.headings import law_paths, read_headings
+from harness.extras import require
 from harness.storage.files import read_source, reason
 
 PACKAGE = Path(__file__).parents[1]
@@ -159,6 +160,7 @@ def _told(path: Path, code: str) -> About:
 
 
 def _read_laws(path: Path) -> list[Block]:
+    require("casadi")
     from friction_fmus.lawkit.block import block_source
     from friction_fmus.lawkit.files import discover_laws
 

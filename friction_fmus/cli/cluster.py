@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from friction_fmus.errors import FrictionError
+from harness.extras import require
 
 PATIENCE = 10.0
 """Seconds in which a scheduler must answer."""
@@ -15,13 +16,14 @@ def connect(address: str) -> Any:
 
     Raises
     ------
+    MissingPackageError
+        If dask is not installed.
     FrictionError
-        If dask is not installed, or no scheduler answers.
+        If no scheduler answers.
     """
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise FrictionError("--scheduler needs dask; install it with `pip install friction-fmus[dask]`") from error
+    require("distributed")
+    from distributed import Client
+
     make: Any = Client
     try:
         return make(address, timeout=PATIENCE)

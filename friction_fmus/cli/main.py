@@ -15,6 +15,7 @@ from friction_fmus.cli import commands
 from friction_fmus.errors import FrictionError
 from friction_fmus.version import VERSION
 from harness.errors import HarnessError
+from harness.extras import EXTRAS, missing
 
 
 def parser() -> argparse.ArgumentParser:
@@ -57,7 +58,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
     try:
         return options.run(options) or 0
-    except (FrictionError, HarnessError, OSError) as error:
+    except (FrictionError, HarnessError, ModuleNotFoundError, OSError) as error:
+        if isinstance(error, ModuleNotFoundError):
+            if error.name not in EXTRAS:
+                raise
+            error = missing(error.name)
         if options.debug:
             raise
         # what a library says of a damaged file may have several lines

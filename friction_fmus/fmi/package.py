@@ -10,11 +10,20 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from friction_fmus.blocks.catalogue import PACKAGE, Block, find, package_text, source_folder, with_room
+from friction_fmus.blocks.catalogue import (
+    PACKAGE,
+    Block,
+    find,
+    listing,
+    package_text,
+    source_folder,
+    with_room,
+)
 from friction_fmus.blocks.customise import Start, identified, renamed, rotational, with_start_values
 from friction_fmus.blocks.probe import BlockVariables, read_variables
 from friction_fmus.errors import BuildError
@@ -24,6 +33,7 @@ from harness.compiling.platforms import NATIVE, Platform, native_library, select
 from harness.storage.atomic import atomic_path
 from harness.storage.cache import cached
 from harness.storage.files import read_source, reason
+from harness.storage.scratch import ScratchFolder
 
 SHIPPED = PACKAGE / "fmus"
 """Folder of the FMUs for all platforms in an installed package; a checkout has none."""
@@ -92,12 +102,12 @@ def _built(
     compiling: Callable[[str, int], None] | None = None,
 ) -> tuple[str, bytes]:
     """Return the file name and the content of an FMU, from the cache or a new build."""
-    block = find(model)
     chosen = select(tuple(platforms))
     twin = domain == "rotational"
     plain = not (start or name or files or twin) and tuple(platforms) in (("native",), ("all",))
-    if plain and (shipped := _shipped(model, block)):
+    if plain and (shipped := _shipped(model)):
         return shipped.name, shipped.read_bytes()
+    block = find(model)
     code = with_start_values(with_room(block, start or {}).code, start or {})
     code = rotational(code) if twin else code
     identifier = name or block.name + ("Rotational" if twin else "")
@@ -116,10 +126,10 @@ def _built(
     return f"{identifier}.fmu", cached(path, make)
 
 
-def _shipped(model: str | Path, block: Block) -> Path | None:
+def _shipped(model: str | Path) -> Path | None:
     """Return the FMU in the installed package, if the model is one of its blocks."""
-    path = SHIPPED / f"{block.name}.fmu"
-    return path if str(model) == block.name and path.is_file() else None
+    path = SHIPPED / f"{model}.fmu"
+    return path if str(model) in listing() and path.is_file() else None
 
 
 def fmu(name: str | Path, domain: Literal["translational", "rotational"] = "translational") -> Path:
@@ -145,7 +155,7 @@ def fmu(name: str | Path, domain: Literal["translational", "rotational"] = "tran
     UnknownNameError, BuildError
         If the model is unknown; if it cannot be built.
     """
-    if domain == "translational" and (shipped := _shipped(name, find(name))):
+    if domain == "translational" and (shipped := _shipped(name)):
         return shipped
     file, content = _built(name, None, None, None, domain, ("native",))
     # one folder per content, as another version of this package may use the same cache
@@ -153,14 +163,19 @@ def fmu(name: str | Path, domain: Literal["translational", "rotational"] = "tran
 
 
 def describe_block(block: Block) -> BlockVariables:
-    """Compile a block and read its variables.
+    """Read the variables of a block from its library, which is compiled if it is not in the installed package.
 
     Raises
     ------
     BuildError
         If the block does not compile.
     """
-    return read_variables(native_library(identified(_sources(block, {}), block.name), block.name))
+    shipped = _shipped(block.name)
+    if shipped is None or find(block.name) is not block:
+        return read_variables(native_library(identified(_sources(block, {}), block.name), block.name))
+    with ScratchFolder("friction-fmus-") as folder, ZipFile(shipped) as archive:
+        member = f"binaries/{NATIVE.folder}/{block.name}{NATIVE.suffix}"
+        return read_variables(Path(archive.extract(member, folder)))
 
 
 def build_record(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import os
 import tempfile
@@ -26,6 +27,9 @@ from friction_fmus.identification.parameter_files import Parameter, toml_text
 from friction_fmus.identification.plot import NAMES
 from friction_fmus.identification.result import Identification
 from friction_fmus.identification.survey import ModelComparison
+from harness.compiling import toolchain
+
+_LOG = logging.getLogger("friction_fmus")
 
 #: Colours that also differ in lightness (after M. Okabe, K. Ito, 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73")
@@ -36,6 +40,8 @@ def write_results(
     found: ModelComparison, measurement: Measurement, findings: Sequence[Finding], windows: Mapping[str, Any], out: Path
 ) -> list[Path]:
     """Write all files of a comparison of models; if that fails, the folder is left unchanged.
+
+    Where no compiler is installed, the FMUs are left out, and a warning says so.
 
     Parameters
     ----------
@@ -69,8 +75,12 @@ def write_results(
         # on the same file system, so that the files can be moved into place
         with tempfile.TemporaryDirectory(prefix=".identify-", dir=out) as scratch:
             stage = Path(scratch)
+            lacking = toolchain.lacking()
+            if lacking is not None:
+                _LOG.warning("the results are written without FMUs: %s", lacking)
             for result in found.results:
-                result.to_fmu(stage)
+                if lacking is None:
+                    result.to_fmu(stage)
                 result.to_ssv(stage / f"{result.model}.ssv")
                 result.plot(stage / f"{result.model}.png")
             (stage / "parameters.toml").write_text(_toml(found, measurement), encoding="utf-8")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
+
+import tomli_w
 
 import harness
 from friction_fmus.errors import FrictionError
@@ -88,22 +90,17 @@ def toml_text(title: str, sets: Mapping[str, Mapping[str, Parameter]], citation:
     str
         One table per parameter, ``[set.name]``, with value, unit, standard_error and description.
     """
-    lines = [f"title = {_quoted(title)}"]
-    if citation:
-        lines.append(f"citation = {_quoted(citation)}")
+    document: dict[str, Any] = {"title": title, **({"citation": citation} if citation else {})}
     for set_name, parameters in sets.items():
-        for key, parameter in parameters.items():
-            value = str(parameter.value).lower() if isinstance(parameter.value, bool) else repr(parameter.value)
-            lines += ["", f"[{_quoted(set_name)}.{_quoted(key)}]", f"value = {value}"]
-            lines.append(f"unit = {_quoted(parameter.unit)}")
-            error = parameter.standard_error
-            if error is not None and math.isfinite(error):
-                lines.append(f"standard_error = {error!r}")
-            if parameter.description:
-                lines.append(f"description = {_quoted(parameter.description)}")
-    return "\n".join(lines) + "\n"
+        document[set_name] = {key: _table(parameter) for key, parameter in parameters.items()}
+    return tomli_w.dumps(document)
 
 
-def _quoted(text: str) -> str:
-    """Return a TOML basic string; the escapes are the same as in JSON, except for DEL."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+def _table(parameter: Parameter) -> dict[str, Any]:
+    found: dict[str, Any] = {"value": parameter.value, "unit": parameter.unit}
+    error = parameter.standard_error
+    if error is not None and math.isfinite(error):
+        found["standard_error"] = error
+    if parameter.description:
+        found["description"] = parameter.description
+    return found

@@ -16,10 +16,10 @@ from dataclasses import asdict, dataclass, fields, is_dataclass
 from functools import cache
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
-from types import NoneType, UnionType
-from typing import Any, Final, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, Final
 
 import numpy as np
+from cattrs import Converter
 
 import harness
 from friction_fmus.blocks.catalogue import source_folder
@@ -27,10 +27,11 @@ from friction_fmus.study.result import plain
 from friction_fmus.version import VERSION
 from harness.storage.cache import keep, kept
 
-T = TypeVar("T")
-
 CACHE: Final = ".study"
 """Subfolder of the results with the cached steps."""
+
+rebuild: Final = Converter(detailed_validation=False).structure
+"""``rebuild(content, kind)`` makes a dataclass from what `asdict` and JSON made of one."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ class StepCache:
     def get(self, step: Step) -> Any:
         """Return the cached result of a step; None if there is none."""
         try:
-            result = rebuild(step.kind, json.loads(kept(self._path(step)) or b""))
+            result: Any = rebuild(json.loads(kept(self._path(step)) or b""), step.kind)
         except (ValueError, TypeError, KeyError):
             return None  # missing, damaged, or not written by this program: the step is repeated
         self.reused += 1
@@ -171,32 +172,6 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
         os._exit(1)
-
-
-def rebuild(kind: Any, content: Any) -> Any:
-    """Return the dataclass that was converted with `asdict` and JSON.
-
-    Parameters
-    ----------
-    kind : type
-        Dataclass whose fields are dataclasses, tuples and mappings of them, numbers, strings, or None.
-    content : object
-        Decoded JSON.
-    """
-    origin, inner = get_origin(kind), get_args(kind)
-    if origin in (Union, UnionType):
-        if content is None and NoneType in inner:
-            return None
-        return rebuild(next(each for each in inner if each is not NoneType), content)
-    if is_dataclass(kind):
-        hints = get_type_hints(kind)
-        made: Any = kind
-        return made(**{each.name: rebuild(hints[each.name], content[each.name]) for each in fields(kind)})
-    if origin is tuple:
-        return tuple(rebuild(inner[0], each) for each in content)
-    if origin is not None and issubclass(origin, Mapping):
-        return {key: rebuild(inner[1], each) for key, each in content.items()}
-    return float(content) if kind is float else content
 
 
 def clear_cache(out: Path) -> None:

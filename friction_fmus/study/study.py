@@ -33,6 +33,8 @@ from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.summary import ProgressReporter, compensator_row, identifier, overview
 from friction_fmus.version import VERSION
 from harness import Progress, System
+from harness.compiling import toolchain
+from harness.extras import require
 from harness.processors import available
 from harness.storage.atomic import atomic_path
 
@@ -83,7 +85,11 @@ def run_study(
         If the folder cannot be created, `processes` is below 1, or no model can be identified.
     FrictionError, HarnessError
         If data cannot be read, an FMU cannot be built, or a file cannot be written.
+    MissingPackageError
+        If a package of the extra ``study`` is not installed.
     """
+    require("plotly")  # here, not after minutes
+    toolchain.compiler()
     begin = time.perf_counter()
     config = what if isinstance(what, StudyConfig) else load_config(what)
     _check(config)

@@ -11,7 +11,8 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from harness.errors import BuildError
+from harness.errors import BuildError, MissingPackageError
+from harness.extras import require
 
 FLAGS = (
     *("-std=c99", "-O2", "-g0", "-fPIC", "-fvisibility=hidden"),
@@ -45,14 +46,29 @@ def compiler(target: str | None = None) -> list[str]:
     target : str or None
         Target of zig, such as ``x86_64-windows-gnu``. None stands for this machine and the compiler ``CC`` if that is
         set.
+
+    Raises
+    ------
+    MissingPackageError
+        If zig is needed and not installed.
     """
     if target is None and os.environ.get("CC"):
         return shlex.split(os.environ["CC"])
+    require("ziglang")
     command = [sys.executable, "-m", "ziglang", "cc"]
     if target is None and sys.platform == "linux":
         # an old glibc, so that the FMU runs on older systems
         target = f"{platform.machine()}-linux-gnu.2.17"
     return [*command, "-target", target] if target else command
+
+
+def lacking() -> MissingPackageError | None:
+    """Return why nothing can be compiled for this machine; None if something can."""
+    try:
+        compiler()
+    except MissingPackageError as error:
+        return error
+    return None
 
 
 @cache

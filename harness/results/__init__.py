@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from harness.errors import OutputError, ResultFileError
+from harness.errors import MissingPackageError, OutputError, ResultFileError
 from harness.lazy import lazy_names
 
 if TYPE_CHECKING:
@@ -87,6 +87,8 @@ def load_result(path: str | Path) -> Result:
     read = _function("from", suffix)
     try:
         result: Result = read(path)
+    except MissingPackageError:
+        raise
     except Exception as error:  # for a damaged file, the libraries raise many kinds of exceptions
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ResultFileError(f"cannot read the result {path}: {reason}; give a file of this format") from error

@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from harness.result import Result, heading, quoted, split_heading, unquoted
 from harness.results.table import from_columns
 from harness.storage.atomic import atomic_path
+from harness.storage.files import read_csv
+
+_TRUTHS: Final = {"true": True, "false": False}
 
 
 def to_csv(result: Result, path: str | Path) -> None:
@@ -42,11 +51,19 @@ def to_csv(result: Result, path: str | Path) -> None:
 
 def from_csv(path: Path) -> Result:
     """Read a result from CSV; a column of whole numbers without a decimal point becomes an Integer."""
-    from pyarrow import csv as table_reader
-
-    # nan is a value here; only an empty field is missing
-    options = table_reader.ConvertOptions(null_values=[""])
-    table = table_reader.read_csv(path, convert_options=options)
-    headings = [split_heading(unquoted(text)) for text in table.column_names]
-    columns = {name: table.column(index).to_numpy() for index, (name, _) in enumerate(headings)}
+    first, *rows = read_csv(path) or [[]]
+    for number, row in enumerate(rows, start=1):
+        if len(row) != len(first):
+            raise ValueError(f"its row {number} has {len(row)} cells instead of {len(first)}")
+    headings = [split_heading(unquoted(text)) for text in first]
+    cells = zip(*rows, strict=True) if rows else [()] * len(first)
+    columns = {name: _column(column) for (name, _), column in zip(headings, cells, strict=True)}
     return from_columns(columns, {name: {"units": unit} for name, unit in headings}, {})
+
+
+def _column(cells: Sequence[str]) -> NDArray[Any]:
+    """Whole numbers, numbers of which empty cells are gaps, truth values, or else texts."""
+    for parse in (int, lambda cell: float(cell or "nan"), lambda cell: _TRUTHS[cell.lower()]):
+        with suppress(KeyError, ValueError):
+            return np.array([parse(cell) for cell in cells])
+    return np.array(cells)

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Final
 
+from harness.extras import require
 from harness.result import Result
 from harness.results.table import from_columns
 from harness.storage.atomic import atomic_path
@@ -29,6 +30,7 @@ def to_parquet(result: Result, path: str | Path) -> None:
     OutputError
         If the file cannot be written.
     """
+    require("pyarrow")
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -48,6 +50,7 @@ def to_parquet(result: Result, path: str | Path) -> None:
 
 def from_parquet(path: Path) -> Result:
     """Read a result from Parquet."""
+    require("pyarrow")
     import pyarrow.parquet as pq
 
     table = pq.read_table(path, page_checksum_verification=True)

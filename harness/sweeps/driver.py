@@ -16,8 +16,8 @@ import xarray as xr
 
 from harness.engine.tap import Progress
 from harness.errors import SweepError, nearest
-from harness.storage.scratch import ScratchFolder
-from harness.sweeps.folder import SweepFolder, read_sweep, sole_writer
+from harness.extras import require
+from harness.sweeps.columns import Columns, Memory, Storage
 from harness.sweeps.identity import description
 from harness.sweeps.measures import Builtin, Measure, find_measures, label
 from harness.sweeps.pools import Outcomes, Pool, ProcessPool, SerialPool, make_pool
@@ -100,21 +100,25 @@ def sweep(
         if output is None:
             if keep:
                 raise SweepError("keep names trajectories to store, but there is no folder: give an output folder")
-            output = stack.enter_context(ScratchFolder("harness-sweep-"))
-        folder = Path(output).absolute()  # an FMU may change the working directory
-        stack.enter_context(sole_writer(folder))
-        files = SweepFolder(folder, description(model, job, parameter_sets), types, units)
-        pending = [run for run in range(len(parameter_sets)) if run not in files.done]
+            storage: Storage = Memory(Columns(types, units))
+        else:
+            require("pyarrow")
+            from harness.sweeps.folder import SweepFolder, sole_writer
+
+            folder = Path(output).absolute()  # an FMU may change the working directory
+            stack.enter_context(sole_writer(folder))
+            storage = SweepFolder(folder, description(model, job, parameter_sets), types, units)
+        pending = [run for run in range(len(parameter_sets)) if run not in storage.done]
         if progress is not None:
-            progress.update(len(files.done), len(parameter_sets))
+            progress.update(len(storage.done), len(parameter_sets))
         if pending:
             pool = make_pool(executor, workers)
             try:
                 _check_portable(job, pool)
-                _drive(job, parameter_sets, Queue(pending, _most_runs(job)), pool, files, progress)
+                _drive(job, parameter_sets, Queue(pending, _most_runs(job)), pool, storage, progress)
             finally:
                 pool.close(job)
-        return read_sweep(folder)
+        return storage.read()
 
 
 def _drive(
@@ -122,10 +126,10 @@ def _drive(
     samples: Sequence[Sample],
     queue: Queue,
     pool: Pool,
-    files: SweepFolder,
+    storage: Storage,
     progress: Progress | None,
 ) -> None:
-    """Distribute chunks and write their outcomes until all runs are done."""
+    """Distribute chunks and store their outcomes until all runs are done."""
     under_way: dict[Outcomes, list[int]] = {}
     while under_way or queue.left:
         while queue.left and len(under_way) < pool.capacity():
@@ -139,9 +143,9 @@ def _drive(
                 queue.note(outcomes)
             except pool.losses:
                 outcomes = queue.give_back(chunk)
-            files.add(outcomes, samples)
+            storage.add(outcomes, samples)
         if progress is not None:
-            progress.update(len(files.done), len(samples))
+            progress.update(len(storage.done), len(samples))
 
 
 def _check_names(model: System, samples: Iterable[Sample]) -> dict[str, str]:

@@ -17,6 +17,7 @@ import xarray as xr
 from harness.errors import OutputError, SweepError
 from harness.parts.part import PortType
 from harness.storage.atomic import atomic_path
+from harness.sweeps.columns import Columns
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Outcome
 
@@ -32,7 +33,6 @@ _TYPES: Final[dict[PortType, Any]] = {
     "Boolean": pa.bool_(),
     "String": pa.string(),
 }
-_OWN = ("run", "wall_time", "error", "warnings")
 _FORMAT: Final = pds.ParquetFileFormat(
     default_fragment_scan_options=pds.ParquetFragmentScanOptions(page_checksum_verification=True)
 )
@@ -70,15 +70,13 @@ class SweepFolder:
     ) -> None:
         """Begin a sweep, or find the completed runs of an interrupted one."""
         self.path = path
-        self._parameters = parameters
-        self._units = units
+        self._columns = Columns(parameters, units)
         description = json.loads(json.dumps({"format": FORMAT, **description}))
         self._description = description
-        self._measures: list[str] | None = None
         manifest = path / MANIFEST
         if manifest.is_file() and self._files():
             found = read_manifest(path)
-            self._measures = found.pop("measured")
+            self._columns.measures = found.pop("measured")
             found.pop("parameters")
             different = sorted(key for key in {*found, *description} if found.get(key) != description.get(key))
             if different:
@@ -106,31 +104,16 @@ class SweepFolder:
         """
         if not outcomes:
             return
-        first = next((list(outcome.measures) for outcome in outcomes if outcome.measures), None)
-        if self._measures is None and first is not None:
-            self._begin_measures(first)
-        self._check_measures(outcomes)
+        if self._columns.begin(outcomes):
+            self._extend()
         name = f"runs-{outcomes[0].run:08d}-{len(outcomes)}.parquet"
         kept = [outcome for outcome in outcomes if outcome.kept is not None]
         if kept:
             (self.path / TRAJECTORIES).mkdir(exist_ok=True)
             self._write(_trajectories(kept), self.path / TRAJECTORIES / name)
-        columns = {
-            "run": pa.array([outcome.run for outcome in outcomes], pa.int64()),
-            **{
-                parameter: pa.array([samples[outcome.run].get(parameter) for outcome in outcomes], _TYPES[kind])
-                for parameter, kind in self._parameters.items()
-            },
-            **{
-                # a missing measure is null; a measured NaN stays NaN
-                measure: pa.array([outcome.measures.get(measure) for outcome in outcomes], pa.float64())
-                for measure in self._measures or ()
-            },
-            "wall_time": pa.array([outcome.wall_time for outcome in outcomes], pa.float64()),
-            "error": pa.array([outcome.error for outcome in outcomes], pa.string()),
-            "warnings": pa.array([outcome.warnings for outcome in outcomes], pa.string()),
-        }
-        units = {**self._units, "wall_time": "s"}
+        values = self._columns.values(outcomes, samples)
+        columns = {column: pa.array(cells, _TYPES[kind]) for column, (kind, cells) in values.items()}
+        units = self._columns.units
         fields = [
             pa.field(column, array.type, metadata={"units": units[column]} if column in units else None)
             for column, array in columns.items()
@@ -138,32 +121,27 @@ class SweepFolder:
         self._write(pa.Table.from_arrays(list(columns.values()), schema=pa.schema(fields)), self.path / name)
         self.done.update(outcome.run for outcome in outcomes)
 
-    def _begin_measures(self, names: list[str]) -> None:
-        """Take the columns from the first measured run; add them to the files of failed runs."""
-        for name in names:
-            if name in _OWN or name in self._parameters:
-                raise SweepError(f"a measure cannot be called '{name}', which is the name of another column: rename it")
-        self._measures = names
+    def read(self) -> xr.Dataset:
+        """Return the completed runs, see `read_sweep`."""
+        return read_sweep(self.path)
+
+    def _extend(self) -> None:
+        """Add the columns of the measures to the files of runs that failed before the first measured one."""
         for file in self._files():
             table = _read(file)
             # a process killed here may have left some files with these columns
-            for place, name in enumerate(names, 1 + len(self._parameters)):
+            for place, name in enumerate(self._columns.measures or (), 1 + len(self._columns.parameters)):
                 if name not in table.column_names:
                     table = table.add_column(place, name, pa.nulls(len(table), pa.float64()))
             self._write(table, file)
         self._write_manifest()
 
-    def _check_measures(self, outcomes: Sequence[Outcome]) -> None:
-        for outcome in outcomes:
-            if outcome.measures and outcome.measures.keys() != set(self._measures or ()):
-                outcome.error = (
-                    f"the measures are called {', '.join(outcome.measures)} but were {', '.join(self._measures or ())} "
-                    "in an earlier run: return the same names in every run"
-                )
-                outcome.measures = {}
-
     def _write_manifest(self) -> None:
-        content = {**self._description, "parameters": list(self._parameters), "measured": self._measures}
+        content = {
+            **self._description,
+            "parameters": list(self._columns.parameters),
+            "measured": self._columns.measures,
+        }
         with atomic_path(self.path / MANIFEST) as temporary:
             temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
@@ -177,7 +155,7 @@ class SweepFolder:
     def _runs_done(self, count: int) -> set[int]:
         """Return the numbers of the runs in all files, after checking that none is damaged or repeated."""
         done: set[int] = set()
-        needed = {"run", *self._parameters, "wall_time", "error", "warnings"}
+        needed = {"run", *self._columns.parameters, "wall_time", "error", "warnings"}
         for file in self._files():
             table = _read(file)
             if missing := needed - set(table.column_names):

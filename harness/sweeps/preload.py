@@ -2,11 +2,10 @@
 
 from contextlib import suppress
 
-from harness import *  # noqa: F403 - imports all lazy names at once
-from harness import CallablePart, HarnessError, System
+from harness import CallablePart, FmuPart, HarnessError, SeriesPart, System
 from harness.sweeps.worker import Runner
 
 with suppress(HarnessError, OSError):  # the runs report the error
     System([CallablePart("preload", lambda t, u, x: t, outputs=["t"])]).run(stop=1.0, step=1.0)
 
-__all__ = ["Runner"]
+__all__ = ["FmuPart", "Runner", "SeriesPart"]

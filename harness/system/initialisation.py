@@ -52,9 +52,10 @@ class Initialisation:
             for wire in closing
             if rank[wire.ends[0][0]] >= rank[wire.ends[1][0]] and plan.ports[wire.source].type == "Real"
         ]
+        names = [split_name(name)[1] for name in plan.names]
         self._bound = [
-            [[split_name(name)[1] for name in plan.names[slice(*ports)]] for ports in ranges]
-            for ranges in zip(plan.inputs, plan.outputs, strict=True)
+            (names[slice(*inputs)], names[slice(*outputs)])
+            for inputs, outputs in zip(plan.inputs, plan.outputs, strict=True)
         ]
 
     def start(self, values: Mapping[str, StartValue]) -> None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import math
 import os
-import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, TypeAlias
+
+import tomli_w
 
 from harness.errors import ExperimentError, SystemFileError, nearest
 from harness.parts.fmu import FmuPart
@@ -104,25 +103,18 @@ def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDesc
 
 def write_system(system: Assembly, path: Path) -> None:
     """Write a system file; see `System.to_toml`."""
-    lines = [f"name = {_literal(system.name)}", *(["strict = true"] if system.strict else []), "wires = ["]
-    lines += [f"    {_wire_literal(wire)}," for wire in system.wires]
-    lines += ["]"]
-    for name, part in system.parts.items():
-        lines += ["", f"[parts.{_key(name)}]", *_part_lines(part, path)]
-        ends = ((split_name(dotted), value) for dotted, value in system.start.items())
-        values = {port: value for (owner, port), value in ends if owner == name}
-        if values:
-            lines += ["", f"[parts.{_key(name)}.start]"]
-            lines += [f"{_key(port)} = {_literal(value)}" for port, value in values.items()]
+    parts = {name: _part_table(part, path) for name, part in system.parts.items()}
+    for dotted, value in system.start.items():
+        owner, port = split_name(dotted)
+        parts[owner].setdefault("start", {})[port] = value
+    document: dict[str, Any] = {"name": system.name, **({"strict": True} if system.strict else {})}
+    document |= {"wires": [_wire_entry(wire) for wire in system.wires], "parts": parts}
     if system.experiment is not None:
-        lines += ["", "[experiment]"]
-        settings = ((key, getattr(system.experiment, key)) for key in _EXPERIMENT_KINDS if key != "manipulators")
-        lines += [f"{key} = {_literal(value)}" for key, value in settings if value not in (None, ())]
-        for manipulator in system.experiment.manipulators:
-            lines += ["", "[[experiment.manipulators]]"]
-            lines += [f"{key} = {_literal(value)}" for key, value in manipulator_table(manipulator).items()]
+        settings = {key: getattr(system.experiment, key) for key in _EXPERIMENT_KINDS}
+        settings["manipulators"] = tuple(map(manipulator_table, system.experiment.manipulators))
+        document["experiment"] = {key: value for key, value in settings.items() if value not in (None, ())}
     with atomic_path(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        temporary.write_text(tomli_w.dumps(document), encoding="utf-8")
 
 
 def _read_part(name: str, entry: Mapping[str, Any], path: Path, resolve: Callable[[str], Path] | None) -> Part:
@@ -167,10 +159,10 @@ def _read_wire(entry: object, path: Path) -> Wire:
     return replace(wire, **{key: _take(entry, key, where, *_WIRE_KINDS[key]) for key in entry if key != "wire"})
 
 
-def _wire_literal(wire: Wire) -> str:
+def _wire_entry(wire: Wire) -> str | dict[str, Any]:
     plain = Wire(wire.source, wire.target)
     changed = {key: getattr(wire, key) for key in _WIRE_KINDS if getattr(wire, key) != getattr(plain, key)}
-    return _literal({"wire": str(wire), **changed}) if changed else _literal(str(wire))
+    return {"wire": str(wire), **changed} if changed else str(wire)
 
 
 def _read_experiment(table: Mapping[str, Any], path: Path) -> Experiment:
@@ -220,20 +212,20 @@ def _check_keys(table: Mapping[str, Any], known: Iterable[str], where: str) -> N
             raise SystemFileError(f"'{key}' is not a key of {where}: {nearest(key, known)}")
 
 
-def _part_lines(part: Part, path: Path) -> list[str]:
+def _part_table(part: Part, path: Path) -> dict[str, Any]:
     if isinstance(part, FmuPart):
-        origin = ("model", part.model) if part.model else ("fmu", _relative(part.path, path))
-        every = [f"every = {part.every}"] if part.every != 1 else []
-        isolation = ["isolate = true", f"timeout = {_literal(part.timeout)}"] if part.isolate else []
-        return [f"{origin[0]} = {_literal(origin[1])}", *every, *isolation]
+        origin = {"model": part.model} if part.model else {"fmu": _relative(part.path, path)}
+        every = {"every": part.every} if part.every != 1 else {}
+        isolation = {"isolate": True, "timeout": part.timeout} if part.isolate else {}
+        return {**origin, **every, **isolation}
     if isinstance(part, SeriesPart) and part.path is not None:
-        return [
-            f"record = {_literal(_relative(part.path, path))}",
-            f"interpolation = {_literal(part.interpolation)}",
-            f"beyond = {_literal(part.beyond)}",
-        ]
+        return {
+            "record": _relative(part.path, path),
+            "interpolation": part.interpolation,
+            "beyond": part.beyond,
+        }
     raise SystemFileError(
-        f"part '{part.name}' cannot be written to {path}: a system file contains FMUs and recorded files only"
+        f"part '{part.name}' cannot be written to {path}: only FMUs and recorded files have a place in it"
     )
 
 
@@ -242,21 +234,3 @@ def _relative(target: Path, path: Path) -> str:
         return Path(os.path.relpath(target, path.parent)).as_posix()
     except ValueError:  # another drive
         return target.resolve().as_posix()
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _literal(name)
-
-
-def _literal(value: object) -> str:
-    """Return a value as TOML."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {_literal(item)}" for key, item in value.items()) + "}"
-    if isinstance(value, tuple):
-        return "[" + ", ".join(_literal(item) for item in value) + "]"
-    if isinstance(value, float) and math.isinf(value):
-        return "inf" if value > 0 else "-inf"
-    # JSON texts are TOML basic strings once DEL is escaped
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f") if isinstance(value, str) else repr(value)

@@ -256,7 +256,7 @@ def test_system_file_keeps_wires_and_manipulators(build_fmu: BuildFmu, tmp_path:
     text = (tmp_path / "system.toml").read_text()
     for old, new, message in [
         ('kind = "bias"', 'kind = "bais"', "is not a kind of manipulator"),
-        ("value = 0.0001", "", "a bias has no value"),
+        (", value = 0.0001", "", "a bias has no value"),
         ("value = 0.0001", 'value = "x"', "value of a bias is 'x'"),
         ("gain = 0.9", "gaim = 0.9", "'gaim' is not a key of the connection"),
         ("delay = 2", "delay = 2.5", "delay of the connection"),

@@ -1,41 +1,74 @@
-"""The wheel as pip builds it, installed where there is no compiler."""
+"""The wheel as pip builds it, installed where there is no compiler and nothing but what the package itself requires."""
 
 from __future__ import annotations
 
+import importlib.metadata
 import os
 import subprocess
 import sys
 import zipfile
+from importlib.metadata import Distribution
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 from friction_fmus import catalogue
 from harness.compiling.platforms import PLATFORMS
+from harness.extras import EXTRAS
 
 ROOT = Path(__file__).parents[2]
+
+LARGEST = 700e6
+"""Bytes of the package and everything it requires, installed without extras."""
 
 SESSION = """
 import sys
 from pathlib import Path
 import friction_fmus
-from harness import System
+from harness import System, sweep
 assert Path(friction_fmus.__file__).is_relative_to(sys.argv[1]), friction_fmus.__file__
 assert friction_fmus.fmu("LuGre") == Path(sys.argv[1], "friction_fmus", "fmus", "LuGre.fmu")
 copy = friction_fmus.build("PID", sys.argv[1] + "/copy")
 assert copy.read_bytes() == friction_fmus.fmu("PID").read_bytes()
 with System.from_toml(sys.argv[2], friction_fmus.fmu) as system:
     print(system.run().sizes["time"])
+    runs = sweep(system, [{"stop": 0.1}, {"stop": 0.2}], executor="serial")
+    print(runs.sizes["run"], runs["error"].to_numpy().tolist())
 try:
     friction_fmus.build("LuGre", sys.argv[1] + "/own", {"Fc": 2.0})
 except friction_fmus.BuildError as error:
     print(error)
 """
 
+LOG = "t [s],x [m],force [N]\n" + "".join(f"{k * 1e-3},{1e-3 * (k % 50)},{1 + k % 3}\n" for k in range(200))
+
+DONE = [
+    ["list"],
+    ["show", "LuGre"],
+    ["cite", "LuGre"],
+    ["check", "{wheel}/friction_fmus/fmus/PID.fmu"],
+    ["run", "{examples}/stick_slip.toml", "--stop", "0.1", "-o", "run.nc"],
+    ["run", "{examples}/stick_slip.toml", "--stop", "0.1", "-o", "run.csv", "--plot", "run.png"],
+]
+"""Commands that need no extra."""
+
+REFUSED = [
+    (["codegen", "PID", "-o", "pid"], "casadi", "build"),
+    (["doctor", "{examples}/stick_slip.toml"], "casadi", "build"),
+    (["show", "PID"], "casadi", "build"),
+    (["study", "demo", "-o", "out"], "plotly", "study"),
+    (["build", "LuGre", "-o", "own", "--set", "Fc=2"], "ziglang", "build"),
+    (["sweep", "{examples}/stick_slip.toml", "-o", "out", "--vary", "mass.m=1,2"], "pyarrow", "parquet"),
+    (["run", "{examples}/stick_slip.toml", "--stop", "0.1", "-o", "run.parquet"], "pyarrow", "parquet"),
+    (["identify", "log.parquet", "--model", "Coulomb", "-o", "out"], "pyarrow", "parquet"),
+]
+"""Commands that need one, the package that is missing, and the extra that brings it."""
+
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the wheel's files, and a compiler that does nothing."""
+    """A folder with the files of the wheel."""
     folder = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
     command += ["--wheel-dir", str(folder), str(ROOT)]
@@ -45,6 +78,51 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(folder / "site")
     return folder / "site"
+
+
+def required(distribution: Distribution) -> dict[str, Distribution]:
+    """What pip installs for a distribution without extras: all it requires, and what that requires."""
+    found: dict[str, Distribution] = {}
+    pending = [Requirement(text) for text in distribution.requires or ()]
+    while pending:
+        requirement = pending.pop()
+        extras = requirement.extras or {""}
+        if requirement.marker is None or any(requirement.marker.evaluate({"extra": extra}) for extra in extras):
+            other = importlib.metadata.distribution(requirement.name)
+            if found.setdefault(other.name, other) is other:
+                pending += [Requirement(text) for text in other.requires or ()]
+    return found
+
+
+@pytest.fixture(scope="module")
+def requirements(installed: Path) -> dict[str, Distribution]:
+    """What the wheel requires, as it is installed here."""
+    (information,) = installed.glob("friction_fmus-*.dist-info")
+    return required(Distribution.at(information))
+
+
+@pytest.fixture(scope="module")
+def environment(
+    installed: Path, requirements: dict[str, Distribution], tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, str]:
+    """Variables of a process that finds the wheel and what it requires, and no other package and no compiler."""
+    folder = tmp_path_factory.mktemp("packages")
+    for distribution in requirements.values():
+        for top in {file.parts[0] for file in distribution.files or ()} - {"..", "__pycache__"}:
+            if not (folder / top).exists():
+                (folder / top).symlink_to(Path(str(distribution.locate_file(top))))
+    variables = {name: value for name, value in os.environ.items() if name != "CC"}
+    cache = tmp_path_factory.mktemp("cache")
+    return variables | {
+        "PYTHONPATH": os.pathsep.join(map(str, (installed, folder))),
+        "FRICTION_FMUS_CACHE": str(cache),
+    }
+
+
+def run(command: list[str], environment: dict[str, str], folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run Python without the packages of this environment."""
+    whole = [sys.executable, "-S", *command]
+    return subprocess.run(whole, env=environment, cwd=folder, capture_output=True, text=True, check=False)
 
 
 def test_wheel_carries_engine_and_fmus_for_all_platforms(installed: Path) -> None:
@@ -58,15 +136,49 @@ def test_wheel_carries_engine_and_fmus_for_all_platforms(installed: Path) -> Non
         assert entries == set(PLATFORMS)
 
 
-def test_wheel_needs_no_compiler(installed: Path, tmp_path: Path) -> None:
-    environment = os.environ | {
-        "PYTHONPATH": str(installed),
-        "CC": "/no/compiler",
-        "FRICTION_FMUS_CACHE": str(tmp_path / "cache"),
-    }
-    command = [sys.executable, "-c", SESSION, str(installed), str(ROOT / "examples" / "stick_slip.toml")]
-    run = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
-    rows, refusal = run.stdout.splitlines()
+def test_what_a_wheel_requires_is_small(installed: Path, requirements: dict[str, Distribution]) -> None:
+    assert not set(EXTRAS) & set(requirements)
+    files = [Path(str(d.locate_file(file))) for d in requirements.values() for file in d.files or ()]
+    sizes = [path.stat().st_size for path in (*files, *installed.rglob("*")) if path.is_file()]
+    assert sum(sizes) < LARGEST
+
+
+def test_wheel_needs_no_compiler(installed: Path, environment: dict[str, str], tmp_path: Path) -> None:
+    arguments = ["-c", SESSION, str(installed), str(ROOT / "examples" / "stick_slip.toml")]
+    session = run(arguments, environment | {"CC": "/no/compiler"}, tmp_path)
+    assert session.returncode == 0, session.stderr
+    rows, runs, refusal = session.stdout.splitlines()
     assert int(rows) == 25_001
+    assert runs == "2 ['', '']"
     assert refusal.startswith("The C compiler '/no/compiler' does not run")
+
+
+@pytest.mark.parametrize("arguments", DONE, ids=" ".join)
+def test_commands_without_extras(
+    arguments: list[str], installed: Path, environment: dict[str, str], tmp_path: Path
+) -> None:
+    filled = [argument.format(wheel=installed, examples=ROOT / "examples") for argument in arguments]
+    done = run(["-m", "friction_fmus", *filled], environment, tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(("arguments", "package", "extra"), REFUSED, ids=str)
+def test_a_missing_extra_is_one_sentence(
+    arguments: list[str], package: str, extra: str, environment: dict[str, str], tmp_path: Path
+) -> None:
+    (tmp_path / "log.parquet").touch()
+    filled = [argument.format(examples=ROOT / "examples") for argument in arguments]
+    refused = run(["-m", "friction_fmus", *filled], environment, tmp_path)
+    assert refused.returncode == 2
+    (line,) = refused.stderr.splitlines()
+    assert line.startswith(f"friction-fmus: {package} is not installed; ")
+    assert arguments[0] in line
+    assert line.endswith(f": pip install 'friction-fmus[{extra}]'")
+
+
+def test_an_identification_without_a_compiler_leaves_out_the_fmus(environment: dict[str, str], tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text(LOG, encoding="utf-8")
+    done = run(["-m", "friction_fmus", "identify", "log.csv", "--model", "Coulomb", "-o", "out"], environment, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "the results are written without FMUs: ziglang is not installed" in done.stderr
+    assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".json", ".png", ".ssv", ".toml"}

@@ -111,7 +111,7 @@ def test_everything_is_written_and_nothing_else_touched(study: Study) -> None:
 
 def test_the_json_is_the_result(study: Study) -> None:
     content = json.loads((study.out / "study.json").read_text(encoding="utf-8"))
-    assert rebuild(StudyResult, content) == study.result
+    assert rebuild(content, StudyResult) == study.result
 
 
 def test_the_exported_axis_moves_as_the_one_of_the_study(study: Study) -> None:

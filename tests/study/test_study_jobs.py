@@ -44,9 +44,8 @@ def steps(*values: float) -> list[Step]:
 
 def test_a_result_comes_back_as_it_was() -> None:
     result = double(1.0)
-    assert rebuild(Outcome, {"total": None, "inner": {"at": [1, 2], "note": None}, "by_name": {}, "flag": False}) == (
-        Outcome(None, Inner((1.0, 2.0)), {}, False)
-    )
+    content = {"total": None, "inner": {"at": [1, 2], "note": None}, "by_name": {}, "flag": False}
+    assert rebuild(content, Outcome) == Outcome(None, Inner((1.0, 2.0)), {}, False)
     assert result.by_name["a"].note == "b"
 
 

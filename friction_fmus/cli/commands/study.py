@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from friction_fmus.cli.arguments import add_scheduler, add_workers
+from harness.extras import require
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,6 +34,7 @@ def run(options: argparse.Namespace) -> None:
     KeyboardInterrupt
         If the study is interrupted; the message states that it can be resumed.
     """
+    require("plotly")
     from friction_fmus.cli.cluster import connect
     from friction_fmus.cli.console import RunBar, console, progress_bar
     from friction_fmus.cli.study_tables import show_study

@@ -12,6 +12,8 @@ from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.data.tables import Table, from_arrow
 from friction_fmus.identification.data.text_table import read_text
 from friction_fmus.identification.errors import RecordError
+from harness.errors import MissingPackageError
+from harness.extras import require
 
 
 def read_table(path: Path) -> Table:
@@ -33,7 +35,7 @@ def read_table(path: Path) -> Table:
         raise RecordError(f"There is no data file {path}; correct the path.")
     try:
         return readers[suffix](path)
-    except RecordError:
+    except (MissingPackageError, RecordError):
         raise
     except Exception as error:  # a damaged file may raise any exception in the libraries
         reason = " ".join(str(error).split()) or type(error).__name__
@@ -41,6 +43,7 @@ def read_table(path: Path) -> Table:
 
 
 def _read_parquet(path: Path) -> Table:
+    require("pyarrow")
     import pyarrow.parquet as pq
 
     return from_arrow(path, pq.read_table(path))

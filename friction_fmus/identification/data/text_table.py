@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import gzip
-import io
 import lzma
+import math
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import IO
@@ -15,7 +15,8 @@ from typing import IO
 import numpy as np
 
 from friction_fmus.identification.data.findings import Finding
-from friction_fmus.identification.data.tables import Table, from_arrow
+from friction_fmus.identification.data.record import Array
+from friction_fmus.identification.data.tables import Table
 from friction_fmus.identification.errors import RecordError
 from harness.storage.files import LARGEST_DATA
 
@@ -23,6 +24,8 @@ _COMMENTS = ("#", "%", "//", "!", '"#')
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][-+]?\d+)?|[-+]?(nan|inf(inity)?)|", re.IGNORECASE)
 _HEADING = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*(\([^()]*\))?[^\[\]()]*)[\])]\s*")
 _SEPARATORS = (";", "\t", ",", "|")
+_MISSING = ("", "nan", "NaN", "NAN", "NA", "null", "-nan", "#N/A")
+_WORDS = dict.fromkeys(_MISSING, math.nan) | {"true": 1.0, "True": 1.0, "false": 0.0, "False": 0.0}
 
 
 def read_text(path: Path) -> Table:
@@ -41,13 +44,12 @@ def read_text(path: Path) -> Table:
     first = next((i for i, (_, line) in enumerate(numbered) if _is_data(_cells(line, separator))), None)
     if first is None:
         raise RecordError(f"{path} has no line of numbers; use a table with a heading and rows of numbers.")
-    width = _width(path, numbered[first:], separator)
+    rows = [(n, _cells(line, separator)) for n, line in numbered[first:]]
+    width = _width(path, rows)
     # the heading may be the last comment line, as written by numpy.savetxt
     remarks = [(n, line.lstrip(' #%/!"')) for n, line in full if n < numbered[0][0]] if first == 0 else []
     remarked = [row for row in remarks[-1:] if len(_cells(row[1], separator)) == width]
-    headings = _headings(
-        path, numbered[:first] or remarked, separator, width, not _cells(numbered[first][1], separator)[-1]
-    )
+    headings = _headings(path, numbered[:first] or remarked, separator, width, not rows[0][1][-1])
     comma = separator != "," and any("," in line for _, line in numbered[first:])
     units = {}
     names = []
@@ -59,7 +61,7 @@ def read_text(path: Path) -> Table:
     if len(set(names)) < len(names):
         (double, _), *_ = Counter(names).most_common(1)
         raise RecordError(f"{path} has two columns with the heading {double!r}; rename one.")
-    table = _parsed(path, names, numbered[first:], separator, comma)
+    table = _parsed(path, names, rows, comma)
     found: tuple[Finding, ...] = ()
     if comma:
         what = f"Commas in the numbers of {path.name} are read as decimal points."
@@ -110,14 +112,14 @@ def _is_data(cells: list[str]) -> bool:
     return len(numbers) >= max(1, (len(cells) + 1) // 2)
 
 
-def _width(path: Path, numbered: list[tuple[int, str]], separator: str) -> int:
+def _width(path: Path, rows: list[tuple[int, list[str]]]) -> int:
     """Return the number of cells per line, which must be equal; the last cell may be empty."""
-    widths = [len(_cells(line, separator)) for _, line in numbered]
+    widths = [len(row) for _, row in rows]
     width = Counter(widths).most_common(1)[0][0]
     other = next((i for i, found in enumerate(widths) if found != width), None)
     if other is not None:
         raise RecordError(
-            f"Line {numbered[other][0]} of {path} has {widths[other]} cells, but the others have {width}; correct or "
+            f"Line {rows[other][0]} of {path} has {widths[other]} cells, but the others have {width}; correct or "
             "remove it."
         )
     return width
@@ -157,24 +159,40 @@ def _looks_like_unit(text: str) -> bool:
     return text in ("", "-") or unit_of(text) is not None
 
 
-def _parsed(path: Path, names: list[str], numbered: list[tuple[int, str]], separator: str, comma: bool) -> Table:
-    import pyarrow as pa
-    from pyarrow import csv
+def _parsed(path: Path, names: list[str], rows: list[tuple[int, list[str]]], comma: bool) -> Table:
+    columns, units, texts = {}, {}, {}
+    for name, cells in zip(names, zip(*(row for _, row in rows), strict=True), strict=True):
+        if (numbers := _numbers(cells, comma)) is not None:
+            columns[name] = numbers
+        elif (moments := _moments(cells)) is not None:
+            columns[name], units[name] = moments, "s"
+        else:
+            number, cell = next((rows[i][0], cell) for i, cell in enumerate(cells) if _numbers([cell], comma) is None)
+            texts[name] = f"{cell!r} in line {number}"
+    return Table(path, columns, units, texts, np.array([number for number, _ in rows]))
 
-    lines = np.array([number for number, _ in numbered])
-    joined = "\n".join("\t".join(line.split()) if separator == " " else line for _, line in numbered)
-    if separator in ",;|":
-        joined = re.sub(rf"[ \t]*{re.escape(separator)}[ \t]*", separator, joined)
+
+def _numbers(cells: Sequence[str], comma: bool) -> Array | None:
+    """Cells as numbers, nan where one is missing; None if one of them is a text."""
+    if any("_" in cell or (comma and "." in cell) for cell in cells):  # Python takes 1_000 for a number
+        return None
+    if comma:
+        cells = [cell.replace(",", ".") for cell in cells]
     try:
-        table = csv.read_csv(
-            io.BytesIO(joined.encode()),
-            read_options=csv.ReadOptions(column_names=names, use_threads=False),
-            parse_options=csv.ParseOptions(delimiter="\t" if separator == " " else separator, quote_char='"'),
-            convert_options=csv.ConvertOptions(
-                null_values=["", "nan", "NaN", "NAN", "NA", "null", "-nan", "#N/A"],
-                decimal_point="," if comma else ".",
-            ),
-        )
-    except pa.ArrowInvalid as error:
-        raise RecordError(f"{path} cannot be read as a table ({error}); export it again.") from error
-    return from_arrow(path, table, lines)
+        return np.array([_WORDS[cell] if cell in _WORDS else float(cell) for cell in cells])
+    except ValueError:
+        return None
+
+
+def _moments(cells: Sequence[str]) -> Array | None:
+    """Return the seconds since the first of some dates with times; None if a cell is no such date."""
+    import pandas as pd
+
+    if not all(cell in _MISSING or ":" in cell for cell in cells):
+        return None
+    try:
+        found = pd.to_datetime(["NaT" if cell in _MISSING else cell for cell in cells], format="ISO8601", utc=True)
+    except ValueError:
+        return None
+    counts = found.as_unit("ns")
+    return np.asarray((counts - counts[0]) / pd.Timedelta(1, "ns"), dtype=np.float64) * 1e-9

@@ -15,7 +15,7 @@ from functools import cache
 from pathlib import Path
 
 from friction_fmus.blocks.arithmetic import evaluate, names_in
-from friction_fmus.blocks.catalogue import catalogue, find
+from friction_fmus.blocks.catalogue import find, listing
 from friction_fmus.blocks.identified import NOT_IDENTIFIED, Fitted, Identified
 from friction_fmus.fmi.package import fmu
 from friction_fmus.identification.data.record import ROTARY, AxisUnits
@@ -213,9 +213,8 @@ def identifiable() -> tuple[str, ...]:
     """
     return tuple(
         block.name
-        for block in catalogue().values()
-        if block.kind == "friction"
-        and re.search(r"\bINPUT\s*\(v,", block.code)
+        for block in (find(entry.name) for entry in listing().values() if entry.kind == "friction")
+        if re.search(r"\bINPUT\s*\(v,", block.code)
         and not {"random", "mass inside"} & set(block.features)
         and block.about.identified.method != NOT_IDENTIFIED
     )
@@ -238,7 +237,7 @@ def contact_model(model: str | Path, units: AxisUnits) -> ContactModel:
     UnknownNameError, BuildError
         If there is no such block, or it does not compile.
     """
-    if str(model) in catalogue():
+    if str(model) in listing():
         return _known(str(model), units)
     return _read(model, units)
 
@@ -250,7 +249,7 @@ def _known(model: str, units: AxisUnits) -> ContactModel:
 
 def _read(model: str | Path, units: AxisUnits) -> ContactModel:
     block = find(model)
-    if str(model) in catalogue() and block.name not in identifiable():
+    if str(model) in listing() and block.name not in identifiable():
         raise IdentificationError(
             f"{block.name} cannot be identified from a record of motion and force; use one of "
             f"{', '.join(identifiable())}."

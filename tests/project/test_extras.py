@@ -1,0 +1,95 @@
+"""Extras: what the parts of the package need beyond what it always installs."""
+
+from __future__ import annotations
+
+import sys
+import types
+from pathlib import Path
+
+import pytest
+from hatchling.builders.wheel import WheelBuilder
+from packaging.requirements import Requirement
+
+from friction_fmus.cli.commands import study
+from friction_fmus.cli.main import main
+from harness import MissingPackageError, extras
+from harness.extras import EXTRAS, require
+from harness.lazy import lazy_names
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def declared() -> dict[str, set[str]]:
+    """Name of each extra -> packages that it installs; the name "" stands for no extra."""
+    core = WheelBuilder(str(ROOT)).metadata.core
+    groups = {"": core.dependencies, **core.optional_dependencies}
+    return {name: {Requirement(text).name for text in texts} for name, texts in groups.items()}
+
+
+def test_each_extra_installs_what_its_message_promises(declared: dict[str, set[str]]) -> None:
+    for package, extra in EXTRAS.items():
+        assert package in declared[extra.name]
+        assert package in declared["all"]
+        assert package not in declared[""]
+
+
+def test_the_study_gets_all_that_it_needs(declared: dict[str, set[str]]) -> None:
+    assert declared["study"] >= declared["build"] | {"plotly"}
+
+
+def test_an_editable_install_gets_all(declared: dict[str, set[str]], tmp_path: Path) -> None:
+    """It compiles its FMUs, and the main command of README studies an axis in a checkout."""
+    hook = WheelBuilder(str(ROOT)).get_build_hooks(str(tmp_path))["custom"]
+    data: dict[str, list[str]] = {"dependencies": []}
+    hook.initialize("editable", data)
+    assert {Requirement(text).name for text in data["dependencies"]} == declared["all"]
+
+
+@pytest.fixture
+def without(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No package of an extra is found."""
+    monkeypatch.setattr(extras, "find_spec", lambda package: None)
+
+
+@pytest.mark.parametrize("package", EXTRAS)
+@pytest.mark.usefixtures("without")
+def test_a_missing_package_is_one_sentence(package: str) -> None:
+    with pytest.raises(MissingPackageError) as caught:
+        require(package)
+    assert str(caught.value).startswith(f"{package} is not installed; ")
+    assert str(caught.value).endswith(f": pip install 'friction-fmus[{EXTRAS[package].name}]'")
+    assert isinstance(caught.value, ModuleNotFoundError)
+    assert caught.value.name == package
+
+
+@pytest.mark.usefixtures("without")
+def test_a_command_ends_with_this_sentence(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["study", "demo", "-o", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err.endswith("needs it: pip install 'friction-fmus[study]'\n")
+
+
+@pytest.mark.parametrize(("name", "status"), [("casadi", 2), ("colours", None)])
+def test_an_import_that_fails_in_a_command(
+    name: str, status: int | None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(options: object) -> None:
+        raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+    monkeypatch.setattr(study, "run", run)
+    if status is None:
+        with pytest.raises(ModuleNotFoundError, match="colours"):
+            main(["study", "demo", "-o", "out"])
+    else:
+        assert main(["study", "demo", "-o", "out"]) == status
+        assert "pip install 'friction-fmus[build]'" in capsys.readouterr().err
+
+
+def test_a_public_name_of_a_module_that_needs_an_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "needy.py").write_text("import pyarrow\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.setitem(sys.modules, "package", types.ModuleType("package"))
+    getter, _ = lazy_names("package", {"needy": ["read"]})
+    with pytest.raises(MissingPackageError, match=r"Parquet files .* need it: pip install 'friction-fmus\[parquet\]'"):
+        getter("read")
