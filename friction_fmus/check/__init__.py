@@ -135,8 +135,10 @@ def _refusals(model: Model) -> Iterator[Finding]:
         text = f"fmiVersion is {version!r}, but only 2.0 is supported; export it as FMI 2.0"
         yield VERSION.finding(text, DESCRIPTION, line=line_of(model.root))
     elif model.simulation is None:
-        kind = "only model exchange" if model.root.find("ModelExchange") is not None else "no interface"
-        text = f"the FMU supports {kind}, but only co-simulation can be checked; export it for co-simulation"
+        kind = (
+            "supports model exchange only" if model.root.find("ModelExchange") is not None else "declares no interface"
+        )
+        text = f"the FMU {kind}; export it for co-simulation"
         yield NO_CO_SIMULATION.finding(text, DESCRIPTION, line=line_of(model.root))
 
 

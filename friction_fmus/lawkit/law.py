@@ -216,7 +216,7 @@ class Law:
             elements = value if isinstance(value, tuple) else (value,)
             if len(elements) != len(variable.starts):
                 raise FrictionError(
-                    f"{self.name}: {variable.name} has {len(variable.starts)} elements, but {len(elements)} numbers "
+                    f"{self.name}: {variable.name} has the length {len(variable.starts)}, but {len(elements)} numbers "
                     "are given"
                 )
             arguments += map(float, elements)
@@ -334,8 +334,7 @@ def _declared(where: str, equations: Equations) -> tuple[Variable, ...]:
             )
         if (argument.default.kind is Kind.SAMPLE_TIME) != (name == "Ts"):
             raise FrictionError(
-                f"{where}: the argument {name} is declared by SampleTime(), which is only for an argument Ts, and "
-                "required for it"
+                f"{where}: SampleTime() declares the argument Ts and no other; correct the declaration of {name}"
             )
         declared.append(replace(argument.default, name=name))
     return tuple(declared)

@@ -125,7 +125,7 @@ def adaptive_lugre(
     one load, and where the reference moves: theta learns in motion only. It is a complete controller with Kp = Ks lam,
     Kd = Ks + m lam and no integrator.
 
-    While enable is false u, F_hat and u_sat are 0, z = 0 and theta = theta0; reset acts in its own sample.
+    While enable is false, u, F_hat and u_sat are 0, z = 0 and theta = theta0; reset takes effect in the same sample.
 
     Limits: at rest within the stiction band F_n is not observed from v alone, and s integrates into theta until it
     breaks away or theta_max stops it. A wrong mass or sigma2 goes into theta. theta_min <= theta0 <= theta_max is

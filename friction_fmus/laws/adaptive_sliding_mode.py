@@ -106,7 +106,8 @@ def adaptive_sliding_mode(
     speeds; for what it does not describe choose K. A complete controller with Kp = (Ks + K/phi) lam,
     Kd = Ks + K/phi + m lam in the layer, without an integrator.
 
-    While enable is false u, F_hat and u_sat are 0 and the estimates at Fc0 and Fv0; reset acts in its own sample.
+    While enable is false, u, F_hat and u_sat are 0 and the estimates at Fc0 and Fv0; reset takes effect in the same
+    sample.
 
     Limits: the estimates converge only as far as tracking needs it: at one speed only Fc + Fv |rd| is learned. F_hat
     jumps where the reference reverses, as in StaticFeedforward. A narrow layer chatters: ImplicitSlidingMode does

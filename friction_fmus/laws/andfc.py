@@ -146,7 +146,7 @@ def andfc(
     system the input F_ext of the plant.
 
     The first sample after a start, while reset is true or after enable was false, takes x over and assumes rest. While
-    enable is false u, F_hat, u_sat, v_est and all states are 0 and each theta is 1.
+    enable is false, u, F_hat, u_sat, v_est and all states are 0 and each theta is 1.
 
     Limits: the factors converge to true values only if the reference excites them; tracking does not need that. Fc,
     Fs and vs are not adapted separately. A wrong mass disturbs the velocity. u_min must not exceed u_max.

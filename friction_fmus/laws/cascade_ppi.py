@@ -70,13 +70,12 @@ def cascade_ppi(
     exactly in sampled time if rd - v of a sample is the forward difference of r - x and I starts at r - x, otherwise
     up to the error of the velocity signal, and as long as no limit is active.
 
-    The integral of a sample does not contain that sample's w. While reset is true the integral is at its start, 0, in
-    that very sample and in the next. While enable is false u and u_sat are 0 and the integral is at its start: nothing
-    winds up, nothing old comes back, and u returns without a jump if the reference is then led from where the axis
-    stands (r = x, rd = v, rdd = 0).
+    The integral used in a sample does not contain w of that sample. While reset is true, the integral is 0, in the same
+    sample and in the next one. While enable is false, u, u_sat and the integral are 0. When enable becomes true again,
+    u does not jump if the reference starts at the state of the axis (r = x, rd = v, rdd = 0).
 
-    Limits: those of PID; also here the integral hunts where static friction exceeds Coulomb friction. If f already
-    holds the inertia force, as u of StaticFeedforward does, m must be 0. u_min must not exceed u_max.
+    Limits: those of PID; also here the integral hunts where static friction exceeds Coulomb friction. If f contains the
+    inertia force, like u of StaticFeedforward, m must be 0. u_min must not exceed u_max.
     """
     start = 0.0
     old = if_else(reset, start, integral)

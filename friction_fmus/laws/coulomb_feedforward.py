@@ -46,7 +46,7 @@ def coulomb_feedforward(
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
-    """The force that moves an exactly known mass with Coulomb friction along the reference.
+    """The force that moves a known mass with Coulomb friction along the reference.
 
         F_hat = Fc sgn(rd),   sgn(0) = 0
         u     = clip(m rdd + gain F_hat, u_min, u_max)
@@ -57,8 +57,8 @@ def coulomb_feedforward(
     Use it as the first compensation to try: one number, no state, nothing to tune. StaticFeedforward adds the Stribeck
     and the viscous part.
 
-    u goes to the input f of a position controller, whose own m must then be 0. While enable is false u, F_hat and
-    u_sat are 0. Feedforward does not change the stability of the loop.
+    Connect u to the input f of a position controller, whose parameter m must then be 0. While enable is false, u, F_hat
+    and u_sat are 0. Feedforward does not change the stability of the loop.
 
     Limits: u jumps by 2 Fc where the reference reverses, while presliding friction turns over gradually: for movements
     within the presliding range (some micrometres) it can be worse than none. At rest nothing is compensated. u_min

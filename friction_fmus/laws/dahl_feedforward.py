@@ -65,9 +65,9 @@ def dahl_feedforward(
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
-    """The force that moves an exactly known mass with Dahl friction along the reference.
+    """The force that moves a known mass with Dahl friction along the reference.
 
-        dr = r - last,   last: the reference of the sample before
+        dr = r - last,   last: the reference in the previous sample
         w  = 1 - sgn(dr) sigma z / Fc
         n = 1:   w becomes w exp(-sigma |dr| / Fc)
         n /= 1:  |w|^(1-n) becomes |w|^(1-n) - (1 - n) sigma |dr| / Fc
@@ -82,13 +82,13 @@ def dahl_feedforward(
     Use it for small motions of bearings and guides, where friction turns over within micrometres after a reversal and
     the sign of the velocity is too much of a jump: two numbers, the level Fc and the stiffness sigma after a reversal.
 
-    The first sample, and one with reset, takes r as where the axis stands: dr = 0 and z = 0 there. While enable is
-    false u, F_hat, u_sat and the states are 0; coming back, dr is 0 again, however far r has gone. u goes to the input
-    f of a position controller, whose own m must then be 0. Feedforward does not change the stability of the loop.
+    The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat, u_sat and
+    the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
+    position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
 
     Limits: those of the model: no Stribeck effect; under a bias with vibration z drifts. z is the deflection of a
     contact that moves like the reference, so after a long time at rest it keeps what the last motion left. A reversal
-    between two samples is not seen. u_min must not exceed u_max.
+    between two samples is missed. u_min must not exceed u_max.
     """
     dr = increment(r, last, started, reset)
     before = if_else(reset, 0.0, z)

@@ -72,7 +72,7 @@ def dead_zone_feedforward(
     decided by what the controller wants and not by the sign of the reference. u goes to the plant, or without f to the
     input f of a position controller, whose own m must then be 0.
 
-    While enable is false u, F_hat and u_sat are 0; there is no state.
+    While enable is false, u, F_hat and u_sat are 0. The law has no state.
 
     Limits: an interpretation. With f from a feedback controller this is no feedforward: in the band it multiplies the
     gains of that controller by 1 + gain, which its stability margin must allow. F_hat jumps at |rd| = DV. No

@@ -119,7 +119,7 @@ def discrete_inverse(
     when the FMU is built or the C is written: it is fixed then, and a sample takes about N/32 times as long.
 
     In the first sample, and one with reset, the plant is taken to rest at r: u is the force that holds it there. While
-    enable is false u, u_sat, r_now and the states are 0. The limits do not act on the states. N is rounded down.
+    enable is false, u, u_sat, r_now and the states are 0. The limits do not act on the states. N is rounded down.
     Feedforward does not change the stability of the loop.
 
     Limits: the zeros inside the circle are real, and at most two are outside: a pair, or a double one (pair2 = 0). Near

@@ -78,20 +78,20 @@ def disturbance_observer(
     (with friction feedforward, in machine tools). Of both only the idea was taken; the equations follow from it.
 
     Use it beside a position controller and, if there is one, beside a friction feedforward: u goes to the input f of
-    the controller, the feedforward's share of u_prev to f_prev, so that only the rest is estimated. u_prev is the
-    force after all limits, so that nothing winds up when the actuator saturates. In a system file the wires to u_prev
+    the controller, the feedforward's share of u_prev to f_prev, so that only the rest is estimated. u_prev is the force
+    after all limits, so that nothing winds up if the actuator saturates. In a system file, the connections to u_prev
     and f_prev need a delay. The first order is PredictiveFilter with a = 1 - exp(-w Ts), sample by sample.
 
-    For a friction force that grows at the rate c the estimate lags by c Ts (1/a - 1/2) with the first order. The
-    first sample, and a sample with reset, set F_hat to 0. While enable is false u, F_hat, u_sat and all states are 0.
+    For a friction force that grows at the rate c the estimate lags by c Ts (1/a - 1/2) with the first order. The first
+    sample, and a sample with reset, set F_hat to 0. While enable is false, u, F_hat, u_sat and all states are 0.
 
     Stable if |Q D| < 1 at all frequencies, D being the relative error of the inverse model. In presliding the plant is
     1/(m s^2 + Kt) and D is not small: the poles of the loop with the contact's stiffness Kt decide there; under PD
     control they stay stable and become slow. With gain 1 and the first order, a mass M that slides freely gives the
     pole 1 - (1 - exp(-w Ts)) m/M.
 
-    Limits: noise of the velocity comes through with m w and, from sample to sample, with m/Ts (1 - exp(-w Ts)). A
-    wrong mass puts the missing inertia force into F_hat. u_min must not exceed u_max.
+    Limits: noise of the velocity comes through with m w and, from sample to sample, with m/Ts (1 - exp(-w Ts)). With a
+    wrong mass, F_hat contains the difference of the inertia forces. u_min must not exceed u_max.
     """
     new = starts_now(reset, running)
     F_m = mean_friction(if_else(new, 0.0, u_prev - f_prev), m, v - if_else(new, v, v_last), Ts)

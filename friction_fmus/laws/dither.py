@@ -77,8 +77,8 @@ def dither(
 
     frequency < 1/(2 Ts) is required: samples show a faster oscillation as a slower one, and at 1/(2 Ts) the sine is 0.
 
-    While enable is false u and u_sat are 0 and the phase is at its start; gain 0 passes f. reset acts in its own
-    sample.
+    While enable is false, u and u_sat are 0 and the phase is at its start; gain 0 passes f. reset takes effect in the
+    same sample.
 
     Limits: the stroke A/(2 pi frequency) must be large against the presliding range of the contact (Fc/sigma0), else
     the bristles follow it elastically and nothing is smoothed. The waveform is held between the samples: with fewer

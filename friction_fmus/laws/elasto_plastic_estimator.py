@@ -82,9 +82,9 @@ def elasto_plastic_estimator(
 
     Use it with an encoder as the only sensor, at any or at a changing sample rate, and where the axis holds still by
     friction: motion that stays within z_b, such as the last digit of the encoder or vibration, moves z along one line
-    and never lets it drift. u goes to the input f of a position controller. v serves Fv only.
+    and never lets it drift. Connect u to the input f of a position controller. v serves Fv only.
 
-    The first sample, a sample with reset and the one after enable was false start with z = 0. While enable is false u,
+    The first sample, a sample with reset and the one after enable was false start with z = 0. While enable is false, u,
     F_hat, u_sat and all states are 0.
 
     Limits: no Stribeck effect and no lag: identify Fc at working speed. Below break-away it feeds the stiffness

@@ -103,16 +103,16 @@ def elasto_plastic_feedforward(
     Fs: SX = variables.POSITIVE_FS,
     vs: SX = variables.VS,
     delta: SX = variables.DELTA,
-    v_d: SX = Parameter(VELOCITY, 0.0, "speed at which the bristle damping fades, 0: never", min=0.0),
+    v_d: SX = Parameter(VELOCITY, 0.0, "speed at which the bristle damping decays; 0: constant damping", min=0.0),
     z_ba: SX = Parameter(LENGTH, 0.7e-5, "break-away deflection, below Fc/sigma0", min=0.0),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
-    """The force that moves an exactly known mass with elasto-plastic friction along the reference.
+    """The force that moves a known mass with elasto-plastic friction along the reference.
 
         S(v)  = Fc + (Fs - Fc) exp(-|v/vs|^delta)
-        dr    = r - last,   w = dr / Ts,   last: the reference of the sample before
+        dr    = r - last,   w = dr / Ts,   last: the reference in the previous sample
         dz/dr = 1 - alpha(z, sgn(dr)) sgn(dr) sigma0 z / S(w)     over dr
         dz/dt = rd (1 - alpha(z, sgn(rd)) sgn(rd) sigma0 z / S(rd))
         F_hat = sigma0 z + sigma1(rd) dz/dt + sigma2 rd
@@ -128,12 +128,12 @@ def elasto_plastic_feedforward(
     Use it as LuGreFeedforward, where the reference holds or moves by less than z_ba under small steps and F_hat must
     neither drift nor creep: there z is the displacement itself.
 
-    The first sample, and one with reset, takes r as where the axis stands: dr = 0 and z = 0 there. While enable is
-    false u, F_hat, u_sat and the states are 0; coming back, dr is 0 again, however far r has gone. u goes to the input
-    f of a position controller, whose own m must then be 0. Feedforward does not change the stability of the loop.
+    The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat, u_sat and
+    the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
+    position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
 
     Limits: 0 < z_ba < min(Fc, Fs)/sigma0 is meant; where z_ba is larger, S/sigma0 takes its place. F_hat jumps with a
-    jump of rd by sigma1 times the jump, as in LuGreFeedforward. A reversal between two samples is not seen. u_min must
+    jump of rd by sigma1 times the jump, as in LuGreFeedforward. A reversal between two samples is missed. u_min must
     not exceed u_max.
     """
     dr = increment(r, last, started, reset)

@@ -72,20 +72,20 @@ def extended_state_observer(
     memory); here in sampled time, exact for a force that is constant over a sample, all three poles of the observer
     at p and two of the controller at wc. The estimate of a sample contains the position measured in it.
 
-    Use it where no friction model is at hand and an encoder is the only sensor; it needs the mass and two
-    bandwidths, wo three to ten times wc. u_prev is the force after all limits, in a system the input F_ext of the
-    plant, so that nothing winds up when the actuator saturates.
+    Use it where no friction model is at hand and an encoder is the only sensor; it needs the mass and two bandwidths,
+    wo three to ten times wc. u_prev is the force after all limits, in a system the input F_ext of the plant, so that
+    nothing winds up if the actuator saturates.
 
     F_est is exact for constant friction; for friction that grows at the rate c it lags by
 
         F - F_est = c Ts (3/2 (1 + p)/(1 - p) - 1/2),   about 3 c/wo for small wo Ts
 
-    The first sample after a start, while reset is true or after enable was false, takes x over and assumes rest
-    without friction. While enable is false u, F_hat, u_sat, v_est and all states are 0.
+    The first sample after a start, while reset is true or after enable was false, takes x over and assumes rest without
+    friction. While enable is false, u, F_hat, u_sat, v_est and all states are 0.
 
     Limits: at a reversal the estimate is late by some 3/wo; noise of x enters F_est with m (1 - p)^3/Ts^2. Fed back in
-    full it is an integral action, which hunts where static friction exceeds Coulomb friction. A wrong mass puts the
-    missing inertia force into F_est. u_min must not exceed u_max.
+    full it is an integral action, which hunts where static friction exceeds Coulomb friction. With a wrong mass, F_est
+    contains the difference of the inertia forces. u_min must not exceed u_max.
     """
     fresh = logic_or(reset, running <= 0.5)
     p = exp(-wo * Ts)

@@ -82,10 +82,10 @@ def gms_feedforward(
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX | list[SX]]:
-    """The force that moves an exactly known mass with generalised Maxwell slip (GMS) friction along the reference.
+    """The force that moves a known mass with generalised Maxwell slip (GMS) friction along the reference.
 
         S(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta)
-        dr   = r - last,   w = dr / Ts,   last: the reference of the sample before
+        dr   = r - last,   w = dr / Ts,   last: the reference in the previous sample
         dr = 0 or a reversal:  all elements stick
         stick:  Fi becomes Fi + ki dr; if sgn(dr) Fi reaches alpha_i S(w),
                 it is that, and the element slips
@@ -111,9 +111,9 @@ def gms_feedforward(
     that remembers all reversal points. It needs the Stribeck curve from steady velocities, and the elements from a
     presliding loop.
 
-    The first sample, and one with reset, takes r as where the axis stands: dr = 0 and Fi = 0 there. While enable is
-    false u, F_hat, u_sat and the states are 0; coming back, dr is 0 again, however far r has gone. u goes to the input
-    f of a position controller, whose own m must then be 0. Feedforward does not change the stability of the loop.
+    The first sample and a sample with reset start at r: dr = 0 and Fi = 0. While enable is false, u, F_hat, u_sat and
+    the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
+    position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
 
     Limits: a reversal between two samples is not seen. Noise in r makes the elements stick and slip: r must be the
     reference, not a measurement. u_min must not exceed u_max.

@@ -44,7 +44,7 @@ def implicit_sliding_mode(
     v: SX = variables.V,
     f: SX = variables.FED_FORWARD,
     enable: SX = variables.ENABLE,
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the sliding-mode force", min=0.0, max=1.0),
+    gain: SX = Parameter(NO_UNIT, 1.0, "fraction of the sliding-mode force", min=0.0, max=1.0),
     m: SX = variables.MASS_OR_NONE,
     lam: SX = variables.LAM,
     K: SX = Parameter(FORCE, 5.0, "bound of the sliding-mode force, above the friction that f leaves", min=0.0),
@@ -77,7 +77,7 @@ def implicit_sliding_mode(
     without its inertia part. gain below 1 takes a share of the step to s = 0: softer, and less sensitive to noise of v
     and to a mass that is smaller than m.
 
-    While enable is false u, F_hat and u_sat are 0.
+    While enable is false, u, F_hat and u_sat are 0.
 
     Limits: within K it is a proportional controller of the highest gain that one sample allows, gain m/Ts on s: a
     delay, a flexible load or a true mass below gain m/2 makes it unstable, and noise of v goes into u by that factor.

@@ -92,7 +92,7 @@ def implicit_super_twisting(
     Use it for precise tracking in smooth friction, with the bound L of its rate as the only model. f takes a friction
     feedforward, without its inertia part.
 
-    While enable is false u, F_hat, u_sat and w are 0; reset acts in its own sample.
+    While enable is false, u, F_hat, u_sat and w are 0; reset takes effect in the same sample.
 
     Limits: friction that jumps at a reversal is followed at c2 L at most. Its gain on s is up to 2 m/Ts: delays,
     flexible loads and noise of v are felt as in ImplicitSlidingMode, and a true mass below m makes it oscillate sooner.

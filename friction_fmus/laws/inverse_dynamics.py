@@ -75,8 +75,8 @@ def inverse_dynamics(
     the load. r_motor and rd_motor are the references of a controller that measures at the motor: with r it would work
     against the bending of the spring. A friction feedforward is added to u behind this law, with its own m = 0.
 
-    u goes to the input f of a position controller, whose own m must then be 0. While enable is false u, F_hat and
-    u_sat are 0 and r_motor, rd_motor are r, rd; there is no state. Feedforward does not change the stability of the
+    Connect u to the input f of a position controller, whose parameter m must then be 0. While enable is false, u, F_hat
+    and u_sat are 0 and r_motor, rd_motor are r, rd; there is no state. Feedforward does not change the stability of the
     loop.
 
     Limits: the coupling has no damping. The derivatives must belong together: a jerk of 0 beside a changing rdd is

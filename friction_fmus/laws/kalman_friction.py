@@ -38,7 +38,7 @@ from friction_fmus.lawkit.parts.estimators import compensation, corrected, start
     ),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force, positive where it opposes a positive velocity"),
+        "F_hat": Output(FORCE, "estimated friction force, positive for positive velocity"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -90,20 +90,21 @@ def kalman_friction(
     samples.
 
     Use it where the position is measured by an encoder, of step q: x_noise = q/sqrt(12). F_step is then the one number
-    to tune: larger is faster and noisier. u goes to the input f of a position controller; u_prev is the force after
-    all limits, so that nothing winds up when the actuator saturates. In a system file the wire to u_prev needs a delay.
+    to tune: larger is faster and noisier. u goes to the input f of a position controller; u_prev is the force after all
+    limits, so that nothing winds up if the actuator saturates. In a system file, the connection to u_prev needs a
+    delay.
 
     For a friction force that grows at the rate c and use_v = false the filtered estimate lags, once K is constant, by
 
         F - F_hat = c (m |K2/K3| - Ts/2)
 
     exactly, K2 (1/s) and K3 (N/m) being the gains of velocity and force. The first sample, and a sample with reset,
-    take x and v over (v = 0 if it is not connected), set F_hat to 0 and P to diag(n^2, 2 n^2, 1). While enable is false
-    u, F_hat, u_sat and all states are 0.
+    take x and v over (v = 0 if it is not connected), set F_hat to 0 and P to diag(n^2, 2 n^2, 1). While enable is
+    false, u, F_hat, u_sat and all states are 0.
 
     Limits: a wrong mass puts the missing inertia force into F_hat. At a reversal the estimate is late by about the time
-    constant of the filter. F_hat fed back in full is an integral action: with static friction above Coulomb friction it
-    can hunt. u_min must not exceed u_max.
+    constant of the filter. Full compensation with F_hat is an integral action, which can hunt if static friction
+    exceeds Coulomb friction. u_min must not exceed u_max.
     """
     new = starts_now(reset, running)
     force = (u_prev - F_walk) / m

@@ -49,7 +49,7 @@ def karnopp_feedforward(
     Fc: SX = variables.FC,
     Fs: SX = variables.FS,
     Fv: SX = variables.FV,
-    DV: SX = Parameter(VELOCITY, 1e-3, "half width of the band of velocity that counts as rest", min=0.0),
+    DV: SX = Parameter(VELOCITY, 1e-3, "half width of the velocity band treated as standstill", min=0.0),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
@@ -67,8 +67,8 @@ def karnopp_feedforward(
     Use it where the reference starts and stops and friction at rest is not to be compensated by a sign: F_hat follows
     the force that the start needs, and does not jump at rd = 0, but at the edges of the band.
 
-    u goes to the input f of a position controller, whose own m must then be 0. While enable is false u, F_hat and
-    u_sat are 0; there is no state. Feedforward does not change the stability of the loop.
+    Connect u to the input f of a position controller, whose parameter m must then be 0. While enable is false, u, F_hat
+    and u_sat are 0. The law has no state. Feedforward does not change the stability of the loop.
 
     Limits: F_hat jumps at |rd| = DV by Fc + Fv DV minus the force in the band. In the band, at constant velocity,
     nothing is compensated, so DV must be below the slowest motion that matters. No presliding. u_min must not exceed

@@ -59,7 +59,7 @@ def lugre_feedforward(
     Fs: SX = variables.POSITIVE_FS,
     vs: SX = variables.VS,
     delta: SX = variables.DELTA,
-    v_d: SX = Parameter(VELOCITY, 0.0, "speed at which the bristle damping fades, 0: never", min=0.0),
+    v_d: SX = Parameter(VELOCITY, 0.0, "speed at which the bristle damping decays; 0: constant damping", min=0.0),
     asymmetric: SX = Switch(False, "backward motion has its own parameters, the ones named _neg"),
     sigma2_neg: SX = Parameter(DAMPING, 0.4, "viscous coefficient for rd < 0", min=0.0),
     Fc_neg: SX = Parameter(FORCE, 1.0, "Coulomb friction backward", min=1e-9),
@@ -70,10 +70,10 @@ def lugre_feedforward(
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
-    """The force that moves an exactly known mass with LuGre friction along the reference.
+    """The force that moves a known mass with LuGre friction along the reference.
 
         g(v)  = Fc + (Fs - Fc) exp(-|v/vs|^delta)
-        dr    = r - last,   w = dr / Ts,   last: the reference of the sample before
+        dr    = r - last,   w = dr / Ts,   last: the reference in the previous sample
         t     = sgn(dr) g(w) / sigma0
         z     becomes t + (z - t) exp(-sigma0 |dr| / g(w))
         F_hat = sigma0 z + sigma1(rd) (rd - sigma0 |rd| z/g(rd)) + sigma2 rd
@@ -91,14 +91,14 @@ def lugre_feedforward(
     Use it where an axis reverses, or moves by micrometres, and a sign of the velocity is too much of a jump. Sliding
     friction has to be known to a few per cent, the stiffness much less well.
 
-    The first sample, and one with reset, takes r as where the axis stands: dr = 0 and z = 0 there. While enable is
-    false u, F_hat, u_sat and the states are 0; coming back, dr is 0 again, however far r has gone. u goes to the input
-    f of a position controller, whose own m must then be 0. Feedforward does not change the stability of the loop.
+    The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat, u_sat and
+    the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
+    position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
 
     Limits: those of the model: z drifts under a bias with vibration, there is no memory of reversal points, and F_hat
     jumps with a jump of rd by sigma1 times the jump; with the start values it may even push (F_hat < 0 for rd > 0),
     which v_d < 4 sqrt(2 e) Fc / sigma1 prevents. GMSFeedforward is better in presliding. A reversal between two samples
-    is not seen. u_min must not exceed u_max.
+    is missed. u_min must not exceed u_max.
     """
 
     def level(v: SX) -> SX:

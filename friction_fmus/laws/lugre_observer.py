@@ -100,7 +100,7 @@ def lugre_observer(
     (derived for this library). With the start values and 1 kg that is Kd >= 316 N.s/m. A position loop of 10 Hz has
     less; there the tracking error turns up again from a certain k on.
 
-    While enable is false u, F_hat, u_sat and z are 0; reset sets z to 0 in its own sample.
+    While enable is false, u, F_hat, u_sat and z are 0; reset sets z to 0 in its own sample.
 
     Limits: needs a measured velocity; delay and noise in it are multiplied by sigma1. The estimate pushes where the
     parameters are larger than those of the axis: keep gain below 1 then. u_min must not exceed u_max.

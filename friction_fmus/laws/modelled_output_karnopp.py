@@ -58,7 +58,7 @@ def modelled_output_karnopp(
     Fc: SX = variables.FC,
     Fs: SX = variables.FS,
     Fv: SX = Parameter(DAMPING, 0.0, "viscous friction of the Karnopp model, beside Kv2", min=0.0),
-    DV: SX = Parameter(VELOCITY, 1e-3, "half width of the band of velocity that counts as rest", min=1e-12),
+    DV: SX = Parameter(VELOCITY, 1e-3, "half width of the velocity band treated as standstill", min=1e-12),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
@@ -92,7 +92,8 @@ def modelled_output_karnopp(
     Outside of it F_hat is a relay of the modelled velocity, a positive feedback that real friction of at least Fc must
     balance: compensate less where it is not sure of.
 
-    While enable is false u, F_hat, u_sat and v_model are 0; reset acts in its own sample. There is no integral.
+    While enable is false, u, F_hat, u_sat and v_model are 0; reset takes effect in the same sample. There is no
+    integral.
 
     Limits: v_model lags Vs by m/CV, so F_hat changes its sign late. DV must exceed the change of v_model in one sample,
     or the band is jumped over and the relay swings at rest. A constant load leaves an error of load/(CV KP). u_min must

@@ -80,10 +80,9 @@ def pid(
     Astrom, Hagglund: Advanced PID Control, ISA 2006 (conditional integration against windup). Ki = 0 is PD
     control. The start values place three poles near 10 Hz for a mass of 1 kg without friction.
 
-    The integral of a sample does not contain that sample's error. While reset is true the integral is at its start, 0,
-    in that very sample and in the next. While enable is false u and u_sat are 0 and the integral is at its start:
-    nothing winds up, nothing old comes back, and u returns without a jump if the reference is then led from where the
-    axis stands (r = x, rd = v, rdd = 0).
+    The integral used in a sample does not contain the error of that sample. While reset is true, the integral is 0, in
+    the same sample and in the next one. While enable is false, u, u_sat and the integral are 0. When enable becomes
+    true again, u does not jump if the reference starts at the state of the axis (r = x, rd = v, rdd = 0).
 
     Dead-band and reversal are there against hunting, and off with the start values. A dead-band with db_ratio above 1
     does not chatter on a noisy error. reversal = 0 is a reset of the integral, -1 turns its sign, as Coulomb friction
@@ -96,10 +95,10 @@ def pid(
     constants.
 
     Limits: if static friction exceeds Coulomb friction, the integral makes the loop hunt around a constant reference
-    for every stabilising set of gains (Armstrong, Amin, Automatica 32(5), 1996); without the integral the axis stays
-    up to Fs/Kp away. A dead-band ends the hunting only if it is wider than one slip, and leaves that error; a reset at
-    reversal shortens the period of the hunting and does not end it. If f already holds the inertia force, as u of
-    StaticFeedforward does, m must be 0. u_min must not exceed u_max.
+    for every stabilising set of gains (Armstrong, Amin, Automatica 32(5), 1996); without the integral the axis stays up
+    to Fs/Kp away. A dead-band ends the hunting only if it is wider than one slip, and leaves that error; a reset at
+    reversal shortens the period of the hunting and does not end it. If f contains the inertia force, like u of
+    StaticFeedforward, m must be 0. u_min must not exceed u_max.
     """
     start = 0.0
     moves = fabs(v) > v_zc

@@ -38,7 +38,7 @@ from friction_fmus.lawkit.parts.estimators import compensation, starts_now
     ),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force, positive where it opposes a positive velocity"),
+        "F_hat": Output(FORCE, "estimated friction force, positive for positive velocity"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -74,20 +74,20 @@ def predictive_filter(
     Townsend (2001) estimate friction is not certain.
 
     Use it where a velocity measurement is at hand and one number is to set the estimator: only v_noise/F_size counts.
-    It is DisturbanceObserver with the first-order filter of a = 1 - exp(-w Ts), sample by sample; the start values
-    give a = 0.2. u goes to the input f of a position controller; u_prev is the force after all limits. In a system
-    file the wire to u_prev needs a delay.
+    It is DisturbanceObserver with the first-order filter of a = 1 - exp(-w Ts), sample by sample; the start values give
+    a = 0.2. u goes to the input f of a position controller; u_prev is the force after all limits. In a system file, the
+    connection to u_prev needs a delay.
 
     For a friction force that grows at the rate c the estimate lags by
 
         F - F_hat = c Ts (1/a - 1/2)
 
-    exactly. The first sample, and a sample with reset, take v over and set F_hat to 0. While enable is false u, F_hat,
+    exactly. The first sample, and a sample with reset, take v over and set F_hat to 0. While enable is false, u, F_hat,
     u_sat and all states are 0.
 
     Limits: v_noise = 0 is dead-beat: F_hat is the mean force of the last interval, with the noise of the difference of
-    two samples times m/Ts. A wrong mass puts the missing inertia force into F_hat. With F_hat fed back in full,
-    friction that falls with the velocity can make the loop hunt. u_min must not exceed u_max.
+    two samples times m/Ts. With a wrong mass, F_hat contains the difference of the inertia forces. With F_hat fed back
+    in full, friction that falls with the velocity can make the loop hunt. u_min must not exceed u_max.
     """
     new = starts_now(reset, running)
     predicted = if_else(new, v, v_hat + Ts / m * u_prev)

@@ -54,7 +54,7 @@ def prefilter(
     reset: SX = variables.RESET,
     shift: SX = State(LENGTH, 0.0, "what is added to r", nominal=1e-4),
     integral: SX = State(LENGTH + ".s", 0.0, "integral of what was added to r", nominal=1e-6),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the force that is replaced", min=0.0, max=1.0),
+    gain: SX = Parameter(NO_UNIT, 1.0, "fraction of the force that is replaced", min=0.0, max=1.0),
     m: SX = variables.INERTIA,
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain of the controller", min=0.0),
     Kd: SX = Parameter(DAMPING, 190.0, "derivative gain of the controller", min=1e-9),

@@ -56,8 +56,8 @@ def static_feedback(
         u     = clip(gain F_hat, u_min, u_max)
 
     Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey); Coulomb friction alone is Fs = Fc.
-    Parameters as in the friction block Stribeck. u goes to the input f of a position controller. While enable is
-    false u, F_hat and u_sat are 0; there is no state.
+    Parameters as in the friction block Stribeck. Connect u to the input f of a position controller. While enable is
+    false, u, F_hat and u_sat are 0. The law has no state.
 
     Use it where no reference is known in advance, as in hand guiding or force control, and where the velocity signal
     is good; it needs the Stribeck curve, of which less than all should be compensated.

@@ -58,7 +58,7 @@ def static_feedforward(
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
-    """The force that moves an exactly known mass with static friction along the reference.
+    """The force that moves a known mass with static friction along the reference.
 
         g(rd) = Fc + (Fs - Fc) exp(-|rd/vs|^delta)
         F_hat = sgn(rd) g(rd) + Fv rd + offset,   sgn(0) = 0
@@ -68,8 +68,8 @@ def static_feedforward(
     Coulomb friction alone is Fs = Fc. With asymmetric, rd < 0 has its own parameters. Parameters as in the friction
     block Stribeck. The sign is that of the friction block: F_hat is positive for rd > 0.
 
-    u goes to the input f of a position controller, whose own m must then be 0, or to the plant if there is none. While
-    enable is false u, F_hat and u_sat are 0; there is no state.
+    Connect u to the input f of a position controller with the parameter m = 0, or directly to the plant. While enable
+    is false, u, F_hat and u_sat are 0. The law has no state.
 
     Feedforward does not change the stability of the loop. In sliding it helps as far as the parameters are right; a
     gain above 1 cannot be set, because too much friction compensation pushes.

@@ -41,7 +41,7 @@ def tustin_feedback(
     x: SX = variables.X,
     v: SX = variables.V,
     enable: SX = variables.ENABLE,
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of friction and cogging that is compensated", min=0.0, max=1.0),
+    gain: SX = Parameter(NO_UNIT, 1.0, "fraction of friction and cogging that is compensated", min=0.0, max=1.0),
     v_min: SX = Parameter(VELOCITY, 1e-3, "speed from which on friction is compensated", min=0.0),
     Fc: SX = variables.FC,
     Fs: SX = variables.FS,
@@ -71,7 +71,8 @@ def tustin_feedback(
         F(x) = (u_p - u_n)/2,   cogging(x) = (u_p + u_n)/2
 
     The paper that the scheme is known from was not found; the tables and the threshold are as a summary states them.
-    u goes to the input f of a position controller. While enable is false u, F_hat and u_sat are 0; there is no state.
+    Connect u to the input f of a position controller. While enable is false, u, F_hat and u_sat are 0. The law has no
+    state.
 
     v_min keeps noise of v at rest out of the force; without it the compensation switches by 2 Fs at each change of
     sign. cogging acts at rest, too.

@@ -234,7 +234,7 @@ def test_what_the_harness_refuses_is_a_finding(members: dict[str, bytes], tmp_pa
 
 def test_what_is_no_file_is_not_read(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a.fmu")
-    with pytest.raises(FrictionError, match="not an ordinary file"):
+    with pytest.raises(FrictionError, match="not a regular file"):
         check(tmp_path / "a.fmu")
 
 

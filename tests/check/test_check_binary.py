@@ -15,9 +15,9 @@ from friction_fmus.check import RULES, check
 
 # fault, as in faulty.c -> rule, what its message must name, rules that cannot but speak too
 FAULTS = {
-    "start": ("start-differs", "gain starts at 3.0 but at 2.0", set()),
+    "start": ("start-differs", "gain starts at 3.0, but at 2.0", set()),
     "unreadable": ("variable-not-readable", "der(x) fails; it logged 'this is secret'", set()),
-    "unsettable": ("variable-not-settable", "gain does not take its start value 2.0", {"call-refused"}),
+    "unsettable": ("variable-not-settable", "gain rejects its start value 2.0", {"call-refused"}),
     "crash": ("binary-crashes", "fmi2DoStep ends its process: SIGSEGV", {"misuse-crashes"}),
     "quit": ("binary-crashes", "fmi2DoStep ends its process: exit status 3", {"misuse-crashes"}),
     "loop": ("binary-hangs", "fmi2DoStep does not return", set()),
@@ -30,20 +30,20 @@ FAULTS = {
     "single": ("second-instance", "canBeInstantiatedOnlyOncePerProcess", set()),
     "random": ("not-reproducible", "y is", {"call-order-accepted", "reset-incomplete", "state-not-serialized"}),
     "reset": ("reset-incomplete", "x is", set()),
-    "refuse_reset": ("call-refused", "fmi2Reset is refused in the state instantiated; it logged 'no way back'", set()),
-    "no_init": ("call-refused", "fmi2EnterInitializationMode gave fmi2Error; it logged 'not today'", set()),
+    "refuse_reset": ("call-refused", "fmi2Reset is rejected in the state instantiated; it logged 'no way back'", set()),
+    "no_init": ("call-refused", "fmi2EnterInitializationMode returned fmi2Error; it logged 'not today'", set()),
     "state": ("state-not-restored", "x is", {"state-not-serialized"}),
     "pointer": ("state-pointer", "set it to NULL", set()),
     "serial": ("state-not-serialized", "x is", set()),
     "nan": ("value-not-finite", "y is not finite", set()),
-    "order": ("call-order-accepted", "fmi2DoStep when instantiated", set()),
+    "order": ("call-order-accepted", "fmi2DoStep in the state instantiated", set()),
     "misuse": ("misuse-crashes", "fmi2Instantiate ends its process", set()),
     "no_instance": ("instantiate-fails", "no instance; it logged 'no instance'", set()),
-    "leak_instance": ("memory-grows", "every instance leaves", set()),
-    "leak_step": ("memory-grows", "every step takes", set()),
+    "leak_instance": ("memory-grows", "every instance leaks", set()),
+    "leak_step": ("memory-grows", "every step allocates", set()),
     "category": ("log-category", "'logSecrets'", set()),
     "print": ("prints", "stdout", set()),
-    "locale": ("process-changed", "the working folder", set()),
+    "locale": ("process-changed", "the working directory", set()),
     "directional": ("capability", "fmi2GetDirectionalDerivative", set()),
 }
 COMPILED = {

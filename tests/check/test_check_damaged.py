@@ -69,7 +69,7 @@ def test_a_truncated_library_is_a_finding(members: dict[str, bytes], tmp_path: P
     for static in (True, False):
         (finding,) = check(path, static=static)
         assert (finding.rule, finding.file) == ("binary-truncated", name)
-        assert "bytes at its end" in finding.message
+        assert "bytes are missing at the end" in finding.message
 
 
 @pytest.mark.parametrize("length", [0, 1, 16, 64, 100])
@@ -87,7 +87,7 @@ def test_a_library_of_another_platform_may_be_truncated_too(members: dict[str, b
     header[64 + 24 + 16 : 64 + 24 + 24] = (512).to_bytes(4, "little") + (1024).to_bytes(4, "little")  # ... at 1024
     (finding,) = check(zipped(members | {other: bytes(header)}, tmp_path / "a.fmu"), static=True)
     assert (finding.rule, finding.file) == ("binary-truncated", other)
-    assert f"lacks {1024 + 512 - len(header)} bytes" in finding.message
+    assert f"{1024 + 512 - len(header)} bytes are missing" in finding.message
 
 
 def test_any_bytes_of_the_library_may_be_wrong(library: Library, with_library: Callable[[bytes], Path]) -> None:

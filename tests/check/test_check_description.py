@@ -104,7 +104,7 @@ FAULTS: dict[str, list[tuple[Edit, str]]] = {
     ],
     "no-co-simulation": [
         (only_model_exchange, "model exchange only"),
-        (lambda root: remove(root.find("CoSimulation")), "nothing"),
+        (lambda root: remove(root.find("CoSimulation")), "declares no interface"),
     ],
     "model-identifier": [
         (simulation(modelIdentifier="3 bad"), "3 bad"),
@@ -139,7 +139,7 @@ FAULTS: dict[str, list[tuple[Edit, str]]] = {
             ),
             "N.s/m",
         ),
-        (real("delta", unit=""), "leave the attribute out"),
+        (real("delta", unit=""), "omit the attribute"),
     ],
     "display-unit-undefined": [(real("v", displayUnit="km/h"), "km/h")],
     "unit-exponents": [(base(kg="2"), "kg2"), (base(s="2"), "s2")],
@@ -195,7 +195,7 @@ FAULTS: dict[str, list[tuple[Edit, str]]] = {
     "start-outside-limits": [
         (real("Fc", start="-1"), "below its min"),
         (real("delta", start="101"), "above its max"),
-        (lambda root: enumerated(root, ONE + TWO, start=3), "no item"),
+        (lambda root: enumerated(root, ONE + TWO, start=3), "not an item"),
     ],
     "number-not-finite": [
         (real("Fc", start="NaN"), "NaN"),
@@ -237,7 +237,7 @@ FAULTS: dict[str, list[tuple[Edit, str]]] = {
         (lambda root: twice(unknown(root, "Outputs", "F")), "twice"),
     ],
     "outputs": [
-        (lambda root: remove(root.find("ModelStructure/Outputs")), "lacks F"),
+        (lambda root: remove(root.find("ModelStructure/Outputs")), "does not list F"),
         (lambda root: append(root, "ModelStructure/Outputs", f'<Unknown index="{index_of(root, "z")}"/>'), "lists z"),
     ],
     "derivatives": [
@@ -249,10 +249,10 @@ FAULTS: dict[str, list[tuple[Edit, str]]] = {
                 remove(unknown(root, "InitialUnknowns", "der(z)")),
                 remove(root.find("ModelStructure/Derivatives")),
             ),
-            "lacks der(z)",
+            "does not list der(z)",
         ),
     ],
-    "initial-unknowns-missing": [(lambda root: remove(unknown(root, "InitialUnknowns", "F")), "lacks F")],
+    "initial-unknowns-missing": [(lambda root: remove(unknown(root, "InitialUnknowns", "F")), "does not list F")],
     "initial-unknowns-extra": [
         (
             lambda root: root.find("ModelStructure/InitialUnknowns").insert(
@@ -264,7 +264,7 @@ FAULTS: dict[str, list[tuple[Edit, str]]] = {
     "initial-unknowns-order": [(swap_initial, "sort it")],
     "dependencies-index": [
         (lambda root: unknown(root, "Outputs", "F").set("dependencies", "2 99"), "99"),
-        (lambda root: unknown(root, "Outputs", "F").set("dependencies", "2 2"), "twice"),
+        (lambda root: unknown(root, "Outputs", "F").set("dependencies", "2 2"), "repeated"),
     ],
     "dependencies-order": [(lambda root: unknown(root, "Outputs", "F").set("dependencies", "3 2"), "not sorted")],
     "dependencies-impossible": [
@@ -342,7 +342,10 @@ def test_a_finding_names_variable_and_line(lugre: Path, tmp_path: Path) -> None:
     rows[line] = rows[line].replace('start="1"', 'start="0"')
     (finding,) = check(zipped(members | {XML: "".join(rows).encode()}, tmp_path / "a.fmu"), static=True)
     assert (finding.rule, finding.variable, finding.line) == ("start-outside-limits", "Fc", line)
-    place, text = f"modelDescription.xml:{line}", "Fc starts at 0, below its min 1e-09; choose one inside"
+    place, text = (
+        f"modelDescription.xml:{line}",
+        "Fc starts at 0, below its min 1e-09; choose a value inside the limits",
+    )
     assert str(finding) == f"{place}: error start-outside-limits: {text}"
 
 
@@ -379,7 +382,7 @@ def test_fmpy_is_asked_where_nothing_else_is_wrong(
 
     monkeypatch.setattr("friction_fmus.check.read_model_description", refuse)
     (finding,) = check(lugre, static=True)
-    assert (finding.rule, finding.message) == ("fmpy", "fmpy says: something new")
+    assert (finding.rule, finding.message) == ("fmpy", "fmpy reports: something new")
     (other,) = check(edited(lugre, tmp_path / "a.fmu", real("Fc", start="-1")), static=True)
     assert other.rule == "start-outside-limits"
 

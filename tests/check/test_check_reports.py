@@ -55,9 +55,9 @@ def test_text(fmus: tuple[str, str, str], capsys: pytest.CaptureFixture[str]) ->
     expected = (
         "good.fmu: no findings\n"
         f"bad one.fmu: modelDescription.xml:{finding.line}: error [start-outside-limits] Fc starts at -1, below its "
-        "min 1e-09; choose one inside (FMI 2.0.5, 2.2.7)\n"
+        "min 1e-09; choose a value inside the limits (FMI 2.0.5, 2.2.7)\n"
         "bad one.fmu: 1 error\n"
-        "note.fmu: notes.txt: note [file-unknown] 'notes.txt' is nothing that the standard knows; move it to resources "
+        "note.fmu: notes.txt: note [file-unknown] the standard does not define 'notes.txt'; move it to resources "
         "or extra (FMI 2.0.5, 2.3)\n"
         "note.fmu: 1 note\n"
     )
@@ -77,7 +77,7 @@ def test_json(fmus: tuple[str, str, str], capsys: pytest.CaptureFixture[str]) ->
     assert finding == {
         "rule": "start-outside-limits",
         "severity": "error",
-        "message": "Fc starts at -1, below its min 1e-09; choose one inside",
+        "message": "Fc starts at -1, below its min 1e-09; choose a value inside the limits",
         "file": "modelDescription.xml",
         "variable": "Fc",
     }

@@ -36,14 +36,14 @@ def test_the_cost_of_a_law_is_in_its_readme(tmp_path: Path) -> None:
     rows = {row[0]: int(row[1]) for row in re.findall(r"^\| ([a-zA-Z ,]+?)(?: \[bytes\])? \| (\d+) \|", text, re.M)}
     assert rows["RAM of an instance"] == 4 * (12 + 3 + (6 + 2) + 2 + 3)
     assert rows["RAM of the C library"] == 0
-    assert rows["flash of the law"] == rows["flash with what it calls"] <= 1000
-    assert rows["stack of its functions"] == rows["stack with what it calls"]
+    assert rows["flash of the law"] == rows["flash with called functions"] <= 1000
+    assert rows["stack of the law"] == rows["stack with called functions"]
     # at least the 22 floating-point operations and two instructions for each test of an input
-    assert 22 + 2 * 6 <= rows["instructions of a step, mean"] <= rows["instructions of a step, most"] <= 200
+    assert 22 + 2 * 6 <= rows["instructions per step, mean"] <= rows["instructions per step, largest"] <= 200
     double = measure(make_export("PID"), CORES[0])
     assert double.instance == 8 * (12 + 3 + 6 + 2) + 4 * 2 + 8
     # every operation of the double build is a call on a core with a single-precision unit
-    assert double.mean is not None and double.mean > 5 * rows["instructions of a step, mean"]
+    assert double.mean is not None and double.mean > 5 * rows["instructions per step, mean"]
 
 
 @on_target
@@ -65,6 +65,8 @@ def test_instructions_are_counted_exactly(tmp_path: Path) -> None:
 def test_a_readme_without_the_emulator_has_the_sizes() -> None:
     text = readme(make_export("PID"), [Cost(CORES[0], code=100, flash=200, instance=76, static=0, frame=16)])
     assert "| flash of the law [bytes] | 100 |" in text
-    assert "| instructions of a step" not in text
-    line = "Instructions were not counted: qemu-arm was not there; on Debian `apt-get install qemu-user` installs it."
+    assert "| instructions per step" not in text
+    line = (
+        "Instructions were not counted, because qemu-arm is not installed; on Debian, run `apt-get install qemu-user`."
+    )
     assert line in " ".join(text.split())

@@ -158,7 +158,7 @@ def test_a_prefix_keeps_two_laws_apart(tmp_path: Path) -> None:
 def test_without_the_compiler_the_readme_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["codegen", "PID", "-o", str(tmp_path), "--real", "float", "--set", "Kp=5"]) == 0
     text = " ".join((tmp_path / "README.md").read_text(encoding="utf-8").split())
-    assert "It was not measured: arm-none-eabi-gcc was not there." in text
+    assert "The cost was not measured, because arm-none-eabi-gcc is not installed." in text
     assert "apt-get install gcc-arm-none-eabi" in text
     assert "parameters->Kp = 5.0f;" in (tmp_path / "law.c").read_text(encoding="utf-8")
     files = [str(tmp_path / name) for name in ("law.h", "law.c", "main.c", "README.md")]
@@ -173,7 +173,9 @@ def test_the_command_says_what_to_install(
     last = capsys.readouterr().out.splitlines()[-1]
     assert last.startswith("Not all costs were measured: arm-none-eabi-gcc and qemu-arm not found; apt-get install ")
     assert "gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-user" in last
-    with pytest.raises(FrictionError, match="arm-none-eabi-gcc is missing; apt-get install gcc-arm-none-eabi"):
+    with pytest.raises(
+        FrictionError, match="arm-none-eabi-gcc is missing; install it with apt-get install gcc-arm-none-eabi"
+    ):
         measure(make_export("PID"), CORES[0])
 
 
@@ -181,9 +183,9 @@ def test_the_command_says_what_to_install(
     ("start", "message"),
     [
         ({"kp": 1.0}, "PID has no variable 'kp' with a start value (did you mean Kp?"),
-        ({"Kp": -1.0}, "Kp = -1 lies outside [0, inf]; choose one inside"),
+        ({"Kp": -1.0}, "Kp = -1 lies outside [0, inf]; choose a value inside"),
         ({"Kp": math.inf}, "Kp = inf lies outside [0, inf]"),
-        ({"enable": 0.5}, "enable = 0.5 is no truth value"),
+        ({"enable": 0.5}, "enable = 0.5 is not a Boolean"),
         ({"u_min": 2.0, "u_max": 1.0}, "PID needs u_min <= u_max, which the given values violate"),
         ({"Kp[1]": 1.0}, "PID has no variable 'Kp[1]'"),
     ],
@@ -198,9 +200,9 @@ def test_bad_start_values_get_one_sentence(start: dict[str, float], message: str
 def test_other_errors_get_one_sentence(elements: Path, tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match=r"There is no variable 'k\[3\]'; the elements of k are 1 to 2"):
         export_law(elements, tmp_path, start={"k[3]": 1.0})
-    with pytest.raises(FrictionError, match=r"LuGre is not a law but written in C, in LuGre\.c"):
+    with pytest.raises(FrictionError, match=r"LuGre is not a law but a C block; use its file LuGre\.c"):
         export_law("LuGre", tmp_path)
     with pytest.raises(UnknownNameError, match=r"There is no model 'PIDD' \(did you mean PID"):
         export_law("PIDD", tmp_path)
-    with pytest.raises(FrictionError, match="the prefix '3d' must be letters"):
+    with pytest.raises(FrictionError, match="the prefix '3d' must consist of letters"):
         export_law("PID", tmp_path, prefix="3d")

@@ -77,9 +77,9 @@ def test_units_join_like_c_literals():
 
 def test_values_of_unknown_variables_are_refused(tmp_path):
     (law,) = load(tmp_path, GOOD)
-    with pytest.raises(FrictionError, match=r"P reads no variable 'kp' \(did you mean Kp"):
+    with pytest.raises(FrictionError, match=r"P has no variable 'kp' to set \(did you mean Kp"):
         law.evaluate({"kp": 1.0})
-    with pytest.raises(FrictionError, match="Kp takes 1 numbers, not 2"):
+    with pytest.raises(FrictionError, match="Kp has the length 1, but 2 numbers are given"):
         law.evaluate({"Kp": (1.0, 2.0)})
 
 
@@ -95,18 +95,18 @@ BAD = {
     "a vector as result": (
         '"last": r - x',
         '"last": SX.ones(2) * r',
-        "last has the shape (2, 1), a result is one number",
+        "last has the shape (2, 1); return a scalar",
     ),
     "text as result": ('"last": r - x', '"last": "r"', "last is a str, not an SX expression"),
     "a foreign symbol": ('"last": r - x', '"last": SX.sym("q")', "uses the symbols q, which are not its variables"),
     "an if": ("    return", "    if r > 0: pass\n    return", "write a decision as if_else(...)"),
     "a mistake": ("    return", "    1 / 0\n    return", "its equations raise ZeroDivisionError"),
-    "a C keyword": ("Kp", "double", "the variable double is a name of C; choose another"),
-    "a Bessel function": ("Kp", "y0", "the variable y0 is a name of <math.h>; choose another"),
-    "gamma": ("Kp", "gamma", "the variable gamma is a name of <math.h>"),
-    "a Windows name": ("Kp", "near", "the variable near is a name of Windows"),
-    "a macro": ("Kp", "INF", "the variable INF is a name of block.h"),
-    "an underscore first": ("Kp", "_K", "must be letters, digits and single underscores"),
+    "a C keyword": ("Kp", "double", "the variable double is reserved by C; choose another"),
+    "a Bessel function": ("Kp", "y0", "the variable y0 is reserved by <math.h>; choose another"),
+    "gamma": ("Kp", "gamma", "the variable gamma is reserved by <math.h>"),
+    "a Windows name": ("Kp", "near", "the variable near is reserved by Windows"),
+    "a macro": ("Kp", "INF", "the variable INF is reserved by block.h"),
+    "an underscore first": ("Kp", "_K", "must consist of letters, digits and single underscores"),
     "no default": ('r: SX = Input(LENGTH, 0.0, "reference")', "r: SX", "the argument r needs one of Input(...)"),
     "a plain default": (
         'Parameter(STIFFNESS, 10.0, "gain", min=0.0)',
@@ -128,9 +128,9 @@ BAD = {
     ),
     "no description": ('"gain"', '""', "the description of Kp must be one line of text"),
     "two lines": ('"gain"', '"gain\\n"', "the description of Kp must be one line of text"),
-    "no docstring": ('"""Proportional control."""', "", "needs a docstring"),
+    "no docstring": ('"""Proportional control."""', "", "has no docstring"),
     "no source": ('source="textbook"', 'source=""', "the source must be one line"),
-    "a bad name": ('"P"', '"P-I"', "the name 'P-I' must be letters"),
+    "a bad name": ('"P"', '"P-I"', "the name 'P-I' must consist of letters"),
     "a bad sample time": ("Ts=1e-3", "Ts=0.0", "the sample time Ts = 0.0 must be positive"),
     "no output": ('{"u": Output(FORCE, "control force")}', "{}", "has no output"),
     "output and input of one name": ('{"u"', '{"r": Output(FORCE, "r"), "u"', "the name r is declared twice"),
@@ -152,12 +152,12 @@ BAD = {
     "Ts as parameter": (
         "Kp: SX",
         'Ts: SX = Switch(True, "a"), Kp: SX',
-        "the argument Ts, and no other, is declared by SampleTime()",
+        "SampleTime() declares the argument Ts and no other; correct the declaration of Ts",
     ),
     "another sample time": (
         "Kp: SX",
         "T: SX = SampleTime(), Kp: SX",
-        "the argument Ts, and no other, is declared by SampleTime(), not T",
+        "SampleTime() declares the argument Ts and no other; correct the declaration of T",
     ),
     "a syntax error": ("return", "retrun", "p.py cannot be loaded: SyntaxError"),
 }

@@ -95,7 +95,7 @@ def test_what_does_not_fit_is_refused(
 ) -> None:
     assert main([command, "DiscreteInverse", "-o", str(tmp_path / "none"), "--set", f"preview={value}"]) != 0
     said = " ".join(capsys.readouterr().err.split())
-    assert f"DiscreteInverse cannot have preview = {value}: above 32 it is a whole number up to 1024" in said
+    assert f"DiscreteInverse cannot have preview = {value}: above 32, give an integer up to 1024" in said
     assert not (tmp_path / "none").exists()
 
 
@@ -114,5 +114,5 @@ def test_a_preview_of_a_pair_of_zeros(tmp_path: Path) -> None:
 
 
 def test_a_law_file_may_not_exceed_its_size() -> None:
-    with pytest.raises(FrictionError, match="whole number up to 1024"):
+    with pytest.raises(FrictionError, match="integer up to 1024"):
         make_export("DiscreteInverse", start={"preview": 5000.0})

@@ -59,11 +59,11 @@ def test_macros_are_tables() -> None:
 @pytest.mark.parametrize(
     ("before", "after", "message"),
     [
-        ("COULOMB  (Fc)", "COULOMB  (F_c)", "reads F_c, which is no variable"),
-        ("COULOMB  (Fc)", "COLOUMB  (Fc)", r"CONTACT has no rows COLOUMB \(did you mean COULOMB"),
-        ("SLIDING(z, Fc / sigma0)", "SLIDING(z)", "which is not understood"),
-        ("SLIDING(z, Fc / sigma0)", "FIT(v_d, speed, quick)", "FIT.v_d. names 'quick'"),
-        ("SLIDING(z, Fc / sigma0)", "FIT(v_d, sped, slow)", "sped is none of"),
+        ("COULOMB  (Fc)", "COULOMB  (F_c)", "reads F_c, which is not a variable"),
+        ("COULOMB  (Fc)", "COLOUMB  (Fc)", r"CONTACT contains the unknown row COLOUMB \(did you mean COULOMB"),
+        ("SLIDING(z, Fc / sigma0)", "SLIDING(z)", "has the malformed row"),
+        ("SLIDING(z, Fc / sigma0)", "FIT(v_d, speed, quick)", "FIT.v_d. names the unknown experiment 'quick'"),
+        ("SLIDING(z, Fc / sigma0)", "FIT(v_d, sped, slow)", "sped is not one of"),
         ('"near presliding,', '"near presliding: first,', "give a number"),
     ],
 )
