@@ -62,8 +62,9 @@ class FrictionTable:
         v, level = np.abs(self.speeds[good]), np.abs(self.friction[good])
         if np.unique(v).size < 4:
             raise FrictionError(
-                f"stribeck: the curve has four parameters, but the axis moved without stick-slip at {np.unique(v).size} of "
-                f"{self.speeds.size} speeds; measure at four or more, or increase the damping of the controller"
+                "stribeck: the curve has four parameters, but the axis moved without stick-slip at "
+                f"{np.unique(v).size} of {self.speeds.size} speeds; measure at four or more, or increase the damping "
+                "of the controller"
             )
 
         def misfit(p: Array) -> Array:
