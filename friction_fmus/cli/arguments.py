@@ -1,4 +1,4 @@
-"""Arguments that several commands have; this module imports nothing that takes time."""
+"""Arguments shared by several commands. This module must load fast, so it imports no large libraries."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from harness.masters import master_names
 
 
 def listed(words: Sequence[str]) -> str:
-    """Return the words as a list in a sentence: ``a, b or c``."""
+    """Return words as a list for a sentence: ``a, b or c``."""
     return f"{', '.join(words[:-1])} or {words[-1]}"
 
 
 def parse_assignment(text: str) -> tuple[str, float | bool]:
-    """Return the name and the number or truth value of ``NAME=VALUE``.
+    """Return name and value of ``NAME=VALUE``, with a number, true or false as value.
 
     Raises
     ------
     FrictionError
-        If the value is neither.
+        If the text has another form.
     """
     name, equals, value = text.partition("=")
     if equals and value.strip().lower() in ("true", "false"):
@@ -31,41 +31,41 @@ def parse_assignment(text: str) -> tuple[str, float | bool]:
     except ValueError:
         equals = ""
     if not equals:
-        raise FrictionError(f"--set {text!r} is not NAME=VALUE with a number, true or false as VALUE")
+        raise FrictionError(f"--set {text!r} is not NAME=VALUE; use a number, true or false as VALUE")
     return name.strip(), number
 
 
 def parse_assignments(texts: Sequence[str] | None) -> dict[str, float | bool]:
-    """Return the start values of all options ``--set NAME=VALUE``."""
+    """Return the start values given by all options ``--set NAME=VALUE``."""
     return dict(parse_assignment(text) for text in texts or ())
 
 
 def add_block(parser: argparse.ArgumentParser) -> None:
-    """Add the name of a block."""
+    """Add the argument for the name of a block."""
     parser.add_argument("name", metavar="NAME", help="name of a model, or its .c or .py file")
 
 
 def add_system(parser: argparse.ArgumentParser) -> None:
-    """Add the system file."""
+    """Add the argument for the system file."""
     parser.add_argument("system", type=Path, metavar="SYSTEM", help="system file: .toml or .ssp")
 
 
 def add_master(parser: argparse.ArgumentParser) -> None:
-    """Add the name of the master algorithm, which a run checks."""
+    """Add the option for the master algorithm; the harness validates its name."""
     parser.add_argument("--master", metavar="NAME", help=f"master algorithm: {listed(master_names())}")
 
 
 def add_allow_inaccurate(parser: argparse.ArgumentParser) -> None:
-    """Add the option of the commands that run a system."""
-    text = "end with status 0 even if a result is reported as wrong, otherwise with 1"
+    """Add the option that ignores results reported as wrong."""
+    text = "exit with status 0 instead of 1 if a result is reported as wrong"
     parser.add_argument("--allow-inaccurate", action="store_true", help=text)
 
 
 def add_workers(parser: argparse._ActionsContainer) -> None:
-    """Add the number of worker processes."""
+    """Add the option for the number of worker processes."""
     parser.add_argument("--workers", type=int, metavar="N", help="number of processes; default: number of processors")
 
 
 def add_scheduler(parser: argparse._ActionsContainer) -> None:
-    """Add the address of a dask cluster."""
+    """Add the option for the address of a dask cluster."""
     parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="run on this dask cluster")

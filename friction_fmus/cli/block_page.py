@@ -14,11 +14,11 @@ from friction_fmus.blocks.probe import BlockVariables
 from friction_fmus.blocks.variable_table import Entry, variable_groups
 
 WIDE = 100
-"""Columns from which the table of variables has room for their ranges."""
+"""Width of the terminal, in characters, from which the table of variables includes ranges."""
 
 
 def show_block(console: Console, block: Block, rows: BlockVariables) -> None:
-    """Prints what it is, what it is for and cannot do, its equations, and its variables."""
+    """Print summary, use, limits, equations and variables of a block."""
     first, *rest = paragraphs(block.notes) or (Paragraph((block.summary,)),)
     console.print(Text.assemble((block.name, "bold"), f", {block.kind}: {block.summary}"), end="\n\n")
     _print_paragraphs(console, [first])
@@ -29,7 +29,7 @@ def show_block(console: Console, block: Block, rows: BlockVariables) -> None:
 
 
 def _print_paragraphs(console: Console, parts: list[Paragraph]) -> None:
-    """Prose and lists in the width of the terminal, equations in their own layout."""
+    """Print text and lists wrapped to the terminal, and equations unchanged."""
     for part, following in zip_longest(parts, parts[1:]):
         if part.equations:
             for line in part.lines:
@@ -45,7 +45,7 @@ def _print_paragraphs(console: Console, parts: list[Paragraph]) -> None:
 
 
 def _choice(block: Block, leads: list[Paragraph]) -> Table:
-    """By what a model is chosen: use, limits, features, source."""
+    """Return use, limits, features and source as a table."""
     grid = Table(box=None, show_header=False, pad_edge=False, padding=(0, 3, 1, 0))
     grid.add_column(style="bold", no_wrap=True)
     grid.add_column()

@@ -8,7 +8,7 @@ from friction_fmus.errors import FrictionError
 from harness.extras import require
 
 PATIENCE = 10.0
-"""Seconds in which a scheduler must answer."""
+"""Time limit for the answer of a scheduler [s]."""
 
 
 def connect(address: str) -> Any:
@@ -28,4 +28,6 @@ def connect(address: str) -> Any:
     try:
         return make(address, timeout=PATIENCE)
     except (OSError, ValueError) as error:
-        raise FrictionError(f"no dask scheduler answers at {address}: {error}; start `dask scheduler`") from error
+        raise FrictionError(
+            f"no dask scheduler answers at {address}: {error}; start `dask scheduler`, or correct the address"
+        ) from error

@@ -10,35 +10,35 @@ from rich.text import Text
 
 
 def literal_console(**options: Any) -> Console:
-    """Return a console that prints text as it is: a path such as ``o[/b].csv`` is no markup, and ``:x:`` no emoji.
+    """Return a console that prints strings literally: ``o[/b].csv`` is not markup, and ``:x:`` is not an emoji.
 
-    Styled text is made with `styled` or as `rich.text.Text`.
+    Use `styled` or `rich.text.Text` for styled text.
 
     Parameters
     ----------
     **options
-        Of `rich.console.Console`.
+        Options of `rich.console.Console`.
     """
     return Console(markup=False, emoji=False, highlight=False, **options)
 
 
-def styled(*pieces: str | tuple[str, str]) -> Text:
-    """Return text of which some pieces have a style: ``styled(("weak", "yellow"), " Fs")``."""
-    return Text.assemble(*pieces)
+def styled(*parts: str | tuple[str, str]) -> Text:
+    """Return text with a style for some parts, such as ``styled(("hunting", "red"), " (servo)")``."""
+    return Text.assemble(*parts)
 
 
 console = literal_console()
 
 
 def progress_bar(*columns: ProgressColumn, **options: Any) -> Progress:
-    """Return a bar on stderr that disappears when done; it shows nothing where stderr is not a terminal.
+    """Return a progress bar on stderr that disappears at the end; it is not shown if stderr is not a terminal.
 
     Parameters
     ----------
     *columns
-        Further columns, before the time that remains.
+        Additional columns, before the remaining time.
     **options
-        Of `rich.progress.Progress`.
+        Options of `rich.progress.Progress`.
     """
     screen = literal_console(stderr=True)
     first = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn())
@@ -47,7 +47,7 @@ def progress_bar(*columns: ProgressColumn, **options: Any) -> Progress:
 
 
 class RunBar:
-    """A run's progress on such a bar."""
+    """Progress of a run on a progress bar."""
 
     def __init__(self, bar: Progress, description: str) -> None:
         """Add a task to the bar."""
@@ -55,5 +55,5 @@ class RunBar:
         self._task = bar.add_task(description, total=None)
 
     def update(self, done: int, total: int) -> None:
-        """Called by the harness."""
+        """Show the progress; called by the harness."""
         self._bar.update(self._task, completed=done, total=total)

@@ -1,4 +1,4 @@
-"""The results of ``identify`` as tables and sentences for the terminal."""
+"""The results of ``identify`` as text for the terminal."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from friction_fmus.identification.survey import ModelComparison
 def show_data(
     measurement: Measurement, train: Sequence[Record], validation: Sequence[Record], findings: Sequence[Finding]
 ) -> None:
-    """Print which data are fitted and what was found in them."""
+    """Print training data, validation data and findings."""
 
     def span(records: Sequence[Record]) -> str:
         samples = sum(map(len, records))
@@ -25,8 +25,8 @@ def show_data(
     mapping, record = measurement.mapping, train[0]
     columns = ", ".join(f"{role} {c.column or c.period!r}" for role, c in mapping.columns.items())
     console.print(styled((mapping.name, "bold"), f": {columns}"), soft_wrap=True)
-    text = f"fitted {span(train)} at {1e3 * record.Ts:.4g} ms; "
-    text += f"validation {span(validation)}" if validation else "no validation window, so models are ranked by BIC"
+    text = f"training data {span(train)} at {1e3 * record.Ts:.4g} ms; "
+    text += f"validation data {span(validation)}" if validation else "no validation data, so models are ranked by BIC"
     console.print(text, soft_wrap=True)
     for finding in findings:
         console.print(styled((finding.name, "yellow"), f" {finding.what}"), soft_wrap=True)
@@ -34,16 +34,16 @@ def show_data(
 
 
 def show_ranking(found: ModelComparison) -> None:
-    """Print the models in order."""
+    """Print the ranked models as a table."""
     best = found.results[0]
     signal = NAMES.get(best.signal, best.signal)
-    text = f"\nModels by {found.ranked_by}; errors are rms, in % of the rms of the {signal}"
+    text = f"\nModels by {found.ranked_by}; errors are rms values, also in % of the rms of the {signal}"
     console.print(text, soft_wrap=True)
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("model", no_wrap=True)
     table.add_column("method", no_wrap=True)
-    unit = f" [{best.unit}]" if best.unit != "1" else ""
-    for heading in (f"error{unit}", "fitted %", "validation %", "BIC", "weak", "time"):
+    unit = f"\n[{best.unit}]" if best.unit != "1" else ""
+    for heading in (f"error{unit}", "training\n[%]", "validation\n[%]", "BIC", "poorly\nident.", "time"):
         table.add_column(heading, justify="right", no_wrap=True)
     for result in found.results:
         table.add_row(
@@ -67,19 +67,19 @@ def show_parameters(result: Identification) -> None:
         table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     table.add_column("")
     for name, estimate in result.parameters.items():
-        error = f"{estimate.standard_error:.2g}" if math.isfinite(estimate.standard_error) else "not known"
+        error = f"{estimate.standard_error:.2g}" if math.isfinite(estimate.standard_error) else "unknown"
         value = _digits(estimate.value, estimate.standard_error)
-        mark = styled(("weak", "yellow")) if name in result.weak else ""
+        mark = styled(("poorly identifiable", "yellow")) if name in result.weak else ""
         table.add_row(name, value, error, _unit(estimate.unit), mark)
     console.print(table)
     for name, reason in result.weak.items():
-        console.print(styled(("weak", "yellow"), f" {name}: {reason}"), soft_wrap=True)
+        console.print(styled((name, "yellow"), f" is poorly identifiable: {reason}"), soft_wrap=True)
     for warning in result.warnings:
         console.print(styled(("warning", "yellow"), f" {warning}"), soft_wrap=True)
 
 
 def _digits(value: float, error: float) -> str:
-    """A value with as many digits as its standard error leaves, 6 at most."""
+    """Return a value with the digits that its standard error justifies, at most 6."""
     if not (math.isfinite(error) and error > 0.0 and value):
         return f"{value:.6g}"
     return f"{value:.{min(6, max(2, math.floor(math.log10(abs(value) / error)) + 3))}g}"

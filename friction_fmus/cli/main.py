@@ -44,17 +44,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments : sequence of str, optional
-        The arguments of the command line; those of the process where there are none.
+        Arguments of the command line; by default those of the process.
 
     Returns
     -------
     int
-        0, 1 if `check` or `doctor` has findings, all runs of `sweep` fail or a result is reported as wrong, 2 if the
-        command could not be done, 130 if it was interrupted.
+        0 on success; 1 if `check` or `doctor` has findings, all runs of `sweep` fail, or a result is reported as wrong;
+        2 if the command failed; 130 if it was interrupted.
     """
     options = parser().parse_args(arguments)
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # for names of files that are no UTF-8
+        sys.stdout.reconfigure(errors="backslashreplace")  # file names may be invalid UTF-8
     logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
     try:
         return options.run(options) or 0
@@ -65,7 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             error = missing(error.name)
         if options.debug:
             raise
-        # what a library says of a damaged file may have several lines
+        # messages of libraries may have several lines
         print(f"friction-fmus: {' '.join(str(error).splitlines())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:

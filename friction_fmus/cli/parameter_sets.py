@@ -1,4 +1,4 @@
-"""Parameter sets from the options of ``sweep``: lists, ranges, random points and files."""
+"""Parameter sets of a sweep, from its command-line options: lists, ranges, random points and files."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from harness import grid, latin_hypercube, read_samples, sobol
 from harness.sweeps import WithUnits
 from harness.sweeps.samples import check_runs
 
-_FORMS = "give NAME=A,B,... or NAME=FIRST:LAST:COUNT, or NAME=FIRST:LAST for random points; :log behind a range"
+_FORMS = "use NAME=A,B,... or NAME=FIRST:LAST:COUNT, or NAME=FIRST:LAST for random points; append :log for a log scale"
 
 
 def parameter_sets(options: argparse.Namespace) -> list[WithUnits]:
-    """Return the parameter sets that the options of `sweep` describe.
+    """Return the parameter sets described by the options of `sweep`.
 
     Raises
     ------
     FrictionError
-        If they cannot be understood.
+        If an option has an invalid form, or nothing is varied.
     """
     listed: dict[str, list[Any]] = {}
     ranges: dict[str, tuple[float, float]] = {}
@@ -29,7 +29,7 @@ def parameter_sets(options: argparse.Namespace) -> list[WithUnits]:
     for text in options.vary:
         name, values = _assignment(text)
         if name in listed or name in ranges:
-            raise FrictionError(f"--vary names {name} twice; put all its values into one")
+            raise FrictionError(f"--vary names {name} twice; combine its values in one option")
         if ":" not in values:
             listed[name] = [_value(value) for value in values.split(",")]
             continue
@@ -42,7 +42,7 @@ def parameter_sets(options: argparse.Namespace) -> list[WithUnits]:
         logarithmic += [name] * log
     n = options.latin_hypercube if options.latin_hypercube is not None else options.sobol
     if ranges and n is None:
-        raise FrictionError(f"{', '.join(ranges)} has no count of values: {_FORMS}, with --latin-hypercube or --sobol")
+        raise FrictionError(f"{', '.join(ranges)} has no count of values; {_FORMS}, with --latin-hypercube or --sobol")
     points: list[WithUnits] = [{}]
     if n is not None:
         method = sobol if options.sobol is not None else latin_hypercube
@@ -50,7 +50,7 @@ def parameter_sets(options: argparse.Namespace) -> list[WithUnits]:
     elif options.samples:
         points = read_samples(options.samples)
     elif not listed:
-        raise FrictionError(f"nothing is varied: use --vary ({_FORMS}) or --samples FILE")
+        raise FrictionError(f"nothing is varied; add --vary ({_FORMS}) or --samples FILE")
     rows = grid(listed)
     check_runs(len(rows) * len(points))
     return [{**others, **point} for others in rows for point in points]
@@ -59,30 +59,30 @@ def parameter_sets(options: argparse.Namespace) -> list[WithUnits]:
 def _assignment(text: str) -> tuple[str, str]:
     name, equals, values = text.partition("=")
     if not (equals and name.strip() and values.strip()):
-        raise FrictionError(f"--vary {text!r} is not NAME=VALUES: {_FORMS}")
+        raise FrictionError(f"--vary {text!r} is not NAME=VALUES; {_FORMS}")
     return name.strip(), values.strip()
 
 
 def _range(text: str, values: str) -> tuple[float, float, int | None, bool]:
-    """``FIRST:LAST[:COUNT][:log]``."""
-    pieces = values.split(":")
-    log = pieces[-1] == "log"
-    pieces = pieces[:-1] if log else pieces
+    """Return first, last, count and scale of ``FIRST:LAST[:COUNT][:log]``."""
+    parts = values.split(":")
+    log = parts[-1] == "log"
+    parts = parts[:-1] if log else parts
     try:
-        first, last, *rest = pieces
+        first, last, *rest = parts
         count = int(*rest) if rest else None
         ends = float(first), float(last)
     except (TypeError, ValueError) as error:
-        raise FrictionError(f"--vary {text!r} is not a range: {_FORMS}") from error
+        raise FrictionError(f"--vary {text!r} is not a range; {_FORMS}") from error
     if count is not None and count < 1:
-        raise FrictionError(f"--vary {text!r} has {count} values: {_FORMS}")
+        raise FrictionError(f"--vary {text!r} has {count} values; {_FORMS}")
     if log and min(ends) <= 0.0:
-        raise FrictionError(f"--vary {text!r} has a logarithmic scale; give a first and last value above 0")
+        raise FrictionError(f"--vary {text!r} has a logarithmic scale; use values above 0")
     return *ends, count, log
 
 
 def _value(text: str) -> float | bool | str:
-    """A number, a truth value, or the text itself, such as the name of a master."""
+    """Return a number, a Boolean, or the text itself, such as the name of a master."""
     text = text.strip()
     if text.lower() in ("true", "false"):
         return text.lower() == "true"

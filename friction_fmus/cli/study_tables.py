@@ -25,11 +25,11 @@ def show_study(console: Console, result: StudyResult) -> None:
     if result.compensators:
         console.print(compensator_table(result))
         left = sum(not row.applies for row in result.compensators)
-        off = worst_case(result.compensators[0])
+        off = next(filter(None, map(worst_case, result.compensators)), "")
         console.print(
-            "tracking error: root mean square of reference minus position; "
-            + (f"worst case: {off}; " if off else "")
-            + "drive force: the part above the loop bandwidth"
+            "Tracking error: root mean square of reference minus position."
+            + (f" Worst case: {off}." if off else "")
+            + " Drive force: only the part above the loop bandwidth."
         )
         if left:
             console.print(f"{left} compensators do not apply to this axis; the report states the reasons.")

@@ -12,12 +12,12 @@ class _Rate(ProgressColumn):
     """Runs per second."""
 
     def render(self, task: Task) -> Text:
-        """Empty until it is known."""
+        """Return the rate; empty until it is known."""
         return Text(f"{task.speed:.3g} runs/s" if task.speed else "")
 
 
 class SweepBar:
-    """The progress of a sweep on a bar."""
+    """Progress of a sweep on a progress bar."""
 
     def __init__(self, bar: Progress) -> None:
         """Add a task to the bar."""
@@ -25,12 +25,12 @@ class SweepBar:
         self._task = bar.add_task("sweep", total=None)
 
     def update(self, done: int, total: int) -> None:
-        """Take note of the runs that are done; those of an earlier call of the command do not count for the rate."""
+        """Show the progress; runs cached by an earlier call do not count for the rate."""
         if self._bar.tasks[0].total is None:
             self._bar.reset(self._task, completed=done, total=total)
         self._bar.update(self._task, completed=done, total=total)
 
 
 def sweep_progress() -> Progress:
-    """Return the bar of a sweep."""
+    """Return the progress bar of a sweep."""
     return progress_bar(_Rate(), speed_estimate_period=60)

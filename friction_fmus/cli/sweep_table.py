@@ -14,14 +14,14 @@ _OTHERS = ("wall_time", "error", "warnings")
 
 
 def show_sweep(console: Console, result: xr.Dataset) -> None:
-    """Print the first runs with the swept parameters and the results, as many as the width of the console allows.
+    """Print the first runs, with all swept parameters and as many results as fit the width of the console.
 
     Parameters
     ----------
     console : rich.console.Console
-        Where to print.
+        Console.
     result : xarray.Dataset
-        As `harness.sweep` returns it.
+        Result of `harness.sweep`.
     """
     runs = min(result.sizes["run"], ROWS)
     parameters = [str(name) for name in result.coords if name != "run"]
@@ -29,13 +29,13 @@ def show_sweep(console: Console, result: xr.Dataset) -> None:
     table = Table(box=None, pad_edge=False, padding=(0, _GAP, 0, 0))
     table.add_column("run", justify="right")
     columns = [[str(number) for number in result["run"].to_numpy()[:runs]]]
-    room = console.width - len("run") - _GAP
+    width = console.width - len("run") - _GAP
     shown = 0
     for name in (*parameters, *measures):
         heading = _heading(result, name)
         cells = _cells(result, name, runs, failed=name == measures[0] if measures else False)
-        room -= max(map(len, (*heading.splitlines(), *cells))) + _GAP
-        if room < -_GAP and shown > len(parameters):
+        width -= max(map(len, (*heading.splitlines(), *cells))) + _GAP
+        if width < -_GAP and shown > len(parameters):
             break
         table.add_column(heading, justify="right", no_wrap=True)
         columns.append(cells)
@@ -54,7 +54,7 @@ def _heading(result: xr.Dataset, name: str) -> str:
 
 
 def _cells(result: xr.Dataset, name: str, runs: int, *, failed: bool) -> list[str]:
-    """Return the values of a column; the first measure says which runs failed."""
+    """Return the cells of a column; the first measure marks failed runs."""
     cells = [f"{value:.6g}" if isinstance(value, float) else str(value) for value in result[name].to_numpy()[:runs]]
     if name in result.coords:
         return cells

@@ -1,4 +1,4 @@
-"""Systems that commands are given as files."""
+"""Loading the system file given to a command."""
 
 from __future__ import annotations
 
@@ -14,6 +14,6 @@ def open_system(path: Path) -> System:
     Raises
     ------
     HarnessError
-        If there is none.
+        If the file is missing or invalid.
     """
     return System.from_ssp(path) if path.suffix.lower() == ".ssp" else System.from_toml(path, resolve=fmu)

@@ -29,7 +29,18 @@ class SampledLaw:
     D: Matrix
 
     def scaled(self, to_force: float, of_position: float, of_velocity: float) -> SampledLaw:
-        """Return the law including the gains of its connections; u_prev is divided by the gain applied to u."""
+        """Return the law including the gains of its connections; u_prev is divided by the gain applied to u.
+
+        Parameters
+        ----------
+        to_force, of_position, of_velocity : float
+            Gains from u to the force on the plant, and from the position and velocity of the plant to x and v.
+
+        Returns
+        -------
+        SampledLaw
+            Law between position and velocity of the plant and the force on it.
+        """
         gains = np.array([of_position, of_velocity, 1.0 / to_force if to_force else 0.0])
         return SampledLaw(self.A, self.B * gains, to_force * self.C, to_force * self.D * gains)
 

@@ -34,13 +34,13 @@ def _late(system: System, experiment: Experiment) -> Iterator[Finding]:
     """
     order = list(experiment.order) or stepping_order(system.parts, system.wires)
     place = {name: index for index, name in enumerate(order)}
-    told: set[tuple[str, str]] = set()
+    reported: set[tuple[str, str]] = set()
     for wire in system.wires:
         (source, _), (target, port) = wire.ends
         one, other = system.parts[source], system.parts[target]
-        if not one.sampled or wire.delay or port.endswith("_prev") or (source, target) in told:
+        if not one.sampled or wire.delay or port.endswith("_prev") or (source, target) in reported:
             continue
-        told.add((source, target))
+        reported.add((source, target))
         implicit = experiment.master in ("newton", "adaptive") and not other.sampled
         late = experiment.master == "jacobi" or (not implicit and place[source] > place[target])
         Ts = values_of(system, one).get("Ts", one.every * experiment.step)

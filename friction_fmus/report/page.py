@@ -75,7 +75,7 @@ def report_html(study: StudyResult) -> str:
         ranked=ranked,
         error_unit=unit,
         factor=factor,
-        apart=views.apart(study),
+        not_compared=views.not_compared(study),
         off=next(filter(None, map(worst_case, study.compensators)), ""),
         without=next((row for row in study.compensators if row.name == views.NONE), None),
         sources=_sources(study),

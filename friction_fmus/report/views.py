@@ -262,7 +262,7 @@ def _bars(study: StudyResult, rows: Sequence[CompensatorResult], unit: str, fact
     return Plot("bars-plot", figure, caption, f"Bar chart. {caption} The table below has the values.", False)
 
 
-def apart(study: StudyResult) -> dict[str, list[str]]:
+def not_compared(study: StudyResult) -> dict[str, list[str]]:
     """Return the compensators that were not co-simulated or failed, by reason."""
     reasons: dict[str, list[str]] = {}
     for row in study.compensators:

@@ -39,7 +39,7 @@ def test_exit_status(fmus: tuple[str, str, str], capsys: pytest.CaptureFixture[s
         (["nowhere.fmu"], "No such file"),
         ([good, "--ignore", "nothing"], "no rule 'nothing'"),
         ([good, "--timeout", "-1"], "positive"),
-        ([], "Say what to check"),
+        ([], "give the paths of FMUs to check"),
         ([good, "--static", "-o", "no/such/folder"], "no/such/folder"),
     ):
         assert main(["check", *arguments]) == 2

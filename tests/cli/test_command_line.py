@@ -192,7 +192,7 @@ def test_ctrl_c_keeps_what_was_recorded(
         assert main(["run", str(STICK_SLIP), "-o", str(path), "--stop", "60"]) == 130
     finally:
         signal.signal(signal.SIGINT, before)
-    assert "friction-fmus: interrupted; what was recorded until then is in " in capsys.readouterr().err
+    assert "friction-fmus: interrupted; the incomplete result is in " in capsys.readouterr().err
     result = load_result(path)
     assert result.attrs["incomplete"] == "interrupted"
     assert 1 < len(result["time"]) < 4000
@@ -211,7 +211,7 @@ def test_help_of_run_and_sweep_names_every_master(command: str, capsys: pytest.C
 def test_help_of_run_names_every_format(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["run", "--help"])
-    assert "result: .csv, .parquet, .nc or .mat" in " ".join(capsys.readouterr().out.split())
+    assert "result file: .csv, .parquet, .nc or .mat" in " ".join(capsys.readouterr().out.split())
 
 
 def test_unknown_model_suggests_the_nearest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

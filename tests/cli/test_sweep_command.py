@@ -86,13 +86,13 @@ def test_parameter_sets_of_a_file_and_runs_that_fail(system: Path, capsys: pytes
     (system.parent / "sets.csv").write_text("mass.m,mass.x0\n2,0\n-1,0\n4,1\n", encoding="utf-8")
     table = swept(system, "--samples", str(system.parent / "sets.csv"))
     np.testing.assert_allclose(table["final(mass.x)"], [0.75, np.nan, 1.375], rtol=1e-12)
-    assert "out: 3 runs, 1 failed, the first one because mass rejected the start value -1" in capsys.readouterr().out
+    assert "out: 3 runs, 1 failed; first error: mass rejected the start value -1" in capsys.readouterr().out
 
 
 def test_a_sweep_of_which_no_run_succeeds_has_the_status_1(system: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = system.parent / "none"
     assert main(["sweep", str(system), "-o", str(folder), "--executor", "serial", "--vary", "mass.m=-1,-2"]) == 1
-    assert "2 runs, 2 failed, the first one because mass rejected the start value -1" in capsys.readouterr().out
+    assert "2 runs, 2 failed; first error: mass rejected the start value -1" in capsys.readouterr().out
     assert len(pd.read_parquet(folder)) == 2
 
 

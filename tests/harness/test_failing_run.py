@@ -1,4 +1,4 @@
-"""The command `run` on an FMU that fails: what was recorded until then is kept, in every format."""
+"""The command `run` on an FMU that fails: the incomplete result is kept, in every format."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_the_rows_before_the_failure_are_written(
     message = f"part 'spindle' failed in fmi2DoStep at t = 0.5 s: it returned {label} and logged 'bearing seized'"
     assert captured.out == ""
     assert captured.err.splitlines()[-1] == (
-        f"friction-fmus: {message}; what was recorded until then is in {path}, 3 rows of 4 variables"
+        f"friction-fmus: {message}; the incomplete result is in {path}, 3 rows of 4 variables"
     )
     result = load_result(path)
     np.testing.assert_array_equal(result["time"], [0.0, 0.25, 0.5])
@@ -76,4 +76,4 @@ def test_the_failure_is_told_even_if_the_file_cannot_be_written(
     (tmp_path / "out.nc").mkdir()
     assert main(["run", str(seizing()), "-o", str(tmp_path / "out.nc")]) == 2
     error = capsys.readouterr().err.splitlines()[-1]
-    assert "logged 'bearing seized'; what was recorded until then is lost: cannot write" in error
+    assert "logged 'bearing seized'; the incomplete result is lost: cannot write" in error

@@ -194,10 +194,10 @@ def test_every_model_that_is_offered_is_identified(model: str) -> None:
     ("wishes", "message"),
     [
         ({"fixed": {"sigm": 1.0}}, "did you mean sigma"),
-        ({"fixed": {"M": 1.0}}, "no parameter of Dahl"),
+        ({"fixed": {"M": 1.0}}, "not a parameter of Dahl"),
         ({"fixed": {"n": -1.0}}, "outside"),
-        ({"fixed": {"n": 1.0}, "start": {"n": 1.0}}, "fixed and to be identified"),
-        ({"bounds": {"Fc": (2.0, 1.0)}}, "smaller and a larger"),
+        ({"fixed": {"n": 1.0}, "start": {"n": 1.0}}, "fixed and also has bounds"),
+        ({"bounds": {"Fc": (2.0, 1.0)}}, "give the lower one first"),
         ({"bounds": {"Fc": (1.0, 2.0)}, "start": {"Fc": 3.0}}, "outside its bounds"),
         ({"loss": "l1"}, "no loss"),
         ({"method": "inverse"}, "output-error"),

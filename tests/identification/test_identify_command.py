@@ -136,10 +136,10 @@ def test_without_validation_models_are_ranked_by_bic(
     arguments = ["--train", "0", "3", "--model", "Coulomb", "--model", "Viscous", "--workers", "1"]
     assert main(["identify", str(tmp_path / "axis.toml"), *arguments, "-o", str(tmp_path / "out")]) == 0
     printed = capsys.readouterr().out
-    assert "no validation window, so models are ranked by BIC" in printed
+    assert "no validation data, so models are ranked by BIC" in printed
     assert printed.index("Coulomb") < printed.index("Viscous")
     # Coulomb: Fc, Fv, M, OF; and the one line for each finding
-    assert "no-presliding The shortest movements between reversals are 40 mm" in printed
+    assert "no-presliding The shortest strokes are 40 mm" in printed
     assert json.loads((tmp_path / "out" / "identification.json").read_text())["ranked_by"] == "BIC"
 
 
@@ -181,7 +181,7 @@ def test_a_process_that_dies_is_a_reason_too(log: Path) -> None:
     task = IdentificationTask(read_measurement(log).window(0.0, 3.0))
     found = _in_parallel(Dying(), ["Dahl", "LuGre"], task, None)
     assert set(found) == {"Dahl", "LuGre"}
-    assert "a process died" in str(found["Dahl"])
+    assert "a worker process died" in str(found["Dahl"])
 
 
 def test_nothing_is_written_if_no_model_can_be_identified(
@@ -227,12 +227,12 @@ def test_all_means_every_model_that_can_be_identified(short: list[str], monkeypa
     ("arguments", "message"),
     [
         (["--model", "Lugre"], "LuGre"),
-        (["--model", "all", "--model", "Dahl"], "already every model"),
+        (["--model", "all", "--model", "Dahl"], "selects every model"),
         (["--model", "Dahl", "--fixed", "Fc"], "--fixed 'Fc' is not NAME=VALUE"),
         (["--model", "Dahl", "--fixed", "Fc=inf"], "is not finite"),
-        (["--model", "Dahl", "--fixed", "sigma0=1e5"], "No model here has the parameter 'sigma0'"),
+        (["--model", "Dahl", "--fixed", "sigma0=1e5"], "None of the models has the parameter 'sigma0'"),
         (["--model", "Dahl", "--train", "5", "4"], "the earlier one first"),
-        (["--model", "Dahl", "--train", "0", "15", "--validation", "14", "16"], "windows that overlap"),
+        (["--model", "Dahl", "--train", "0", "15", "--validation", "14", "16"], "overlapping windows"),
         (
             ["--model", "Dahl", "--train", "50", "60", "--validation", "14", "16"],
             "The window 50 .. 60 s has fewer than",
@@ -263,4 +263,4 @@ def test_a_survey_from_python_is_ranked(log: Path) -> None:
 def test_a_file_is_no_folder_for_results(short: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     short[-1] = short[1]
     assert main([*short, "--model", "Coulomb"]) == 2
-    assert "is a file; give a folder for the results" in capsys.readouterr().err
+    assert "is a file; choose a folder for the results" in capsys.readouterr().err

@@ -58,7 +58,7 @@ def test_passes_begin_with_a_table(axis: Callable[[float, float], System]) -> No
 def test_speeds_at_which_the_axis_stuck_have_no_friction() -> None:
     table = FrictionTable(np.array([1.0, 2.0]), np.ones((2, 2)), np.zeros((1, 2)), np.array([[1.0, 0.5]]))
     assert np.isnan(table.friction[0]) and table.friction[1] == 1.0
-    with pytest.raises(FrictionError, match=r"without stick-slip at 1 of .* speeds; measure at four or more"):
+    with pytest.raises(FrictionError, match="without stick-slip at 1 of 2 speeds; measure at four or more"):
         table.stribeck()
 
 

@@ -19,18 +19,18 @@ DOMAINS = ("translational", "rotational")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("names", nargs="*", metavar="NAME", help="name of a model, or its .c or .py file")
-    parser.add_argument("--all", action="store_true", help="build all")
+    parser.add_argument("--all", action="store_true", help="build all models")
     parser.add_argument("-o", "--output", type=Path, default=Path(), metavar="DIR", help="folder for the FMUs")
-    parser.add_argument("--set", action="append", metavar="NAME=VALUE", help="other start value; may be repeated")
-    parser.add_argument("--domain", choices=DOMAINS, default=DOMAINS[0], help="rotational: N.m, rad, kg.m2")
+    parser.add_argument("--set", action="append", metavar="NAME=VALUE", help="start value; may be repeated")
+    parser.add_argument("--domain", choices=DOMAINS, default=DOMAINS[0], help="rotational: units N.m, rad, kg.m2")
     parser.add_argument(
         "--platform",
         nargs="+",
         default=["native"],
         metavar="PLATFORM",
-        help="native (default), all, or folders of an FMU such as win64",
+        help="native (default), all, or FMI platform names such as win64",
     )
-    parser.add_argument("--name", metavar="IDENTIFIER", help="other model identifier and file name")
+    parser.add_argument("--name", metavar="IDENTIFIER", help="model identifier and file name")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -47,11 +47,11 @@ def run(options: argparse.Namespace) -> None:
     from harness.compiling.platforms import select
 
     if options.all == bool(options.names):
-        raise FrictionError("Say what to build: names of models (`friction-fmus list` shows them) or --all")
+        raise FrictionError("give either names of models (`friction-fmus list` shows them) or --all")
     names = list(listing()) if options.all else options.names
     start = parse_assignments(options.set)
     if start and len(names) != 1:
-        raise FrictionError(f"--set goes with one model, not with {len(names)}; build them one by one")
+        raise FrictionError(f"--set applies to one model, but there are {len(names)}; build them one at a time")
     platforms = len(select(tuple(options.platform)))
     with progress_bar() as bar:
         task = bar.add_task("building", total=len(names) * platforms)
@@ -70,5 +70,5 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _show(bar: Progress, task: TaskID, name: str, before: int, platform: str, number: int) -> None:
-    """Show that a model is being compiled for a platform, the one after ``number`` others."""
+    """Show that a model is being compiled for a platform, after ``number`` other platforms."""
     bar.update(task, description=f"{name}, {platform}", completed=before + number)

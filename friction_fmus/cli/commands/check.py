@@ -1,6 +1,6 @@
-"""Look for faults in FMUs, also other people's.
+"""Check FMUs of any origin for faults.
 
-The status is 1 if there are errors or warnings, and 2 if a file cannot be checked.
+The exit status is 1 if there are errors or warnings, and 2 if a file cannot be checked.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from friction_fmus.errors import FrictionError
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="FMUs")
-    parser.add_argument("--format", choices=("text", "json", "sarif"), default="text", help="of the report")
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="where to write it; default: the terminal")
+    parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="FMUs to check")
+    parser.add_argument("--format", choices=("text", "json", "sarif"), default="text", help="format of the report")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="report file; default: the terminal")
     parser.add_argument("--static", action="store_true", help="do not run the binary")
-    parser.add_argument("--ignore", action="append", default=[], metavar="RULE", help="may be repeated")
-    parser.add_argument("--timeout", type=float, default=30.0, metavar="S", help="for each probe of a binary [s]")
-    parser.add_argument("--rules", action="store_true", help="list the rules and do nothing else")
+    parser.add_argument("--ignore", action="append", default=[], metavar="RULE", help="ignore a rule; may be repeated")
+    parser.add_argument("--timeout", type=float, default=30.0, metavar="S", help="time limit for each probe [s]")
+    parser.add_argument("--rules", action="store_true", help="list the rules and exit")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
         console.print(rules_table())
         return 0
     if not options.files:
-        raise FrictionError("Say what to check: the paths of FMUs, or --rules for a list of what is looked for")
+        raise FrictionError("give the paths of FMUs to check, or --rules to list the rules")
     results = {}
     with progress_bar() as bar:
         for path in bar.track(options.files, description="checking"):

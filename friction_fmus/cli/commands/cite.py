@@ -19,7 +19,7 @@ def run(options: argparse.Namespace) -> None:
     Raises
     ------
     FrictionError
-        If the block has none.
+        If the block has no BibTeX entry.
     """
     from friction_fmus.blocks.catalogue import find
 

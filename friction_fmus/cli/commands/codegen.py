@@ -1,6 +1,6 @@
-"""Write a law as C for an embedded target, with its cost.
+"""Generate C code of a law for an embedded target, with its cost.
 
-The code has a struct of parameters and allocates no memory; its cost is measured on two microcontrollers.
+The code has a struct of parameters and allocates no memory. Its cost is stated for two microcontrollers.
 """
 
 from __future__ import annotations
@@ -16,8 +16,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("law", metavar="LAW", help="name of a law, or its .py file")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the files")
     parser.add_argument("--real", choices=["float", "double"], default="double", help="type of all numbers")
-    parser.add_argument("--set", action="append", metavar="NAME=VALUE", help="other start value; may be repeated")
-    parser.add_argument("--prefix", default="law", metavar="NAME", help="of files, types and functions, else law")
+    parser.add_argument("--set", action="append", metavar="NAME=VALUE", help="start value; may be repeated")
+    parser.add_argument(
+        "--prefix", default="law", metavar="NAME", help="prefix of files, types and functions; default: law"
+    )
 
 
 def run(options: argparse.Namespace) -> None:
@@ -32,6 +34,6 @@ def run(options: argparse.Namespace) -> None:
     if lacking := missing():
         packages = " ".join(PACKAGES[tool] for tool in lacking)
         console.print(
-            f"Not all costs were measured: {' and '.join(lacking)} not found; apt-get install {packages}",
+            f"Some costs were not measured, because {' and '.join(lacking)} is missing; apt-get install {packages}",
             soft_wrap=True,
         )

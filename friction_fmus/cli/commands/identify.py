@@ -1,6 +1,6 @@
-"""Find the friction models that fit a log file.
+"""Identify friction models from a log file.
 
-The parameters with their standard errors are written as TOML, SSV and FMU, with figures; the models are ranked.
+The models are ranked. Their parameters with standard errors are written as TOML, SSV and FMU, with figures.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
 SHOWN = 3
-"""Up to so many models have their parameters on the screen; of more only the best one."""
+"""Largest number of models whose parameters are all printed; with more models, only those of the best are printed."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,24 +30,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "data",
         type=Path,
         metavar="DATA",
-        help="a data file (.csv, .parquet, .mat, ...), or a mapping (.toml) that names one",
+        help="data file (.csv, .parquet, .mat, ...), or mapping (.toml) that names one",
     )
-    parser.add_argument("--mapping", type=Path, metavar="FILE", help=".toml that says what the columns of DATA are")
+    parser.add_argument("--mapping", type=Path, metavar="FILE", help="mapping of the columns of DATA (.toml)")
     parser.add_argument(
-        "--model", action="append", required=True, metavar="NAME", help="a friction model, or all; may be repeated"
+        "--model", action="append", required=True, metavar="NAME", help="friction model, or all; may be repeated"
     )
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the results")
     window = {"nargs": 2, "type": float, "metavar": ("A", "B")}
-    parser.add_argument("--train", help="fit from A to B seconds", **window)  # type: ignore[arg-type]
-    parser.add_argument("--validation", help="predict from A to B seconds, and rank by that", **window)  # type: ignore[arg-type]
-    parser.add_argument("--fixed", action="append", metavar="NAME=VALUE", help="a known parameter; may be repeated")
+    parser.add_argument("--train", help="training data from A to B seconds", **window)  # type: ignore[arg-type]
+    parser.add_argument("--validation", help="validation data from A to B seconds", **window)  # type: ignore[arg-type]
+    parser.add_argument("--fixed", action="append", metavar="NAME=VALUE", help="known parameter; may be repeated")
     methods = ("auto", *method_names())
-    parser.add_argument("--method", choices=methods, default="auto", help="auto: what suits the model")
+    parser.add_argument("--method", choices=methods, default="auto", help="method; auto selects it by the model")
     parser.add_argument(
         "--loss",
         choices=LOSSES,
         default="linear",
-        help="the robust losses, all but linear, reduce the influence of outliers",
+        help="loss function; all except linear are robust against outliers",
     )
     parser.add_argument(
         "--workers",
@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> None:
     Raises
     ------
     FrictionError
-        If an option cannot be understood or no model can be identified.
+        If an option is invalid or no model can be identified.
     """
     from friction_fmus.cli.console import RunBar, console, progress_bar, styled
     from friction_fmus.cli.identification_tables import show_data, show_parameters, show_ranking
@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> None:
 
     models = _models(options.model)
     if options.output.exists() and not options.output.is_dir():
-        raise FrictionError(f"{options.output} is a file; give a folder for the results")
+        raise FrictionError(f"{options.output} is a file; choose a folder for the results")
     measurement = read_measurement(options.data, options.mapping)
     windows = _windows(options, measurement)
     train, validation = (measurement.window(*windows[w]) if w in windows else () for w in ("train", "validation"))
@@ -94,37 +94,39 @@ def run(options: argparse.Namespace) -> None:
     for result in found.results if len(found.results) <= SHOWN else found.results[:1]:
         show_parameters(result)
     if len(found.results) > SHOWN:
-        console.print(f"\nThe parameters of the others are in {options.output / 'parameters.toml'}.", soft_wrap=True)
+        console.print(
+            f"\nThe parameters of the other models are in {options.output / 'parameters.toml'}.", soft_wrap=True
+        )
     for name, reason in found.failed.items():
         console.print(styled((name, "bold red"), f" was not identified: {reason}"), soft_wrap=True)
     console.print(f"{options.output}: {_listed(files)}", soft_wrap=True)
 
 
 def parse_fixed(text: str) -> tuple[str, float | bool]:
-    """Name and number of ``--fixed NAME=VALUE``.
+    """Return name and value of ``--fixed NAME=VALUE``.
 
     Raises
     ------
     FrictionError
-        If it is none.
+        If the text has another form, or the value is not finite.
     """
     try:
         name, value = parse_assignment(text)
     except FrictionError as error:
-        raise FrictionError(f"--fixed {text!r} is not NAME=VALUE with a number as VALUE") from error
+        raise FrictionError(f"--fixed {text!r} is not NAME=VALUE; use a number as VALUE") from error
     if not math.isfinite(value):
-        raise FrictionError(f"--fixed {text!r} is not finite; give a number")
+        raise FrictionError(f"--fixed {text!r} is not finite; use a finite number")
     return name, value
 
 
 def _models(names: Sequence[str]) -> list[str]:
-    """The models that are asked for, each once."""
+    """Return the requested models without duplicates."""
     from friction_fmus.blocks.catalogue import find
     from friction_fmus.identification import identifiable
 
     if "all" in names:
         if len(names) > 1:
-            raise FrictionError("--model all is already every model; leave the other names out")
+            raise FrictionError("--model all selects every model; remove the other names")
         return list(identifiable())
     for name in names:
         find(name)
@@ -132,7 +134,7 @@ def _models(names: Sequence[str]) -> list[str]:
 
 
 def _windows(options: argparse.Namespace, measurement: Measurement) -> dict[str, tuple[float, float]]:
-    """Those of the command line, else those of the mapping."""
+    """Return the windows of the command line, and those of the mapping that it does not replace."""
     from friction_fmus.identification import read_windows
 
     asked = {name: getattr(options, name) for name in ("train", "validation")}

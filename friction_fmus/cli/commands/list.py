@@ -1,4 +1,4 @@
-"""Show all models, laws, plants and signals."""
+"""List all models, laws, plants and signals."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import json
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("--json", action="store_true", help="as JSON: name, kind, summary, source")
+    parser.add_argument("--json", action="store_true", help="print JSON: name, kind, summary, source")
 
 
 def run(options: argparse.Namespace) -> None:
-    """Print a table, or JSON."""
+    """Print a table or JSON."""
     from friction_fmus.blocks.catalogue import listing
 
     if options.json:
@@ -27,7 +27,7 @@ def run(options: argparse.Namespace) -> None:
     from friction_fmus.cli.console import console
 
     table = Table(box=None, pad_edge=False)
-    for heading in ("name", "kind", "what it is"):
+    for heading in ("name", "kind", "summary"):
         table.add_column(heading)
     for entry in listing().values():
         table.add_row(entry.name, entry.kind, entry.summary)

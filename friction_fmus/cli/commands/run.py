@@ -1,7 +1,7 @@
 """Run a system of FMUs.
 
-If the run fails, the file holds what was recorded until then. The status is 1 if the result is reported as wrong,
-unless that is allowed.
+If the run fails, the result recorded up to that time is written. The exit status is 1 if the result is reported as
+wrong, unless --allow-inaccurate is given.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     add_system(parser)
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FILE", help=f"result: {listed(tuple(FORMATS))}"
+        "-o", "--output", type=Path, required=True, metavar="FILE", help=f"result file: {listed(tuple(FORMATS))}"
     )
     parser.add_argument("--step", type=float, metavar="H", help="communication step [s]")
     parser.add_argument("--stop", type=float, metavar="T", help="end time [s]")
     add_master(parser)
     parser.add_argument("--set", action="append", metavar="PART.NAME=VALUE", help="start value; may be repeated")
-    parser.add_argument("--parameters", type=Path, metavar="FILE", help="parameter set: .ssv")
-    parser.add_argument("--record", action="append", metavar="PATTERN", help="what is recorded; may be repeated")
+    parser.add_argument("--parameters", type=Path, metavar="FILE", help="parameter set (.ssv)")
+    parser.add_argument("--record", action="append", metavar="PATTERN", help="variables to record; may be repeated")
     parser.add_argument("--resume", type=Path, metavar="FILE", help="resume from the state in this file")
-    parser.add_argument("--checkpoint", type=Path, metavar="FILE", help="write the state at the end")
+    parser.add_argument("--checkpoint", type=Path, metavar="FILE", help="write the state at the end to this file")
     parser.add_argument("--pace", type=float, metavar="FACTOR", help="simulated seconds per second; 1 is real time")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help=f"also draw the result: {listed(_PICTURES)}")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help=f"plot the result: {listed(_PICTURES)}")
     add_allow_inaccurate(parser)
 
 
@@ -48,16 +48,16 @@ def run(options: argparse.Namespace) -> int:
     Raises
     ------
     FrictionError
-        If a file name has no known format, or the run fails.
+        If the format of a file is unknown, or the run fails.
     """
     from friction_fmus.cli.console import RunBar, console, progress_bar
     from friction_fmus.cli.systems import open_system
     from harness.engine.defect import inaccurate
 
     if options.output.suffix.lower() not in FORMATS:
-        raise FrictionError(f"{options.output} has no known format; end the name in {listed(tuple(FORMATS))}")
+        raise FrictionError(f"the format of {options.output} is unknown; use {listed(tuple(FORMATS))}")
     if options.plot and options.plot.suffix not in _PICTURES:
-        raise FrictionError(f"{options.plot} has no known picture format; end the name in {listed(_PICTURES)}")
+        raise FrictionError(f"the picture format of {options.plot} is unknown; use {listed(_PICTURES)}")
     output, picture = options.output.absolute(), options.plot and options.plot.absolute()
     with open_system(options.system) as opened, progress_bar() as bar:
         system = opened.with_parameters(options.parameters) if options.parameters else opened
@@ -88,12 +88,12 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _keep(result: harness.Result, message: str, path: Path, shown: Path) -> str:
-    """Write what a failed run recorded; end of a sentence that says where it is, by the path that the user gave."""
+    """Write the incomplete result of a failed run, and return where it is, as part of a sentence."""
     try:
         _save(result.assign_attrs(incomplete=message), path)
     except (HarnessError, OSError) as error:
-        return f"what was recorded until then is lost: {error}"
-    return f"what was recorded until then is in {shown}, {_size(result)}"
+        return f"the incomplete result is lost: {error}"
+    return f"the incomplete result is in {shown}, {_size(result)}"
 
 
 def _save(result: harness.Result, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Show when to use a model, its limits, equations and variables."""
+"""Show use, limits, equations and variables of a model."""
 
 from __future__ import annotations
 

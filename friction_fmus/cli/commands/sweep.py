@@ -1,7 +1,7 @@
 """Run a system of FMUs with many parameter sets.
 
-The results go to a folder of Parquet files with a row for each run. The status is 1 if no run succeeds, or if the
-result of one is reported as wrong, unless that is allowed.
+The results are written to a folder of Parquet files with a row for each run. The exit status is 1 if no run succeeds,
+or if a result is reported as wrong, unless --allow-inaccurate is given.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     add_system(parser)
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="DIR", help="folder; an interrupted sweep resumes there"
+        "-o", "--output", type=Path, required=True, metavar="DIR", help="output folder; resumes an interrupted sweep"
     )
     parser.add_argument(
         "--vary",
         action="append",
         default=[],
         metavar="NAME=VALUES",
-        help="part.port=0.5,1,2 or =0.5:2:4 (first:last:count) or =0.5:2 (for random points), :log for a logarithmic "
-        "scale; also step, stop, master; may be repeated: all combinations",
+        help="part.port=0.5,1,2 or =0.5:2:4 (first:last:count) or =0.5:2 (range of random points); :log for a "
+        "logarithmic scale; also step, stop, master; repeat it for all combinations",
     )
     random = parser.add_mutually_exclusive_group()
     random.add_argument("--latin-hypercube", type=int, metavar="N", help="N random points in the ranges")
@@ -38,16 +38,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         nargs="+",
         metavar="FILE",
-        help=".csv: names in the heading, a run a row; .ssv: a run",
+        help=".csv with names in the heading and a row for each run, or a .ssv for each run",
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the random points")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the random points")
     parser.add_argument(
         "--measure",
         action="append",
         metavar="MEASURE",
         help="final, min, max, max_abs, mean or rms of variables: rms(part.port), final(*); may be repeated",
     )
-    parser.add_argument("--keep", action="append", default=[], metavar="NAME", help="store these trajectories too")
+    parser.add_argument("--keep", action="append", default=[], metavar="NAME", help="trajectory to store")
     parser.add_argument("--step", type=float, metavar="H", help="communication step [s]")
     parser.add_argument("--stop", type=float, metavar="T", help="end time [s]")
     add_master(parser)
@@ -61,12 +61,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the sweep, print its first results and the folder.
+    """Run the sweep, and print the first results and the folder.
 
     Returns
     -------
     int
-        1 if no run succeeds, or if the result of one is reported as wrong and that is not allowed, otherwise 0.
+        1 if no run succeeds, or if a result is reported as wrong and that is not allowed, otherwise 0.
     """
     from friction_fmus.cli.cluster import connect
     from friction_fmus.cli.console import console
@@ -97,7 +97,7 @@ def run(options: argparse.Namespace) -> int:
     wrong = sum(WRONG in text for text in warnings)
     notes = f", {len(warnings)} with warnings" * bool(warnings)
     notes += f", {wrong} of them reported as wrong" * bool(wrong)
-    notes += f", {len(errors)} failed, the first one because {errors[0]}" if errors else ""
+    notes += f", {len(errors)} failed; first error: {errors[0]}" if errors else ""
     show_sweep(console, result)
     console.print(f"{options.output}: {result.sizes['run']} runs{notes}", soft_wrap=True)
     return int(len(errors) == result.sizes["run"] or (wrong > 0 and not options.allow_inaccurate))
