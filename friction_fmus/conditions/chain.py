@@ -7,10 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 
 from friction_fmus.conditions.condition import Condition
-from friction_fmus.conditions.linear import Matrix, is_stable, longest_sample, spectral_radius
+from friction_fmus.conditions.linear import Matrix, held, is_stable, longest_sample, spectral_radius
 
 
 @dataclass(frozen=True)
@@ -203,7 +202,7 @@ def chain(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: PathD
     n = len(b)
     whole = math.floor(path.delay / Ts + 1e-9)
     part = max(path.delay - whole * Ts, 0.0)
-    early, late = _held(A, b, part), _held(A, b, Ts - part)
+    early, late = held(A, b, part), held(A, b, Ts - part)
     sizes = (n, whole + 1, path.window, 1, *(len(law.C) for law in laws))
     ends = np.cumsum(sizes)
     keep = math.exp(-Ts / path.smoothing) if path.smoothing > 0.0 else 0.0
@@ -232,15 +231,6 @@ def _with_lag(plant: DrivenPlant, tau: float) -> tuple[Matrix, Matrix, Matrix]:
     A = np.zeros((n + 1, n + 1))
     A[:n, :n], A[:n, n], A[n, n] = plant.A, plant.b, -1.0 / tau
     return A, np.append(np.zeros(n), 1.0 / tau), np.hstack([read, np.zeros((2, 1))])
-
-
-def _held(A: Matrix, b: Matrix, time: float) -> tuple[Matrix, Matrix]:
-    """Return P and q of state(time) = P state(0) + q u for a held force u."""
-    n = len(b)
-    exponent = np.zeros((n + 1, n + 1))
-    exponent[:n, :n], exponent[:n, n] = A, b
-    found = expm(time * exponent)
-    return found[:n, :n], found[:n, n]
 
 
 def loop_poles(
