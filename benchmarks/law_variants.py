@@ -19,18 +19,18 @@ PLAIN_CURVE = "(Fc + (Fs - Fc) * casadi.exp(-(({0} / vs) ** delta)))"
 
 FORMULATIONS = {
     "LuGreObserver": {
-        "implicit step in place of the exact one": (
+        "implicit step": (
             "acting(rate, Ts)",
             "Ts / (1.0 + Ts * rate)",
         ),
-        "Stribeck curve by pow and exp, whatever the arguments": (
+        "always pow and exp": (
             CURVE.format("fabs(v)"),
             PLAIN_CURVE.format("fabs(v)"),
         ),
     },
     "GMSFeedforward": {
-        "implicit step in place of the exact one": ("exp(-C * Ts / S)", "1.0 / (1.0 + C * Ts / S)"),
-        "Stribeck curve by pow and exp, whatever the arguments": (
+        "implicit step": ("exp(-C * Ts / S)", "1.0 / (1.0 + C * Ts / S)"),
+        "always pow and exp": (
             CURVE.format("fabs(dr / Ts)"),
             PLAIN_CURVE.format("fabs(dr / Ts)"),
         ),
@@ -39,7 +39,7 @@ FORMULATIONS = {
 """Law -> what is different -> text in the law file, and in its place."""
 
 FLAGS = {
-    "-O2 without -fno-math-errno": ("-fmath-errno",),
+    "without -fno-math-errno": ("-fmath-errno",),
     "-O3": ("-O3",),
 }
 
@@ -48,8 +48,8 @@ def variants(export: Export, folder: Path) -> dict[str, LawC]:
     """The law in all these ways, compiled."""
     law = export.law
     found = {text: LawC(export, folder / f"flags{i}", flags=flags) for i, (text, flags) in enumerate(FLAGS.items())}
-    found["included in the file that calls it"] = LawC(export, folder / "unity", linkage="unity")
-    found["called in a file of its own"] = LawC(export, folder / "separate", linkage="separate")
+    found["in the calling file"] = LawC(export, folder / "unity", linkage="unity")
+    found["in a separate file"] = LawC(export, folder / "separate", linkage="separate")
     for i, (text, (old, new)) in enumerate(FORMULATIONS[law.name].items()):
         path = folder / f"formulation{i}.py"
         lines = law.path.read_text(encoding="utf-8")
@@ -60,13 +60,11 @@ def variants(export: Export, folder: Path) -> dict[str, LawC]:
         )
         found[text] = LawC(make_export(path), folder / path.stem)
     with patch.object(branches, "PAYS", float("inf")):
-        found["both sides of every decision computed"] = LawC(export, folder / "selects")
-    found["C that casadi writes"] = by_casadi(export, law.function, folder / "casadi")
+        found["both sides of decisions"] = LawC(export, folder / "selects")
+    found["casadi's C"] = by_casadi(export, law.function, folder / "casadi")
     if law.name == "LuGreObserver":
-        found["C that casadi writes from MX"] = by_casadi(export, observer_in_mx(law, False), folder / "mx")
-        found["C that casadi writes from MX with short-circuit if_else"] = by_casadi(
-            export, observer_in_mx(law, True), folder / "short"
-        )
+        found["casadi's C from MX"] = by_casadi(export, observer_in_mx(law, False), folder / "mx")
+        found["casadi's C from MX, short-circuit"] = by_casadi(export, observer_in_mx(law, True), folder / "short")
     return found
 
 

@@ -12,9 +12,8 @@ from typing import Any
 
 INTRODUCTION = """# Performance
 
-Ratios of times are measured in one run with both sides in turn, the fastest round of each. They vary by some 20 % from
-machine to machine and from run to run; errors do not. To measure them here, beside ecos (which needs Debian's
-libtbb12), libcosim and MuJoCo:
+A ratio of times compares the fastest rounds of two programs that run in turn. Ratios vary by some 20 % between
+machines and runs; errors do not. To repeat the measurements (ecos needs Debian's libtbb12):
 
 ```console
 $ pip install -e .[bench]
@@ -23,72 +22,67 @@ $ pip install -e .[bench]
 SECTIONS = {
     "blocks": """## A step of a friction model
 
-One `fmi2DoStep` over the same law as a plain C function (`benchmarks/laws.h`), called in a loop, with the same compiler
-flags and the same forces; held velocities, steps of 0.1 ms. The plain function has no checks, no roll-back, no outputs
-but the force. What an FMU adds is 6 to 9 ns: the checks of the time, the copy to which a failed step returns, the
-check that all results are finite. A law that is itself done in 5 ns is therefore several times slower as an FMU, one of
-30 ns or more hardly.
+The time of one `fmi2DoStep` over the time of the same law as a plain C function (`benchmarks/laws.h`), with held
+velocities and steps of 0.1 ms. The plain function has no checks, no roll-back and no outputs except the force. An FMU
+adds 6 to 9 ns for the checks of the time, the copy for a failed step, and the check that all results are finite. A law
+that takes 5 ns is therefore several times slower as an FMU, one that takes 30 ns or more hardly.
 """,
     "laws": """## A sample of a law
 
-A compensator law as the C that `friction-fmus codegen` writes, in double and in float; as FMU, with all inputs set and
-all results read around its `fmi2DoStep`; and in casadi's virtual machine. Random inputs, the same compiler flags, all
-in turn in one process. The FMU and the exported C give the same bits.
+Each compensator law is measured as the C that `friction-fmus codegen` writes (in double and in float), as FMU (with
+all inputs set and all results read around `fmi2DoStep`), and in casadi's virtual machine. Inputs are random. The FMU
+and the exported C give the same bits.
 
-Casadi's buffer interface is called from Python: that is Python's call of it, about 0.1 µs, and the virtual machine, but
-not what Python takes to set the inputs. The same buffer called in a loop in C, with the inputs set and the states fed
-back as for the exported C, is the virtual machine alone. Most of its time is in reading operations, about 2 ns each,
-so the gain is least for laws that have few and call the C library. The map over all samples also fetches every
-argument of every sample from memory.
+Casadi's buffer is called from Python (this includes 0.1 µs for the call) and in a loop in C (the virtual machine
+alone). The virtual machine needs about 2 ns per operation, so the gain is smallest for laws with few operations that
+call the C library. The map over all samples also reads every argument from memory.
 
-Two laws are written by hand, too (`benchmarks/hand/`): with branches that compute no more than a sample needs, and
-without. They take the same structs, give the same outputs and fault, to 1e-9. The faster one counts. On random samples
-branches are hard to predict, and a tenth of the samples are not enabled; the motion is a sine.
+Two laws are also written by hand (`benchmarks/hand/`), with and without branches; the faster version counts. Their
+outputs agree to 1e-9. Random samples make branches hard to predict, and a tenth of them are not enabled; the motion is
+a sine.
 
-What makes a law fast, as variants of these two over the exported C: a formulation that calls the C library only where
-it must; and C in which what only one side of a decision needs is computed on that side. In casadi's own C both sides
-are computed, or, with short-circuit, functions called. `-fno-math-errno` gains a few per cent at most, -O3 nothing;
-whether the file is included or compiled by itself makes no difference, so it is up to the user. An implicit step in
-place of the exact one takes half the time of the LuGre observer; but it is another law, with other numbers.
+The variants, over exported C, show what makes a law fast: calling the C library only where necessary, and computing
+each side of a decision only where it is needed. Casadi's own C computes both sides or, with short-circuit, calls
+functions. `-fno-math-errno` gains a few per cent at most, -O3 nothing, and including the file instead of compiling it
+makes no difference. An implicit step halves the time of the LuGre observer but gives other numbers.
 """,
     "harness": """## Co-simulation
 
-Two pairs of FMUs, in steps of 0.1 ms: in the engine, in a loop by hand in C over the same `fmi2` functions
-(`benchmarks/c_loop.c`), in a loop with fmpy's `FMU2Slave`, in ecos and in libcosim, the last two told once to do all
-steps. All record the same variables; processor time without the start; the fastest round, and the median of the ratios
-of 60 rounds. A whole run is one of 200 000 steps with its start and its `Dataset`.
+Two pairs of FMUs run in steps of 0.1 ms: in the engine, in a C loop over the same `fmi2` functions
+(`benchmarks/c_loop.c`), in a loop with fmpy's `FMU2Slave`, in ecos and in libcosim. All record the same variables.
+Times are processor times without the start, of the fastest round or as the median ratio of 60 rounds. A whole run has
+200 000 steps and includes its start and its `Dataset`.
 
-Two Quantisers in a row are the cheapest blocks, so they show the engine itself: it adds about a sixth to their time,
-for values that go through a table of signals. Mass and LuGre, in a loop of two wires whose values and energy are
-watched, are blocks of usual cost.
+Two Quantisers are the cheapest blocks and show the engine itself, which adds about a sixth to their time. Mass and
+LuGre, in a loop whose values and energy are monitored, are blocks of usual cost.
 
-Stick-slip is figure 6 of Canudas de Wit, Olsson, Astrom and Lischinsky (1995); errors are those of its period,
-6.36271982 s, or of the position against scipy's Radau at 1e-10. MuJoCo computes the same with its own LuGre friction,
-that of a DC motor, on a sliding joint; Euler is its default integrator. With RK4, four evaluations a step where
-`newton` takes 1.3, it comes nearer.
+Stick-slip is figure 6 of Canudas de Wit, Olsson, Astrom and Lischinsky (1995). Its errors are those of the period,
+6.36271982 s, or of the position against scipy's Radau at 1e-10. MuJoCo computes it with its own LuGre friction of a DC
+motor, on a sliding joint; Euler is its default integrator. RK4 comes closer to `newton`, with four evaluations a step
+instead of 1.3.
 
-In the servo loop at 2 kHz a feedforward is computed before or behind the plant. Held for a sample its force is half a
-sample late on the mean, computed behind the plant one and a half: where timing is all that is wrong with it, in sliding
-without reversal, the tracking error triples. In motion that reverses the error is mostly that of presliding friction,
-which this feedforward does not have, and the order hardly matters.
+In the servo loop at 2 kHz a feedforward is computed before or after the plant. Its held force is late by half a sample
+on average, and by one and a half if it is computed after the plant. In sliding without reversals, where nothing else
+is wrong, the tracking error triples. With reversals, presliding friction dominates the error, and the order hardly
+matters.
 """,
     "sweep": """## A sweep
 
-1000 closed loops (a profile, a PID controller, a mass and LuGre friction) of 1 s in steps of 0.1 ms, 3 ms each: the
-whole sweep, with the start of its workers and its files. What two workers gain depends on what others do on the
-machine, as it does for two plain processes. The overhead, the whole time of the workers over that in their runs, two
-workers over one, depends on it less. The loop over fmpy takes the same steps of the same FMUs, with instances that are
-reset too; every value and every step of it is a call from Python.
+1000 closed loops (a profile, a PID controller, a mass and LuGre friction) of 1 s in steps of 0.1 ms, 3 ms each. The
+time includes the start of the workers and the files. The gain of two workers depends on the load of the machine, like
+that of two plain processes. The overhead (time of the workers over the time in their runs, two workers over one)
+depends on it less. The loop over fmpy takes the same steps with the same FMUs, also resets instances, and calls every
+value and step from Python.
 """,
 }
 
 
 OF_THE_MACHINE = ("ns", "ms", "runs/s")
-"""Units of what says nothing about other machines."""
+"""Units of values that say nothing about other machines."""
 
 
 def table(rows: list[dict[str, Any]]) -> list[str]:
-    """The rows that hold on other machines, too; a value without a unit is a ratio."""
+    """Return the rows that hold on other machines, too; a value without a unit is a ratio."""
     lines = ["| | value | target | |", "|---|--:|--:|---|"]
     for row in rows:
         if row["unit"] not in OF_THE_MACHINE:
@@ -100,7 +94,7 @@ def table(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def page(files: list[Path]) -> str:
-    """The page for the results in these files, each named like its benchmark."""
+    """Return the page for the results in these files, each named like its benchmark."""
     commands = [f"$ python benchmarks/{file.stem}.py --json {file.stem}.json" for file in files]
     commands.append(
         f"$ python benchmarks/page.py {' '.join(f'{file.stem}.json' for file in files)} > docs/performance.md"

@@ -1,4 +1,4 @@
-"""What MkDocs does not do by itself: notebooks as pages, and links out of this folder."""
+"""Hooks for MkDocs: notebooks as pages, and links out of this folder."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NOTEBOOKS = DOCS.parent / "examples" / "notebooks"
 
 
 def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
-    """Adds a page and the figures of each notebook."""
+    """Add a page and the figures of each notebook."""
     for path in sorted(NOTEBOOKS.glob("*.ipynb")):
         for name, content in notebook_page(path.stem, path.read_text(encoding="utf-8")).items():
             files.append(File.generated(config, f"notebooks/{name}", content=content))
@@ -27,21 +27,21 @@ def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Names files of the repository outside of this folder instead of linking to them, and pages by their titles."""
+    """Replace links to files outside of this folder by their names, and name pages by their titles."""
     folders = "benchmarks|examples|fmu_src|friction_fmus|harness|tests"
     inside = re.sub(rf"\[([^\]]+)\]\(\.\./(?:{folders})/[^)]*\)", r"`\1`", markdown)
     return re.sub(r"\[([\w-]+\.md)\]\(", lambda match: f"[{title(match[1])}](", inside)
 
 
 def title(page: str) -> str:
-    """The first heading of a page of this folder."""
+    """Return the first heading of a page of this folder."""
     text = (DOCS / page).read_text(encoding="utf-8")
     return next(line.removeprefix("# ") for line in text.splitlines() if line.startswith("# "))
 
 
 @cache  # `mkdocs serve` builds again after each change
 def notebook_page(name: str, content: str) -> dict[str, str | bytes]:
-    """Runs a notebook; file name -> content of its page and of its figures.
+    """Run a notebook and return its page and its figures, file name -> content.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""What a motion asks of a friction model, and what is known asks of a compensator: rows of the decision tables.
+"""The rows of the decision tables: motions for friction models, situations for compensators.
 
-Which block meets a need stands in the file of the block.
+The file of a block says which needs the block meets.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ class Motion:
     Attributes
     ----------
     name : str
-        What a model says in NEEDS if it is the one to begin with.
+        The name in the NEEDS of the recommended model.
     amplitude, speed, reversals : str
         The motion, in words.
     shows, without : frozenset of str
-        Features that a model must have, and those that it need not have and is left out for.
+        Features that a model must have, and features that are not needed and exclude a model.
     found : str
-        Page and section that shows why.
+        The script in ``examples`` that shows why.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Question:
-    """A need beyond the motion: what a model says in NEEDS, what the need is, and what the model must have."""
+    """A need beyond the motion: its name in NEEDS, the need in words, and what the model must have."""
 
     name: str
     need: str
@@ -50,17 +50,17 @@ class Situation:
     Attributes
     ----------
     name : str
-        What a compensator says in its ``needs``, with its place in the row.
+        The name in the ``needs`` of a compensator, which also gives its place in the row.
     known : str
         What is known and measured, in words.
     signals : frozenset of str
-        Inputs that are at hand.
+        Available inputs.
     model : frozenset of str
-        What the compensator carries of the friction, of `KNOWLEDGE`.
+        Kinds of friction model in the compensator, of `KNOWLEDGE`.
     found : str
-        Page and section that shows what it reaches.
+        The script in ``examples`` that shows what it achieves.
     first : int
-        Places of the compensators to begin with; those behind are other choices.
+        Up to this place compensators are recommended; later places are alternatives.
     """
 
     name: str
@@ -82,79 +82,79 @@ MOTIONS = (
     Motion(
         "sliding",
         "any",
-        "far above vs, all the time",
+        "always far above vs",
         "none",
         words(""),
-        "effects.md#friction-draws-a-glitch-at-each-quadrant-of-a-circle",
+        "quadrant_glitches",
         STATIC | {"Stribeck"},
     ),
     Motion(
         "through rest",
         "above 100",
         "from rest through vs",
-        "one after the other",
+        "not nested",
         words("Stribeck"),
-        "effects.md#what-a-compensator-gains-depends-on-the-amplitude",
+        "compensators_over_amplitude",
         STATIC,
     ),
     Motion(
         "near presliding",
         "1 to 100",
         "from rest through vs",
-        "one after the other",
+        "not nested",
         words("presliding, Stribeck, lag"),
-        "effects.md#what-a-compensator-gains-depends-on-the-amplitude",
+        "compensators_over_amplitude",
     ),
     Motion(
         "presliding",
         "below 1",
         "below vs",
-        "one after the other",
+        "not nested",
         words("presliding"),
-        "claims.md#dahls-loops-coincide-at-any-rate-lugres-do-not",
+        "dahl_rate_independence",
     ),
     Motion(
         "nested presliding",
         "below 1",
         "below vs",
-        "inside one another",
+        "nested",
         words("presliding, nonlocal memory"),
-        "claims.md#lugre-forgets-reversal-points-maxwellslip-and-gms-remember-them",
+        "reversal_memory",
     ),
     Motion(
         "nested and sliding",
         "below 1 and above",
         "from rest through vs",
-        "inside one another",
+        "nested",
         words("presliding, nonlocal memory, Stribeck, lag"),
-        "effects.md#in-presliding-feedforward-needs-a-model-with-memory",
+        "feedforward_in_presliding",
     ),
     Motion(
         "held under vibration",
         "below 1, held for long",
         "at rest, shaken",
-        "vibration on a constant force",
+        "vibration about a constant force",
         words("presliding, drift-free, Stribeck"),
-        "claims.md#lugre-drifts-under-a-bias-with-vibration-elastoplastic-does-not",
+        "drift_under_vibration",
     ),
 )
 
 QUESTIONS = (
-    Question("stick-slip", "stick-slip of an axis that is pulled slowly", words("Stribeck")),
-    Question("frictional lag", "friction that follows changes of the speed late", words("lag")),
-    Question("dwell", "break-away that grows with the time at rest", words("dwell")),
-    Question("real stop", "a mass that really stops and stays", words("drift-free, mass inside")),
-    Question("known forces", "friction at rest from the known forces on the mass", words("needs force")),
-    Question("changing normal force", "a normal force that changes during the run", inputs=words("Fn")),
-    Question("random", "friction that varies at random along the path", words("random")),
+    Question("stick-slip", "stick-slip of a slowly pulled axis", words("Stribeck")),
+    Question("frictional lag", "friction that lags behind the speed", words("lag")),
+    Question("dwell", "break-away force that grows with the time at rest", words("dwell")),
+    Question("real stop", "a mass that comes to a complete stop", words("drift-free, mass inside")),
+    Question("known forces", "friction at rest from known forces on the mass", words("needs force")),
+    Question("changing normal force", "a normal force that changes during a run", inputs=words("Fn")),
+    Question("random", "friction that varies randomly along the path", words("random")),
 )
 
 KNOWLEDGE = {
     "presliding": "curve and presliding",
-    "static": "curve over speed",
+    "static": "curve",
     "none": "none",
 }
-"""What a compensator carries of the friction, from its parameters."""
+"""Kinds of friction model in compensators, by their parameters."""
 REFERENCE = ("r", "rd", "rdd", "jerk", "snap")
 MEASURED = ("x", "v", "u_prev", "f_prev")
 SWITCHES = ("enable", "reset", "learn", "trial_end")
@@ -166,113 +166,113 @@ FEEDBACK = words("r, x, v")
 SITUATIONS = (
     Situation(
         "curve ahead",
-        "the reference, a curve over speed; amplitudes far above x_p",
+        "reference and friction curve; amplitudes far above x_p",
         words("rd, rdd"),
         words("static"),
-        "effects.md#friction-draws-a-glitch-at-each-quadrant-of-a-circle",
+        "quadrant_glitches",
     ),
     Situation(
         "presliding ahead",
-        "the reference, a model with presliding; amplitudes near x_p and below",
+        "reference and presliding model; amplitudes near x_p or below",
         FORWARD,
         words("presliding"),
-        "effects.md#in-presliding-feedforward-needs-a-model-with-memory",
+        "feedforward_in_presliding",
         first=2,
     ),
     Situation(
         "presliding in feedback",
-        "no reference in advance; velocity, a model with presliding",
+        "velocity and presliding model, but no reference in advance",
         FEEDBACK,
         words("presliding"),
-        "effects.md#an-observer-of-friction-in-feedback-is-behind-feedforward-by-a-share-of-a-sample",
+        "observer_and_feedforward",
     ),
     Situation(
         "curve in feedback",
-        "no reference in advance; velocity, a curve over speed",
+        "velocity and friction curve, but no reference in advance",
         FEEDBACK,
         words("static"),
-        "effects.md#over-compensation-makes-a-limit-cycle",
+        "over_compensation",
     ),
     Situation(
         "force and velocity",
-        "no model; velocity, and the force that was applied",
+        "velocity and applied force, but no model",
         words("v, u_prev, f_prev"),
         words("none"),
-        "effects.md#an-observer-of-friction-is-as-good-as-its-lag-is-short",
+        "observer_lag",
     ),
     Situation(
         "force and encoder",
-        "no model; an encoder, and the force that was applied",
+        "encoder and applied force, but no model",
         words("r, rd, rdd, x, u_prev"),
         words("none"),
-        "effects.md#a-kalman-filter-finds-friction-without-a-model-of-it",
+        "kalman_filter_as_compensator",
         first=2,
     ),
     Situation(
         "uncertain model",
-        "a model that is some 10 % off, and a disturbance observer behind it",
+        "a model that is about 10 % off, used with a disturbance observer",
         FORWARD | words("v, u_prev, f_prev"),
         words("presliding, none"),
-        "effects.md#friction-feedforward-and-a-disturbance-observer-together-beat-either-of-them-unless-the-model-is-exact",
+        "cascade_on_a_circle",
         first=2,
     ),
     Situation(
         "changing load",
-        "a model at one load; the load or the lubrication changes",
+        "a model at one load, but load or lubrication changes",
         words("r, rd, rdd, x, v, u_prev"),
         words("presliding, static"),
-        "effects.md#adaptation-takes-up-a-step-of-the-load",
+        "adaptive_normal_force",
         first=2,
     ),
     Situation(
         "bound only",
-        "no more than a bound of the friction",
+        "only a bound of the friction",
         words("r, rd, rdd, x, v, f"),
         words("none"),
-        "effects.md#an-implicit-sliding-mode-does-not-chatter",
+        "sliding_mode",
         first=2,
     ),
     Situation(
         "trials",
-        "the same motion again and again, each time from rest",
+        "a repeated motion, each time from rest",
         words("r, x"),
         words("none"),
-        "effects.md#learning-takes-friction-out-of-a-motion-that-is-repeated",
+        "learning_over_trials",
     ),
     Situation(
         "periods",
-        "the same motion again and again, without a pause",
+        "a repeated motion without pauses",
         words("r, x"),
         words("none"),
-        "effects.md#a-repetitive-controller-takes-what-is-periodic-out-of-the-error-quadrant-glitches-included",
+        "repetitive_control",
     ),
     Situation(
         "hunting",
-        "positioning: PID hunts around the goal",
+        "positioning where PID control hunts around the goal",
         words("r, rd, rdd, x, v, f"),
         words("none"),
-        "effects.md#an-integral-that-jumps-where-the-error-changes-sign-ends-the-hunting",
+        "reset_integral",
     ),
     Situation(
         "stiction error",
-        "positioning: the axis stays off its goal",
+        "positioning where the axis stops short of its goal",
         words("r, x, v, f"),
         words("static, presliding, none"),
-        "effects.md#short-pulses-of-force-remove-an-error-that-a-pd-controller-leaves",
+        "pulses",
     ),
     Situation(
         "varying along the axis",
         "friction and cogging that vary along the axis",
         FEEDBACK,
         words("static"),
-        "effects.md#learned-forces-tell-friction-from-cogging",
+        "cogging_from_learned_forces",
     ),
     Situation(
         "reference only",
-        "a drive that takes nothing but a reference",
+        "a drive that accepts only a reference",
         words("r, rd, rdd, f"),
         words("none"),
-        "effects.md#a-prefilter-of-the-reference-does-what-feedforward-does",
+        "prefilter_is_feedforward",
         first=2,
     ),
 )

@@ -36,17 +36,17 @@ DOCS = Path(__file__).parent
 
 @cache
 def described(name: str) -> BlockVariables:
-    """The variables of a block of the catalogue."""
+    """Return the variables of a block of the catalogue."""
     return describe_block(catalogue()[name])
 
 
 def inputs(name: str) -> frozenset[str]:
-    """Its inputs but the switches."""
+    """Return its inputs without the switches."""
     return frozenset(v.name for v in _inputs(name))
 
 
 def required(name: str) -> frozenset[str]:
-    """Its inputs but the switches and those that may stay unconnected."""
+    """Return its inputs without the switches and those that may stay unconnected."""
     return frozenset(v.name for v in _inputs(name) if not v.text.startswith("optional"))
 
 
@@ -55,12 +55,12 @@ def _inputs(name: str) -> list[Variable]:
 
 
 def of_kind(*kinds: str) -> list[Block]:
-    """The blocks of these kinds, in the order of the catalogue."""
+    """Return the blocks of these kinds, in the order of the catalogue."""
     return [block for block in catalogue().values() if block.kind in kinds]
 
 
 def knowledge(name: str) -> str:
-    """What a compensator carries of the friction, of `KNOWLEDGE`: by the names of its parameters."""
+    """Return the kind of friction model in a compensator, of `KNOWLEDGE`, by the names of its parameters."""
     names = {v.name for v in described(name).variables if v.role in (PARAMETER, FIXED)}
     if not names & {"Fc", "Fc0"}:
         return "none"
@@ -68,7 +68,7 @@ def knowledge(name: str) -> str:
 
 
 def suited_models(motion: Motion) -> list[str]:
-    """The friction models for a motion."""
+    """Return the friction models for a motion."""
     return [
         block.name
         for block in of_kind("friction")
@@ -77,7 +77,7 @@ def suited_models(motion: Motion) -> list[str]:
 
 
 def answering_models(question: Question) -> list[str]:
-    """The friction models for a need."""
+    """Return the friction models for a need."""
     return [
         block.name
         for block in of_kind("friction")
@@ -86,20 +86,20 @@ def answering_models(question: Question) -> list[str]:
 
 
 def choices(need: str) -> list[str]:
-    """The blocks that name a need, in the order of the places that they give themselves."""
+    """Return the blocks that name a need, by the place that each gives itself."""
     found = [(block.about.needs[need], block.name) for block in catalogue().values() if need in block.about.needs]
     return [name for _, name in sorted(found)]
 
 
 def begin(situation: Situation) -> list[str]:
-    """The compensators to begin with."""
+    """Return the recommended compensators."""
     return [
         name for name in choices(situation.name) if catalogue()[name].about.needs[situation.name] <= situation.first
     ]
 
 
 def suited_compensators(situation: Situation) -> list[str]:
-    """The compensators that get by with the signals of a situation and carry what is known of the friction."""
+    """Return the compensators that need no other signals than those of a situation, and no other friction model."""
     return [
         block.name
         for block in of_kind("law", "controller")
@@ -107,20 +107,17 @@ def suited_compensators(situation: Situation) -> list[str]:
     ]
 
 
-def finding(target: str) -> str:
-    """Title of a section of docs/claims.md or docs/effects.md, as a link to it, and the sentence on what it found."""
-    page, _, anchor = target.partition("#")
-    text = (DOCS / page).read_text(encoding="utf-8")
-    for section in re.split(r"^## ", text, flags=re.M)[1:]:
-        title = section.splitlines()[0]
-        if slug(title) == anchor:
-            (said,) = re.findall(r"^> (.*)$", section, re.M)
-            return f"[{title}]({target}). {said.rstrip('.')}."
-    raise LookupError(f"{page} has no section #{anchor}")
+def finding(script: str) -> str:
+    """Return the title of a script's section in docs/effects.md, as a link to it."""
+    for section in re.split(r"^### ", (DOCS / "effects.md").read_text(encoding="utf-8"), flags=re.M)[1:]:
+        if f"(figures/{script}.png)" in section:
+            title = section.splitlines()[0]
+            return f"[{title}](effects.md#{slug(title)})"
+    raise LookupError(f"effects.md does not show {script}")
 
 
 def slug(title: str) -> str:
-    """The anchor of a heading."""
+    """Return the anchor of a heading."""
     return re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", title.lower())).strip("-")
 
 
@@ -128,25 +125,25 @@ def slug(title: str) -> str:
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown."""
+    """Return a table in Markdown."""
     lines = [heads, ["---"] * len(heads), *rows]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
 def bold(names: Iterable[str]) -> str:
-    """Names in bold."""
+    """Return names in bold."""
     return ", ".join(f"**{name}**" for name in names)
 
 
 def model_link(name: str) -> str:
-    """A friction model in docs/models.md."""
+    """Return a link to a friction model in docs/models.md."""
     return f"[{name}](models.md#{name.lower()})"
 
 
 def motions() -> str:
-    """Which friction model, by the motion."""
+    """Return the friction models by motion."""
     return table(
-        ("A / x_p", "speed", "reversals", "begin with", "what it shows", "others that show it"),
+        ("A / x_p", "speed", "reversals", "recommended", "what it shows", "alternatives"),
         [
             (
                 m.amplitude,
@@ -162,7 +159,7 @@ def motions() -> str:
 
 
 def reasons() -> str:
-    """Why these models, by what the scripts found."""
+    """Return the reasons for these models: the effects that scripts show."""
     found: dict[str, list[str]] = {}
     for m in MOTIONS:
         found.setdefault(m.found, []).extend(choices(m.name))
@@ -170,24 +167,31 @@ def reasons() -> str:
 
 
 def questions() -> str:
-    """Which friction model, by other needs."""
+    """Return the friction models by other needs."""
     return table(
-        ("you need", "begin with", "others"),
+        ("you need", "recommended", "alternatives"),
         [
             (
                 q.need,
                 bold(map(model_link, choices(q.name))),
-                ", ".join(model_link(name) for name in answering_models(q) if name not in choices(q.name)),
+                others(q),
             )
             for q in QUESTIONS
         ],
     )
 
 
+def others(question: Question) -> str:
+    """Return the alternatives for a need; those that only need an input are too many to list."""
+    if question.inputs:
+        return f"every model with the input {', '.join(f'`{name}`' for name in sorted(question.inputs))}"
+    return ", ".join(model_link(name) for name in answering_models(question) if name not in choices(question.name))
+
+
 def situations() -> str:
-    """Which compensator, by what is known and measured."""
+    """Return the compensators by what is known and measured."""
     return table(
-        ("known and measured", "begin with", "others", "what was found"),
+        ("known and measured", "recommended", "alternatives", "effect"),
         [
             (
                 s.known,
@@ -201,7 +205,7 @@ def situations() -> str:
 
 
 def compensators() -> str:
-    """What each compensator takes, carries and gives."""
+    """Return the inputs, the friction model and the use of each compensator."""
     rows = []
     for block in of_kind("law", "controller"):
         taken = inputs(block.name)
@@ -218,11 +222,11 @@ def compensators() -> str:
                 use.replace("|", "\\|"),
             )
         )
-    return table(("compensator", "reference", "measured", "other inputs", "model of friction", "use it"), rows)
+    return table(("compensator", "reference", "measured", "other inputs", "friction model", "use it"), rows)
 
 
 def capabilities() -> str:
-    """The attributes of the element CoSimulation, the same for every block."""
+    """Return the attributes of the element CoSimulation, the same for every block."""
     return table(
         ("attribute", "value", "what it means"),
         [(f"`{name}`", f"`{value}`", text) for name, (value, text) in CAPABILITIES.items()],
@@ -230,7 +234,7 @@ def capabilities() -> str:
 
 
 def kinds() -> str:
-    """What the variables of each kind of block look like in modelDescription.xml."""
+    """Return what modelDescription.xml says of the variables of each kind of block."""
     rows = []
     for kind in ("friction", "plant", "law", "controller", "signal"):
         blocks = of_kind(kind)
@@ -263,7 +267,7 @@ def _count(numbers: Iterable[int]) -> str:
 
 
 def roles() -> str:
-    """Causality, variability and initial of the variables."""
+    """Return causality, variability and initial of the variables."""
     rows = []
     for causality, variability, initial in dict.fromkeys(ROLE.values()):
         sampled = ", in sampled blocks `discrete`" if causality in ("output", "local") else ""
@@ -275,7 +279,7 @@ TABLES = {f.__name__: f for f in (motions, reasons, questions, situations, compe
 
 
 def filled(text: str) -> str:
-    """A page with its tables written anew."""
+    """Return a page with its tables written anew."""
 
     def fill(match: re.Match[str]) -> str:
         return f"{match[1]}\n{TABLES[match[2]]()}\n{match[3]}"
@@ -284,7 +288,7 @@ def filled(text: str) -> str:
 
 
 def pages() -> list[Path]:
-    """The pages that have such tables."""
+    """Return the pages that have such tables."""
     return [path for path in sorted(DOCS.glob("*.md")) if "<!-- table: " in path.read_text(encoding="utf-8")]
 
 

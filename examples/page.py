@@ -1,9 +1,10 @@
-"""docs/claims.md, docs/effects.md and their figures, made by the scripts: ``python examples/page.py docs``."""
+"""docs/effects.md and its figures, made by the scripts: ``python examples/page.py docs``."""
 
 from __future__ import annotations
 
 import argparse
 import ast
+import re
 import sys
 from collections.abc import Mapping
 from importlib import import_module
@@ -11,74 +12,102 @@ from pathlib import Path
 from typing import NamedTuple
 
 EXAMPLES = Path(__file__).resolve().parent
+FILE = "effects.md"
 
+INTRODUCTION = """# Effects of friction and of compensation
 
-class Page(NamedTuple):
-    """A page of the documentation: its file, and how it begins."""
+What friction models can and cannot show, and what compensation achieves in a control loop. Each section is a script
+that runs the FMUs, draws the figure and checks the numbers against theory or an independent computation. The tests run
+all scripts. To draw a figure yourself:
 
-    file: str
-    introduction: str
+```sh
+python examples/compensation/hunting.py figures
+```
 
+The first comment of a script says how its result was computed. The literature's claims about these effects are in
+[literature.md](literature.md), and the bounds of all measured figures in
+[figures.csv](../examples/compensation/figures.csv).
+"""
 
-PAGES = {
-    "models": Page(
-        "claims.md",
-        """# What the models can and cannot do
+CHAPTERS = {
+    "models": """## Friction models
 
-The study of friction models and friction compensation from which this project started makes claims about the models.
-Here each of them is a script that drives the FMUs, draws a figure and asserts the claim. All parameters are the start
-values of the FMUs, unless it is said otherwise.
+All parameters are the start values of the FMUs unless the text says otherwise.
 """,
-    ),
-    "compensation": Page(
-        "effects.md",
-        """# What friction does to a control loop, and what compensation does about it
+    "compensation": """## Control loops
 
-Each effect is a script that closes the loop with the FMUs, draws a figure and asserts what it shows. Unless it is
-said otherwise the loop is an axis of 1 kg with LuGre friction, with the parameters of its 1995 paper, under a PID at
-2 kHz that places three poles at 15 Hz, with feedforward of the inertia. All figures with their bounds are in
-[compensation.md](compensation.md).
+Unless the text says otherwise, the loop is an axis of 1 kg with LuGre friction (the parameters of its 1995 paper) under
+a PID controller at 2 kHz with feedforward of the inertia. The controller places three poles at 15 Hz. Errors are root
+mean square (rms) tracking errors.
 """,
-    ),
 }
-"""Folder of scripts -> the page that shows them."""
+"""Folder of scripts -> how its chapter begins."""
+
+
+class Text(NamedTuple):
+    """What the docstring of a script says: title, what the page shows of it, and the source."""
+
+    title: str
+    summary: str
+    source: str
 
 
 def scripts(folder: str) -> dict[str, Path]:
-    """The scripts of a folder, by name."""
+    """Return the scripts of a folder by name."""
     paths = sorted(path for path in (EXAMPLES / folder).glob("*.py") if not path.name.startswith("_"))
     return {path.stem: path for path in paths}
 
 
-def section(folder: str, name: str, numbers: str) -> str:
-    """The section of a script: its docstring, the numbers that it printed, its figure and its command."""
-    text = scripts(folder)[name].read_text(encoding="utf-8")
-    title, _, text = (ast.get_docstring(ast.parse(text)) or "").partition("\n")
-    return f"""## {title}
+def text(folder: str, name: str) -> Text:
+    """Return the title, the first paragraph and the source of a script."""
+    docstring = ast.get_docstring(ast.parse(scripts(folder)[name].read_text(encoding="utf-8"))) or ""
+    heading, summary, *rest = docstring.split("\n\n")
+    (source,) = (paragraph for paragraph in rest if paragraph.startswith("Source: "))
+    return Text(heading, summary, source)
 
-{text.strip()}
+
+def title(folder: str, name: str) -> str:
+    """Return the heading of a script's section."""
+    return text(folder, name).title
+
+
+def link(folder: str, name: str) -> str:
+    """Return the address of a script's section, relative to docs/."""
+    anchor = re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", title(folder, name).lower()))
+    return f"{FILE}#{anchor}"
+
+
+def section(folder: str, name: str, numbers: str) -> str:
+    """Return the section of a script: its summary, its figure, the numbers that it printed, its source and a link."""
+    said = text(folder, name)
+    return f"""### {said.title}
+
+{said.summary}
+
+![{name.replace("_", " ")}](figures/{name}.png)
 
 > {numbers}
 
-![{title}](figures/{name}.png)
-
-```sh
-python examples/{folder}/{name}.py figures
-```
+{said.source} Script: [{name}.py](../examples/{folder}/{name}.py)
 """
 
 
-def page(folder: str, numbers: Mapping[str, str]) -> str:
-    """The page of a folder, from the numbers that each script printed."""
-    return "\n".join([PAGES[folder].introduction, *(section(folder, name, numbers[name]) for name in scripts(folder))])
+def page(numbers: Mapping[tuple[str, str], str]) -> str:
+    """Return the page, from the numbers that each script printed."""
+    parts = [INTRODUCTION]
+    for folder, beginning in CHAPTERS.items():
+        parts += [beginning, *(section(folder, name, numbers[folder, name]) for name in scripts(folder))]
+    return "\n".join(parts)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
-    parser.add_argument("docs", type=Path, help="where the pages and figures/ are written")
+    parser.add_argument("docs", type=Path, help="where the page and figures/ are written")
     docs = parser.parse_args().docs
-    for folder, (file, _) in PAGES.items():
+    printed = {}
+    for folder in CHAPTERS:
         sys.path.insert(0, str(EXAMPLES / folder))
-        found = {name: import_module(name).main(docs / "figures") for name in scripts(folder)}
-        numbers = {name: each if isinstance(each, str) else each.numbers for name, each in found.items()}
-        (docs / file).write_text(page(folder, numbers), encoding="utf-8")
+        for name in scripts(folder):
+            found = import_module(name).main(docs / "figures")
+            printed[folder, name] = found if isinstance(found, str) else found.numbers
+    (docs / FILE).write_text(page(printed), encoding="utf-8")

@@ -1,19 +1,15 @@
-"""Friction feedforward and a disturbance observer together beat either of them, unless the model is exact
+"""Friction feedforward and a disturbance observer complement each other
 
-On a circle friction turns at each quadrant. Feedforward of a GMS model, led by the reference, is there in time but only
-as good as its parameters. A disturbance observer needs no model of friction but is late by its low-pass. Together the
-observer has only the error of the model left to find, if the share of the feedforward is taken off the force that it
-sees (`f_prev`). With parameters 10 % off, which is good identification, both together leave a tenth to a quarter of
-what the better of the two leaves alone, at 2, 10 and 100 mm/s.
+On a circle, friction changes sign at each quadrant. Feedforward of a GMS model acts in time but is only as good as its
+parameters; a disturbance observer needs no model but is late. With parameters 10 % off, both together leave a tenth to
+a quarter of the error of the better one alone. Left: error over speed; right: error around a quadrant at 10 mm/s.
 
-With the exact model there is little left to observe: feedforward alone leaves 1.4, 15 and 181 nm, which is due to
-sampling. The observer then takes 62, 60 and 45 % of that away with a corner of 30 Hz, more with one of 60 Hz. Static
-feedforward, of the Stribeck curve without presliding, does nothing at 10 mm/s and doubles the error at 2 mm/s; at
-100 mm/s it is good.
-
-The figure shows an axis of 1 kg with GMS friction on a circle of 10 mm radius, under a cascade of position and velocity
-loop with the bandwidth of the PID elsewhere on this page and feedforward of the inertia: the error by speed, and around
-a quadrant at 10 mm/s. The low-pass of the observer has 30 Hz.
+The plant is an axis with GMS friction on a circle of 10 mm radius, under a cascade of position and velocity loop with
+the bandwidth of the PID controller of the other effects and feedforward of the inertia. The observer's low-pass has 30
+Hz; it gets the feedforward's share as `f_prev`, so that it looks for the error of the model only. With the exact model
+little is left to observe: feedforward alone leaves 1.4, 15 and 181 nm, the error of sampling. The observer then
+removes 62, 60 and 45 % of that with a corner of 30 Hz, and more with 60 Hz. Static feedforward, of the Stribeck curve
+without presliding, has no effect at 10 mm/s, doubles the error at 2 mm/s and is good at 100 mm/s.
 
 The errors were computed independently, with steps of 2.5 µs from sample to sample.
 
@@ -156,7 +152,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         Check("100 mm/s: error with static feedforward over without", static[0.1] / none[0.1], "", 0.0, 0.2),
     ]
 
-    figure, axes = panels("Together they leave a quarter or less, with a model 10 % off", 1, 2, (9.0, 3.9))
+    figure, axes = panels("Both together leave a quarter or less of the error (model 10 % off)", 1, 2, (9.0, 3.9))
     for case in SHOWN:
         values = [1e-3 * found[feed, case] for feed in RMS]
         style = {"color": COLOURS[case[0]], "lw": 1.5, "ms": 5, "label": LABELS[case[0]]}
@@ -178,11 +174,11 @@ def main(folder: Path, full: bool = False) -> Effect:
     axes[0].legend(loc="lower right", fontsize=8.5, ncols=2)
     save(figure, __file__, folder)
     return Effect(
-        "With a model 10 % off both together leave "
+        "With a model 10 % off, both together leave "
         + ", ".join(f"{both[feed] / min(gms[feed], observer[feed]):.2f}" for feed in RMS)
-        + " of what the better one leaves alone, at 2, 10 and 100 mm/s; static feedforward alone changes the error to "
+        + " of the error of the better one alone, at 2, 10 and 100 mm/s. Static feedforward alone leaves "
         + ", ".join(f"{static[feed] / none[feed]:.2f}" for feed in RMS)
-        + " of that without.",
+        + " of the error without compensation.",
         tuple(checks),
     )
 

@@ -1,15 +1,13 @@
-"""Learned forces tell friction from cogging
+"""Learned forces separate friction from cogging
 
-The force that iterative learning finds at a constant speed is friction and every force that depends on the position.
-In the other direction friction changes its sign and cogging does not, so half the difference of both forces is friction
-and half their sum holds the axis against cogging.
+Iterative learning at constant speed finds friction plus every force that depends on the position. Friction changes its
+sign with the direction, cogging does not: half the difference of the two learned forces is friction, half their sum is
+cogging. The figure shows both tables with the true values.
 
-The figure shows an axis of 1 kg with LuGre friction and cogging of 0.7 N with a pitch of 24 mm: what was learned in 15
-trials at 50 mm/s in both directions, and the two tables with the true values of the plant. The motion speeds up in
-0.1 s; the table begins 50 ms later, when the axis has settled, and ends a pitch further on. The learning rate is 0.5,
-the filter of learning has its corner at 200 Hz.
-
-The true friction is that of steady sliding, Fc + sigma2 v, as all speeds are far above the Stribeck velocity.
+The axis has LuGre friction and cogging of 0.7 N with a pitch of 24 mm. It learns for 15 trials at 50 mm/s in both
+directions, at a rate of 0.5 and with the corner of the learning filter at 200 Hz. The motion accelerates in 0.1 s; the
+table begins 50 ms later, when the axis has settled, and covers one pitch. The true friction is that of steady sliding,
+Fc + sigma2 v, because all speeds are far above the Stribeck velocity.
 
 Source: none could be identified for the scheme; for the learning: Arimoto, Kawamura, Miyazaki, Journal of Robotic
 Systems 1(2), 1984.
@@ -81,7 +79,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     forward, backward = ([learned_over_position(sign * speed) for speed in speeds] for sign in (1.0, -1.0))
     tables = [separate(X, [v], [a], [b]) for v, a, b in zip(speeds, forward, backward, strict=True)]
 
-    figure, axes = panels("Learned forces tell friction from cogging", 1, 2, (9.0, 3.8))
+    figure, axes = panels("Learned forces separate friction from cogging", 1, 2, (9.0, 3.8))
     axes[0].plot(1e3 * X, forward[0], color=RED, lw=1.3, label="forward")
     axes[0].plot(1e3 * X, backward[0], color=BLUE, lw=1.3, label="backward")
     axes[0].set(xlabel="position [mm]", ylabel="learned force [N]", ylim=(-2.0, 2.8))
@@ -104,7 +102,8 @@ def main(folder: Path, full: bool = False) -> Effect:
         checks.append(near(f"{name}: amplitude of the cogging", amplitude, COGGING, 5e-3, "N"))
         checks.append(near(f"{name}: friction", found[-1][1], FC + VISCOUS * speed, 3e-3, "N"))
     return Effect(
-        f"At 50 mm/s the cogging is found as {found[0][0]:.4f} N (0.7 N), friction as {found[0][1]:.4f} N (1.02 N).",
+        f"At 50 mm/s the cogging is estimated as {found[0][0]:.3f} N (true: 0.7 N) and friction as {found[0][1]:.3f} "
+        "N (true: 1.02 N).",
         tuple(checks),
     )
 

@@ -1,22 +1,19 @@
-"""What a compensator gains depends on the amplitude
+"""The benefit of a compensator depends on the amplitude
 
-The same compensators for an axis of 1 kg with LuGre friction that follows a cosine of 1 Hz with amplitudes from 5 µm,
-within the presliding range, to 5 mm, sliding. The figure shows the root mean square tracking error with a compensator
-over the error without; above 1 it does harm.
+The tracking error with a compensator over the error without it, on a cosine of 1 Hz, from 5 µm (presliding) to 5 mm
+(sliding). Above 1 the compensator does harm: friction computed from the sign of the reference velocity does so in
+presliding. The exact model leaves less than 0.5 %. Forces 10 % off leave 10 to 12 %, at every amplitude.
 
-Friction computed from the sign of the reference velocity jumps where the real one turns over gradually: in presliding
-it is many times worse than nothing, in sliding it takes nine tenths of the error away. Karnopp's band of 1 mm/s holds
-all of the two small motions, so it does nothing there. Dahl's model has the presliding and lacks the Stribeck curve.
-GMS, with elements for another contact of the same levels, leaves a fifth to a third. With the exact model 0.2 to 0.5 %
-of the error is left. With all forces of the model 10 % too high or too low 10 to 12 % is left, from presliding to
-sliding: an error of the model comes back in full, at every amplitude. The exact model as an observer, on the measured
-velocity, leaves three to six times as much as on the reference. Observers that know no model, a disturbance observer of
-50 Hz or a Kalman filter for a position to 0.3 µm, come close to a model that is 10 % off, and are better than it where
-friction changes slowly. Static friction of the measured velocity does little, as its sign is a straight line up to 10
-mm/s.
+Static friction changes sign at once where the real friction changes gradually: in presliding it is many times worse
+than nothing, in sliding it removes nine tenths of the error. Karnopp's band of 1 mm/s covers all of the two small
+motions, so it does nothing there. Dahl's model has presliding but no Stribeck curve. GMS, with elements for another
+contact of the same levels, leaves a fifth to a third. The exact model as an observer, on the measured velocity, leaves
+three to six times as much as on the reference. Observers without a model, a disturbance observer of 50 Hz or a Kalman
+filter for a position to 0.3 µm, come close to a model that is 10 % off, and are better where friction changes slowly.
+Static friction of the measured velocity does little, because its sign is a straight line up to 10 mm/s.
 
-The ratios were computed independently, with a Runge-Kutta method at steps of 2 µs for the axis and all laws written
-anew.
+The ratios were computed independently, with a Runge-Kutta method at steps of 2 µs for the axis and independent code
+for all laws.
 
 Source: Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000, and Lampaert, Swevers, Al-Bender, American Control
 Conference, 2004 (comparisons in feedforward); Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995 (the
@@ -137,7 +134,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         for name in names
     }
 
-    figure, (axes,) = panels("What a compensator gains depends on the amplitude", 1, 1, (7.6, 4.6))
+    figure, (axes,) = panels("The benefit of a compensator depends on the amplitude", 1, 1, (7.6, 4.6))
     for name, (colour, dashes) in STYLES.items():
         axes.loglog([1e3 * each for each in AMPLITUDES], found[name], color=colour, ls=dashes, marker="o", ms=4, lw=1.3)
     axes.axhline(1.0, color=BLACK, ls=":", lw=1.0)
@@ -160,10 +157,10 @@ def main(folder: Path, full: bool = False) -> Effect:
     late = np.divide(found["LuGre observer"], found["LuGre"])
     checks.append(Check("least error with the observer over that with the reference", float(late.min()), "", 2.0))
     return Effect(
-        f"From 5 µm to 5 mm the exact model leaves {100 * min(found['LuGre']):.2g} to "
-        f"{100 * max(found['LuGre']):.2g} % of the error, with forces 10 % too high {100 * min(found[OFF[0]]):.2g} to "
-        f"{100 * max(found[OFF[0]]):.2g} %; static friction makes it {found['static'][0]:.3g} times as large at 5 µm "
-        f"and leaves {100 * found['static'][-1]:.2g} % at 5 mm.",
+        f"From 5 µm to 5 mm, the exact model leaves {100 * min(found['LuGre']):.2g} to "
+        f"{100 * max(found['LuGre']):.2g} % of the error, forces 10 % too high {100 * min(found[OFF[0]]):.2g} to "
+        f"{100 * max(found[OFF[0]]):.2g} %. Static friction makes the error {found['static'][0]:.3g} times as large "
+        f"at 5 µm and leaves {100 * found['static'][-1]:.2g} % at 5 mm.",
         tuple(checks),
     )
 

@@ -1,15 +1,15 @@
-"""A dead-band ends hunting if it is wide enough, and makes it worse if it is not
+"""A dead-band ends hunting if it is wide enough, and otherwise worsens it
 
-A dead-band holds the integral while the error is small. If a slip of the hunting ends inside of it, nothing winds up
-any more and the axis rests, with the error that is left. If the slips only pass through it, the integral is held just
-where it should unwind: the axis is pushed on for longer and thrown farther.
+A dead-band stops the integral while the error is small. If a slip ends inside it, the axis comes to rest, with the
+error that is left. If the slips only pass through it, the integral is stopped just where it should unwind, and the
+axis overshoots more. The figure shows 1 kg on its way to a goal at 1 m, without a dead-band and with two widths.
 
-The figure shows 1 kg on LuGre under the PID of the 1995 paper, Kp = 3, Ki = 4 and Kd = 6, on its way to a goal at 1 m,
-which hunts with a swing of 64 mm. With a dead-band of 40 mm it hunts with 76 mm, with one of 100 mm it rests. With
-hysteresis (db_ratio = 1.5: a held integral stays held up to 1.5 db) the band does not chatter, but a band that is too
-narrow does more harm than without (db_ratio = 1).
+The loop is LuGre friction under the PID controller of the 1995 paper, Kp = 3, Ki = 4 and Kd = 6. It hunts by 64 mm
+without a dead-band, by 76 mm with one of 40 mm, and rests with one of 100 mm. With hysteresis (db_ratio = 1.5: a
+stopped integral stays stopped up to 1.5 db) the band does not chatter, but a band that is too narrow does more harm
+than without hysteresis (db_ratio = 1).
 
-The swings were computed independently, with a Runge-Kutta method at 12.5 µs from sample to sample.
+The amplitudes were computed independently, with a Runge-Kutta method at 12.5 µs from sample to sample.
 
 Source: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994.
 """
@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from _effect import Check, Effect, command_line, near
+from _effect import Check, Effect, command_line, near, small
 from _loop import BLACK, BLUE, GREEN, GREY, RED, Array, panels, run, save
 from hunting import KD, KI, KP
 
 STOP, LATE = 150.0, 110.0  # [s], what counts is after that
-SWINGS = {  # largest late error [m], by width of the dead-band [m] and db_ratio
+SWINGS = {  # largest error at the end [m], by width of the dead-band [m] and db_ratio
     (0.0, 1.5): 63.9207e-3,
     (0.04, 1.5): 76.2537e-3,
     (0.1, 1.5): 138.9817e-3,
@@ -48,7 +48,7 @@ def errors(width: float, ratio: float) -> tuple[Array, Array]:
 
 def main(folder: Path, full: bool = False) -> Effect:
     """Draw the error with dead-bands, check the swings and the rest."""
-    figure, axes = panels("A dead-band ends hunting if it is wide enough, else it makes it worse", 3, 1, (8.0, 6.5))
+    figure, axes = panels("A dead-band ends hunting if it is wide enough, and otherwise worsens it", 3, 1, (8.0, 6.5))
     checks: list[Check] = []
     swings: dict[tuple[float, float], float] = {}
     for case in SWINGS if full else COLOURS:
@@ -57,16 +57,18 @@ def main(folder: Path, full: bool = False) -> Effect:
         late = e[t > LATE]
         swings[case] = float(np.abs(late).max())
         name = f"dead-band of {1e3 * width:g} mm, db_ratio {ratio:g}" if width else "no dead-band"
-        checks.append(near(f"{name}: largest late error", 1e3 * swings[case], 1e3 * SWINGS[case], 1e-3, "mm"))
+        checks.append(near(f"{name}: largest error at the end", 1e3 * swings[case], 1e3 * SWINGS[case], 1e-3, "mm"))
         if width == WIDE:
-            checks.append(Check(f"{name}: late motion", 1e6 * float(np.ptp(late)), "µm", 0.0, 0.1))
+            checks.append(small(f"{name}: motion at the end", 1e6 * float(np.ptp(late)), 0.1, "µm"))
             checks.append(
-                Check(f"{name}: error that stays over db_ratio db", swings[case] / (width * ratio), "", 0.0, 1.0)
+                Check(f"{name}: remaining error over db_ratio db", swings[case] / (width * ratio), "", 0.0, 1.0)
             )
         else:
-            checks.append(Check(f"{name}: late motion", 1e3 * float(np.ptp(late)), "mm", 100.0))
+            checks.append(Check(f"{name}: motion at the end", 1e3 * float(np.ptp(late)), "mm", 100.0))
         if width not in (0.0, WIDE):
-            checks.append(Check(f"{name}: swing over that without", swings[case] / swings[0.0, 1.5], "", 1.0))
+            checks.append(
+                Check(f"{name}: amplitude over that without a dead-band", swings[case] / swings[0.0, 1.5], "", 1.0)
+            )
         if case in COLOURS:
             axis = axes[list(COLOURS).index(case)]
             axis.axhspan(-1e3 * width, 1e3 * width, color=GREY, alpha=0.3, lw=0.0)
@@ -81,8 +83,8 @@ def main(folder: Path, full: bool = False) -> Effect:
     save(figure, __file__, folder)
     plain, narrow, wide = (1e3 * swings[case] for case in COLOURS)
     return Effect(
-        f"Hunting with {plain:.0f} mm without a dead-band, with {narrow:.0f} mm with one of 40 mm; with one of 100 mm "
-        f"the axis rests, {wide:.0f} mm away from its goal.",
+        f"The axis hunts by {plain:.0f} mm without a dead-band and by {narrow:.0f} mm with one of 40 mm. With one of "
+        f"100 mm it rests, {wide:.0f} mm from its goal.",
         tuple(checks),
     )
 

@@ -1,20 +1,22 @@
-"""Dither smooths no more when its stroke comes down to the presliding range
+"""Dither with a short stroke does not smooth friction
 
-A contact that is elastic before it slides follows a small vibration and does not slip back: dither has to move it by
-much more than its presliding range, Fc/sigma0 = 10 µm here. On the left LuGre and ElastoPlastic are moved at v0 + A
-sin(2 pi f t) with A = 40 mm/s and v0 = A/10. The mean friction, without its viscous part, is (2 Fc/pi) asin(v0/A) =
-0.06 Fc for a long stroke A/(2 pi f). For a short one LuGre's bristles stay bent, where slipping forward and backward
-balances, and the mean is Fc v0 over the mean of |v|, 0.16 Fc: (pi/2)^2 = 2.5 times the slope. ElastoPlastic does not
-slip backward at all while it is bent forward, so that it does not drift in elastic motion, and nearly all of the
-friction is back.
+A contact that is elastic before it slides follows a small vibration without slipping. Dither must move it by much more
+than its presliding displacement, here Fc/sigma0 = 10 µm. Left: mean friction over the stroke of the dither. Right: an
+axis that friction would hold 150 mm from its goal; dither with a long stroke brings it there, with a short stroke
+hardly.
 
-On the right an axis of 1 kg under a PD controller, Kp = 3 and Kd = 6, is 150 mm away from its goal, 0.3 Fs/Kp, where
-friction would hold it. Dither of 50 N at 80 Hz, a stroke of 200 µm, brings it there as the mean of Coulomb friction
-says. At 600 Hz, with a stroke of 3.5 µm, it creeps on LuGre at about half of the velocity that the mean of Coulomb
-friction would give, and on ElastoPlastic it hardly moves.
+On the left LuGre and ElastoPlastic are moved at v0 + A sin(2 pi f t) with A = 40 mm/s and v0 = A/10. Without its
+viscous part, the mean friction is (2 Fc/pi) asin(v0/A) = 0.06 Fc for a long stroke A/(2 pi f). For a short one LuGre's
+bristles stay bent where slip forward and backward balance, and the mean is Fc v0 over the mean of |v|, 0.16 Fc:
+(pi/2)^2 = 2.5 times the slope. ElastoPlastic does not slip backward while it is bent forward (this is why it does not
+drift), and nearly all of the friction is back.
 
-The errors and means on LuGre were computed independently: with a Runge-Kutta method at 5 µs from sample to sample, and
-as the periodic solution of the equation of the bristles. The other limits are closed forms.
+On the right the axis is under a PD controller, Kp = 3 and Kd = 6, 0.3 Fs/Kp away from its goal. Dither of 50 N at 80
+Hz, a stroke of 200 µm, moves it as the mean of Coulomb friction predicts. At 600 Hz, with a stroke of 3.5 µm, it
+creeps on LuGre at about half of that velocity, and on ElastoPlastic it hardly moves.
+
+The errors and means on LuGre were computed independently, with a Runge-Kutta method at 5 µs from sample to sample and
+as the periodic solution of the bristle equation. The other limits are closed forms.
 
 Source: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994; Dupont, Hayward, Armstrong, Altpeter, IEEE
 TAC 47(5), 2002 (drift).
@@ -90,7 +92,7 @@ def on_coulomb(frequency: float, t: Array) -> Array:
 
 def main(folder: Path, full: bool = False) -> Effect:
     """Draw mean friction over the stroke and the way to the goal, check both."""
-    figure, (means, errors) = panels("Dither smooths no more when its stroke is that of presliding", 1, 2, (9.0, 4.2))
+    figure, (means, errors) = panels("Dither with a short stroke does not smooth friction", 1, 2, (9.0, 4.2))
     viscous = SIGMA2 * RATIO * A
     checks: list[Check] = []
     strokes = list(MEANS)
@@ -138,15 +140,21 @@ def main(folder: Path, full: bool = False) -> Effect:
     errors.set(xlabel="time [s]", ylabel="error [mm]", ylim=(0.0, 165.0))
     errors.legend(fontsize=9, loc="lower left")
     checks += [
-        near(f"LuGre, 80 Hz: way in {STOP / 2.0:g} s over that by the law", shares[80.0], 1.0, 0.03),
-        Check(f"LuGre, 600 Hz: way in {STOP / 2.0:g} s over that by the law", shares[600.0], "", 0.0, 0.6),
-        Check(f"ElastoPlastic, 600 Hz: way in {STOP:g} s over that to the goal", 1.0 - e[-1] / GOAL, "", 0.0, 0.01),
+        near(f"LuGre, 80 Hz: distance moved in {STOP / 2.0:g} s over that by the law", shares[80.0], 1.0, 0.03),
+        Check(f"LuGre, 600 Hz: distance moved in {STOP / 2.0:g} s over that by the law", shares[600.0], "", 0.0, 0.6),
+        Check(
+            f"ElastoPlastic, 600 Hz: distance moved in {STOP:g} s over that to the goal",
+            1.0 - e[-1] / GOAL,
+            "",
+            0.0,
+            0.01,
+        ),
     ]
     save(figure, __file__, folder)
     return Effect(
-        f"Mean friction is {lugre[longest]:.3f} Fc with a stroke of 1 mm, with one of 1 µm {lugre[shortest]:.3f} Fc "
-        f"on LuGre and {drift_free[shortest]:.2f} Fc on ElastoPlastic. The shaken axis goes {shares[80.0]:.2f} and "
-        f"{shares[600.0]:.2f} times the way by the law at 80 and 600 Hz.",
+        f"Mean friction is {lugre[longest]:.3f} Fc with a stroke of 1 mm; with one of 1 µm it is "
+        f"{lugre[shortest]:.3f} Fc on LuGre and {drift_free[shortest]:.2f} Fc on ElastoPlastic. On LuGre the axis "
+        f"moves {shares[80.0]:.2f} of the predicted distance at 80 Hz and {shares[600.0]:.2f} at 600 Hz.",
         tuple(checks),
     )
 

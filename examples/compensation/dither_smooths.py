@@ -1,17 +1,19 @@
-"""Dither turns the jump of friction into a slope
+"""Dither smooths the jump of friction at zero velocity
 
-A contact that is shaken fast reverses many times while it moves on slowly. At the velocity v0 + A w, with a waveform w
-of the amplitude 1 and |v0| < A, it is moved forward for a larger share of the time than backward, and Coulomb friction
-has the mean
+A contact that is shaken fast while it moves slowly reverses many times. Its mean friction is then a slope over the
+slow velocity instead of a jump from -Fc to Fc. Left: Coulomb friction with three waveforms and the slopes that
+integration gives. Right: a mass under a constant force that friction would hold; shaken, it creeps at the predicted
+velocity.
+
+At the velocity v0 + A w, with a waveform w of the amplitude 1 and |v0| < A, the mean of Coulomb friction is
 
     sine:      (2 Fc/pi) asin(v0/A)
     triangle:  Fc v0/A
     square:    0
 
-in place of the jump from -Fc to Fc. On the left Coulomb is moved at such velocities. On the right the loop is closed: a
-mass of 1 kg with Coulomb friction (KarnoppMass, Fs = Fc = 1 N) is pushed by a constant force that friction would hold
-for ever, and shaken by a sine of 50 N at 200 Hz, which makes A = 40 mm/s. It does not stick, but creeps at the velocity
-at which the mean friction is that force, v0 = A sin(pi F/(2 Fc)).
+On the right a mass of 1 kg with Coulomb friction (KarnoppMass, Fs = Fc = 1 N) is shaken by a sine of 50 N at 200 Hz,
+which makes A = 40 mm/s. Under the constant force F it creeps at the velocity at which the mean friction is F, v0 = A
+sin(pi F/(2 Fc)).
 
 Source: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994; the means follow by integration.
 """
@@ -55,7 +57,7 @@ def creep(push: float, shaken: bool, frequency: float = FREQUENCY) -> float:
 
 def main(folder: Path, full: bool = False) -> Effect:
     """Draw mean friction over velocity and velocity over force, check them against the laws."""
-    figure, (means, speeds) = panels("Dither turns the jump of friction into a slope", 1, 2, (9.0, 4.2))
+    figure, (means, speeds) = panels("Dither smooths the jump of friction at zero velocity", 1, 2, (9.0, 4.2))
     checks: list[Check] = []
     line = np.linspace(-1.0, 1.0, 201)
     means.step([-1.3, 0.0, 1.3], [-FC, -FC, FC], color=GREY, lw=1.0, ls="--", label="without")
@@ -88,8 +90,8 @@ def main(folder: Path, full: bool = False) -> Effect:
     speeds.legend(fontsize=9)
     save(figure, __file__, folder)
     return Effect(
-        f"The means follow their laws within {max(c.value for c in checks[:3]):.1e} Fc; the shaken mass creeps at the "
-        f"velocity of the law within {deviations[0]:.1e} A, and stands still without dither.",
+        f"The means agree with their closed forms to {max(c.value for c in checks[:3]):.4f} Fc, the velocity of the "
+        f"shaken mass to {deviations[0]:.4f} A. Without dither the mass does not move.",
         tuple(checks),
     )
 

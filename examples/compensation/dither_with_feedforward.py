@@ -1,14 +1,13 @@
-"""Dithered friction is a damper, which feedforward of the velocity takes away
+"""Dithered friction acts as a damper, which feedforward can compensate
 
-The study: once dither has smoothed the jump of friction, other friction compensation can be applied on top, for the
-part that depends on the velocity. Shaken with a velocity A sin(2 pi f t), Coulomb friction has the mean (2 Fc/pi)
-asin(v/A) at the velocity v: for v well below A a damper of 2 Fc/(pi A).
+Shaken with a velocity A sin(2 pi f t), Coulomb friction has the mean of a damper, 2 Fc/(pi A), for slow motion.
+Feedforward alone leaves the jump of friction; dither alone leaves the error of the damper; dither with the damper
+added to the feedforward removes nearly all of it. The figure shows the error on a sine of 5 mm at 0.5 Hz.
 
-The figure shows 1 kg with Coulomb friction and viscous friction, 1 N and 20 N s/m (KarnoppMass), under a soft PD
-controller, Kp = 1 kN/m, on a sine of 5 mm at 0.5 Hz, and its error, averaged over a period of the dither. Feedforward
-of inertia and viscous friction alone leaves the jump of friction, Fc/Kp = 1 mm to either side. Dither of 50 N at 200
-Hz, A = 40 mm/s, alone leaves the error of a damper. Both together, with the viscous friction 20 + 2 Fc/(pi A) N s/m in
-the feedforward, leave what asin differs from a straight line.
+The mean is (2 Fc/pi) asin(v/A) at the velocity v. The plant is 1 kg with Coulomb and viscous friction, 1 N and 20 N
+s/m (KarnoppMass), under a soft PD controller, Kp = 1 kN/m; errors are averaged over a period of the dither.
+Feedforward of inertia and viscous friction leaves Fc/Kp = 1 mm to either side. Dither is 50 N at 200 Hz, A = 40 mm/s.
+Both together, with 20 + 2 Fc/(pi A) N s/m in the feedforward, leave what asin differs from a straight line.
 
 Source: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (dither); the mean follows by integration.
 """
@@ -90,8 +89,8 @@ def main(folder: Path, full: bool = False) -> Effect:
         ),
     )
     return Effect(
-        f"Feedforward alone leaves {1e-3 * largest['feedforward']:.2f} mm, dither alone {1e-3 * largest['dither']:.2f} "
-        f"mm, both together {1e-3 * largest['both']:.3f} mm.",
+        f"The largest error is {1e-3 * largest['feedforward']:.2f} mm with feedforward alone, "
+        f"{1e-3 * largest['dither']:.2f} mm with dither alone and {1e-3 * largest['both']:.3f} mm with both.",
         checks,
     )
 

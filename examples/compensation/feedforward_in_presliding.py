@@ -1,20 +1,17 @@
-"""In presliding feedforward needs a model with memory
+"""In presliding, feedforward needs a model with memory
 
-Swevers and others compare friction models in feedforward near presliding, and the GMS model does best. Here the plant
-is an axis of 1 kg with GMS friction. On a multisine that stays within the presliding range (8, 6, 4 and 4 µm at 1, 3,
-5 and 7 Hz) a reversal follows inside a reversal, and friction depends on all of them.
+The plant has GMS friction. On a multisine within the presliding range, reversals follow inside reversals, and friction
+depends on all of them. Only GMS, the exact model, remembers: it leaves less than 1 % of the error. LuGre and Dahl
+forget and leave a third or more; static friction does harm there but helps in sliding.
 
-The figure shows the error on the multisine, and the root mean square error with feedforward over that without for it
-and for a cosine of 5 mm and 1 Hz, which slides. All models have the static friction curve of the plant, Dahl's its
-Coulomb level, and its stiffness at rest, 85.5 kN/m; LuGre has no bristle damping, for the plant has none. Static
-friction jumps at each reversal where the real one hardly moves: it is many times worse than nothing, but good in
-sliding. Dahl and LuGre turn over gradually, but forget; GMS, the exact model, leaves less than a hundredth. With its
-stiffnesses and levels 10 % too high or too low it still leaves 6 to 13 %.
+The multisine has 8, 6, 4 and 4 µm at 1, 3, 5 and 7 Hz; the sliding motion is a cosine of 5 mm at 1 Hz. All models have
+the static friction curve of the plant (Dahl's its Coulomb level) and its stiffness at rest, 85.5 kN/m; LuGre has no
+bristle damping, because the plant has none. With stiffnesses and levels 10 % too high or too low GMS still leaves 6 to
+13 %. Stiffness and level of LuGre can be fitted to one motion: on a single cosine of 20 µm the fit leaves 2 %, hardly
+more than GMS; on a multisine of the same size it leaves 19 %.
 
-Stiffness and level of LuGre can be fitted to one motion. For a single cosine of 20 µm that leaves 2 %, so that it
-hardly differs from GMS; for a multisine of the same size it leaves 19 %.
-
-The ratios and the fits were computed independently, with a fixed-step solver of 1 µs and the laws written anew.
+The ratios and the fits were computed independently, with a fixed-step solver of 1 µs and independent code for the
+laws.
 
 Source: Lampaert, Swevers, Al-Bender, American Control Conference, 2004 (the comparison).
 """
@@ -66,7 +63,7 @@ def ratio(sines: Sines, law: str, tuned: Mapping[str, float]) -> float:
 
 def main(folder: Path, full: bool = False) -> Effect:
     """Draw errors and ratios, check their order."""
-    figure, axes = panels("In presliding feedforward needs a model with memory", 1, 2, (9.0, 3.8))
+    figure, axes = panels("In presliding, feedforward needs a model with memory", 1, 2, (9.0, 3.8))
     t, error = follow(SMALL, None, {})
     axes[0].plot(t - 1.0, 1e6 * error, color=BLACK, lw=1.0, label="none")
     for name, colour in (("Dahl", GREEN), ("LuGre", BLUE), ("GMS", RED)):
@@ -108,9 +105,9 @@ def main(folder: Path, full: bool = False) -> Effect:
             found = ratio(SMALL, "GMSFeedforward", tuned)
             checks += [near(name, found, known, 0.05)]
     return Effect(
-        "In presliding "
-        + ", ".join(f"{name} leaves {value:.2g}" for name, value in small.items())
-        + " of the error; in sliding "
+        "Error over that without feedforward, in presliding: "
+        + ", ".join(f"{name} {value:.2g}" for name, value in small.items())
+        + "; in sliding: "
         + ", ".join(f"{name} {value:.2g}" for name, value in large.items())
         + ".",
         tuple(checks),

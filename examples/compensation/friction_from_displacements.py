@@ -1,19 +1,18 @@
-"""Friction from displacements does not depend on the sample time
+"""Friction estimated from displacements does not depend on the sample time
 
-Dry friction is a function of the path. An estimator that advances with the displacement from sample to sample, and
-takes each step exactly, gives the same force on the same path, however often it looks, as long as it sees the points of
-reversal; one that advances with velocity times sample time does not.
+Dry friction is a function of the path. An estimator that advances with the displacement gives the same force at any
+sample time; one that advances with velocity times sample time does not. The figure compares both at 0.1 ms and 1 ms,
+on a sine of 50 µm at 1 Hz.
 
-The figure shows an axis of 1 kg with LuGre friction under a PD, with Kp and Kd of the PID of the other effects, on a
-sine of 50 µm at 1 Hz. Beside it run two estimators, each at 0.1 ms and at 1 ms: elasto-plastic friction from
-displacements, and the LuGre observer, which reads the velocity. The first gives the same force at both sample times but
-for the reversals, of which a sample can miss a Ts^2/8, with the acceleration a: a force of sigma0 a Ts^2/4. The second
-differs by some 10 mN, as its force is late by a share of its sample time.
+The axis has LuGre friction under a PD controller with Kp and Kd of the PID controller of the other effects. Beside it
+run the elasto-plastic estimator from displacements and the LuGre observer, which reads the velocity. The first gives
+the same force at both sample times except at the reversals, of which a sample can miss a Ts^2/8, with the acceleration
+a: a force of sigma0 a Ts^2/4. The force of the second is late by a share of its sample time.
 
-Fed back, the estimate takes away 98 % of the error and more on elasto-plastic friction, at both sample times; what then
-grows with the sample time, in sliding, is the delay of the loop itself. Its model of friction is simple: no Stribeck
-effect, and straight up to 0.7 Fc. On LuGre friction it leaves 6 % of the error at 5 mm and 44 % at 50 µm, and at 5 µm,
-where real bristles are softer, it takes the axis past its reference and makes the error 4.5 times as large.
+Fed back, the estimate removes 98 % of the error and more on elasto-plastic friction, at both sample times; the part
+that grows with the sample time in sliding is the delay of the loop itself. The estimator's model is simple: no
+Stribeck effect, and straight up to 0.7 Fc. On LuGre friction it leaves 6 % of the error at 5 mm and 44 % at 50 µm. At
+5 µm, where real bristles are softer, it makes the error 4.5 times as large.
 
 The ratios were computed independently, with a Runge-Kutta method at steps of 2 µs for the axis, and the path equation
 of the estimator solved in 200 steps a sample.
@@ -27,7 +26,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from _effect import Check, Effect, command_line
+from _effect import Check, Effect, command_line, small
 from _loop import BLUE, GAINS, GREY, RED, Array, panels, save
 from _servo import NOTHING, error, follow, sines
 from friction_fmus import build
@@ -100,7 +99,7 @@ def pair(result: Result, block: str) -> tuple[Array, Array]:
 
 def main(folder: Path, full: bool = False) -> Effect:
     """Draw the forces at two sample times, check that they are one and what the feedback leaves."""
-    title = "Friction from displacements does not depend on the sample time"
+    title = "Friction estimated from displacements does not depend on the sample time"
     figure, (loop, gap) = panels(title, 1, 2, (9.5, 4.2))
     checks: list[Check] = []
     largest: dict[str, float] = {}
@@ -115,12 +114,12 @@ def main(folder: Path, full: bool = False) -> Effect:
         late = np.abs(fine_of_observer - coarse_of_observer)
         missed = ESTIMATOR["sigma0"] * float(turns.max()) * COARSE**2 / 4.0
         checks += [
-            Check(f"{size}, displacements: force at 1 ms against 0.1 ms", 1e3 * same.max(), "mN", 0.0, 1e3 * missed),
+            small(f"{size}, displacements: force at 1 ms against 0.1 ms", 1e3 * same.max(), 1e3 * missed, "mN"),
             Check(f"{size}, LuGre observer: force at 1 ms against 0.1 ms", 1e3 * late.max(), "mN", 1.0),
-            Check(f"{size}: observer over displacements", late.max() / same.max(), "", 100.0),
+            Check(f"{size}: observer over displacements", late.max() / same.max(), "", 100.0, reproducible=False),
         ]
         if A == 5e-5:
-            largest = {"same": 1e3 * same.max(), "late": 1e3 * late.max()}
+            largest = {"same": 1e3 * missed, "late": 1e3 * late.max()}
             x = 1e6 * result["mass.x"].to_numpy()[:-1][::EVERY][: fine.size]
             t = result["time"].to_numpy()[:-1][::EVERY][: fine.size]
             loop.plot(x, fine, color=GREY, lw=1.2, label="0.1 ms")
@@ -140,8 +139,8 @@ def main(folder: Path, full: bool = False) -> Effect:
             margin = 0.03 * each + 5e-4
             checks.append(Check(name, ratio(friction, A, Ts), "", each - margin, each + margin))
     return Effect(
-        f"On a sine of 50 µm the force from displacements differs by {largest['same']:.4f} mN between 0.1 ms and 1 ms, "
-        f"that of the LuGre observer by {largest['late']:.0f} mN.",
+        "Between sample times of 0.1 ms and 1 ms, the force from displacements differs by less than "
+        f"{largest['same']:.3f} mN, that of the LuGre observer by {largest['late']:.0f} mN.",
         tuple(checks),
     )
 

@@ -1,16 +1,16 @@
 """An integral makes the loop hunt if static friction exceeds Coulomb friction
 
-The study: integral control "can cause limit cycling at low or zero velocity". Held short of its goal by static
-friction, the axis waits until the integral has wound up to break-away; then friction falls to Coulomb's, what is left
-over throws the axis past the goal, and it waits on the other side.
+Static friction holds the axis short of its goal until the integral has wound up to break-away. Friction then falls to
+the Coulomb level, and the excess force carries the axis past the goal, where it waits again. With Fs = Fc there is no
+excess and no limit cycle. Without the integral the axis stays up to Fs/Kp from its goal.
 
-The figure shows 1 kg under the PID of the 1995 paper, Kp = 3, Ki = 4 and Kd = 6, on its way to a goal at 1 m. On LuGre
-it ends in a limit cycle, with the same swing for ever. With Fs = Fc there is nothing left over at break-away: the axis
-still waits, each time longer, but each time it rests less than half as far from the goal, and there is no cycle.
-Without friction the loop settles in seconds. Without the integral, Ki = 0, friction holds the axis against the spring
-Kp, within Fs / Kp of its goal. On a rigid contact the swing is proportional to Fs - Fc, and so it nearly is here.
+The figure shows 1 kg under the PID controller of the 1995 paper, Kp = 3, Ki = 4 and Kd = 6, on its way to a goal at 1
+m. With Fs = Fc the axis still waits, each time longer, but each time it rests less than half as far from the goal.
+Without friction the loop settles in seconds. On a rigid contact the amplitude is proportional to Fs - Fc, and nearly
+so here.
 
-Period and swing were computed independently, with an ODE solver at tight tolerances and a continuous PID.
+Period and amplitude were computed independently, with an ODE solver at tight tolerances and a continuous PID
+controller.
 
 Source: Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995 (the loop); for the condition Fs > Fc:
 Armstrong, Amin, Automatica 32(5), 1996.
@@ -25,7 +25,7 @@ from _loop import BLUE, FC, FS, GREEN, RED, VS, Array, panels, run, save
 
 KP, KI, KD = 3.0, 4.0, 6.0  # [N/m], [N/(m s)], [N s/m]
 STOP = 120.0  # [s]
-WAIT, SWING = 12.2183, 0.063903  # of LuGre, from slip to slip [s], largest error in the cycle [m]
+WAIT, SWING = 12.2183, 0.063903  # of LuGre, period [s], largest error in the cycle [m]
 
 OTHERS = {  # the same in full, for other Kp, Ki and Fs
     (3.0, 8.0, FS): (6.6769, 0.066389),
@@ -72,7 +72,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     assert np.ptp(held[t > 20.0]) < 1e-3
     slowest = np.roots([1.0, KD, KP, KI]).real.max()
     checks = [
-        near("LuGre: from slip to slip", float(np.mean(waits)), WAIT, 5e-4, "s"),
+        near("LuGre: period", float(np.mean(waits)), WAIT, 5e-4, "s"),
         near("LuGre: largest error in the cycle", 1e3 * swing, 1e3 * SWING, 1e-3, "mm"),
         near("LuGre: that of the last 20 s over that of the last 40 s", hunting[t > 100.0].max() / swing, 1.0, 1e-3),
         Check("Fs = Fc: error at a rest over that at the rest before", (rests[1:] / rests[:-1]).max(), "", 0.0, 0.5),
@@ -84,7 +84,7 @@ def main(folder: Path, full: bool = False) -> Effect:
             0.5,
         ),
         Check("no friction: error after 20 s", np.abs(free[t > 20.0]).max(), "m", 0.0, 2.0 * np.exp(20.0 * slowest)),
-        Check("no integral: error that stays", held[-1], "m", 0.0, FS / KP),
+        Check("no integral: remaining error", held[-1], "m", 0.0, FS / KP),
     ]
     if full:
         goal = {"reference.offset": 1.0, "reference.amplitude[1]": 0.0}
@@ -94,16 +94,16 @@ def main(folder: Path, full: bool = False) -> Effect:
             error = np.abs((result["reference.r"] - result["mass_x.x"]).to_numpy())[t > 100.0].max()
             found = np.diff(slips(t, result["mass_x.v"].to_numpy()))[-1]
             name = f"LuGre, Kp = {Kp:g}, Ki = {Ki:g}, Fs = {Fs:g} Fc"
-            checks.append(near(f"{name}: from slip to slip", float(found), wait, 2e-3, "s"))
+            checks.append(near(f"{name}: period", float(found), wait, 2e-3, "s"))
             checks.append(near(f"{name}: largest error in the cycle", 1e3 * error, 1e3 * largest, 2e-3, "mm"))
             if Fs != FS:
                 checks.append(
-                    near(f"{name}: swing / (Fs - Fc) over that above", error / swing * 0.5 / (Fs - FC), 1.0, 0.05)
+                    near(f"{name}: amplitude / (Fs - Fc) over that above", error / swing * 0.5 / (Fs - FC), 1.0, 0.05)
                 )
     return Effect(
-        f"On LuGre the axis slips every {np.mean(waits):.2f} s and is up to {1e3 * swing:.1f} mm off for ever; with "
-        f"Fs = Fc it rests {', '.join(f'{1e3 * rest:.0f}' for rest in rests)} mm and less away; without the integral "
-        f"it stays {1e3 * held[-1]:.0f} mm away.",
+        f"On LuGre the axis slips every {np.mean(waits):.2f} s and overshoots by {1e3 * swing:.1f} mm forever. With "
+        f"Fs = Fc it rests {', '.join(f'{1e3 * rest:.0f}' for rest in rests)} mm from its goal and closer each time. "
+        f"Without the integral it stays {1e3 * held[-1]:.0f} mm away.",
         tuple(checks),
     )
 

@@ -1,15 +1,15 @@
-"""Learning takes friction out of a motion that is repeated
+"""Iterative learning removes friction errors from a repeated motion
 
-Iterative learning control keeps the error of a whole trial and adds to the force of the next one what would have made
-that error vanish. It needs no friction model, only the same motion from the same state.
+Iterative learning control stores the error of a trial and corrects the force of the next trial. It needs no friction
+model, only the same motion from the same state. The figure shows an axis on one period of a cosine of 1 Hz: the error
+over the trials for several amplitudes, and the learned force at 5 mm, which is the friction along the motion.
 
-The figure shows an axis of 1 kg with LuGre friction on one period of a cosine of 1 Hz, which starts and ends at rest.
-The learning filter L inverts the loop without friction: where the axis slides, at 5 mm, that is right for all but the
-reversals, and the first trials leave 1 - gamma of the error, gamma being the learning rate. At 5 µm the axis stays in
-the presliding range, where the contact is a spring of 1e5 N/m that L does not know, and each trial takes away less. In
-between, at 50 µm and 0.5 mm, it does both, and learning is slowest in the end: the force has a steep edge at each
-reversal, which moves from trial to trial. What is learned at 5 mm is the friction force along the motion. With the
-stiffness of the contact in L learning in presliding is as fast as L is exact.
+The motion starts and ends at rest. The learning filter L inverts the loop without friction. Where the axis slides, at
+5 mm, that is right for all but the reversals, and the first trials leave 1 - gamma of the error, where gamma is the
+learning rate. At 5 µm the axis stays in the presliding range, where the contact is a spring of 1e5 N/m that L does not
+contain, and each trial removes less. At 50 µm and 0.5 mm it does both, and learning ends up slowest: the force has a
+steep edge at each reversal, which moves from trial to trial. With the stiffness of the contact in L, learning in
+presliding is as fast as L is exact.
 
 The errors of the first trials were computed independently, with a fixed-step solver of 1 µs for the plant and other
 filters.
@@ -117,7 +117,7 @@ def checks_of(amplitude: float, gamma: float, errors: Array) -> list[Check]:
 
 def main(folder: Path, full: bool = False) -> Effect:
     """Draw errors over the trials and the learned force; check the contraction and what is left."""
-    figure, axes = panels("Learning takes friction out of a motion that is repeated", 1, 2, (9.0, 3.8))
+    figure, axes = panels("Iterative learning removes friction errors from a repeated motion", 1, 2, (9.0, 3.8))
     trials, checks = np.arange(TRIALS + 1), []
     found = {amplitude: learn(amplitude, 0.5) for amplitude in (5e-6, 5e-3)}
     for (amplitude, each), colour, label in zip(
@@ -159,9 +159,9 @@ def main(folder: Path, full: bool = False) -> Effect:
             checks.append(Check(f"{1e6 * amplitude:g} µm, FMU: first error over the last", loss, "", least))
     small, large = (each.rms for each in found.values())
     return Effect(
-        f"With gamma = 0.5 the first trial leaves {small[1] / small[0]:.2f} of the error at 5 µm and "
-        f"{large[1] / large[0]:.2f} at 5 mm; {TRIALS} trials bring it down {small[0] / small[-1]:.0f} times and "
-        f"{large[0] / large[-1]:.0f} times.",
+        f"With gamma = 0.5 the first correction leaves {small[1] / small[0]:.2f} of the error at 5 µm and "
+        f"{large[1] / large[0]:.2f} at 5 mm; {TRIALS} trials reduce it by factors of {small[0] / small[-1]:.0f} and "
+        f"{large[0] / large[-1]:.0f}.",
         tuple(checks),
     )
 

@@ -1,19 +1,18 @@
-"""An observer of friction in feedback is behind feedforward by a share of a sample
+"""A LuGre observer in feedback leaves a larger error than feedforward
 
-A LuGre model can be led by the reference, as feedforward, or by the measured velocity, as an observer whose friction is
-fed back. With the exact model both take nearly all of the error away. What is left is due to sampling: the force is
-held for a sample, in which friction goes on. Feedforward suffers from that alone; the observer steps its bristle with
-the velocity of the sample before, and feeds the error back. Both errors are proportional to the sample time, but that
-of the observer is several times larger, and at 50 µm it falls a little faster than the sample time. Where the motion
-is not known in advance there is no feedforward.
+With the exact model both remove nearly all of the error. The rest is due to sampling: the force is held for a sample
+while friction changes. The observer also uses the velocity of the sample before, so its error is several times larger.
+The figure shows the error over the sample time, for sines of 1 Hz and 50 µm and 5 mm.
 
-The figure shows the tracking error of an axis of 1 kg with LuGre friction over the sample time, for sines of 1 Hz and
-50 µm and 5 mm, under a PID with feedforward of the inertia.
+Feedforward is led by the reference; where the motion is not known in advance, there is no feedforward. The observer
+steps its bristle with the velocity of the sample before and feeds the error back. Both errors are proportional to the
+sample time; at 50 µm that of the observer falls a little faster. The axis has LuGre friction under a PID controller
+with feedforward of the inertia.
 
 The errors were computed independently, with a Runge-Kutta method of steps below a microsecond from sample to sample.
 
-Source: Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995 (the observer); Lampaert, Swevers,
-Al-Bender, American Control Conference, 2004 (feedforward).
+Source: Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995 (the observer); Lampaert, Swevers, Al-Bender,
+American Control Conference, 2004 (feedforward).
 """
 
 from pathlib import Path
@@ -50,7 +49,7 @@ COLOURS = {"none": GREY, "feedforward": BLUE, "observer": RED}
 
 def main(folder: Path, full: bool = False) -> Effect:
     """Draw the error over the sample time, check its values and that it is proportional."""
-    figure, axes = panels("An observer in feedback is several times behind feedforward", 1, 2, (9.0, 3.8))
+    figure, axes = panels("An observer in feedback leaves several times the error of feedforward", 1, 2, (9.0, 3.8))
     found: dict[tuple[float, float, str], float] = {}
     checks = []
     for (A, Ts), expected in RMS.items():
@@ -96,7 +95,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         f"{found[A, 5e-4, 'observer'] / found[A, 5e-4, 'feedforward']:.1f} times at {1e3 * A:g} mm" for A in SHOWN
     )
     return Effect(
-        f"At a sample time of 0.5 ms the error with the observer is {ratios} that with feedforward; without "
+        f"At a sample time of 0.5 ms the error with the observer is {ratios} that with feedforward. Without "
         f"compensation it is {found[5e-3, 5e-4, 'none'] / found[5e-3, 5e-4, 'observer']:.0f} times that with the "
         "observer at 5 mm.",
         tuple(checks),

@@ -1,15 +1,14 @@
-"""An observer of friction brings the axis to its goal without an integral, and without hunting
+"""A friction observer reaches the goal without an integral and without hunting
 
-Against friction a PD controller leaves an error, and the integral that removes it makes the loop hunt if static
-friction exceeds Coulomb friction. If the friction is observed and fed back there is nothing left for an integral to do:
-the axis moves as if it had no friction.
+Against friction a PD controller leaves an error, and an integral makes the loop hunt if Fs > Fc. If the friction is
+observed and fed back, the axis moves as if it had no friction and the integral has nothing to do. The figure shows 1
+kg with LuGre friction on its way to a goal at 1 m under the three controllers.
 
-The figure shows 1 kg with LuGre friction on its way to a goal at 1 m, with the gains of the 1995 paper, Kp = 3 and
-Kd = 6. With Ki = 4 it hunts, with Ki = 0 it stays away from the goal. With Ki = 0 and the observer, with the exact
-model, it follows the free motion of m s^2 + Kd s + Kp: ten seconds on it is within 5 mm, and it goes on towards the
-goal at the slow pole, -0.55 / s, through the whole presliding range.
-
-What is left after 20 s was computed independently, with a Runge-Kutta method of steps of 5 µs from sample to sample.
+The gains are those of the 1995 paper, Kp = 3 and Kd = 6. With Ki = 4 the axis hunts, with Ki = 0 it stays away from
+the goal. With Ki = 0 and the observer with the exact model, it follows the free motion of m s^2 + Kd s + Kp: after ten
+seconds it is within 5 mm, and it continues towards the goal at the slow pole, -0.55 / s, through the whole presliding
+range. The error after 20 s was computed independently, with a Runge-Kutta method of steps of 5 µs from sample to
+sample.
 
 Source: Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995.
 """
@@ -29,7 +28,7 @@ LEFT = 19.25e-6  # error with the observer after 20 s [m]
 
 def main(folder: Path, full: bool = False) -> Effect:
     """Draw the errors, check the free motion and what is left."""
-    figure, axes = panels("An observer brings the axis to its goal without hunting", 1, 2, (9.0, 3.8))
+    figure, axes = panels("A friction observer reaches the goal without hunting", 1, 2, (9.0, 3.8))
     observer: dict[str, Block] = {"observer": ("LuGreObserver", {})}
     cases = {
         "PID": (KI, {}, RED),
@@ -57,15 +56,15 @@ def main(folder: Path, full: bool = False) -> Effect:
         Check("PID: largest error after 20 s", 1e3 * np.abs(hunts[t > 20.0]).max(), "mm", 10.0),
         Check("PD: error that stays", stays[-1], "m", 0.01, FS / KP),
         Check(
-            "observer: distance from the motion without friction", 1e3 * np.abs(observed - free).max(), "mm", 0.0, 1.0
+            "observer: difference from the motion without friction", 1e3 * np.abs(observed - free).max(), "mm", 0.0, 1.0
         ),
         near("observer: error after 20 s", 1e6 * observed[t > 20.0][0], 1e6 * LEFT, 0.01, "µm"),
         Check("observer: largest overshoot over the goal", max(0.0, -observed.min()) / GOAL, "", 0.0, 1e-9),
     )
     return Effect(
-        f"With the observer the axis is {1e3 * observed[t > 10.0][0]:.1f} mm from the goal after 10 s and "
-        f"{1e6 * observed[t > 20.0][0]:.0f} µm after 20 s; the PID is up to {checks[0].value:.0f} mm off after 20 s, "
-        f"the PD stays {1e3 * stays[-1]:.0f} mm away.",
+        f"With the observer the axis is {1e3 * observed[t > 10.0][0]:.1f} mm from its goal after 10 s and "
+        f"{1e6 * observed[t > 20.0][0]:.0f} µm after 20 s. With PID control it is up to {checks[0].value:.0f} mm off "
+        f"after 20 s, and with PD control it stays {1e3 * stays[-1]:.0f} mm away.",
         checks,
     )
 

@@ -1,14 +1,13 @@
-"""Friction draws a glitch at each quadrant of a circle
+"""Friction causes a glitch at each quadrant of a circle
 
-On a circle of two axes one axis reverses at each end of a quadrant, while the other one runs at the full feed. There
-friction turns over, and the contour leaves the circle to the outside.
+Where one axis of two reverses, its friction changes sign and the contour leaves the circle. The faster the feed, the
+higher the glitch. Feedforward of the static friction curve removes the glitches at 100 mm/s and makes them worse at 2
+mm/s: it changes sign at the reversal, but real friction needs some 10 µm to do so.
 
-The figure shows the radial deviation of two axes of 1 kg with LuGre friction, on a circle of 10 mm, over the angle
-(without friction it would be a line at zero). The faster the feed the more the turn of friction is a step for the
-loop, and the higher is the glitch, up to that of a step of 2 Fc. A feedforward of the static friction curve, with the
-exact parameters, takes the glitches away at 100 mm/s. At 10 mm/s it turns them to the inside and at 2 mm/s it makes
-them worse than they were: it jumps where the reference reverses, but the real friction takes a way of some 10 µm to
-turn over, for which a slow axis needs long.
+The figure shows the radial deviation of two axes with LuGre friction on a circle of 10 mm, over the angle; without
+friction it would be a line at zero. The faster the feed, the more the change of friction is a step for the loop, and
+the glitch grows up to that of a step of 2 Fc. The feedforward has the exact parameters. At 10 mm/s it turns the
+glitches to the inside.
 
 The peaks of the error of one axis were computed independently, with an ODE solver at tight tolerances from sample to
 sample.
@@ -36,7 +35,7 @@ AXES = {"x": ("x", "xd", "xdd"), "y": ("y", "yd", "ydd")}
 
 def main(folder: Path, full: bool = False) -> Effect:
     """Draw the deviation over a turn for three feeds, check the peaks and where they are."""
-    figure, axes = panels("Friction draws a glitch at each quadrant of a circle", 3, 1, (8.0, 7.0))
+    figure, axes = panels("Friction causes a glitch at each quadrant of a circle", 3, 1, (8.0, 7.0))
     heights: dict[float, list[float]] = {}
     checks: list[Check] = []
     for axis, feed in zip(axes, PEAKS, strict=True):
@@ -79,10 +78,10 @@ def main(folder: Path, full: bool = False) -> Effect:
         Check("100 mm/s: deviation with feedforward over without", fast[1] / fast[0], "", 0.0, 0.1),
     ]
     numbers = "; ".join(
-        f"{1e3 * feed:g} mm/s: {1e6 * without:.0f} µm, with feedforward {1e6 * with_it:.0f} µm"
+        f"{1e6 * without:.0f} µm at {1e3 * feed:g} mm/s, with feedforward {1e6 * with_it:.0f} µm"
         for feed, (without, with_it) in heights.items()
     )
-    return Effect(numbers, tuple(checks))
+    return Effect(f"Largest radial deviation: {numbers}.", tuple(checks))
 
 
 if __name__ == "__main__":

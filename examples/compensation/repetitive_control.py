@@ -1,16 +1,16 @@
-"""A repetitive controller takes what is periodic out of the error, quadrant glitches included
+"""Repetitive control removes periodic errors, including quadrant glitches
 
-On a circle that is run through again and again friction returns with every revolution. A repetitive controller adds to
-the force of a period what the error of the period before called for, through the inverse of the loop and a low-pass Q.
-Below the corner of Q each harmonic of the error shrinks by 1 - rate in a period; what remains are the harmonics near
-the corner, where Q is not 1. It needs no model of the friction, but the same motion for some periods.
+On a circle that is run again and again, friction repeats with every revolution. A repetitive controller adds the force
+that the error of the last period called for. It needs no friction model. The figure shows the error in a revolution
+before and after learning, and the sum of the amplitudes of its harmonics below 100 Hz.
 
-The figure shows an axis of 1 kg with GMS friction on a circle of 10 mm radius at 105 mm/s, a revolution in 0.6 s, under
-a cascade of position and velocity loop with feedforward of the inertia: the error in a revolution before and after 16
-revolutions of learning, and the sum of the amplitudes of the harmonics below 100 Hz, revolution by revolution.
+The correction goes through the inverse of the loop and a low-pass Q. Below the corner of Q each harmonic of the error
+shrinks by 1 - rate in a period; harmonics near the corner, where Q is not 1, remain. The axis has GMS friction on a
+circle of 10 mm radius at 105 mm/s, a revolution in 0.6 s, under a cascade of position and velocity loop with
+feedforward of the inertia. It learns for 16 revolutions.
 
-Source: Hara, Yamamoto, Omata, Nakano, IEEE Trans. Automatic Control 33(7), 1988; Jamaludin, Van Brussel, Swevers,
-IEEE Trans. Industrial Electronics 56(10), 2009 (on quadrant glitches).
+Source: Hara, Yamamoto, Omata, Nakano, IEEE Trans. Automatic Control 33(7), 1988; Jamaludin, Van Brussel, Swevers, IEEE
+Trans. Industrial Electronics 56(10), 2009 (on quadrant glitches).
 """
 
 from math import cos, pi
@@ -58,7 +58,7 @@ def harmonics(revolution: Array) -> float:
 
 def main(folder: Path, full: bool = False) -> Effect:
     """Draw the error before and after, and the harmonics over the revolutions; check how they shrink."""
-    figure, axes = panels("What returns with every revolution is learned", 1, 2, (9.0, 3.8))
+    figure, axes = panels("Repetitive control removes the error that repeats", 1, 2, (9.0, 3.8))
     checks = []
     found = {}
     for rate in RATES:
@@ -93,9 +93,9 @@ def main(folder: Path, full: bool = False) -> Effect:
     axes[1].legend(fontsize=9)
     save(figure, __file__, folder)
     return Effect(
-        f"At a rate of 0.5 the harmonics below {FQ:.0f} Hz go from {1e6 * slow[0]:.0f} to {1e6 * slow[-1]:.2f} µm in "
-        f"16 revolutions, the error from {1e6 * rms(found[0.5][FIRST]):.0f} µm to {1e9 * rms(found[0.5][LEARNT]):.0f} "
-        "nm (root mean square).",
+        f"At a rate of 0.5, 16 revolutions reduce the harmonics below {FQ:.0f} Hz from {1e6 * slow[0]:.0f} to "
+        f"{1e6 * slow[-1]:.2f} µm and the rms error from {1e6 * rms(found[0.5][FIRST]):.0f} µm to "
+        f"{1e9 * rms(found[0.5][LEARNT]):.0f} nm.",
         tuple(checks),
     )
 

@@ -1,23 +1,22 @@
 """An implicit sliding mode does not chatter
 
-A sliding mode needs no model of friction but a bound K of its force: u = m (rdd + lam (rd - v)) + K sgn(s), with
-s = (rd - v) + lam (r - x). Computed with the sign of this sample it swings about s = 0 by the whole of K for ever.
-Computed with the sign that s will have in the next sample it becomes a saturation, clip(m s/Ts, -K, K), that stops at
-the force which friction needs.
+A sliding mode needs no friction model, only a bound K of its force. Computed with the sign of this sample, its force
+switches between -K and K forever. Computed with the sign that s will have in the next sample, it stops at the force
+that friction needs, with the same error. The figure shows both forces, and the error over the sample time.
 
-The figure shows the force on 1 kg with LuGre friction on a sine of 5 mm at 1 Hz, sampled at 2 kHz, K = 2 N: both
-errors are near Fc Ts/(m lam), that of the s = F Ts/m at which the implicit law rests, but the input of the explicit
-law varies some 800 times as much. A K ten times as large makes the swing of the velocity about its reference ten
-times as large, and changes nothing with the implicit law. In presliding the two errors differ: at 5 µm that of the
-implicit law is a third of the other one, at 50 µm it is 1.6 times as large, as the explicit law shakes the contact
-loose.
+The law is u = m (rdd + lam (rd - v)) + K sgn(s), with s = (rd - v) + lam (r - x); the implicit one is a saturation,
+clip(m s/Ts, -K, K). The axis has LuGre friction on a sine of 5 mm at 1 Hz, sampled at 2 kHz, K = 2 N. Both errors are
+near Fc Ts/(m lam), that of the s = F Ts/m at which the implicit law rests, but the input of the explicit law varies
+some 800 times as much. A K ten times as large makes its velocity oscillate ten times as much and changes nothing with
+the implicit law. In presliding the errors differ: at 5 µm that of the implicit law is a third of the other one, at 50
+µm it is 1.6 times as large, because the explicit law shakes the contact loose.
 
-Below, the error over the sample time: that of the implicit law is proportional to Ts, that of the super-twisting law,
-in the split implicit form of this library, to Ts^2. Solved implicitly in both of its equations at once, as published,
-super-twisting rests at s = F Ts/m, too, and is no better than the first order.
+The error of the implicit law is proportional to Ts, that of the super-twisting law, in the split implicit form of this
+library, to Ts^2. Solved implicitly in both of its equations at once, as published, super-twisting rests at s = F Ts/m,
+too, and is no better than the first order.
 
 Errors and variation of the input were computed independently, with a Runge-Kutta method at steps of 2 µs for the axis
-and the laws written anew.
+and independent code for the laws.
 
 Source: Acary, Brogliato, Systems and Control Letters 59(5), 2010; Levant, Automatica 34(3), 1998; Brogliato, Polyakov,
 Efimov, IEEE TAC 65(8), 2020 (the implicit super-twisting, from memory).
@@ -178,8 +177,8 @@ def main(folder: Path, full: bool = False) -> Effect:
         near("5 mm, implicit: error with ten times K over that with K", tame / calm, 1.0, 1e-6),
     ]
     return Effect(
-        f"At 5 mm the RMS error is {1e6 * loud:.1f} µm with the explicit and {1e6 * calm:.1f} µm with the implicit "
-        f"law, whose input varies {shaken / quiet:.0f} times less; super-twisting leaves {1e9 * fine:.0f} nm, and "
+        f"The rms error is {1e6 * loud:.1f} µm with the explicit and {1e6 * calm:.1f} µm with the implicit law, whose "
+        f"force varies {shaken / quiet:.0f} times less. Super-twisting leaves {1e9 * fine:.0f} nm, and "
         f"{1e9 * half['super-twisting']:.0f} nm at half the sample time.",
         tuple(checks),
     )

@@ -1,16 +1,17 @@
-"""Without an integral an axis stays up to Fs/Kp away from its goal
+"""Without an integral, an axis can stop up to Fs/Kp from its goal
 
-A PD controller is a spring and a damper to the goal. At rest friction holds the axis against the spring, at most with
-Fs, so that any error up to Fs/Kp may stay, and a goal that is nearer than that does not free the axis at all.
+A PD controller is a spring and a damper to the goal. At rest, friction holds the axis against the spring with up to
+Fs. Left: the goal moves away slowly and stops, just before and just after break-away. Right: the error that remains
+over the distance of the goal, for a rigid contact and for LuGre, which breaks away earlier if the goal jumps.
 
-The figure shows 1 kg with Kp = 3 N/m and Kd = 6 N s/m, the gains of the 1995 paper without the integral, so that Fs/Kp
-is half a metre. On the left the goal moves away at 10 mm/s and stops: at 0.95 Fs/Kp the axis has given way by some 70
-µm in its presliding range, at 1.05 Fs/Kp it has broken away. On the right is what is left at the end. A rigid contact
-(KarnoppMass) breaks away at Fs/Kp, even if the goal jumps. On LuGre it matters how fast it comes: if it jumps, the
-axis swings in its presliding range at more than the Stribeck velocity, static friction falls on the way, and the axis
-breaks away at goals from 0.7 Fs/Kp on, which is little more than Fc/Kp. The bound of the error is Fs/Kp for all.
+The axis is 1 kg with Kp = 3 N/m and Kd = 6 N s/m, the gains of the 1995 paper without the integral, so Fs/Kp is half a
+metre. On the left the goal moves at 10 mm/s: at 0.95 Fs/Kp the axis has yielded by some 70 µm in its presliding range,
+at 1.05 Fs/Kp it has broken away. A rigid contact (KarnoppMass) breaks away at Fs/Kp, even if the goal jumps. If the
+goal jumps on LuGre, the axis oscillates in its presliding range at more than the Stribeck velocity, static friction
+falls on the way, and the axis breaks away at goals from 0.7 Fs/Kp on, little more than Fc/Kp. The bound of the error
+is Fs/Kp for all.
 
-The ways and errors on LuGre were computed independently, with a Runge-Kutta method at 5 µs from sample to sample.
+The distances and errors on LuGre were computed independently, with a Runge-Kutta method at 5 µs from sample to sample.
 
 Source: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994.
 """
@@ -57,13 +58,15 @@ def rigid(goal: float) -> float:
 def main(folder: Path, full: bool = False) -> Effect:
     """Draw the way to some goals and the errors that stay, check them against their bound."""
     band = FS / KP
-    figure, (ways, errors) = panels("Without an integral the axis stays up to Fs/Kp away", 1, 2, (9.0, 4.2))
+    figure, (ways, errors) = panels("Without an integral, an axis can stop up to Fs/Kp from its goal", 1, 2, (9.0, 4.2))
     checks: list[Check] = []
     left: dict[str, dict[float, float]] = {"slow": {}, "jump": {}, "rigid": {}}
     for share, moved in MOVED.items():
         t, x = lugre(share * band, jump=False)
         left["slow"][share] = (share * band - x[-1]) / band
-        checks.append(near(f"LuGre, moving goal at {share:g} Fs/Kp: way", 1e3 * x[-1], 1e3 * moved, 5e-3, "mm"))
+        checks.append(
+            near(f"LuGre, moving goal at {share:g} Fs/Kp: distance moved", 1e3 * x[-1], 1e3 * moved, 5e-3, "mm")
+        )
         if share in (0.95, 1.05, 2.0):
             colour = {0.95: RED, 1.05: BLUE, 2.0: GREEN}[share]
             ways.plot(t[::20], x[::20] / band, color=colour, lw=1.4, label=f"goal at {share:g} Fs/Kp")
@@ -71,23 +74,25 @@ def main(folder: Path, full: bool = False) -> Effect:
     for share, moved in JUMPED.items():
         t, x = lugre(share * band, jump=True)
         left["jump"][share] = (share * band - x[-1]) / band
-        checks.append(near(f"LuGre, goal jumps to {share:g} Fs/Kp: way", 1e3 * x[-1], 1e3 * moved, 5e-3, "mm"))
+        checks.append(
+            near(f"LuGre, goal jumps to {share:g} Fs/Kp: distance moved", 1e3 * x[-1], 1e3 * moved, 5e-3, "mm")
+        )
     for share in RIGID:
         x_end = rigid(share * band)
         left["rigid"][share] = (share * band - x_end) / band
         if share < 1.0:
-            checks.append(Check(f"rigid, goal jumps to {share:g} Fs/Kp: way", 1e3 * x_end, "mm", 0.0, 0.0))
+            checks.append(Check(f"rigid, goal jumps to {share:g} Fs/Kp: distance moved", 1e3 * x_end, "mm", 0.0, 0.0))
         else:
-            checks.append(Check(f"rigid, goal jumps to {share:g} Fs/Kp: way", 1e3 * x_end, "mm", 1.0))
+            checks.append(Check(f"rigid, goal jumps to {share:g} Fs/Kp: distance moved", 1e3 * x_end, "mm", 1.0))
     largest = max(abs(e) for found in left.values() for e in found.values())
-    checks.append(Check("largest error that stays over Fs/Kp", largest, "", 0.0, 1.0))
+    checks.append(Check("largest remaining error over Fs/Kp", largest, "", 0.0, 1.0))
     if full:
         for goal, moved in SERVO.items():
             x = lugre(goal, jump=True, Kp=3.0 * OMEGA**2, Kd=3.0 * OMEGA, settling=2.0)[1]
             share = abs(goal - x[-1]) * 3.0 * OMEGA**2 / FS
             name = f"gains of 15 Hz, goal jumps to {1e6 * goal:g} µm"
-            checks.append(near(f"{name}: way", 1e6 * x[-1], 1e6 * moved, 5e-3, "µm"))
-            checks.append(Check(f"{name}: error that stays over Fs/Kp", share, "", 0.0, 1.0))
+            checks.append(near(f"{name}: distance moved", 1e6 * x[-1], 1e6 * moved, 5e-3, "µm"))
+            checks.append(Check(f"{name}: remaining error over Fs/Kp", share, "", 0.0, 1.0))
 
     errors.plot([0.0, 1.0, 2.2], [0.0, 1.0, 1.0], color=GREY, lw=1.0, label="does not move; bound Fs/Kp")
     looks = {"slow": (RED, "o", "LuGre, moving goal"), "jump": (BLUE, "s", "LuGre, goal jumps")}
@@ -101,9 +106,9 @@ def main(folder: Path, full: bool = False) -> Effect:
     errors.legend(fontsize=9, loc="lower right")
     save(figure, __file__, folder)
     return Effect(
-        f"A goal that moves to 0.95 Fs/Kp takes the axis {1e6 * (0.95 - left['slow'][0.95]) * band:.0f} µm along, one "
-        f"that jumps there {1e3 * (0.95 - left['jump'][0.95]) * band:.0f} mm, and on a rigid contact it does not move; "
-        f"the largest error that stays is {largest:.3f} Fs/Kp.",
+        f"The largest remaining error is {largest:.3f} Fs/Kp. On LuGre, a goal that moves slowly to 0.95 Fs/Kp moves "
+        f"the axis by {1e6 * (0.95 - left['slow'][0.95]) * band:.0f} µm, one that jumps there by "
+        f"{1e3 * (0.95 - left['jump'][0.95]) * band:.0f} mm; on a rigid contact the axis does not move.",
         tuple(checks),
     )
 

@@ -1,12 +1,12 @@
-"""Dahl's loops coincide at any rate, LuGre's do not
+"""Dahl's hysteresis loops do not depend on the rate; LuGre's do
 
-The study moves both models sinusoidally at two frequencies (figure 1.3): Dahl's force depends on the path alone, that
-of LuGre on the rate as well, and "the rate dependency in LuGre is caused by the g(v) term".
+Dahl's force depends on the path alone, LuGre's on the velocity as well, through g(v). The figure shows steady loops on
+a sine at 0.1 Hz and at 10 Hz: the two loops of Dahl coincide, the two of LuGre do not.
 
-The figure shows the steady loops at 0.1 Hz and 10 Hz. The two of Dahl are one, with its tip at Fc tanh(sigma A / Fc).
-At 10 Hz LuGre slides at up to 1.3 mm/s, above the Stribeck velocity of 1 mm/s, so g(v) has fallen and the loop is
-lower, while sigma1 rounds its ends; at 0.1 Hz g(v) = Fs, and the tip is at Fs tanh(sigma0 A / Fs). The cause is as the
-study says: without the damping sigma1 and sigma2 the loops still differ, with constant g they are those of Dahl.
+The tip of Dahl's loop is at Fc tanh(sigma A / Fc). At 10 Hz LuGre slides at up to 1.3 mm/s, above the Stribeck
+velocity of 1 mm/s. There g(v) has fallen and the loop is lower, and sigma1 rounds its ends. At 0.1 Hz g(v) = Fs, and
+the tip is at Fs tanh(sigma0 A / Fs). The script also asserts the cause: without the damping sigma1 and sigma2 LuGre's
+loops still differ, and with constant g they are those of Dahl.
 
 Source: Dahl, AIAA Journal 14(12), 1976; Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995.
 """
@@ -35,7 +35,7 @@ def loop(model: str, frequency: float, parameters: Mapping[str, float]) -> tuple
 
 def main(folder: Path) -> str:
     """Draw the loops, check that Dahl's are one and LuGre's two."""
-    figure, axes = panels("Dahl's loops coincide at any rate, LuGre's do not", 1, 3, (9.0, 3.6))
+    figure, axes = panels("Dahl's loops do not depend on the rate; LuGre's do", 1, 3, (9.0, 3.6))
     cases = [("Dahl", "Dahl", {}), ("LuGre", "LuGre", {}), ("LuGre, constant g(v), σ₁ = σ₂ = 0", "LuGre", CONSTANT_G)]
     tips, gaps = {}, {}
     for axis, (title, model, parameters) in zip(axes, cases, strict=True):
@@ -57,8 +57,8 @@ def main(folder: Path) -> str:
     undamped = [loop("LuGre", f, UNDAMPED)[1].max() for f in (SLOW, FAST)]
     assert undamped[0] - undamped[1] > 0.1  # N, a fifth of the Fs - Fc by which g may fall
     return (
-        f"The loops of Dahl differ by less than 1e-12 N, those of LuGre by up to {gaps[lugre]:.2f} N; "
-        f"tips at {tips[dahl]:.3f} N and, at {SLOW:g} Hz, {tips[lugre]:.3f} N."
+        f"The loops of Dahl differ by less than 1e-12 N, those of LuGre by up to {gaps[lugre]:.2f} N. "
+        f"Their tips are at {tips[dahl]:.3f} N and, at {SLOW:g} Hz, {tips[lugre]:.3f} N."
     )
 
 

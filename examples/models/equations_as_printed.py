@@ -1,25 +1,25 @@
-"""What misprinted equations do
+"""Four misprinted equations and what they do
 
-Four equations of the study are wrong or incomplete as they are printed. The figure shows them (red) next to the FMUs of
-the models (blue).
+Four equations of the [report](literature.md) from which this project started are wrong or incomplete. The figure shows
+them as printed (red) next to the models (blue).
 
-(1.23), slip of a GMS element, dz/dt = sgn(v) C (1 - z/s(v)) with a positive s: for v < 0 it rests at z = s, which is
-the wrong side, and that is unstable: from z = -s it runs away as z = s (1 - 2 exp(C t/s)). With the sign of v in s, or
-as C (sgn(v) - z/s), it goes to sgn(v) s, at the rate C/s.
+(1.23), slip of a GMS element, dz/dt = sgn(v) C (1 - z/s(v)) with a positive s: for v < 0 its rest is at z = s, on the
+wrong side, and unstable: from z = -s the element runs away as z = s (1 - 2 exp(C t/s)). With the sign of v in s, or as
+C (sgn(v) - z/s), it goes to sgn(v) s at the rate C/s.
 
-(1.22), sticking "until z = s(v)": with a positive s an element that moves backward never slips, and is a spring without
-end. The test is sgn(v) z >= s(v).
+(1.22), sticking "until z = s(v)": with a positive s an element that moves backward never slips. It is a spring without
+end. The right test is sgn(v) z >= s(v).
 
-(1.19) and (1.20), a Maxwell slip element with the position zeta: how zeta moves is missing. With a zeta that stays the
-force comes back on the line on which it went; it has to be dragged along, zeta = z - sgn(z - zeta) W/k in slip, for the
-loop of the area 4 W (A - W/k).
+(1.19) and (1.20), a Maxwell slip element with the position zeta, do not say how zeta moves. If zeta stays, the force
+returns on the line on which it rose. In slip it must be dragged along, zeta = z - sgn(z - zeta) W/k, for a loop of the
+area 4 W (A - W/k).
 
-(1.14), Leuven's state, with r = Fd/(S(v) - Fb): after a reversal at a force Fb above the level S of a faster motion S -
-Fb is negative, and so is r for ever: dz/dt >= v, and the force grows along the hysteresis curve instead of falling to
-S. The FMU takes this for sliding.
+(1.14), Leuven's state, with r = Fd/(S(v) - Fb): after a reversal at a force Fb above the level S of a faster motion, S
+- Fb is negative, and so is r from then on. Then dz/dt >= v, and the force grows along the hysteresis curve instead of
+falling to S. The FMU treats this case as sliding.
 
 Source: Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (GMS); Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC
-45(4), 2000 (Leuven); the forms without the faults are those of docs/models.md.
+45(4), 2000 (Leuven).
 """
 
 from pathlib import Path
@@ -85,10 +85,9 @@ def main(folder: Path) -> str:
     assert abs(area / (4.0 * W * (A - W / 1e5)) - 1.0) < 1e-9 and abs(float(np.trapezoid(held[400:], x[400:]))) < 1e-18
     assert Fb > LEVEL and abs(Fh[-1] - LEVEL) < 1e-9
     return (
-        f"At -10 mm/s (1.23) gives {run_away[-1]:.0f} N after 30 ms and GMS {backward[-1]:.0f} N, to which it goes at "
-        f"the rate C/s = {C / LEVEL:g} 1/s; the loop of (1.19) "
-        f"dissipates 0 and that of MaxwellSlip {1e6 * area:.0f} µJ; from {Fb:.2f} N (1.14) rises to {least[-1]:.1f} N "
-        f"at least, where Leuven falls to {Fh[-1]:.1f} N."
+        f"At -10 mm/s, (1.23) reaches {run_away[-1]:.0f} N after 30 ms; GMS goes to {backward[-1]:.0f} N at the rate "
+        f"C/s = {C / LEVEL:g} 1/s. The loop of (1.19) dissipates nothing, that of MaxwellSlip {1e6 * area:.0f} µJ. "
+        f"From {Fb:.2f} N, (1.14) rises to at least {least[-1]:.1f} N, where Leuven falls to {Fh[-1]:.1f} N."
     )
 
 

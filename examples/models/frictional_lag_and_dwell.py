@@ -1,14 +1,11 @@
-"""SevenParameter: friction lags behind the speed, stiction grows with the time at rest
+"""SevenParameter: friction lags behind the speed, and static friction grows at rest
 
-The study on the seven-parameter model: it "includes presliding displacement, Coulomb and viscous friction and the
-Stribeck curve with frictional lag", by "introducing a time delay" tau_L (1.5), and static friction that grows with the
-dwell time t_2 (1.6).
+Left: the speed varies between 0.5 and 3.5 mm/s. Slowly, friction follows the Stribeck curve; at 20 Hz it makes a loop
+and is higher while the speed rises. Right: the break-away force grows with the time that the contact has rested.
 
-The figure shows, on the left, friction while the speed varies between 0.5 and 3.5 mm/s: slowly it follows the Stribeck
-curve, at 20 Hz it makes a loop, higher while the speed rises. With the speed of tau_L = 5 ms before, the loop falls on
-the curve. On the right, a contact that slid at 2 mm/s rests and is then pulled at 10 µm/s until it breaks away; the
-peak follows Fc + Fs_last + (Fs_inf - Fs_last) t2 / (t2 + gamma), where Fs_last is what the Stribeck curve was worth at
-the end of sliding.
+With the speed of tau_L = 5 ms before, the loop falls on the Stribeck curve. For the break-away force, a contact that
+slid at 2 mm/s rests and is then pulled at 10 µm/s. The peak follows Fc + Fs_last + (Fs_inf - Fs_last) t2 / (t2 +
+gamma), where Fs_last is the Stribeck part at the end of sliding.
 
 Source: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994.
 """
@@ -57,7 +54,9 @@ def break_away(rest: float) -> tuple[float, float]:
 
 def main(folder: Path) -> str:
     """Draw the loops and the peaks, compare both with the equations."""
-    figure, (lag, dwell) = panels("SevenParameter: frictional lag, and stiction that grows with rest", 1, 2, (9.0, 4.0))
+    figure, (lag, dwell) = panels(
+        "SevenParameter: frictional lag, and static friction that grows at rest", 1, 2, (9.0, 4.0)
+    )
     for frequency, colour in ((1.0, BLUE), (20.0, RED)):
         v, F, Fs = modulated(frequency)
         now, F = v[STEPS:], F[STEPS:]
@@ -84,8 +83,9 @@ def main(folder: Path) -> str:
     below = Fc + rested(Fs_last, t2) - peaks
     assert np.all((below > -1e-4) & (below < ONE_STEP + 1e-4))  # the last sample before the peak
     return (
-        f"At 20 Hz friction is {higher:.3f} N higher while the speed rises; break-away grows from {peaks[0]:.2f} N "
-        f"after {t2[0]:.2f} s to {peaks[-1]:.2f} N after {t2[-1]:.0f} s, as (1.6) says to {1e3 * ONE_STEP:.0f} mN."
+        f"At 20 Hz friction is {higher:.3f} N higher while the speed rises. Break-away grows from {peaks[0]:.2f} N "
+        f"after {t2[0]:.2f} s to {peaks[-1]:.2f} N after {t2[-1]:.0f} s and agrees with (1.6) to {1e3 * ONE_STEP:.0f} "
+        "mN."
     )
 
 

@@ -1,16 +1,12 @@
-"""GMS agrees in kind with a population of asperities
+"""GMS agrees qualitatively with a population of asperities
 
-The study on a comparison with LuGre, Leuven and GFM, the generic friction model, which is a population of asperities:
-"The GMS model proved to be the only model that is qualitative consistent with the GFM model for all properties with the
-nondrifting property in particular."
+GMS and the asperity model GenericAsperity share five properties, of which LuGre lacks the first two. Both stay in
+place under a constant force with vibration and return to a reversal point; friction falls late after a step of the
+speed; the break-away force falls with the rate at which it is applied; a mass on a spring sticks and slips.
 
-The figure compares GMS with GenericAsperity in five properties, and with LuGre in the two that LuGre lacks. Both stay
-in place under a bias with vibration; both come back to a reversal point (the asperities nearly, for their contacts grow
-stronger with time); after a step from 1 to 100 mm/s the friction of both falls late; the force that it takes to break
-away is smaller, the faster it is applied; both stick-slip on a spring. The asperities are those of the start values,
-but more of them and each counted in part. For the lag, GMS has
-ten times the attraction C of the start values and no viscous friction. Nothing is fitted: the agreement is one of kind,
-not of numbers.
+The asperities return to the reversal point only nearly, because their contacts grow stronger with time. Their
+parameters are the start values, but there are more of them and each is counted in part. For the lag, GMS has ten times
+the attraction C of the start values and no viscous friction. Nothing is fitted: the agreement is qualitative.
 
 Source: Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005, and Tribology Letters 16, 2004.
 """
@@ -73,7 +69,7 @@ def stick_slip(model: str) -> tuple[Array, Array]:
 
 def main(folder: Path) -> str:
     """Draw and check the five properties."""
-    figure, axes = panels("GMS agrees in kind with a population of asperities", 2, 3, (10.0, 6.0))
+    figure, axes = panels("GMS agrees qualitatively with a population of asperities", 2, 3, (10.0, 6.0))
     with_lugre, without = ("LuGre", "GenericAsperity", "GMS"), ("GenericAsperity", "GMS")
     rows = [
         (drift, with_lugre, "no drift", "time [s]", 1.0, "position [µm]", 1e6),
@@ -111,8 +107,8 @@ def main(folder: Path) -> str:
         stuck = np.mean(np.diff(late) > 0.9 * 200.0 * 0.01 * 2e-4)  # where the force grows as if the mass stood
         assert np.ptp(late) > 0.5 and 0.4 < stuck < 0.9
     return (
-        f"Drift per cycle: LuGre {1e6 * per_cycle['LuGre']:.1f} µm, GMS and the asperities below a hundredth of that; "
-        f"miss of the reversal point: LuGre {100 * miss['LuGre']:.0f} %, GMS and the asperities below 5 %."
+        f"Drift per cycle: LuGre {1e6 * per_cycle['LuGre']:.1f} µm, GMS and the asperities below a hundredth of that. "
+        f"Error at the reversal point: LuGre {100 * miss['LuGre']:.0f} %, GMS and the asperities below 5 %."
     )
 
 

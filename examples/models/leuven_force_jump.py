@@ -1,16 +1,15 @@
-"""Leuven's force jumps where an inner loop closes, ModifiedLeuven's does not
+"""Leuven's force jumps where an inner loop closes; ModifiedLeuven's does not
 
-The study: "the discontinuity in the friction force can occur when closing an inner hysteresis-loop without velocity
-reversal where the state variable z is reset to zero"; the modification "ensures the functions for dz/dt and F_f to be
-continuous".
+The figure shows a path from 0 to 6 µm, back to -6 µm and on to 14 µm. When the path passes 6 µm again, the inner loop
+closes. Leuven's force jumps there, although the velocity is continuous and far from zero.
 
-The figure shows a path from 0 to 6 µm, back to -6 µm and on to 14 µm in half cosines, so that the velocity is
-continuous and far from zero where the loop closes. There the ratio r = Fd / (S - Fb), on which dz/dt = v (1 - r^n)
-depends, becomes Fh / S as the base Fb of the inner loop is forgotten, and the force jumps by
-sigma1 v (r_before^n - r_after^n). In ModifiedLeuven r is always Fh / S. With half the step the largest change of its
-force in one step is half as large, that of Leuven remains.
+The path consists of half cosines. In Leuven's model the ratio r = Fd / (S - Fb), on which dz/dt = v (1 - r^n) depends,
+becomes Fh / S when the base Fb of the inner loop is dropped, and the force jumps by sigma1 v (r_before^n - r_after^n).
+In ModifiedLeuven r is always Fh / S. With half the step, the largest change of its force in one step is half as large;
+the jump of Leuven remains.
 
-Source: Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000; Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002.
+Source: Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000; Lampaert, Swevers, Al-Bender, IEEE TAC 47(4),
+2002.
 """
 
 from itertools import pairwise
@@ -76,8 +75,8 @@ def main(folder: Path) -> str:
         assert abs(largest["Leuven", steps] - expected) < 5e-4
     assert largest["ModifiedLeuven", 4000] < 0.6 * largest["ModifiedLeuven", 2000]
     return (
-        f"At {1e3 * v:.2f} mm/s Leuven's force jumps by {largest['Leuven', 4000]:.3f} N ({expected:.3f} N in closed "
-        f"form); in a step of 5 µs that of ModifiedLeuven changes by {largest['ModifiedLeuven', 4000]:.4f} N at most."
+        f"At {1e3 * v:.2f} mm/s Leuven's force jumps by {largest['Leuven', 4000]:.3f} N (closed form: {expected:.3f} "
+        f"N). In a step of 5 µs that of ModifiedLeuven changes by at most {largest['ModifiedLeuven', 4000]:.4f} N."
     )
 
 

@@ -1,17 +1,15 @@
-"""Leuven's model keeps reversal points on stacks, Maxwell slip in the forces of its elements
+"""Leuven stores reversal points on stacks; Maxwell slip stores them in its elements
 
-The study on the memory of Leuven's model: at each reversal the state z goes back to zero and a value is stored, a value
-is removed when an inner loop closes, and all are removed when the contact slides. Maxwell slip "solves the stack
-overflow problem", at the price of a "piecewise approximation of the hysteresis function".
+Left: a path with inner loops, the state z and the number of stored points. A reversal adds one point, closing a loop
+removes two (a loop has two ends), and sliding removes all. Middle: with MaxwellSlip, all of 80 nested reversals close
+at the force of their reversal point, although it stores only ten numbers. Right: its price, a piecewise linear curve.
 
-On the left is a path with inner loops, z and the points on the stacks of the FMU: one more at each reversal, two less
-where a loop closes, as the loop has two ends, none in sliding. In the middle are 80 reversals, each inside the loop
-before, and the way out, with MaxwellSlip: all loops close at the force of their reversal point, though ten numbers are
-all that it keeps. On the right the curve of first loading, 1 N (1 - exp(-x/10 µm)), is approximated by N elements that
-start to slip at equal distances up to 30 µm: between these points it is a chord, so that the error is below d^2/8
-max|f''|, a fourth with twice as many elements.
+On the right, the curve of first loading, 1 N (1 - exp(-x/10 µm)), is approximated by N elements that start to slip at
+equal distances d up to 30 µm. Between these points it is a chord, so the error is below d^2/8 max|f''|: twice as many
+elements leave a quarter of it.
 
-Source: Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000; Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002.
+Source: Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000; Lampaert, Swevers, Al-Bender, IEEE TAC 47(4),
+2002.
 """
 
 from pathlib import Path
@@ -95,9 +93,9 @@ def main(folder: Path) -> str:
     assert depth[-1] == 0
     assert missed < 1e-12  # N, rounding
     return (
-        f"Leuven stores {turning.size} points, with z within {1e6 * fresh:.2f} µm of zero one step later, and has "
-        f"{int(depth[-1])} in sliding; with Maxwell slip {maxima.size} of {maxima.size} loops close to 1e-12 N; N = 2, "
-        "5 and 10 elements miss the curve by " + ", ".join(f"{1e3 * errors[N]:.0f}" for N in ELEMENTS) + " mN."
+        f"Leuven stores {turning.size} points, with z within {1e6 * fresh:.2f} µm of zero one step later, and none in "
+        f"sliding. With Maxwell slip {maxima.size} of {maxima.size} loops close to 1e-12 N. N = 2, 5 and 10 elements "
+        f"miss the curve by " + ", ".join(f"{1e3 * errors[N]:.0f}" for N in ELEMENTS) + " mN."
     )
 
 

@@ -1,22 +1,20 @@
 """Which model shows which phenomenon
 
-The study compares its models by what they capture: Dahl's lacks the Stribeck effect, the models of Rice and Ruina and
-of Bliman and Sorine have less than LuGre, LuGre has almost all but nonlocal memory and freedom of drift, Leuven's model
-adds the memory, and physics-based models have everything that was observed. Here each phenomenon is a measurement, the
-same for all models, and present above 1 %:
+Each of seven phenomena is one measurement, the same for all models, and counts as present above 1 % (coloured). The
+asperities show all of them. GMS lacks dwell, the growth of static friction at rest. LuGre also lacks nonlocal memory
+and drifts.
 
 - Stribeck effect: how much lower friction is at 3 mm/s than at 10 µm/s;
-- presliding: the force after 1 µm from rest, less than half of that at 10 µm/s counts as elastic;
-- hysteresis: the work in a loop of 12 µm in presliding, over that of a rigid contact;
+- presliding: the force after 1 µm from rest; less than half of the force at 10 µm/s counts as elastic;
+- hysteresis: the work in a loop of 12 µm in presliding over that of a rigid contact;
 - lag: how much higher friction is while the speed rises through 2 mm/s than while it falls, at 20 Hz, without sigma1;
 - dwell: growth of the break-away force from 0.1 s to 30 s at rest;
-- memory: how much of the force is missing after a detour from 15 µm to 0 and back, less than 1 % is memory;
-- no drift: the way per cycle under 0.6 N with a vibration of 0.3 N at 1 Hz, less than 1 % of that with LuGre.
+- memory: how much of the force is missing after a detour from 15 µm to 0 and back; less than 1 % counts as memory;
+- no drift: the drift per cycle under 0.6 N with a vibration of 0.3 N at 1 Hz; less than 1 % of that of LuGre counts.
 
-The figure shows the measurements; coloured is what counts as present. The exponent n of the two Leuven models is 100
-for memory and drift, where loops close in the position for large n only, and 2 for the rest; the break-away deflection
-of ElastoPlastic is 9.5 µm. The last two columns need a contact that is elastic; the memory of the seven-parameter model
-is that of a plain spring. The asperities have it all. No other model here has more than GMS, which lacks dwell.
+The exponent n of the two Leuven models is 100 for memory and drift, because their loops close in the position for
+large n only, and 2 for the rest. The break-away deflection of ElastoPlastic is 9.5 µm. The last two columns need an
+elastic contact; the memory of the seven-parameter model is that of a plain spring.
 
 Source: Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (properties to compare models by).
 """
@@ -151,13 +149,13 @@ def main(folder: Path) -> str:
     assert loose > 0.01 * per_cycle
     counts = {model: sum(row) for model, row in table.items()}
     return (
-        f"Of {len(PHENOMENA)} phenomena Stribeck's curve shows {counts['Stribeck']}, Dahl {counts['Dahl']}, Bliman and "
-        f"Sorine {counts['BlimanSorine']}, rate-and-state {counts['RateAndState']}, LuGre {counts['LuGre']}, Leuven "
-        f"{counts['Leuven']}, GMS {counts['GMS']} and the asperities {counts['GenericAsperity']}. From 10 µm/s to 3 "
-        f"mm/s friction falls by {100.0 * found['LuGre'][0]:.0f} % with LuGre and "
-        f"{100.0 * abs(found['Dahl'][0]):.0f} % with Dahl; a detour costs LuGre {100.0 * found['LuGre'][5]:.0f} %, "
+        f"Phenomena shown: Stribeck's curve {counts['Stribeck']} of {len(PHENOMENA)}, Dahl {counts['Dahl']}, Bliman "
+        f"and Sorine {counts['BlimanSorine']}, rate-and-state {counts['RateAndState']}, LuGre {counts['LuGre']}, "
+        f"Leuven {counts['Leuven']}, GMS {counts['GMS']} and the asperities {counts['GenericAsperity']}. From 10 µm/s "
+        f"to 3 mm/s friction falls by {100.0 * found['LuGre'][0]:.0f} % with LuGre and "
+        f"{100.0 * abs(found['Dahl'][0]):.0f} % with Dahl. A detour costs LuGre {100.0 * found['LuGre'][5]:.0f} %, "
         f"ElastoPlastic {100.0 * found['ElastoPlastic'][5]:.1f} % and Leuven {100.0 * found['Leuven'][5]:.1f} % of the "
-        f"force; with n = 2 Leuven drifts by {1e6 * loose:.2f} µm per cycle."
+        f"force. With n = 2 Leuven drifts by {1e6 * loose:.2f} µm per cycle."
     )
 
 

@@ -1,18 +1,16 @@
-"""Before it slides a contact is a spring, with hysteresis or without, and may not come back
+"""Before it slides, a contact is a spring with or without hysteresis
 
-The study on small displacements: the seven-parameter model has a spring in the stiction phase, which "does not capture"
-what is observed there, and a transition that it does not define; Dahl's model has predisplacement and hysteresis; LuGre
-is Dahl's model with g(v) for Fc and two terms more, a spring of the stiffness sigma0 for small displacements.
+Left: loops on a sine in presliding. The seven-parameter model is a spring without hysteresis; Dahl, LuGre and Maxwell
+slip dissipate energy. Right: what remains after a force of 0.6 N was applied and released. Dahl and LuGre do not
+return to the start; ElastoPlastic does.
 
-The figure shows the loop on a sine of 20 µm (10 µm for the seven-parameter model, which would slide) and what a force
-of 0.6 N, applied and released slowly, leaves behind. The seven-parameter model follows one line, kt x, at 20 Hz as
-well, and its force jumps at break-away by what the Stribeck curve is lower at that speed. Dahl's loops have the areas 4
-Fc (A - Fc/sigma tanh(sigma A/Fc)) for n = 1 and 4 Fc (A - Fc/sigma) for n = 0, Maxwell slip sum 4 Wi (A - Wi/ki). With
-constant g and without its two other terms LuGre is Dahl's model to rounding.
+The amplitude is 20 µm, 10 µm for the seven-parameter model, which would slide otherwise. That model follows one line,
+kt x, at 20 Hz as well; at break-away its force jumps by as much as the Stribeck curve is lower at that speed. Dahl's
+loops have the areas 4 Fc (A - Fc/sigma tanh(sigma A/Fc)) for n = 1 and 4 Fc (A - Fc/sigma) for n = 0, Maxwell slip has
+sum 4 Wi (A - Wi/ki). With constant g and without its two other terms LuGre is Dahl's model, to rounding.
 
-The "zero-slip displacement" of LuGre comes from the same curve. From rest to F and back to 0 the mass stays away by
--(Fc/sigma) ln(1 - (F/Fc)^2) in Dahl's model and by the same with Fs and sigma0 in LuGre's, though its bristles are
-straight again. ElastoPlastic comes back, up to its break-away deflection.
+After a force F, Dahl's model remains displaced by -(Fc/sigma) ln(1 - (F/Fc)^2), and LuGre by the same with Fs and
+sigma0, although its bristles are straight again. ElastoPlastic returns up to its break-away deflection.
 
 Source: Dahl, AIAA Journal 14(12), 1976; Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995; Dupont,
 Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002; the closed forms follow from the equations.
@@ -64,7 +62,7 @@ def break_away(step: float) -> float:
 
 def main(folder: Path) -> str:
     """Draw loops and releases, check areas and what stays."""
-    figure, axes = panels("Presliding: loops, and what a released force leaves", 2, 3, (10.0, 6.2))
+    figure, axes = panels("Presliding: loops, and the displacement that a released force leaves", 2, 3, (10.0, 6.2))
     cases = [
         ("SevenParameter", "SevenParameter", SMALL, {}, RED),
         ("Dahl, n = 1 (line) and 0", "Dahl", A, {}, BLUE),
@@ -120,10 +118,10 @@ def main(folder: Path) -> str:
     assert abs(stays["ElastoPlastic"]) < 1e-9
     return (
         f"Loops of Dahl and Maxwell slip dissipate {1e6 * dahl:.1f} and {1e6 * maxwell:.1f} µJ, that of the "
-        f"seven-parameter model 0; its force jumps by {jump:.3f} N at break-away. After 0.6 N Dahl stays "
-        f"{1e6 * stays['Dahl']:.2f} µm away, LuGre {1e6 * stays['LuGre']:.2f} µm and ElastoPlastic 0.00 µm. LuGre "
-        f"begins with {first / SIGMA:.3f} of sigma0, and is Dahl's model to 1e-12 N where g is constant and nothing is "
-        "added."
+        f"seven-parameter model 0 µJ; its force jumps by {jump:.3f} N at break-away. After 0.6 N the displacement is "
+        f"{1e6 * stays['Dahl']:.2f} µm with Dahl, {1e6 * stays['LuGre']:.2f} µm with LuGre and 0.00 µm with "
+        f"ElastoPlastic. The initial stiffness of LuGre is {first / SIGMA:.3f} sigma0; with constant g and nothing "
+        "added it equals Dahl's model to 1e-12 N."
     )
 
 

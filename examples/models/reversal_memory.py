@@ -1,16 +1,12 @@
-"""LuGre forgets reversal points, MaxwellSlip and GMS remember them
+"""LuGre forgets reversal points; MaxwellSlip and GMS remember them
 
-The study compares LuGre with reality at velocity reversals (figure 1.4): LuGre "does not capture the reversal point
-memory". A contact with this memory closes an inner loop at the point where the loop began, and then goes on as if there
-had been no loop.
+The figure shows a path to 20 µm with a detour back to 0, next to the path without the detour. MaxwellSlip and GMS
+close the inner loop at the reversal point and continue as if there had been no detour. LuGre misses the point, and so
+does Dahl's model: rate independence is not memory.
 
-The figure shows a path to 20 µm with a detour back to 0, at 1 µm/s, next to the path without the detour. MaxwellSlip
-and GMS come back to the reversal point and go on along the same curve; LuGre misses it. The miss is known, for at a
-constant speed LuGre is linear in the path: (1 - q) ((1 + q) F - (1 - q) g), with q = exp(-a sigma0 / g), for a
-detour of the length a that begins at the force F.
-
-The study gives rate dependence as the reason, and says that in Dahl's model, which has none, every reversal point is
-recovered. That is not so: Dahl's model is LuGre with a constant g = Fc, and misses by the same formula.
+The path is followed at 1 µm/s. At constant speed LuGre is linear in the path, so the miss is known: (1 - q) ((1 + q) F
+- (1 - q) g), with q = exp(-a sigma0 / g), for a detour of the length a that begins at the force F. Dahl's model is
+LuGre with a constant g = Fc and misses by the same formula.
 
 Source: Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002; Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005.
 """
@@ -36,7 +32,7 @@ def known_miss(g: float) -> float:
 
 def main(folder: Path) -> str:
     """Draw the detours and check where they end."""
-    figure, axes = panels("LuGre forgets reversal points, MaxwellSlip and GMS remember them", 2, 2, (8.0, 6.4))
+    figure, axes = panels("LuGre forgets reversal points; MaxwellSlip and GMS remember them", 2, 2, (8.0, 6.4))
     x = polyline([0.0, TURN, BACK, TURN, END], SPEED, STEP)
     x_straight = polyline([0.0, END], SPEED, STEP)
     miss, beyond = {}, {}
@@ -58,7 +54,7 @@ def main(folder: Path) -> str:
         assert abs(miss[model]) < 1e-12 and beyond[model] < 1e-12  # N, rounding
     return (
         f"After the detour LuGre is {miss['LuGre']:.3f} N and Dahl {miss['Dahl']:.3f} N below the reversal point; "
-        "MaxwellSlip and GMS are on it, and then on the curve without detour, to 1e-12 N."
+        "MaxwellSlip and GMS pass it, and then follow the curve without detour, to 1e-12 N."
     )
 
 

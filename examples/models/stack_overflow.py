@@ -1,12 +1,10 @@
-"""Leuven's stacks overflow, the outermost loops are kept
+"""Leuven's stacks can overflow; the outermost loops are kept
 
-The study: "An implementation error might occur when the memory stacks overflow when too many loops are initiated. This
-is possible because the stack size has to be chosen in advance."
+The figure shows 80 nested reversals and the way out through all of them. The stacks of the FMU hold 64 points. When
+they are full, each new point replaces the innermost loop, `stack_overflow` becomes true, and the FMU warns once.
 
-The figure shows 80 reversals, each inside the loop before, and then the way out through all of them. The stacks of the
-FMU hold 64 points. When they are full the innermost loop is forgotten for the new point, the variable stack_overflow
-becomes true, and fmi2DoStep returns one fmi2Warning with a message. On the way out every loop that was kept closes at
-the force of its reversal point, until the stacks are empty.
+fmi2DoStep returns one fmi2Warning with a message. On the way out, every loop that was kept closes at the force of its
+reversal point, until the stacks are empty.
 
 Source: Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000; the order in which points are dropped is ours.
 """
@@ -52,7 +50,7 @@ def main(folder: Path) -> str:
     closings = out + np.flatnonzero(np.diff(depth[out + 1 :]) < 0) + 1
     maxima = np.delete(turns, LOST)[-2::-2]
 
-    figure, (loops, stack) = panels("Leuven's stacks overflow, the outermost loops are kept", 1, 2, (9.0, 4.2))
+    figure, (loops, stack) = panels("Leuven's stacks can overflow; the outermost loops are kept", 1, 2, (9.0, 4.2))
     loops.plot(1e6 * x, Fh, color=GREY, lw=0.5)
     loops.plot(1e6 * x[out:], Fh[out:], color=BLUE, lw=2.0, label="way out")
     loops.plot(1e6 * x[turns], Fh[turns], "o", color=BLACK, ms=3, label="reversal point")
@@ -74,8 +72,8 @@ def main(folder: Path) -> str:
     assert closings.size == maxima.size == HELD // 2
     assert np.abs(Fh[closings] - Fh[maxima]).max() <= ONE_STEP
     return (
-        f"Of {REVERSALS} reversal points {depth.max()} are kept, with one fmi2Warning; on the way out {closings.size} "
-        f"loops close, each at the force of its reversal point to {1e3 * ONE_STEP:g} mN, the change in one step."
+        f"Of {REVERSALS} reversal points {depth.max()} are kept. On the way out {closings.size} loops close, each at "
+        f"the force of its reversal point to {1e3 * ONE_STEP:g} mN, the change in one step."
     )
 
 

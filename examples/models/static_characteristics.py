@@ -1,13 +1,12 @@
-"""Static models give friction over velocity, but not at rest
+"""Static models define friction in sliding, but not at rest
 
-The counterpart of figure 1.1 of the study. On the left are Coulomb friction, viscous friction and static friction above
-Coulomb's, on the right the Stribeck curve. The study adds the Stribeck effect as a function of the velocity that it
-leaves open, (1.3). It has to be odd: with Tustin's (Fs - Fc) exp(-|v|/vs), taken as it is, the "friction" at v < 0 is
-that at v > 0 less twice Fc and the viscous part, which pushes the mass along (dotted).
+Left: Coulomb friction, viscous friction and static friction above the Coulomb level. Right: the Stribeck curve. At v =
+0 friction takes any value up to Fs (vertical lines), so the static blocks have an input for the other forces. In
+steady sliding LuGre ends on the curve (dots).
 
-At v = 0 a static model has no value: friction is what the other forces call for, up to Fs (vertical lines), so the
-blocks have an input for these forces. In steady sliding all is said by the curve: LuGre, held at each velocity, ends on
-it (dots), with parameters of its own for v < 0 if that is wanted.
+LuGre has separate parameters for v < 0 if wanted. The Stribeck part as a function of the velocity has to be odd. With
+Tustin's (Fs - Fc) exp(-|v|/vs), taken as it is, friction at v < 0 is that at v > 0 less twice Fc and the viscous part,
+and pushes the mass along (dotted).
 
 Source: Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky, European Journal of Control 4(3), 1998.
 """
@@ -53,7 +52,7 @@ def main(folder: Path) -> str:
     """Draw the curves, check them against their equations."""
     v = np.concatenate([-SPEEDS[::-1], SPEEDS])
     viscous = {"Fv": STEEP}
-    figure, (basic, curve) = panels("Friction over velocity, and what is undecided at rest", 1, 2, (9.4, 4.2))
+    figure, (basic, curve) = panels("Friction over velocity; at rest it can take any value up to Fs", 1, 2, (9.4, 4.2))
     coulomb = forces("Coulomb", v, NO_FORCE)
     film = forces("Viscous", v, viscous)
     stiction = forces("Stiction", v, viscous | NO_FORCE)
@@ -96,8 +95,8 @@ def main(folder: Path) -> str:
     wrong = float((even(v) + even(-v)).max())
     assert abs(wrong - 2.0 * (FS - FC) * exp(-SPEEDS[0] / VS)) < 1e-12
     return (
-        f"At rest friction is any force up to {at_rest('Stiction', 2.0):g} N; in steady sliding LuGre is within 1e-9 N "
-        f"of the Stribeck curve; with an even term (1.3) differs by {wrong:.2f} N from an odd function."
+        f"At rest friction takes any value up to {at_rest('Stiction', 2.0):g} N. In steady sliding LuGre is within "
+        f"1e-9 N of the Stribeck curve. With an even term, (1.3) differs by {wrong:.2f} N from an odd function."
     )
 
 

@@ -1,14 +1,11 @@
-"""Dahl cannot stick-slip, LuGre can
+"""LuGre shows stick-slip; Dahl cannot
 
-The study on Dahl's model: "it is unable to capture many other phenomena like the Stribeck effect and the ability to
-predict stick-slip motion". Stick-slip needs friction that falls with speed; LuGre has it in g(v).
+A spring of 2 N/m whose end moves at 0.1 m/s pulls a mass of 1 kg. Stick-slip needs friction that falls with speed. On
+LuGre the mass sticks until the spring pulls with 1.5 N, then slips, again and again. On Dahl's friction the initial
+oscillation dies out and the mass slides steadily.
 
-The figure shows 1 kg pulled by a spring of 2 N/m whose end moves at 0.1 m/s. On LuGre the mass sticks until the spring
-pulls with 1.5 N and slips to where it pulls with half of that, for ever. On Dahl's friction, with the viscous damping
-that LuGre has, 0.4 N s/m, the start leaves an oscillation about steady sliding that dies out as that of a linear
-oscillator.
-
-Period and speed of LuGre were computed independently, with an ODE solver at tight tolerances.
+Dahl's model gets the viscous damping of LuGre, 0.4 N s/m, so its oscillation about steady sliding dies out as that of
+a linear oscillator. Period and speed of LuGre were computed independently, with an ODE solver at tight tolerances.
 
 Source: Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995, figure 6.
 """
@@ -27,7 +24,7 @@ PERIOD, FASTEST = 6.36271982, 0.369816  # of LuGre [s], [m/s]
 
 def main(folder: Path) -> str:
     """Draw both motions, check the period of the one and the end of the other."""
-    figure, (speed, spring) = panels("Dahl cannot stick-slip, LuGre can", 2, 1, (8.0, 5.0))
+    figure, (speed, spring) = panels("LuGre shows stick-slip; Dahl cannot", 2, 1, (8.0, 5.0))
     v = {}
     for model, colour, damping in (("LuGre", RED, 0.0), ("Dahl", BLUE, d)):
         result = with_mass(model, STOP, STEP, mass={"k": k, "d": damping, "v_support": V})
@@ -51,7 +48,7 @@ def main(folder: Path) -> str:
     rest = np.abs(v["Dahl"][-1000:] - V).max()
     assert rest < V * exp(-0.5 * d * (STOP - 1.0 - 5.0)) / sqrt(1.0 - d**2 / (4.0 * k))
     return (
-        f"LuGre sticks for {100 * stuck:.0f} % of the time, with a period of {period:.2f} s; after {STOP:g} s Dahl "
+        f"LuGre sticks for {100 * stuck:.0f} % of the time, with a period of {period:.2f} s. After {STOP:g} s Dahl "
         f"slides steadily at {V:g} m/s, to {100 * rest / V:.2f} %."
     )
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 from friction_fmus.blocks.catalogue import FEATURES, Block, catalogue
 from friction_fmus.blocks.comment import INDENT, Paragraph, paragraphs
 from friction_fmus.blocks.probe import STATE, STATE_OUTPUT
@@ -9,14 +12,23 @@ from friction_fmus.fmi.package import describe_block
 
 INTRODUCTION = """# Friction models
 
-Each model is an FMU with the relative sliding velocity `v` as input and the friction force `F`, which opposes `v`, as
-output. `friction-fmus show NAME` prints the equations and parameters of a model, and `friction-fmus cite NAME` prints
-the BibTeX entry of its source.
+Each model is an FMU with the input `v`, the relative sliding velocity, and the output `F`, the friction force that
+opposes it. [Which friction model](which-model.md) helps to choose one, and [effects.md](effects.md) compares them.
+
+```console
+$ friction-fmus show LuGre
+$ friction-fmus cite LuGre
+```
+
+`show` prints all notes of a model and its parameters; `documentation/index.html` in the FMU has them with figures. `cite`
+prints the BibTeX entry.
+
+![Which model shows which phenomenon](figures/phenomena.png)
 """
 
 
 def models_page() -> str:
-    """Return the page: a table of features, then the equations and limits of each model."""
+    """Return the page: a table of features, then what each model is, its use, limits and equations."""
     blocks = [block for block in catalogue().values() if block.kind == "friction"]
     heads = ("model", *FEATURES, "states")
     table = [f"| {' | '.join(heads)} |", f"|---|{':-:|' * (len(heads) - 1)}"]
@@ -32,9 +44,19 @@ def _table_row(block: Block) -> str:
 
 
 def _section(block: Block) -> str:
-    parts = [f"## {block.name}", f"*{block.summary}.* Source: {block.origin}."]
-    parts += [_markdown(paragraph) for paragraph in paragraphs(block.notes)]
-    return "\n\n".join(parts) + "\n"
+    first, *rest = paragraphs(block.notes)
+    leads = [paragraph for paragraph in rest if paragraph.lead]
+    parts = [_markdown(paragraph) for paragraph in (first, *leads, *_equations(rest))]
+    return "\n\n".join([f"## {block.name}", *parts, f"Source: {block.origin}."]) + "\n"
+
+
+def _equations(notes: Sequence[Paragraph]) -> list[Paragraph]:
+    """Return the equations, each with the paragraph after it, which explains them."""
+    shown: list[Paragraph] = []
+    for before, paragraph in pairwise((Paragraph(()), *notes)):
+        if paragraph.equations or (before.equations and not paragraph.lead):
+            shown.append(paragraph)
+    return shown
 
 
 def _markdown(paragraph: Paragraph) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
@@ -142,7 +143,7 @@ def test_steps_for_other_tools_give_the_position_that_is_said() -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_programs_and_commands_are_marked_to_be_run(page: Path) -> None:
-    """But for the scripts of claims and effects, long runs by hand, and the commands of the pages on adding."""
+    """Except the scripts of effects, long runs by hand, and the commands of the pages on adding."""
     text = page.read_text(encoding="utf-8")
     fences = re.findall(r"^(<!-- [^\n]* -->\n)?```(sh|python)\n(.*?)^```$", text, re.S | re.M)
     known = r"python examples/\w+/\w+\.py figures\n|tests/nightly\.sh\n|tests/slow/sanitized\.sh.*"
@@ -202,6 +203,15 @@ def test_rows_named_in_the_guide_are_those_of_block_h() -> None:
     guide = ADDING[0].read_text(encoding="utf-8")
     assert kinds
     assert [kind for kind in sorted(kinds) if f"`{kind}`" not in guide] == []
+
+
+def test_the_pages_are_no_longer_than_people_read() -> None:
+    """README, CONTRIBUTING, docs/**/*.md and the text of the notebooks; not the docstrings that the API shows."""
+    texts = [page.read_text(encoding="utf-8") for page in (*PAGES, *(ROOT / "docs").glob("*/**/*.md"))]
+    for notebook in (ROOT / "examples" / "notebooks").glob("*.ipynb"):
+        cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+        texts += ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown"]
+    assert sum(len(text.split()) for text in texts) <= 45_000
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -7,6 +7,7 @@ import inspect
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -17,6 +18,7 @@ from urllib.parse import unquote, urlsplit
 import lief
 import pytest
 from lxml import etree, html
+from playwright.sync_api import sync_playwright
 
 from friction_fmus import fmu
 from friction_fmus.blocks.catalogue import catalogue
@@ -25,6 +27,7 @@ from harness.compiling.platforms import NATIVE
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 PUBLIC = ("", ".lawkit.law", ".identification", ".conditions", ".procedures", ".doctor", ".check", ".codegen")
 PRINTED = {
     "models_compared": [
@@ -33,7 +36,7 @@ PRINTED = {
     ],
     "compensated_loop": ["13 conditions, 0 of them violated", "law.c"],
 }
-"""What the notebooks must print; 6.09 µm is that of docs/claims.md, from an independent computation."""
+"""What the notebooks must print; 6.09 µm is that of docs/effects.md, from an independent computation."""
 OUTSIDE = r"(?:@import|url\()\s*[\"']?(https?:[^\"')]*)"
 MODULES = [*(f"friction_fmus{name}" for name in PUBLIC), "harness"]
 
@@ -44,23 +47,49 @@ def tables(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return importlib.import_module("tables")
 
 
-def test_the_site_is_whole_and_asks_no_other_host(tmp_path: Path) -> None:
-    """One test, as the site is built for it, and the notebooks run."""
-    command = [str(Path(sys.executable).parent / "mkdocs"), "build", "--strict", "--site-dir", str(tmp_path)]
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the site, built with its notebooks."""
+    folder = tmp_path_factory.mktemp("site")
+    command = [str(Path(sys.executable).parent / "mkdocs"), "build", "--strict", "--site-dir", str(folder)]
     environment = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
     made = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stderr
-    paths = [path for path in sorted(tmp_path.rglob("*.html")) if path.name != "404.html"]
+    return folder
+
+
+def test_the_site_is_whole_and_asks_no_other_host(site: Path) -> None:
+    paths = [path for path in sorted(site.rglob("*.html")) if path.name != "404.html"]
     pages = {path: html.parse(str(path)).getroot() for path in paths}
     assert len(pages) > 25
     assert broken_links(pages) == []
     assert loaded_from_elsewhere(pages) == []
-    assert [sheet for path in tmp_path.rglob("*.css") for sheet in re.findall(OUTSIDE, path.read_text("utf-8"))] == []
-    assert missing_in_the_reference(tmp_path / "api") == []
+    assert [sheet for path in site.rglob("*.css") for sheet in re.findall(OUTSIDE, path.read_text("utf-8"))] == []
+    assert missing_in_the_reference(site / "api") == []
     for name, said in PRINTED.items():
-        page = pages[tmp_path / "notebooks" / f"{name}.html"]
+        page = pages[site / "notebooks" / f"{name}.html"]
         assert [text for text in said if text not in page.text_content()] == []
         assert page.xpath("//article//img")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+def test_search_works_on_a_page_opened_as_a_file_and_a_phone_shows_it_whole(site: Path) -> None:
+    sandbox = ["--no-sandbox"] if os.getuid() == 0 else []  # which Chromium does not have for root
+    requests: list[str] = []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=sandbox)
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.on("request", lambda request: requests.append(request.url))
+        page.goto((site / "index.html").as_uri())
+        page.click(".md-search__input")
+        page.keyboard.type("hunting")
+        page.wait_for_selector(".md-search-result__item >> text=Effects of friction", timeout=60_000)
+        phone = browser.new_page(viewport={"width": 360, "height": 740}, is_mobile=True, has_touch=True)
+        for name in ("index", "which-compensator", "models", "check"):  # their tables scroll by themselves
+            phone.goto((site / f"{name}.html").as_uri())
+            assert phone.evaluate("document.documentElement.scrollWidth") <= 360, name
+        browser.close()
+    assert [url for url in requests if not url.startswith(("file:", "data:", "blob:"))] == []
 
 
 def broken_links(pages: dict[Path, html.HtmlElement]) -> list[str]:

@@ -71,7 +71,7 @@ def test_the_true_parameters_are_found_within_what_the_page_says(outcome: tuple[
     assert content["ranked_by"] == "validation error"
     best, other = content["models"]
     assert (best["model"], other["model"]) == ("LuGre", "Stribeck")
-    assert "is found is within 3 % of them" in PAGE
+    assert "Every estimate is within 3 % of them" in PAGE
     for name, true in TRUE.items():
         assert best["parameters"][name]["value"] == pytest.approx(true, rel=0.03), name
     # noise of 0.1 N, of which decimation by 10 and a filter at 0.8 of the new Nyquist frequency leave 0.1 sqrt(0.08) N
