@@ -9,15 +9,13 @@ from hashlib import sha256
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.study.models import ALIKE
-from friction_fmus.study.ranking import worst_case
+from friction_fmus.report import numbers, views
+from friction_fmus.report.sections import Section, sections
 from friction_fmus.study.result import StudyResult
 from harness.storage.atomic import atomic_path
-
-from . import numbers, views
 
 FOLDER = Path(__file__).parent
 
@@ -55,30 +53,22 @@ def report_html(study: StudyResult) -> str:
         HTML 5 without references to other files; equal studies give equal pages. Texts of the study are escaped, and
         the content security policy only allows the two scripts of the page.
     """
-    ranked = views.ranked(study)
-    unit, factor = views.error_unit(study)
     script = (FOLDER / "page.js").read_text(encoding="utf-8")
-    template = _environment().get_template("page.html")
-    return template.render(
+    environment = _environment()
+
+    def body(name: str, section: Section) -> Markup:
+        template = environment.get_template(f"sections/{name}.html")
+        return Markup(template.render(study=study, **section.content(study)))
+
+    return environment.get_template("page.html").render(
         study=study,
-        alike=ALIKE,
         style=(FOLDER / "page.css").read_text(encoding="utf-8"),
         script=script,
         library=_library(),
         hashes=[_hash(text) for text in (script, get_plotlyjs())],
-        scores=views.scores(study.models),
-        best=next((row for row in study.models if row.rank == 1), None),
-        record_plots=views.record_plots(study),
-        friction_plots=views.friction_plots(study),
-        friction_table=None if study.friction is None else views.friction_table(study.friction),
-        plots=views.compensator_plots(study),
-        ranked=ranked,
-        error_unit=unit,
-        factor=factor,
-        not_compared=views.not_compared(study),
-        off=next(filter(None, map(worst_case, study.compensators)), ""),
-        without=next((row for row in study.compensators if row.name == views.NONE), None),
-        sources=_sources(study),
+        sections=[
+            {"name": name, "title": section.TITLE, "body": body(name, section)} for name, section in sections().items()
+        ],
     )
 
 
@@ -111,12 +101,3 @@ def _library() -> str:
 def _hash(script: str) -> str:
     """Return the source expression that allows one script in a content security policy (CSP level 3, 2.3.1)."""
     return f"'sha256-{base64.b64encode(sha256(script.encode()).digest()).decode('ascii')}'"
-
-
-def _sources(study: StudyResult) -> list[tuple[str, str]]:
-    """Return name and source of each block of the catalogue used by the study."""
-    known = catalogue()
-    names = [row.name for row in study.models if row.rank is not None] + [
-        row.name for row in study.compensators if row.applies
-    ]
-    return [(name, known[name].source) for name in dict.fromkeys(names) if name in known]

@@ -1,0 +1,16 @@
+"""Command and versions that reproduce the study."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from friction_fmus.study.result import StudyResult
+
+PLACE = 80
+TITLE = "Reproduction"
+
+
+def content(study: StudyResult) -> Mapping[str, Any]:
+    """Return the values of the template, which needs the study only."""
+    return {}

@@ -1,0 +1,16 @@
+"""Conditions of the recommended loop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from friction_fmus.study.result import StudyResult
+
+PLACE = 60
+TITLE = "Conditions of the loop"
+
+
+def content(study: StudyResult) -> Mapping[str, Any]:
+    """Return the values of the template, which needs the study only."""
+    return {}

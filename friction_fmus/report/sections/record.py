@@ -1,0 +1,36 @@
+"""Measured and simulated signals over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from friction_fmus.report.figures import Plot, lines
+from friction_fmus.report.views import axes, reversal
+from friction_fmus.study.result import Picture, StudyResult
+
+PLACE = 20
+TITLE = "Record"
+
+
+def content(study: StudyResult) -> Mapping[str, Any]:
+    """Return the values of the template."""
+    return {"record_plots": record_plots(study)}
+
+
+def record_plots(study: StudyResult) -> list[Plot]:
+    """Return the plots of measured and simulated signals over time."""
+    turn = reversal(study.record)
+    plots = []
+    for index, picture in enumerate(study.record):
+        how = ", measured and simulated" if picture.data and picture.models else "" if picture.data else " by model"
+        caption = f"{picture.y_label[:1].upper()}{picture.y_label[1:]} over time{how}."
+        plots.append(_over_time(f"record-plot-{index + 1}", picture, caption, turn))
+    return plots
+
+
+def _over_time(name: str, picture: Picture, caption: str, turn: tuple[float, float] | None) -> Plot:
+    titles, factors = axes(picture)
+    figure = lines(picture.data, picture.models, titles, factors, height=330)
+    views = {} if turn is None else {"around a reversal": turn}
+    return Plot(name, figure, caption, f"Plot. {caption}", views=views)
