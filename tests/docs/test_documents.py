@@ -222,6 +222,12 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert (notebook if file.parent.name == "notebooks" else file).exists(), target
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_tests_that_are_named_are_there(page: Path) -> None:
+    named = re.findall(r"\btests/[\w/-]+(?:\.\w+)?", page.read_text(encoding="utf-8"))
+    assert [path for path in named if not (ROOT / path).exists()] == []
+
+
 def test_changelog_names_every_block() -> None:
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert [name for name in catalogue() if f"`{name}`" not in text] == []
