@@ -114,7 +114,7 @@ def gms_feedforward(
     the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
     position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
 
-    Limits: a reversal between two samples is not seen. With noise in r, the elements switch between stick and slip, so
+    Limits: a reversal between two samples is missed. With noise in r, the elements switch between stick and slip, so
     r must be the reference, not a measurement. u_min must not exceed u_max.
     """
     dr = increment(r, last, started, reset)  # 0 during reset
