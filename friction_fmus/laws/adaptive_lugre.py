@@ -1,4 +1,4 @@
-"""LuGre friction compensation that adapts to the normal force."""
+"""LuGre friction compensation with adaptation to the normal force."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from friction_fmus.lawkit.parts.observers import adapted, limited, relaxed
 
 @law(
     "AdaptiveLuGre",
-    "Tracking control with LuGre friction that adapts to the normal force",
+    "Tracking control with LuGre friction compensation that adapts to the normal force",
     source="Canudas de Wit, Lischinsky, Int. J. Adaptive Control and Signal Processing 11, 1997",
     Ts=1e-3,
     quotes=(
@@ -55,7 +55,7 @@ from friction_fmus.lawkit.parts.observers import adapted, limited, relaxed
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
-        "theta": Output(NO_UNIT, "estimated normal force, relative to the one of the parameters"),
+        "theta": Output(NO_UNIT, "estimated normal force relative to that of the parameters"),
     },
     conditions={
         "theta_min <= theta0 <= theta_max": lambda theta_min, theta0, theta_max: logic_and(
@@ -77,8 +77,8 @@ def adaptive_lugre(
     m: SX = variables.MASS_OR_NONE,
     lam: SX = variables.LAM,
     Ks: SX = Parameter(DAMPING, 127.0, "gain of s", min=0.0),
-    Gamma: SX = Parameter("1/(" + FORCE + "." + LENGTH + ")", 2000.0, "speed of adaptation, 0: none", min=0.0),
-    theta0: SX = Parameter(NO_UNIT, 1.0, "first theta"),
+    Gamma: SX = Parameter("1/(" + FORCE + "." + LENGTH + ")", 2000.0, "rate of adaptation; 0: none", min=0.0),
+    theta0: SX = Parameter(NO_UNIT, 1.0, "initial theta"),
     theta_min: SX = Parameter(NO_UNIT, 0.0, "lower limit of theta"),
     theta_max: SX = Parameter(NO_UNIT, 10.0, "upper limit of theta"),
     sigma0: SX = variables.SIGMA0,
@@ -92,7 +92,7 @@ def adaptive_lugre(
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
-    """Tracking of a reference by a mass whose LuGre friction is known up to the normal force.
+    """Tracking control of a mass with LuGre friction that is known except for the normal force.
 
         s          = (rd - v) + lam (r - x)
         z'         = v - sigma0 |v|/g(v) z
@@ -105,31 +105,31 @@ def adaptive_lugre(
         theta_next = theta while u is limited and s pushes further into that limit
 
     Canudas de Wit, Lischinsky: Adaptive friction compensation with partially known dynamic friction model,
-    International Journal of Adaptive Control and Signal Processing 11, 1997. From memory that paper adapts with the
-    position error under a condition of positive realness; s makes the error relative-degree one, so that none is
-    needed. z follows the exact solution for a constant velocity as in LuGreObserver; F_n of a sample contains z before
-    that step.
+    International Journal of Adaptive Control and Signal Processing 11, 1997. As far as remembered, the paper adapts
+    with the position error under a condition of positive realness. With s, the error has relative degree one, and the
+    condition is not needed. z follows the exact solution for constant velocity, as in LuGreObserver; F_n in a sample
+    uses z before that step.
 
     In continuous time, with s' m = -Ks s + (theta_true - theta) F_n and the exact z,
 
         V = m s^2/2 + (theta_true - theta)^2/(2 Gamma),   V' = -Ks s^2
 
-    In sampled time, at constant F_n and up to terms of the order lam Ts, the loop is stable for
+    In sampled time, for constant F_n and up to terms of the order lam Ts, the loop is stable for
 
         Gamma F_n^2 Ts < Ks,   2 Ks Ts/m < 4 + Gamma F_n^2 Ts^2/m
 
-    and the adaptation settles without oscillation for Gamma F_n^2 < Ks^2/(4 m), with the time constant
-    Ks/(Gamma F_n^2) where it is slow: 60 ms with the start values.
+    The adaptation settles without oscillation for Gamma F_n^2 < Ks^2/(4 m). A slow adaptation has the time constant
+    Ks/(Gamma F_n^2), which is 60 ms with the start values.
 
-    Use it where load, wear or lubrication scale the whole dry friction of an axis whose LuGre parameters are known at
-    one load, and where the reference moves: theta learns in motion only. It is a complete controller with Kp = Ks lam,
-    Kd = Ks + m lam and no integrator.
+    Use it if load, wear or lubrication scale the complete dry friction of an axis whose LuGre parameters are known at
+    one load. The reference must move, as theta adapts during motion only. The law is a complete controller with Kp = Ks
+    lam, Kd = Ks + m lam and no integral action.
 
     While enable is false, u, F_hat and u_sat are 0, z = 0 and theta = theta0; reset takes effect in the same sample.
 
-    Limits: at rest within the stiction band F_n is not observed from v alone, and s integrates into theta until it
-    breaks away or theta_max stops it. A wrong mass or sigma2 goes into theta. theta_min <= theta0 <= theta_max is
-    required, and u_min <= u_max.
+    Limits: at rest within the stiction band, F_n cannot be observed from v alone, and theta integrates s until the axis
+    breaks away or theta reaches theta_max. Errors of the mass or of sigma2 bias theta. theta_min <= theta0 <= theta_max
+    and u_min <= u_max are required.
     """
     old = if_else(reset, 0.0, z)
     theta = theta0 + if_else(reset, 0.0, learned)

@@ -1,4 +1,4 @@
-"""Sliding mode with adapted Coulomb and viscous friction of the reference."""
+"""Sliding mode with adapted Coulomb and viscous friction, computed from the reference."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ def adaptive_sliding_mode(
     rdd: SX = variables.RDD,
     x: SX = variables.X,
     v: SX = variables.V,
-    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the estimates at their start"),
-    reset: SX = Command(False, "true: the estimates at their start"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the estimates are at their start values"),
+    reset: SX = Command(False, "true: the estimates are reset to their start values"),
     learned_c: SX = State(FORCE, 0.0, "Fc_hat - Fc0"),
     learned_v: SX = State(DAMPING, 0.0, "Fv_hat - Fv0"),
     gain: SX = variables.GAIN,
@@ -65,20 +65,20 @@ def adaptive_sliding_mode(
     lam: SX = variables.LAM,
     Ks: SX = Parameter(DAMPING, 127.0, "linear gain of s", min=0.0),
     K: SX = Parameter(FORCE, 0.5, "gain of the saturated s", min=0.0),
-    phi: SX = Parameter(VELOCITY, 1e-3, "boundary layer: half width of the straight part of sat", min=1e-12),
-    Gamma_c: SX = Parameter(FORCE + "/" + LENGTH, 2000.0, "speed of adaptation of Fc_hat", min=0.0),
-    Gamma_v: SX = Parameter(MASS + "/" + LENGTH + "2", 2e4, "speed of adaptation of Fv_hat", min=0.0),
-    Fc0: SX = Parameter(FORCE, 1.0, "first Fc_hat", min=0.0),
-    Fv0: SX = Parameter(DAMPING, 0.4, "first Fv_hat", min=0.0),
-    Fc_max: SX = Parameter(FORCE, 100.0, "upper limit of Fc_hat, the lower one is 0", min=0.0),
-    Fv_max: SX = Parameter(DAMPING, 1000.0, "upper limit of Fv_hat, the lower one is 0", min=0.0),
+    phi: SX = Parameter(VELOCITY, 1e-3, "boundary layer: half width of the linear part of sat", min=1e-12),
+    Gamma_c: SX = Parameter(FORCE + "/" + LENGTH, 2000.0, "rate of adaptation of Fc_hat", min=0.0),
+    Gamma_v: SX = Parameter(MASS + "/" + LENGTH + "2", 2e4, "rate of adaptation of Fv_hat", min=0.0),
+    Fc0: SX = Parameter(FORCE, 1.0, "initial Fc_hat", min=0.0),
+    Fv0: SX = Parameter(DAMPING, 0.4, "initial Fv_hat", min=0.0),
+    Fc_max: SX = Parameter(FORCE, 100.0, "upper limit of Fc_hat; the lower limit is 0", min=0.0),
+    Fv_max: SX = Parameter(DAMPING, 1000.0, "upper limit of Fv_hat; the lower limit is 0", min=0.0),
     excess: SX = Parameter(FORCE, 0.5, "static minus Coulomb friction"),
     vs: SX = variables.VS,
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
-    """Tracking of a reference by sliding mode; Coulomb and viscous friction are learned on the way.
+    """Sliding-mode tracking control with adaptation of Coulomb and viscous friction.
 
         s      = (rd - v) + lam (r - x)
         F_hat  = (Fc_hat + excess exp(-(rd/vs)^2)) sgn(rd) + Fv_hat rd
@@ -88,30 +88,30 @@ def adaptive_sliding_mode(
         Fc_hat_next = Fc_hat + Ts Gamma_c s sgn(rd),  within 0 and Fc_max
         Fv_hat_next = Fv_hat + Ts Gamma_v s rd,       within 0 and Fv_max
 
-    Both stay where they are while |s| <= phi, and while u is limited and s pushes further into that limit.
+    Both estimates are held while |s| <= phi, and while u is limited and s pushes further into that limit.
 
     Slotine, Li: Applied Nonlinear Control, Prentice Hall 1991 (robust adaptive sliding control with a boundary layer;
-    from memory); the paper that combines it with a Stribeck curve of the reference was not found, the law is as a
-    summary states it. Outside the layer, in continuous time and for friction that follows the reference velocity,
+    from memory). The paper that combines it with a Stribeck curve of the reference was not found; the law follows a
+    summary. Outside the layer, in continuous time and for friction that follows the reference velocity,
 
         V = m s^2/2 + (Fc - Fc_hat)^2/(2 Gamma_c) + (Fv - Fv_hat)^2/(2 Gamma_v)
         V' = -Ks s^2 - K |s|
 
-    so s comes into the layer and stays in it, |r - x| <= phi/lam, as far as K covers what the friction model misses. In
-    sampled time stability needs, up to terms of the order lam Ts,
+    so s enters the layer and stays in it, |r - x| <= phi/lam, provided that K exceeds the error of the friction model.
+    In sampled time, up to terms of the order lam Ts, stability requires
 
         (Gamma_c + Gamma_v rd^2) Ts < Ks,   (Ks + K/phi) Ts < 2 m
 
-    Use it where friction is well described by a static curve, changes slowly, and the reference passes through many
-    speeds; for what it does not describe choose K. A complete controller with Kp = (Ks + K/phi) lam,
-    Kd = Ks + K/phi + m lam in the layer, without an integrator.
+    Use it if a static curve describes friction well, friction changes slowly, and the reference covers a range of
+    speeds; choose K for the remaining friction. The law is a complete controller with Kp = (Ks + K/phi) lam and Kd = Ks
+    + K/phi + m lam in the layer, without integral action.
 
-    While enable is false, u, F_hat and u_sat are 0 and the estimates at Fc0 and Fv0; reset takes effect in the same
+    While enable is false, u, F_hat and u_sat are 0 and the estimates are Fc0 and Fv0; reset takes effect in the same
     sample.
 
-    Limits: the estimates converge only as far as tracking needs it: at one speed only Fc + Fv |rd| is learned. F_hat
-    jumps where the reference reverses, as in StaticFeedforward. A narrow layer chatters: ImplicitSlidingMode does
-    not. Fc0 <= Fc_max, Fv0 <= Fv_max and u_min <= u_max are required.
+    Limits: the estimates converge only as far as tracking requires; at a single speed, only Fc + Fv |rd| is learned.
+    F_hat jumps at reversals of the reference, as in StaticFeedforward. A narrow layer causes chattering;
+    ImplicitSlidingMode does not chatter. Fc0 <= Fc_max, Fv0 <= Fv_max and u_min <= u_max are required.
     """
     Fc_hat = Fc0 + if_else(reset, 0.0, learned_c)
     Fv_hat = Fv0 + if_else(reset, 0.0, learned_v)

@@ -1,4 +1,4 @@
-"""Adaptive compensation of dynamic friction from a position measurement."""
+"""Adaptive compensation of dynamic friction with a position measurement only."""
 
 from __future__ import annotations
 
@@ -68,12 +68,12 @@ def andfc(
     rdd: SX = variables.RDD,
     x: SX = variables.X,
     u_prev: SX = variables.U_PREV,
-    enable: SX = Command(True, "false: u = 0, F_hat = 0 and all states at their start"),
-    reset: SX = Command(False, "true: all states at their start"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and all states are at their start values"),
+    reset: SX = Command(False, "true: all states are reset to their start values"),
     running: SX = variables.RUNNING,
     x_hat: SX = variables.X_HAT,
     v_hat: SX = variables.V_HAT,
-    F_last: SX = State(FORCE, 0.0, "friction of the model at the last sample"),
+    F_last: SX = State(FORCE, 0.0, "friction of the model in the previous sample"),
     z0: SX = State(LENGTH, 0.0, "bristle deflection, observed for theta_0", nominal=1e-5),
     z1: SX = State(LENGTH, 0.0, "bristle deflection, observed for theta_1", nominal=1e-5),
     learned0: SX = State(NO_UNIT, 0.0, "theta_0 - 1"),
@@ -86,10 +86,10 @@ def andfc(
     Ks: SX = Parameter(DAMPING, 127.0, "gain of s", min=0.0),
     k0: SX = Parameter(NO_UNIT, 0.02, "injection of s into z0", min=0.0),
     k1: SX = Parameter(DAMPING, 0.5, "injection of s into z1", min=0.0),
-    Gamma0: SX = Parameter("1/(" + FORCE + "." + LENGTH + ")", 2000.0, "speed of adaptation of theta_0", min=0.0),
-    Gamma1: SX = Parameter("1/(" + FORCE + "." + LENGTH + ")", 20.0, "speed of adaptation of theta_1", min=0.0),
-    Gamma2: SX = Parameter("1/(" + FORCE + "." + LENGTH + ")", 20.0, "speed of adaptation of theta_2", min=0.0),
-    theta_max: SX = Parameter(NO_UNIT, 3.0, "upper limit of each theta, and of friction over max(Fc, Fs)", min=1.0),
+    Gamma0: SX = Parameter("1/(" + FORCE + "." + LENGTH + ")", 2000.0, "rate of adaptation of theta_0", min=0.0),
+    Gamma1: SX = Parameter("1/(" + FORCE + "." + LENGTH + ")", 20.0, "rate of adaptation of theta_1", min=0.0),
+    Gamma2: SX = Parameter("1/(" + FORCE + "." + LENGTH + ")", 20.0, "rate of adaptation of theta_2", min=0.0),
+    theta_max: SX = Parameter(NO_UNIT, 3.0, "upper limit of each theta and of friction over max(Fc, Fs)", min=1.0),
     sigma0: SX = variables.SIGMA0,
     sigma1: SX = variables.SIGMA1,
     sigma2: SX = variables.SIGMA2,
@@ -101,15 +101,15 @@ def andfc(
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
-    """Adaptive compensation of LuGre friction that measures the position only.
+    """Adaptive compensation of LuGre friction with a position measurement only.
 
-    The velocity and the position of the mass are estimated with two equal poles at p = exp(-wo Ts),
+    An observer with two equal poles at p = exp(-wo Ts) estimates velocity and position of the mass:
 
         x_p   = x_hat + Ts v_hat + Ts^2/(2 m) (u_prev - F_last)
         v_p   = v_hat + Ts/m (u_prev - F_last)
         x_hat = x_p + (1 - p^2) (x - x_p),   v_hat = v_p + (1 - p)^2/Ts (x - x_p)
 
-    and friction is the sum of three terms, each with a factor theta of its own, from two observers of the bristles:
+    Friction is the sum of three terms with separate factors theta, from two observers of the bristle deflection:
 
         s      = (rd - v_hat) + lam (r - x),   a = |v_hat|/g(v_hat)
         z0'    = v_hat - sigma0 a z0 + k0 s
@@ -122,13 +122,13 @@ def andfc(
         theta_i_next = theta_i + Ts Gamma_i s f_i,  within 0 and theta_max
 
     Tan, Kanellakopoulos: Adaptive nonlinear friction compensation with parametric uncertainties, American Control
-    Conference, 1999 (the dual observers, from memory; the velocity observer and the scaling are this library's).
-    g(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta); z0 and z1 follow the exact solution for constant inputs. F_last is F_hat
-    of the last sample; F_hat is kept within theta_max max(Fc, Fs) + sigma2 |v_hat|, without which wrong factors would
-    make the observer unstable. Adaptation and injection stop while u is limited and s pushes further into that limit.
+    Conference, 1999 (the dual observers, from memory; the velocity observer and the scaling are this library's). g(v) =
+    Fc + (Fs - Fc) exp(-|v/vs|^delta); z0 and z1 follow the exact solution for constant inputs. F_last is F_hat in the
+    previous sample. F_hat is limited to theta_max max(Fc, Fs) + sigma2 |v_hat|, as wrong factors would otherwise make
+    the observer unstable. Adaptation and injection stop while u is limited and s pushes further into that limit.
 
-    The signs are those of s = rd - v + lam e (published ones are often for the negative of it): with the true factors
-    th_i and the true deflection z,
+    The signs are for s = rd - v + lam e (publications often use -s). With the true factors th_i and the true deflection
+    z,
 
         V  = m s^2/2 + th_0 sigma0 (z - z0)^2/(2 k0)
              + th_1 sigma0 sigma1 (z - z1)^2/(2 k1)
@@ -136,20 +136,21 @@ def andfc(
         V' = -Ks s^2 - a sigma0 (th_0 sigma0 (z - z0)^2/k0
              + th_1 sigma0 sigma1 (z - z1)^2/k1)
 
-    in continuous time and for the true velocity. k0 or k1 = 0 leaves that observer open, whose error then dies in any
-    motion by itself. In sampled time the sum of Gamma_i f_i^2 Ts and of the injections, sigma0 k0 Ts and
-    sigma1 a k1, must stay below Ks, with margin for the lag of the velocity; f_1 and f_2 grow with speed, as
-    sigma1 |v|, and nearly cancel, so Gamma1 and Gamma2 are to be far below Gamma0.
+    in continuous time and for the true velocity. With k0 = 0 or k1 = 0 that observer has no injection, and its error
+    decays during any motion. In sampled time, the sum of Gamma_i f_i^2 Ts and of the injections sigma0 k0 Ts and sigma1
+    a k1 must stay below Ks, with a margin for the lag of the velocity. f_1 and f_2 grow with speed, like sigma1 |v|,
+    and nearly cancel, so choose Gamma1 and Gamma2 far below Gamma0.
 
-    Use it on axes with an encoder only, where load and lubrication change stiffness, damping and level of friction
-    independently; AdaptiveLuGre has one factor and needs the velocity. u_prev is the force after all limits, in a
-    system the input F_ext of the plant.
+    Use it on axes with an encoder as the only sensor, if load and lubrication change stiffness, damping and level of
+    friction independently; AdaptiveLuGre has a single factor and needs the velocity. u_prev is the force after all
+    limits; in a system, it is the input F_ext of the plant.
 
-    The first sample after a start, while reset is true or after enable was false, takes x over and assumes rest. While
-    enable is false, u, F_hat, u_sat, v_est and all states are 0 and each theta is 1.
+    The first sample after the start, a reset or a time with enable false adopts x and assumes rest. While enable is
+    false, u, F_hat, u_sat, v_est and all states are 0 and each theta is 1.
 
-    Limits: the factors converge to true values only if the reference excites them; tracking does not need that. Fc,
-    Fs and vs are not adapted separately. A wrong mass disturbs the velocity. u_min must not exceed u_max.
+    Limits: the factors converge to their true values only with a reference that excites them; tracking does not require
+    this. Fc, Fs and vs are not adapted separately. A wrong mass causes an error of the velocity. u_min must not exceed
+    u_max.
     """
     fresh = logic_or(reset, running <= 0.5)
     p = exp(-wo * Ts)

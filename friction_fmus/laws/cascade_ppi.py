@@ -47,13 +47,13 @@ def cascade_ppi(
     integral: SX = State(LENGTH, 0.0, "integral of the velocity error w", nominal=1e-3),
     kp: SX = Parameter("1/s", 30.0, "gain of the position loop", min=0.0),
     kv: SX = Parameter(DAMPING, 190.0, "proportional gain of the velocity loop", min=0.0),
-    ki: SX = Parameter(STIFFNESS, 0.0, "integral gain of the velocity loop, 0: P", min=0.0),
+    ki: SX = Parameter(STIFFNESS, 0.0, "integral gain of the velocity loop; 0: P", min=0.0),
     m: SX = variables.starting(variables.INERTIA, 0.0),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
-    """Position loop P around a velocity loop PI, with feedforward of velocity and acceleration, sampled every Ts.
+    """P position loop around a PI velocity loop, with feedforward of velocity and acceleration, sampled every Ts.
 
         w      = kp (r - x) + (rd - v)
         u      = clip(m rdd + kv w + ki I + f, u_min, u_max)
@@ -67,15 +67,15 @@ def cascade_ppi(
 
         Kp = kv kp + ki,   Kd = kv,   Ki = ki kp
 
-    exactly in sampled time if rd - v of a sample is the forward difference of r - x and I starts at r - x, otherwise
-    up to the error of the velocity signal, and as long as no limit is active.
+    as long as no limit is active. This is exact in sampled time if rd - v is the forward difference of r - x and I
+    starts at r - x; otherwise it holds up to the error of the velocity signal.
 
     The integral used in a sample does not contain w of that sample. While reset is true, the integral is 0, in the same
     sample and in the next one. While enable is false, u, u_sat and the integral are 0. When enable becomes true again,
     u does not jump if the reference starts at the state of the axis (r = x, rd = v, rdd = 0).
 
-    Limits: those of PID; also here the integral hunts where static friction exceeds Coulomb friction. If f contains the
-    inertia force, like u of StaticFeedforward, m must be 0. u_min must not exceed u_max.
+    Limits: those of PID. The integral action causes hunting if static friction exceeds Coulomb friction. If f contains
+    the inertia force, like u of StaticFeedforward, m must be 0. u_min must not exceed u_max.
     """
     start = 0.0
     old = if_else(reset, start, integral)

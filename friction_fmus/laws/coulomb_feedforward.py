@@ -41,7 +41,7 @@ def coulomb_feedforward(
     gain: SX = variables.GAIN,
     m: SX = variables.INERTIA,
     Fc: SX = variables.FC,
-    asymmetric: SX = Switch(False, "rd < 0 has its own parameter, Fc_neg"),
+    asymmetric: SX = Switch(False, "rd < 0 uses its own parameter Fc_neg"),
     Fc_neg: SX = Parameter(FORCE, 1.0, "Coulomb friction for rd < 0", min=0.0),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
@@ -51,18 +51,18 @@ def coulomb_feedforward(
         F_hat = Fc sgn(rd),   sgn(0) = 0
         u     = clip(m rdd + gain F_hat, u_min, u_max)
 
-    Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey). The friction is that of the friction
-    block Coulomb in motion. The number Fc is half the difference of the forces of two slow motions, one each way.
+    Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey). The friction is that of the block
+    Coulomb in motion. Fc is half the difference of the forces of two slow motions in opposite directions.
 
-    Use it as the first compensation to try: one number, no state, nothing to tune. StaticFeedforward adds the Stribeck
-    and the viscous part.
+    Use it as a first compensation: one parameter, no state, no tuning. StaticFeedforward adds Stribeck and viscous
+    friction.
 
     Connect u to the input f of a position controller, whose parameter m must then be 0. While enable is false, u, F_hat
     and u_sat are 0. Feedforward does not change the stability of the loop.
 
-    Limits: u jumps by 2 Fc where the reference reverses, while presliding friction turns over gradually: for movements
-    within the presliding range (some micrometres) it can be worse than none. At rest nothing is compensated. u_min
-    must not exceed u_max.
+    Limits: u jumps by 2 Fc at reversals of the reference, whereas presliding friction changes gradually. For motion
+    within the presliding range (some micrometres), the law can be worse than no compensation. At rest, nothing is
+    compensated. u_min must not exceed u_max.
     """
     F_hat = sign(rd) * if_else(logic_and(asymmetric, rd < 0.0), Fc_neg, Fc)
     return feedforward(m * rdd, F_hat, gain, enable, u_min, u_max)

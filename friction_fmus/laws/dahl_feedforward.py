@@ -23,7 +23,7 @@ from friction_fmus.lawkit.parts.feedforward import feedforward, increment, when
 
 
 def closed(gap: SX, path: SX, n: SX) -> SX:
-    """Part of the gap 1 - sgn sigma z / Fc > 0 to steady sliding that closes over the path sigma |dr| / Fc > 0."""
+    """Return the part of the gap 1 - sgn sigma z / Fc > 0 to steady sliding that closes over sigma |dr| / Fc > 0."""
     above = n - 1.0
     power = above * path * gap**above
     arrives = power <= -1.0  # n < 1
@@ -43,7 +43,7 @@ def closed(gap: SX, path: SX, n: SX) -> SX:
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
-        "z_hat": Output(LENGTH, "deflection of the contact, z at this sample"),
+        "z_hat": Output(LENGTH, "deflection of the contact in this sample"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -74,25 +74,25 @@ def dahl_feedforward(
         F_hat = sigma z + Fv rd,   z of the new w
         u     = clip(m rdd + gain F_hat, u_min, u_max)
 
-    Dahl friction depends on the path only, so the step over the displacement dr is exact however the reference moved in
-    between, if it did not turn. The friction is that of the friction block Dahl, with the same parameters. Lampaert,
+    Dahl friction depends on the path only, so the step over the displacement dr is exact for any motion of the
+    reference without a reversal in between. The friction is that of the block Dahl, with the same parameters. Lampaert,
     Swevers, Al-Bender, American Control Conference, 2004, compare it in feedforward with the LuGre, Leuven and GMS
     models (the paper was not read).
 
-    Use it for small motions of bearings and guides, where friction turns over within micrometres after a reversal and
-    the sign of the velocity is too much of a jump: two numbers, the level Fc and the stiffness sigma after a reversal.
+    Use it for small motions of bearings and guides, where friction changes within micrometres after a reversal and the
+    sign of the velocity is too abrupt. It has two parameters: the level Fc and the stiffness sigma after a reversal.
 
     The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat, u_sat and
     the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
     position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
 
-    Limits: those of the model: no Stribeck effect; under a bias with vibration z drifts. z is the deflection of a
-    contact that moves like the reference, so after a long time at rest it keeps what the last motion left. A reversal
-    between two samples is missed. u_min must not exceed u_max.
+    Limits: the model has no Stribeck effect, and z drifts under a constant force with vibration. z is the deflection of
+    a contact that moves like the reference; it keeps its value after the last motion, even during a long rest. A
+    reversal between two samples is missed. u_min must not exceed u_max.
     """
     dr = increment(r, last, started, reset)
     before = if_else(reset, 0.0, z)
-    gap = sign(dr) * Fc / sigma - before  # to the deflection of steady sliding
+    gap = sign(dr) * Fc / sigma - before  # distance to the deflection of steady sliding
     size, path = fabs(gap) * sigma / Fc, fabs(dr) * sigma / Fc
     moves = logic_and(path != 0.0, size != 0.0)
     now = before + if_else(moves, gap * closed(if_else(moves, size, 1.0), path, n), 0.0)

@@ -1,4 +1,4 @@
-"""Feedforward of friction with a dead zone of the motor's force."""
+"""Feedforward of friction with a dead zone of the motor force."""
 
 from __future__ import annotations
 
@@ -47,36 +47,36 @@ def dead_zone_feedforward(
     gain: SX = variables.GAIN,
     m: SX = variables.INERTIA,
     Fc: SX = variables.FC,
-    T_dz: SX = Parameter(FORCE, 1.5, "force, of a rotating axis torque, up to which friction balances u_lin", min=0.0),
+    T_dz: SX = Parameter(FORCE, 1.5, "force (torque of a rotating axis) up to which friction balances u_lin", min=0.0),
     Fv: SX = variables.FV,
-    DV: SX = Parameter(VELOCITY, 1e-3, "velocity below which the dead zone holds", min=0.0),
+    DV: SX = Parameter(VELOCITY, 1e-3, "velocity below which the dead zone applies", min=0.0),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
-    """Below a small velocity of the reference the force that the linear part wants is added once more, up to T_dz.
+    """Friction feedforward that, at low reference velocity, adds the force of the linear part again, up to T_dz.
 
         u_lin = m rdd + f
         |rd| <  DV:  F_hat = sgn(u_lin) min(|u_lin|, T_dz)
         |rd| >= DV:  F_hat = Fc sgn(rd) + Fv rd
         u = clip(u_lin + gain F_hat, u_min, u_max)
 
-    Our interpretation of a description, not a published equation: a comparison of compensators mentions a torque-based
-    friction model in feedforward, similar to Karnopp's, with a dead-zone torque for friction below the stiction torque;
-    its source could not be identified.
+    This is an interpretation of a description, not a published equation. A comparison of compensators mentions a
+    torque-based friction model in feedforward, similar to Karnopp's model, with a dead-zone torque for friction below
+    the stiction torque. Its source could not be identified.
 
-    F_hat is the force of the friction block DeadZoneTorque whose external force is u_lin, but for one case: in the band
-    and with |u_lin| > T_dz the block gives sliding friction, this law T_dz. Without f it is KarnoppFeedforward with
-    Fs = T_dz.
+    F_hat is the force of the block DeadZoneTorque with the external force u_lin, except in one case: in the band and
+    with |u_lin| > T_dz, the block returns sliding friction, this law T_dz. Without f, the law equals KarnoppFeedforward
+    with Fs = T_dz.
 
-    Use it where the torque of the drive is known and the controller's force is at hand: the force at rest is then
-    decided by what the controller wants and not by the sign of the reference. u goes to the plant, or without f to the
-    input f of a position controller, whose own m must then be 0.
+    Use it if the drive torque is known and the controller force is available: the force at rest then depends on the
+    controller force instead of the sign of the reference. Connect u to the plant or, without f, to the input f of a
+    position controller, whose parameter m must then be 0.
 
     While enable is false, u, F_hat and u_sat are 0. The law has no state.
 
-    Limits: an interpretation. With f from a feedback controller this is no feedforward: in the band it multiplies the
-    gains of that controller by 1 + gain, which its stability margin must allow. F_hat jumps at |rd| = DV. No
-    presliding. u_min must not exceed u_max.
+    Limits: the law is an interpretation. With f from a feedback controller, it is not a feedforward: in the band, it
+    multiplies the gains of that controller by 1 + gain, which the stability margin must allow. F_hat jumps at |rd| =
+    DV. Presliding is not modelled. u_min must not exceed u_max.
     """
     u_lin = m * rdd + f
     rest = logic_or(fabs(rd) < DV, rd == 0.0)

@@ -22,13 +22,13 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 
-LONGEST = 32  # samples of preview, unless more are chosen when the FMU is built
+LONGEST = 32  # samples of preview, unless the FMU is built for more
 POLES = 4
 ZEROS = 2
 
 
 def square(pair: SX) -> SX:
-    """Square of the absolute value of a complex number."""
+    """Return the squared absolute value of a complex number."""
     return pair[0] ** 2 + pair[1] ** 2
 
 
@@ -40,10 +40,10 @@ def square(pair: SX) -> SX:
     portrait="inversion",
     quotes=("preview",),
     loop=Loop(rules=("looks_ahead",)),
-    use=Use("other", never="It inverts a linear plant, and knows no friction."),
+    use=Use("other", never="It inverts a linear plant without friction."),
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "r_now": Output(LENGTH, "what the plant follows: r of preview + 1 samples before"),
+        "r_now": Output(LENGTH, "reference that the plant follows: r of preview + 1 samples earlier"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
     conditions={
@@ -59,28 +59,28 @@ def square(pair: SX) -> SX:
     sizes={"preview": Size(("line",), most=1024)},
 )
 def discrete_inverse(
-    r: SX = Input(LENGTH, 0.0, "reference position, preview + 1 samples early"),
-    enable: SX = Command(True, "false: u = 0 and the states at their start"),
-    reset: SX = Command(False, "true: as if r had always been what it is now"),
-    line: SX = State(LENGTH, (0.0,) * (LONGEST + 1), "references of the samples before, the latest first"),
-    w: SX = State(LENGTH, (0.0,) * POLES, "previewed references of the samples before, the latest first"),
-    force: SX = State(FORCE, (0.0,) * ZEROS, "u before its limits, of the samples before, the latest first"),
+    r: SX = Input(LENGTH, 0.0, "reference position, preview + 1 samples in advance"),
+    enable: SX = Command(True, "false: u = 0 and the states are at their start values"),
+    reset: SX = Command(False, "true: as if r had always had its present value"),
+    line: SX = State(LENGTH, (0.0,) * (LONGEST + 1), "references of the previous samples, latest first"),
+    w: SX = State(LENGTH, (0.0,) * POLES, "previewed references of the previous samples, latest first"),
+    force: SX = State(FORCE, (0.0,) * ZEROS, "u before its limits in the previous samples, latest first"),
     started: SX = variables.STARTED,
     K: SX = Parameter(LENGTH + "/(" + FORCE + ")", 1.25e-7, "gain of the plant", min=1e-30),
-    zero: SX = Parameter(NO_UNIT, -5.82842712474619, "zero outside the unit circle, 0: none"),
+    zero: SX = Parameter(NO_UNIT, -5.82842712474619, "zero outside the unit circle; 0: none"),
     pair: SX = Parameter(
-        NO_UNIT, (0.0, 0.0), "real and imaginary part of a pair of zeros outside the unit circle, 0: none"
+        NO_UNIT, (0.0, 0.0), "real and imaginary part of a pair of zeros outside the unit circle; 0: none"
     ),
     inner: SX = Parameter(
-        NO_UNIT, (-0.1715728752538099, 0.0), "zeros inside the unit circle, 0: none", min=-0.999, max=0.999
+        NO_UNIT, (-0.1715728752538099, 0.0), "zeros inside the unit circle; 0: none", min=-0.999, max=0.999
     ),
     a: SX = Parameter(NO_UNIT, (-2.0, 1.0, 0.0, 0.0), "coefficients a1 to a4 of the poles"),
     preview: SX = Parameter(NO_UNIT, 12.0, "samples N of preview", min=1.0, max=float(LONGEST)),
-    zero_phase: SX = Switch(False, "ZPETC in place of the truncated series"),
+    zero_phase: SX = Switch(False, "ZPETC instead of the truncated series"),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
 ) -> dict[str, SX | list[SX]]:
-    """The force that makes the position x of a sampled linear plant follow a reference which is known N samples ahead.
+    """The force with which a sampled linear plant follows a reference that is known N samples in advance.
 
         plant: A(q) x[k+1] = K B(q) (u[k] - zero u[k-1])
                or A(q) x[k+1] = K B(q) (u[k] - p u[k-1] + n u[k-2])
@@ -89,42 +89,42 @@ def discrete_inverse(
         B(q)  = (1 - inner1 q) (1 - inner2 q) = 1 + b1 q + b2 q^2
         s[k]  = r_now[k+1],   r_now[k] = r[k-N-1]
         w[k]  = -(s[k+1]/zero + s[k+2]/zero^2 + ... + s[k+N]/zero^N)
-        w[k]  = g2 s[k+2] + g3 s[k+3] + ... + gN s[k+N]      of a pair,
+        w[k]  = g2 s[k+2] + g3 s[k+3] + ... + gN s[k+N]      for a pair,
                 g1 = 0, g2 = 1/n, n g[i+2] = p g[i+1] - g[i]
         w[k]  = (s[k] - zero s[k+1]) / (1 - zero)^2          if zero_phase
-        w[k]  = (s[k] - p s[k+1] + n s[k+2]) / (1 - p + n)^2 for a pair then
-        w[k]  = s[k]                                         if there is none
+        w[k]  = (s[k] - p s[k+1] + n s[k+2]) / (1 - p + n)^2 for a pair
+        w[k]  = s[k]                                         without such zeros
         u[k]  = A(q) w[k] / K - b1 u[k-1] - b2 u[k-2]
 
-    A zero outside the unit circle has no stable inverse that is causal, but one that looks ahead. Truncated after N
-    samples it leaves exactly the error
+    A zero outside the unit circle has no stable causal inverse, but a stable inverse with preview. Truncated after N
+    samples, the inverse has exactly the error
 
         r_now[k] - x[k] = r_now[k+N] / zero^N
-        r_now[k] - x[k] = n g[N+1] r_now[k+N-1] - gN r_now[k+N]    of a pair
+        r_now[k] - x[k] = n g[N+1] r_now[k+N-1] - gN r_now[k+N]    for a pair
 
     Gross, Tomizuka, Messner, ASME Journal of Dynamic Systems, Measurement, and Control 116(1), 1994 (the series);
     Tomizuka, same journal 109(1), 1987 (zero phase error tracking controller, ZPETC; both from memory of the papers).
-    ZPETC needs one sample of preview only, two for a pair, and has no lag at any frequency, but the gain
-    |1 - zero z^-1|^2 / (1 - zero)^2, which for a negative zero falls towards high frequencies.
+    ZPETC needs only one sample of preview (two for a pair) and has no phase lag at any frequency, but the gain |1 -
+    zero z^-1|^2 / (1 - zero)^2, which decreases towards high frequencies for a negative zero.
 
-    Required are |zero| > 1 and |pair| > 1, unless zero_phase: the series of a zero inside the circle diverges with N,
-    and on it never settles. zero_phase takes zeros anywhere but at 1, where it divides by 0. A pair stands in
-    place of zero, and needs two samples of preview.
+    |zero| > 1 and |pair| > 1 are required unless zero_phase is true: the series of a zero inside the circle diverges
+    with N, and that of a zero on the circle never settles. zero_phase allows zeros anywhere except at 1, where it
+    divides by 0. A pair replaces zero and needs two samples of preview.
 
-    The start values are a mass of 1 kg behind a hold with a delay of half a sample of 1 ms: zeros -3 -/+ 2 sqrt(2).
+    The start values describe a mass of 1 kg after a hold with a delay of half a sample of 1 ms: zeros -3 -/+ 2 sqrt(2).
 
-    Use it for plants with delays of a part of a sample, with more than two poles above the zeros, or with an inverse
-    response, where derivatives of the reference are not enough. The other controllers follow r_now, not r. An error of
-    1e-6 needs N = 14 / ln|zero| samples. For N above 32, up to 1024, give preview that start value
-    when the FMU is built or the C is written: it is fixed then, and a sample takes about N/32 times as long.
+    Use it for plants with fractional delays, with more than two poles in excess of the zeros, or with an inverse
+    response, where derivatives of the reference do not suffice. Give r_now, not r, to the other controllers. An error
+    of 1e-6 needs N = 14 / ln|zero| samples. For N above 32, up to 1024, set the start value of preview when the FMU is
+    built or the C code is generated; preview is then fixed, and a sample takes about N/32 times as long.
 
-    In the first sample, and one with reset, the plant is taken to rest at r: u is the force that holds it there. While
-    enable is false, u, u_sat, r_now and the states are 0. The limits do not act on the states. N is rounded down.
-    Feedforward does not change the stability of the loop.
+    In the first sample and in a sample with reset, the plant is assumed to rest at r, and u is the force that holds it
+    there. While enable is false, u, u_sat, r_now and the states are 0. The limits do not affect the states. N is
+    rounded down. Feedforward does not change the stability of the loop.
 
-    Limits: the zeros inside the circle are real, and at most two are outside: a pair, or a double one (pair2 = 0). Near
-    the circle N grows. Friction needs a law of its own. The plant's model has to be right up to the frequencies of r.
-    u_min must not exceed u_max.
+    Limits: zeros inside the circle must be real, and at most two may be outside: a pair, or a double zero (pair2 = 0).
+    N grows for zeros near the circle. Friction needs a separate law. The plant model must be accurate at all
+    frequencies of r. u_min must not exceed u_max.
     """
     N = floor(preview)
     longest = line.numel() - 1
@@ -137,11 +137,12 @@ def discrete_inverse(
     over_n, over_zero = 1.0 / if_else(paired, n, 1.0), 1.0 / if_else(single, zero, 1.0)
 
     # w[k+N], w[k+N-1], ... w[k] by w[i] - zero w[i-1] = s[i], or w[i] - p w[i-1] + n w[i-2] = s[i], solved for the last
+    # term
     first, second = if_else(paired, p * over_n, over_zero), if_else(paired, -over_n, 0.0)
     later, series = SX(0.0), SX(0.0)
-    after, now, ahead, beyond = past[:1] * 4  # N + 1, N, N - 1 and N - 2 samples late
+    after, now, ahead, beyond = past[:1] * 4  # N + 1, N, N - 1 and N - 2 samples earlier
     for j in range(longest):
-        within = j < N if longest == LONGEST else SX(1.0)  # else every sample counts
+        within = j < N if longest == LONGEST else SX(1.0)  # otherwise every sample counts
         newer = if_else(paired, over_n * past[j - 1] if j else 0.0, -over_zero * past[j])
         found = first * series + second * later + newer
         later, series = if_else(within, series, later), if_else(within, found, series)

@@ -28,7 +28,7 @@ from friction_fmus.lawkit.parts.estimators import compensation, mean_friction, s
 
 @law(
     "DisturbanceObserver",
-    "Disturbance observer: inverse model of a mass and a low-pass of order 1 or 2",
+    "Disturbance observer: inverse model of a mass and a low-pass filter of order 1 or 2",
     source="Ohnishi, Shibata, Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996",
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer"),
@@ -37,7 +37,7 @@ from friction_fmus.lawkit.parts.estimators import compensation, mean_friction, s
     use=Use("estimator", tuned={"m": "m", "fq": "corner", "second_order": "1"}),
     outputs={
         "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force, without the part that f_prev compensates"),
+        "F_hat": Output(FORCE, "estimated friction force without the part compensated by f_prev"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -45,28 +45,28 @@ def disturbance_observer(
     v: SX = variables.V,
     u_prev: SX = variables.U_PREV,
     f_prev: SX = Input(FORCE, 0.0, "part of u_prev that already compensates friction", optional=True),
-    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the observer at its start"),
-    reset: SX = Command(False, "true: the observer starts anew"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the observer is at its start values"),
+    reset: SX = Command(False, "true: the observer restarts"),
     d: SX = State(FORCE, 0.0, "estimated disturbance"),
-    d_rate: SX = State(FORCE, 0.0, "its time derivative divided by 2 pi fq, of the second order"),
-    v_last: SX = State(VELOCITY, 0.0, "velocity of the last sample", nominal=1e-2),
+    d_rate: SX = State(FORCE, 0.0, "its time derivative divided by 2 pi fq, for order 2"),
+    v_last: SX = State(VELOCITY, 0.0, "velocity in the previous sample", nominal=1e-2),
     running: SX = variables.RUNNING,
     gain: SX = variables.GAIN,
     m: SX = variables.MASS_OR_NONE,
-    fq: SX = Parameter(FREQUENCY, 30.0, "corner frequency of the low-pass", min=0.0),
-    second_order: SX = Switch(False, "low-pass of order 2, damping 1/sqrt(2)"),
+    fq: SX = Parameter(FREQUENCY, 30.0, "corner frequency of the low-pass filter", min=0.0),
+    second_order: SX = Switch(False, "low-pass filter of order 2 with damping 1/sqrt(2)"),
     u_min: SX = variables.starting(variables.U_MIN, -100.0),
     u_max: SX = variables.starting(variables.U_MAX, 100.0),
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
-    """What a mass was kept from by, low-pass filtered.
+    """Low-pass filtered disturbance force on a mass, from its inverse model.
 
         F_m   = u_prev - f_prev - m (v - v_last)/Ts,   mean of the last interval
         F_hat = Q F_m
         Q     = w/(s + w)  or  w^2/(s^2 + sqrt(2) w s + w^2),   w = 2 pi fq
         u     = clip(gain F_hat, u_min, u_max)
 
-    Q is stepped exactly for the F_m that is constant over the interval:
+    Q is integrated exactly for F_m constant over the interval:
 
         order 1:  d = d + (1 - exp(-w Ts)) (F_m - d)
         order 2:  y = d - F_m,  p = d'/w,  q = w Ts/sqrt(2)
@@ -74,24 +74,25 @@ def disturbance_observer(
                   p = exp(-q) (p (cos q - sin q) - sqrt(2) y sin q)
 
     Ohnishi, Shibata, Murakami: Motion control for advanced mechatronics, IEEE/ASME Transactions on Mechatronics 1(1),
-    1996 (the observer); Jamaludin, Van Brussel, Swevers, IEEE Transactions on Industrial Electronics 56(10), 2009
-    (with friction feedforward, in machine tools). Of both only the idea was taken; the equations follow from it.
+    1996 (the observer); Jamaludin, Van Brussel, Swevers, IEEE Transactions on Industrial Electronics 56(10), 2009 (with
+    friction feedforward, in machine tools). Only the idea is from these papers; the equations are derived here.
 
-    Use it beside a position controller and, if there is one, beside a friction feedforward: u goes to the input f of
-    the controller, the feedforward's share of u_prev to f_prev, so that only the rest is estimated. u_prev is the force
-    after all limits, so that nothing winds up if the actuator saturates. In a system file, the connections to u_prev
-    and f_prev need a delay. The first order is PredictiveFilter with a = 1 - exp(-w Ts), sample by sample.
+    Use it together with a position controller and, optionally, a friction feedforward: connect u to the input f of the
+    controller, and the feedforward's part of u_prev to f_prev, so that only the remaining friction is estimated. u_prev
+    is the force after all limits, so that nothing winds up if the actuator saturates. In a system file, the connections
+    to u_prev and f_prev need a delay. With order 1, the law equals PredictiveFilter with a = 1 - exp(-w Ts) in every
+    sample.
 
-    For a friction force that grows at the rate c the estimate lags by c Ts (1/a - 1/2) with the first order. The first
-    sample, and a sample with reset, set F_hat to 0. While enable is false, u, F_hat, u_sat and all states are 0.
+    For friction that grows at the rate c, the estimate of order 1 lags by c Ts (1/a - 1/2). The first sample and a
+    sample with reset set F_hat to 0. While enable is false, u, F_hat, u_sat and all states are 0.
 
-    Stable if |Q D| < 1 at all frequencies, D being the relative error of the inverse model. In presliding the plant is
-    1/(m s^2 + Kt) and D is not small: the poles of the loop with the contact's stiffness Kt decide there; under PD
-    control they stay stable and become slow. With gain 1 and the first order, a mass M that slides freely gives the
-    pole 1 - (1 - exp(-w Ts)) m/M.
+    The loop is stable if |Q D| < 1 at all frequencies, where D is the relative error of the inverse model. In
+    presliding, the plant is 1/(m s^2 + Kt), and D is not small: stability then depends on the poles of the loop with
+    the contact stiffness Kt, which are stable but slow under PD control. With gain 1 and order 1, a freely sliding mass
+    M gives the pole 1 - (1 - exp(-w Ts)) m/M.
 
-    Limits: noise of the velocity comes through with m w and, from sample to sample, with m/Ts (1 - exp(-w Ts)). With a
-    wrong mass, F_hat contains the difference of the inertia forces. u_min must not exceed u_max.
+    Limits: velocity noise appears in F_hat with the factor m w and, from sample to sample, with m/Ts (1 - exp(-w Ts)).
+    With a wrong mass, F_hat contains the difference of the inertia forces. u_min must not exceed u_max.
     """
     new = starts_now(reset, running)
     F_m = mean_friction(if_else(new, 0.0, u_prev - f_prev), m, v - if_else(new, v, v_last), Ts)

@@ -25,7 +25,7 @@ from friction_fmus.lawkit.law import (
 
 @law(
     "Dither",
-    "Adds a fast oscillation to a force: sine, square or triangle",
+    "Fast oscillation added to a force: sine, square or triangle",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     Ts=1e-4,
     portrait="own_course",
@@ -43,10 +43,10 @@ from friction_fmus.lawkit.law import (
 )
 def dither(
     f: SX = Input(FORCE, 0.0, "force to which the dither is added before the limits", optional=True),
-    enable: SX = Command(True, "false: u = 0 and the phase at its start"),
-    reset: SX = Command(False, "true: the phase at its start"),
+    enable: SX = Command(True, "false: u = 0 and the phase is at its start value"),
+    reset: SX = Command(False, "true: the phase is reset to its start value"),
     phase: SX = State(NO_UNIT, 0.0, "phase in periods, from 0 to below 1"),
-    gain: SX = Parameter(NO_UNIT, 1.0, "share of the dither that is added; 0 passes f alone", min=0.0, max=1.0),
+    gain: SX = Parameter(NO_UNIT, 1.0, "fraction of the dither that is added; 0: u = f", min=0.0, max=1.0),
     Ad: SX = Parameter(FORCE, 50.0, "amplitude", min=0.0),
     frequency: SX = Parameter(FREQUENCY, 200.0, "frequency, below 1/(2 Ts)", min=0.0),
     shape: SX = Parameter(NO_UNIT, 0.0, "0 sine, 1 square, 2 triangle", min=0.0, max=2.0),
@@ -54,7 +54,7 @@ def dither(
     u_max: SX = Parameter(FORCE, 60.0, "upper limit of u"),
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
-    """A fast oscillation on top of a force, so that friction is met averaged.
+    """A fast oscillation added to a force, which averages friction.
 
         u = clip(f + gain Ad w(phase), u_min, u_max)
         phase_next = (phase + frequency Ts) modulo 1
@@ -63,26 +63,27 @@ def dither(
         shape 2:  w = 4 phase in the first quarter, 4 phase - 4 in the last one,
                   2 - 4 phase between them
 
-    Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey); the averages follow by
-    integration. A mass m that slides all the time gets a velocity dither of the amplitude A = Ad/(2 pi frequency m)
-    from the sine. Coulomb friction Fc at the velocity v0 + A w, |v0| < A, has the mean
+    Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey); the averages follow by integration. The
+    sine gives a permanently sliding mass m a velocity dither with the amplitude A = Ad/(2 pi frequency m). Coulomb
+    friction Fc at the velocity v0 + A w, |v0| < A, has the mean
 
         sine velocity:      (2 Fc/pi) asin(v0/A),  near 0: 2 Fc/(pi A) v0
         triangle velocity:  Fc v0/A
         square velocity:    0
 
-    Use it where an actuator may be shaken far above the bandwidth of the position loop. It stands between the
-    controller and the plant, or its u goes to the input f of the controller. The start values move 1 kg by some
+    Use it if the actuator allows an oscillation far above the bandwidth of the position loop. Connect the law between
+    the controller and the plant, or connect u to the input f of the controller. The start values move 1 kg by about
     +-30 um at +-40 mm/s.
 
-    frequency < 1/(2 Ts) is required: samples show a faster oscillation as a slower one, and at 1/(2 Ts) the sine is 0.
+    frequency < 1/(2 Ts) is required, because of aliasing; at 1/(2 Ts) the sine is 0.
 
-    While enable is false, u and u_sat are 0 and the phase is at its start; gain 0 passes f. reset takes effect in the
-    same sample.
+    While enable is false, u and u_sat are 0 and the phase is at its start value. With gain = 0, u = f. reset takes
+    effect in the same sample.
 
-    Limits: the stroke A/(2 pi frequency) must be large against the presliding range of the contact (Fc/sigma0), else
-    the bristles follow it elastically and nothing is smoothed. The waveform is held between the samples: with fewer
-    than some ten samples a period the mean friction comes in steps. It wears and sounds. u_min must not exceed u_max.
+    Limits: the stroke A/(2 pi frequency) must be large compared with the presliding distance of the contact
+    (Fc/sigma0); otherwise, the contact follows elastically and friction is not averaged. The waveform is held between
+    samples: with fewer than about ten samples per period, the mean friction changes in steps. Dither causes wear and
+    noise. u_min must not exceed u_max.
     """
     now = if_else(reset, 0.0, phase)
     square = if_else(now < 0.5, 1.0, -1.0)

@@ -26,15 +26,15 @@ from friction_fmus.lawkit.parts.feedforward import at_most, fading, feedforward,
 
 
 def approach(y: SX, k: SX, p: SX) -> SX:
-    """Distance to steady sliding after the path p, from the distance y; 1 is that of the break-away deflection.
+    """Return the distance to steady sliding after the path p from the distance y, relative to that at break-away.
 
-    With k = 1 - z_ba / z_max the law is dy/dp = -sin^2(pi y/2) - k y cos^2(pi y/2). It becomes almost a straight line:
-    c = cot(pi y/2) has dc/dp = pi/2 + k c^2 atan(1/c), which tends to k c, and a, with 1 + 2 k c / pi = exp(k a), has
+    With k = 1 - z_ba / z_max, dy/dp = -sin^2(pi y/2) - k y cos^2(pi y/2). A substitution makes this nearly linear: c =
+    cot(pi y/2) has dc/dp = pi/2 + k c^2 atan(1/c), which tends to k c, and a, defined by 1 + 2 k c / pi = exp(k a), has
 
         da/dp = 1 - (2 k / pi) (c - c^2 atan(1/c)) / exp(k a)
 
-    Five steps of Runge and Kutta then leave 1e-5 of y's range as error for all y, k and p (compared with the
-    differential equation solved to 1e-12). y falls at least as exp(-k p): from k p = 45 on nothing is left of it.
+    Five Runge-Kutta steps then have an error of 1e-5 of the range of y for all y, k and p (compared with a solution of
+    the differential equation to 1e-12). y decreases at least like exp(-k p) and is negligible from k p = 45 on.
     """
 
     def rate(a: SX) -> SX:
@@ -55,7 +55,7 @@ def approach(y: SX, k: SX, p: SX) -> SX:
 
 
 def slid(z: SX, u: SX, z_max: SX, z_ba: SX) -> SX:
-    """Deflection in the direction of motion after the path u at a constant z_max: elastic, then plastic."""
+    """Return the deflection in the direction of motion after the path u at constant z_max: elastic, then plastic."""
     begin = if_else(z_ba < z_max, z_ba, z_max)
     room = begin - z
     elastic = if_else(room > 0.0, room, 0.0)
@@ -81,7 +81,7 @@ def slid(z: SX, u: SX, z_max: SX, z_ba: SX) -> SX:
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
-        "z_hat": Output(LENGTH, "mean bristle deflection, z at this sample"),
+        "z_hat": Output(LENGTH, "mean bristle deflection in this sample"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -119,21 +119,21 @@ def elasto_plastic_feedforward(
         u     = clip(m rdd + gain F_hat, u_min, u_max)
 
     Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002. alpha, sigma1(v) and the parameters are those of the
-    friction block ElastoPlastic: alpha is 0 up to the break-away deflection z_ba and against the deflection, 1 beyond
-    S/sigma0, a half sine between.
+    block ElastoPlastic: alpha is 0 up to the break-away deflection z_ba and for motion against the deflection, 1 beyond
+    S/sigma0, and a half sine in between.
 
-    z advances by the displacement of the reference since the sample before as if its velocity had been constant:
-    exactly where the contact is elastic, to about 2e-5 (S/sigma0 - z_ba) in the half sine.
+    z advances by the displacement of the reference since the previous sample, as if the velocity had been constant:
+    exactly for an elastic contact, with an error of about 2e-5 (S/sigma0 - z_ba) in the half sine.
 
-    Use it as LuGreFeedforward, where the reference holds or moves by less than z_ba under small steps and F_hat must
-    neither drift nor creep: there z is the displacement itself.
+    Use it instead of LuGreFeedforward if the reference rests or moves by less than z_ba in small steps and F_hat must
+    not drift: z then equals the displacement.
 
     The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat, u_sat and
     the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
     position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
 
-    Limits: 0 < z_ba < min(Fc, Fs)/sigma0 is meant; where z_ba is larger, S/sigma0 takes its place. F_hat jumps with a
-    jump of rd by sigma1 times the jump, as in LuGreFeedforward. A reversal between two samples is missed. u_min must
+    Limits: choose 0 < z_ba < min(Fc, Fs)/sigma0; a larger z_ba is replaced by S/sigma0. A jump of rd causes a jump of
+    F_hat by sigma1 times the jump of rd, as in LuGreFeedforward. A reversal between two samples is missed. u_min must
     not exceed u_max.
     """
     dr = increment(r, last, started, reset)

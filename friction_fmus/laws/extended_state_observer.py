@@ -43,8 +43,8 @@ def extended_state_observer(
     rdd: SX = variables.RDD,
     x: SX = variables.X,
     u_prev: SX = variables.U_PREV,
-    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the observer at its start"),
-    reset: SX = Command(False, "true: the observer starts anew from the measured position"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the observer is at its start values"),
+    reset: SX = Command(False, "true: the observer restarts at the measured position"),
     running: SX = variables.RUNNING,
     x_hat: SX = variables.X_HAT,
     v_hat: SX = variables.V_HAT,
@@ -57,7 +57,7 @@ def extended_state_observer(
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
-    """Position control that estimates all unknown forces on a mass as one state, and cancels them.
+    """Position control that estimates the sum of all unknown forces on a mass as a state and compensates it.
 
         x_p   = x_hat + Ts v_hat + Ts^2/(2 m) (u_prev - F_est)
         v_p   = v_hat + Ts/m (u_prev - F_est)
@@ -69,23 +69,24 @@ def extended_state_observer(
         u     = clip(w, u_min, u_max)
 
     Gao: Scaling and bandwidth-parameterization based controller tuning, American Control Conference, 2003 (from
-    memory); here in sampled time, exact for a force that is constant over a sample, all three poles of the observer
-    at p and two of the controller at wc. The estimate of a sample contains the position measured in it.
+    memory). Here the observer is in sampled time, exact for a force that is constant over a sample, with all three
+    poles at p; the two poles of the controller are at wc. The estimate in a sample uses the position measured in that
+    sample.
 
-    Use it where no friction model is at hand and an encoder is the only sensor; it needs the mass and two bandwidths,
-    wo three to ten times wc. u_prev is the force after all limits, in a system the input F_ext of the plant, so that
-    nothing winds up if the actuator saturates.
+    Use it if no friction model is available and an encoder is the only sensor. It needs the mass and two bandwidths;
+    choose wo three to ten times wc. u_prev is the force after all limits (in a system, the input F_ext of the plant),
+    so that nothing winds up if the actuator saturates.
 
-    F_est is exact for constant friction; for friction that grows at the rate c it lags by
+    F_est is exact for constant friction. For friction that grows at the rate c, it lags by
 
         F - F_est = c Ts (3/2 (1 + p)/(1 - p) - 1/2),   about 3 c/wo for small wo Ts
 
-    The first sample after a start, while reset is true or after enable was false, takes x over and assumes rest without
-    friction. While enable is false, u, F_hat, u_sat, v_est and all states are 0.
+    The first sample after the start, a reset or a time with enable false adopts x and assumes rest without friction.
+    While enable is false, u, F_hat, u_sat, v_est and all states are 0.
 
-    Limits: at a reversal the estimate is late by some 3/wo; noise of x enters F_est with m (1 - p)^3/Ts^2. Fed back in
-    full it is an integral action, which hunts where static friction exceeds Coulomb friction. With a wrong mass, F_est
-    contains the difference of the inertia forces. u_min must not exceed u_max.
+    Limits: at a reversal, the estimate lags by about 3/wo. Noise of x enters F_est with the factor m (1 - p)^3/Ts^2.
+    Full compensation with F_est is an integral action, which causes hunting if static friction exceeds Coulomb
+    friction. With a wrong mass, F_est contains the difference of the inertia forces. u_min must not exceed u_max.
     """
     fresh = logic_or(reset, running <= 0.5)
     p = exp(-wo * Ts)

@@ -39,7 +39,7 @@ ELEMENTS = 10
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "F_pre": Output(FORCE, "sum of the forces Fi of the elements"),
-        "slips": Output(NO_UNIT, "number of elements that slip"),
+        "slips": Output(NO_UNIT, "number of slipping elements"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
     conditions={
@@ -62,14 +62,14 @@ def gms_feedforward(
     started: SX = variables.STARTED,
     gain: SX = variables.GAIN,
     m: SX = variables.INERTIA,
-    N: SX = Parameter(NO_UNIT, 10.0, "number of elements that are used", min=1.0, max=float(ELEMENTS)),
+    N: SX = Parameter(NO_UNIT, 10.0, "number of elements in use", min=1.0, max=float(ELEMENTS)),
     k: SX = Parameter(
         STIFFNESS,
         (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3),
         "stiffness of the element",
         min=0.0,
     ),
-    alpha: SX = Parameter(NO_UNIT, (0.1,) * ELEMENTS, "share of the element in the Stribeck level", min=0.0),
+    alpha: SX = Parameter(NO_UNIT, (0.1,) * ELEMENTS, "weight of the element in the Stribeck level", min=0.0),
     C: SX = Parameter(FORCE + "/s", 100.0, "attraction to the Stribeck level", min=0.0),
     sigma: SX = Parameter(DAMPING, 0.0, "damping of each element", min=0.0),
     sigma2: SX = variables.SIGMA2,
@@ -77,7 +77,7 @@ def gms_feedforward(
     Fs: SX = variables.POSITIVE_FS,
     vs: SX = variables.VS,
     delta: SX = variables.DELTA,
-    Fn0: SX = Parameter("N", 1.0, "normal force at which the parameters hold", min=1e-12),
+    Fn0: SX = Parameter("N", 1.0, "normal force for which the parameters are valid", min=1e-12),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
@@ -88,41 +88,40 @@ def gms_feedforward(
         dr   = r - last,   w = dr / Ts,   last: the reference in the previous sample
         dr = 0 or a reversal:  all elements stick
         stick:  Fi becomes Fi + ki dr; if sgn(dr) Fi reaches alpha_i S(w),
-                it is that, and the element slips
+                it is set to that, and the element slips
         slip:   Fi becomes t + (Fi - t) exp(-C Ts / S(w)),
                 t = sgn(dr) alpha_i S(w)
         F_hat = (F1 + ... + FN + sigma (z1' + ... + zN')) max(Fn, 0)/Fn0
                 + sigma2 rd
-        zi'   = rd of an element that sticks,
-                sgn(dr) C (alpha_i - sgn(dr) Fi/S(w))/ki of one that slips
+        zi'   = rd for a sticking element,
+                sgn(dr) C (alpha_i - sgn(dr) Fi/S(w))/ki for a slipping one
         u     = clip(m rdd + gain F_hat, u_min, u_max)
 
     Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (the model); Lampaert, Swevers, Al-Bender, American Control
-    Conference, 2004, where it is the best of Dahl, LuGre, Leuven and GMS in feedforward about presliding (from a
-    summary, the papers were not read). Parameters and start values as in the friction block GMS, but with one
-    attraction C for all elements; alpha_i are used as alpha_i / (alpha_1 + ... + alpha_N), a sum that must be above 0.
-    N is rounded up.
+    Conference, 2004, where it is the best of Dahl, LuGre, Leuven and GMS for feedforward in presliding (from a summary,
+    the papers were not read). Parameters and start values are those of the block GMS, but with one attraction C for all
+    elements. alpha_i are normalised by alpha_1 + ... + alpha_N, which must be positive. N is rounded up.
 
-    F_hat is the force of the block GMS at the end of a step with the velocity w, if rd is w. An element that reaches
-    its level within a sample is put there: left to the attraction C alone, as the equations of the model sampled by
-    Euler's method have it, it would lie far below its level at a coarse Ts.
+    If rd = w, F_hat is the force of the block GMS at the end of a step with the velocity w. An element that reaches its
+    level within a sample is set to the level. With the attraction C alone, as in the equations sampled by Euler's
+    method, it would stay far below its level at a coarse Ts.
 
-    Use it for precise positioning with reversals and small strokes: of the friction models with a state it is the one
-    that remembers all reversal points. It needs the Stribeck curve from steady velocities, and the elements from a
+    Use it for precise positioning with reversals and small strokes: among the feedforward laws with a state, it is the
+    one that remembers all reversal points. It needs the Stribeck curve from steady velocities and the elements from a
     presliding loop.
 
     The first sample and a sample with reset start at r: dr = 0 and Fi = 0. While enable is false, u, F_hat, u_sat and
     the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
     position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
 
-    Limits: a reversal between two samples is not seen. Noise in r makes the elements stick and slip: r must be the
-    reference, not a measurement. u_min must not exceed u_max.
+    Limits: a reversal between two samples is missed. With noise in r, the elements switch between stick and slip, so
+    r must be the reference, not a measurement. u_min must not exceed u_max.
     """
-    dr = increment(r, last, started, reset)  # 0 under reset, so what moves is not reset
+    dr = increment(r, last, started, reset)  # 0 during reset
     moving, side = dr != 0.0, if_else(dr > 0.0, 1.0, -1.0)
     S = stribeck_level(fabs(dr / Ts), Fc, Fs, vs, delta)
     used = [i < N for i in range(ELEMENTS)]
-    every = used[-1]  # decided first: then there is nothing to decide for each element
+    every = used[-1]  # decided first, which saves a decision per element
     shares = [if_else(every, alpha[i], if_else(used[i], alpha[i], 0.0)) for i in range(ELEMENTS)]
     total = sum(shares)
     unit = S / if_else(total > 0.0, total, 1.0)
@@ -140,7 +139,7 @@ def gms_feedforward(
     slips = [if_else(every, slip, if_else(used[i], slip, 0.0)) for i, slip in enumerate(slips)]
     F_pre = sum(forces)
     stretching = rd * (if_else(every, ELEMENTS, ceil(N)) - sum(slips))
-    # in this order all that needs S is behind the one decision on moving
+    # in this order, everything that needs S follows the single decision on motion
     creeping = if_else(moving, if_else(sigma > 0.0, side * (C * creep / S), 0.0), 0.0)
     F_el = F_pre + sigma * (stretching - creeping)
     load = if_else(Fn == Fn0, 1.0, if_else(Fn > 0.0, Fn, 0.0) / Fn0)

@@ -1,4 +1,4 @@
-"""Friction force as a random walk, estimated by a Kalman filter."""
+"""Friction force modelled as a random walk and estimated by a Kalman filter."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from friction_fmus.lawkit.parts.estimators import compensation, corrected, start
 
 @law(
     "KalmanFriction",
-    "Friction estimated as a random walk by a Kalman filter, and compensated",
+    "Compensation of friction estimated as a random walk by a Kalman filter",
     source="Ray, Ramasubramanian, Townsend, Control Engineering Practice 9(2), 2001",
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer"),
@@ -46,63 +46,63 @@ def kalman_friction(
     x: SX = variables.X,
     v: SX = Input(VELOCITY, 0.0, "measured velocity", optional=True),
     u_prev: SX = variables.U_PREV,
-    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the filter at its start"),
-    reset: SX = Command(False, "true: the filter starts anew from the measured position"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the filter is at its start values"),
+    reset: SX = Command(False, "true: the filter restarts at the measured position"),
     x_hat: SX = variables.X_HAT,
     v_hat: SX = variables.V_HAT,
     F_walk: SX = State(FORCE, 0.0, "estimated friction force"),
-    P11: SX = State(NO_UNIT, 0.0, "variance of the position, of Ts^2/m F_step"),
+    P11: SX = State(NO_UNIT, 0.0, "variance of the position, in units of Ts^2/m F_step"),
     P12: SX = State(NO_UNIT, 0.0, "covariance of position and velocity"),
     P13: SX = State(NO_UNIT, 0.0, "covariance of position and force"),
-    P22: SX = State(NO_UNIT, 0.0, "variance of the velocity, of Ts/m F_step"),
+    P22: SX = State(NO_UNIT, 0.0, "variance of the velocity, in units of Ts/m F_step"),
     P23: SX = State(NO_UNIT, 0.0, "covariance of velocity and force"),
-    P33: SX = State(NO_UNIT, 0.0, "variance of the force, of F_step"),
+    P33: SX = State(NO_UNIT, 0.0, "variance of the force, in units of F_step"),
     running: SX = variables.RUNNING,
     gain: SX = variables.GAIN,
     m: SX = variables.POSITIVE_MASS,
     x_noise: SX = Parameter(LENGTH, 3e-7, "standard deviation of the measured position", min=1e-15),
     v_noise: SX = Parameter(VELOCITY, 1e-3, "standard deviation of the measured velocity", min=1e-15),
-    use_v: SX = Switch(False, "v is measured, too; false: it is used as the start value only"),
-    F_step: SX = Parameter(FORCE, 0.03, "standard deviation of the change of friction in a sample", min=1e-12),
+    use_v: SX = Switch(False, "true: v is a second measurement; false: v is the start value only"),
+    F_step: SX = Parameter(FORCE, 0.03, "standard deviation of the change of friction per sample", min=1e-12),
     u_min: SX = variables.starting(variables.U_MIN, -100.0),
     u_max: SX = variables.starting(variables.U_MAX, 100.0),
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
-    """Kalman filter of a mass with an unknown friction force that walks at random.
+    """Kalman filter for a mass with an unknown friction force modelled as a random walk.
 
         x_p = x_hat + Ts v_hat + Ts^2/(2 m) (u_prev - F_walk)
         v_p = v_hat + Ts/m (u_prev - F_walk)
         (x_hat, v_hat, F_walk) = (x_p, v_p, F_walk) + K (x - x_p)
         F_hat = F_walk,   u = clip(gain F_hat, u_min, u_max)
 
-    with the gain of the Kalman filter. In the units X = Ts^2/m F_step, V = Ts/m F_step and F_step of position,
-    velocity and force, and with n = x_noise/X:
+    with the gain K of the Kalman filter. In the units X = Ts^2/m F_step of position, V = Ts/m F_step of velocity and
+    F_step of force, with n = x_noise/X:
 
         A = [1 1 -1/2; 0 1 -1; 0 0 1],   P_p = A P A' + diag(0, 0, 1)
         K = P_p c / (P_p11 + n^2),       P = P_p - K c' P_p,   c = (1, 0, 0)
 
-    With use_v the velocity is a second measurement, taken in after the position in the same way with n = v_noise/V.
+    With use_v, the velocity is a second measurement, processed after the position in the same way with n = v_noise/V.
 
     Ray, Ramasubramanian, Townsend: Adaptive friction compensation using extended Kalman-Bucy filter friction
     estimation, Control Engineering Practice 9(2), 2001 (only its abstract was read); the equations are those of the
-    Kalman filter, Anderson, Moore: Optimal Filtering, 1979. There is no friction model: what is estimated is every
-    force on the mass but u_prev. K tends to the gain of the algebraic Riccati equation within some ten to hundred
-    samples.
+    Kalman filter, Anderson, Moore: Optimal Filtering, 1979. There is no friction model: the estimate contains all
+    forces on the mass except u_prev. K converges to the gain of the algebraic Riccati equation within about ten to a
+    hundred samples.
 
-    Use it where the position is measured by an encoder, of step q: x_noise = q/sqrt(12). F_step is then the one number
-    to tune: larger is faster and noisier. u goes to the input f of a position controller; u_prev is the force after all
+    Use it with an encoder of the resolution q: x_noise = q/sqrt(12). F_step is then the only tuning parameter: a larger
+    value is faster and noisier. Connect u to the input f of a position controller; u_prev is the force after all
     limits, so that nothing winds up if the actuator saturates. In a system file, the connection to u_prev needs a
     delay.
 
-    For a friction force that grows at the rate c and use_v = false the filtered estimate lags, once K is constant, by
+    For friction that grows at the rate c, with use_v = false and constant K, the estimate lags by exactly
 
         F - F_hat = c (m |K2/K3| - Ts/2)
 
-    exactly, K2 (1/s) and K3 (N/m) being the gains of velocity and force. The first sample, and a sample with reset,
-    take x and v over (v = 0 if it is not connected), set F_hat to 0 and P to diag(n^2, 2 n^2, 1). While enable is
-    false, u, F_hat, u_sat and all states are 0.
+    where K2 (1/s) and K3 (N/m) are the gains of velocity and force. The first sample and a sample with reset adopt x
+    and v (v = 0 if unconnected), and set F_hat to 0 and P to diag(n^2, 2 n^2, 1). While enable is false, u, F_hat,
+    u_sat and all states are 0.
 
-    Limits: a wrong mass puts the missing inertia force into F_hat. At a reversal the estimate is late by about the time
+    Limits: a wrong mass puts the missing inertia force into F_hat. At a reversal, the estimate lags by about the time
     constant of the filter. Full compensation with F_hat is an integral action, which can hunt if static friction
     exceeds Coulomb friction. u_min must not exceed u_max.
     """

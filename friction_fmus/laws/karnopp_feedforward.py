@@ -1,4 +1,4 @@
-"""Feedforward of inertia and of Karnopp's friction from the reference."""
+"""Feedforward of inertia and Karnopp friction from the reference."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from friction_fmus.lawkit.parts.feedforward import feedforward
 
 @law(
     "KarnoppFeedforward",
-    "Feedforward of inertia and of Karnopp's friction computed from the reference",
+    "Feedforward of inertia and Karnopp friction computed from the reference",
     source="Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985; Johnson, Lorenz, 1992",
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
@@ -45,7 +45,7 @@ def karnopp_feedforward(
     rdd: SX = variables.RDD,
     enable: SX = variables.ENABLE,
     gain: SX = variables.GAIN,
-    m: SX = Parameter(MASS, 1.0, "mass, of the inertia feedforward and of the force at rest", min=0.0),
+    m: SX = Parameter(MASS, 1.0, "mass, for the inertia feedforward and for the force at rest", min=0.0),
     Fc: SX = variables.FC,
     Fs: SX = variables.FS,
     Fv: SX = variables.FV,
@@ -53,25 +53,25 @@ def karnopp_feedforward(
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
-    """The inertia force of the reference and the friction that Karnopp's model has along it.
+    """Inertia force and Karnopp friction along the reference.
 
         |rd| <  DV:  F_hat = clip(m rdd, -Fs, Fs)
         |rd| >= DV:  F_hat = Fc sgn(rd) + Fv rd
         u = clip(m rdd + gain F_hat, u_min, u_max)
 
-    The friction is that of the friction block Karnopp (Karnopp, ASME Journal of Dynamic Systems, Measurement, and
-    Control 107(1), 1985) whose external force is the inertia force m rdd: in the band, friction is what balances it, up
-    to Fs. A band is also what rd = 0 with DV = 0 is. Johnson and Lorenz (IEEE Transactions on Industry Applications
-    28(6), 1992) compensate with this model in feedforward and in feedback (from a summary, the paper was not read).
+    The friction is that of the block Karnopp (Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control
+    107(1), 1985) with the inertia force m rdd as external force: in the band, friction balances this force, up to Fs.
+    With DV = 0, the band is rd = 0. Johnson and Lorenz (IEEE Transactions on Industry Applications 28(6), 1992)
+    compensate with this model in feedforward and in feedback (from a summary, the paper was not read).
 
-    Use it where the reference starts and stops and friction at rest is not to be compensated by a sign: F_hat follows
-    the force that the start needs, and does not jump at rd = 0, but at the edges of the band.
+    Use it if the reference starts and stops and friction at rest must not be compensated by a sign: F_hat follows the
+    force needed for the start, and jumps at the edges of the band instead of at rd = 0.
 
     Connect u to the input f of a position controller, whose parameter m must then be 0. While enable is false, u, F_hat
     and u_sat are 0. The law has no state. Feedforward does not change the stability of the loop.
 
-    Limits: F_hat jumps at |rd| = DV by Fc + Fv DV minus the force in the band. In the band, at constant velocity,
-    nothing is compensated, so DV must be below the slowest motion that matters. No presliding. u_min must not exceed
+    Limits: F_hat jumps at |rd| = DV by Fc + Fv DV minus the force in the band. In the band, nothing is compensated at
+    constant velocity, so DV must be below the slowest relevant speed. Presliding is not modelled. u_min must not exceed
     u_max.
     """
     force = m * rdd

@@ -37,7 +37,7 @@ from friction_fmus.lawkit.parts.feedforward import fading, feedforward, incremen
     outputs={
         "u": Output(FORCE, "feedforward force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
-        "z_hat": Output(LENGTH, "mean bristle deflection, z at this sample"),
+        "z_hat": Output(LENGTH, "mean bristle deflection in this sample"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -60,12 +60,12 @@ def lugre_feedforward(
     vs: SX = variables.VS,
     delta: SX = variables.DELTA,
     v_d: SX = Parameter(VELOCITY, 0.0, "speed at which the bristle damping decays; 0: constant damping", min=0.0),
-    asymmetric: SX = Switch(False, "backward motion has its own parameters, the ones named _neg"),
+    asymmetric: SX = Switch(False, "backward motion uses the parameters with the suffix _neg"),
     sigma2_neg: SX = Parameter(DAMPING, 0.4, "viscous coefficient for rd < 0", min=0.0),
-    Fc_neg: SX = Parameter(FORCE, 1.0, "Coulomb friction backward", min=1e-9),
-    Fs_neg: SX = Parameter(FORCE, 1.5, "static friction backward", min=1e-9),
-    vs_neg: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity backward", min=1e-12),
-    delta_neg: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent backward", min=1e-3, max=100.0),
+    Fc_neg: SX = Parameter(FORCE, 1.0, "Coulomb friction for backward motion", min=1e-9),
+    Fs_neg: SX = Parameter(FORCE, 1.5, "static friction for backward motion", min=1e-9),
+    vs_neg: SX = Parameter(VELOCITY, 1e-3, "Stribeck velocity for backward motion", min=1e-12),
+    delta_neg: SX = Parameter(NO_UNIT, 2.0, "Stribeck exponent for backward motion", min=1e-3, max=100.0),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
@@ -82,23 +82,23 @@ def lugre_feedforward(
 
     Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995 (the model, start values from its Table I);
     Lampaert, Swevers, Al-Bender, American Control Conference, 2004, compare it in feedforward with the Dahl, Leuven and
-    GMS models (the paper was not read). Parameters as in the friction block LuGre.
+    GMS models (the paper was not read). The parameters are those of the block LuGre.
 
-    z advances by the displacement of the reference since the sample before, exactly as if its velocity had been
-    constant, so F_hat is the force of the block LuGre at the end of a step with the velocity w, if rd is w. It belongs
-    to the time of the sample: a law that advanced z by Ts rd would be one sample ahead or behind.
+    z advances by the displacement of the reference since the previous sample, exactly for constant velocity. If rd = w,
+    F_hat is therefore the force of the block LuGre at the end of a step with the velocity w. F_hat applies to the time
+    of the sample; a law that advances z by Ts rd leads or lags by one sample.
 
-    Use it where an axis reverses, or moves by micrometres, and a sign of the velocity is too much of a jump. Sliding
-    friction has to be known to a few per cent, the stiffness much less well.
+    Use it for axes that reverse often or move by micrometres, where the sign of the velocity is too abrupt. Sliding
+    friction must be known within a few per cent, the stiffness much less accurately.
 
     The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat, u_sat and
     the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
     position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
 
-    Limits: those of the model: z drifts under a bias with vibration, there is no memory of reversal points, and F_hat
-    jumps with a jump of rd by sigma1 times the jump; with the start values it may even push (F_hat < 0 for rd > 0),
-    which v_d < 4 sqrt(2 e) Fc / sigma1 prevents. GMSFeedforward is better in presliding. A reversal between two samples
-    is missed. u_min must not exceed u_max.
+    Limits: in the model, z drifts under a constant force with vibration, reversal points are not remembered, and a jump
+    of rd causes a jump of F_hat by sigma1 times the jump of rd. With the start values, F_hat may even drive the axis
+    (F_hat < 0 for rd > 0), which v_d < 4 sqrt(2 e) Fc / sigma1 prevents. GMSFeedforward is better in presliding. A
+    reversal between two samples is missed. u_min must not exceed u_max.
     """
 
     def level(v: SX) -> SX:

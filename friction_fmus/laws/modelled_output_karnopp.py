@@ -1,4 +1,4 @@
-"""Karnopp friction of a modelled velocity in a cascade with command feedforward."""
+"""Cascade with command feedforward and Karnopp friction of a modelled velocity."""
 
 from __future__ import annotations
 
@@ -57,13 +57,13 @@ def modelled_output_karnopp(
     Kv2: SX = Parameter(DAMPING, 0.4, "velocity feedforward to the force", min=0.0),
     Fc: SX = variables.FC,
     Fs: SX = variables.FS,
-    Fv: SX = Parameter(DAMPING, 0.0, "viscous friction of the Karnopp model, beside Kv2", min=0.0),
+    Fv: SX = Parameter(DAMPING, 0.0, "viscous coefficient of the Karnopp model, in addition to Kv2", min=0.0),
     DV: SX = Parameter(VELOCITY, 1e-3, "half width of the velocity band treated as standstill", min=1e-12),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
-    """Position and velocity loop with command feedforward, and friction of the velocity that a model of the loop has.
+    """Position and velocity loop with command feedforward and friction at the velocity of a loop model.
 
         Vs      = KP (r - x) + Kv1 rd
         v_model = Gsys(s) Vs
@@ -72,32 +72,32 @@ def modelled_output_karnopp(
         F_hat   = Fc sgn(v_model) + Fv v_model       otherwise
         u       = clip(CV (Vs - v) + Ka rdd + Kv2 rd + gain F_hat, u_min, u_max)
 
-    The friction is that of Karnopp, ASME Journal of Dynamic Systems, Measurement and Control 107, 1985: inside the band
-    it balances the force that acts, which here is the one of the model, m dv_model/dt = CV (Vs - v_model). The
-    multi-loop structure is that of a scheme whose paper was not found; it is written as a summary states it. v_model
-    follows the exact solution for a constant Vs, v_model_next = Vs + (v_model - Vs) exp(-CV Ts/m); F_hat contains it
-    before that step.
+    The friction is that of Karnopp, ASME Journal of Dynamic Systems, Measurement and Control 107, 1985: inside the
+    band, it balances the acting force, which is here the force of the model, m dv_model/dt = CV (Vs - v_model). The
+    multi-loop structure follows a summary of a paper that was not found. v_model follows the exact solution for a
+    constant Vs, v_model_next = Vs + (v_model - Vs) exp(-CV Ts/m); F_hat uses v_model before that step.
 
-    Use it as an addition to the usual cascade where a velocity signal is too poor to take the sign of friction from it,
-    but the reference alone is not enough, because the axis is also moved by the position loop, as in steps and
-    corrections. With Kv1 = 1 and Ka = mass the modelled velocity is nearly that of the reference, and the law does as
-    well as Karnopp friction of the reference; the mass of the model then hardly matters in slow motion. It matters,
-    and the compensation is lost, where a load moves the axis without the model knowing.
+    Use it to extend the usual cascade if the velocity signal is too poor for the sign of friction, and the reference
+    alone does not suffice because the position loop also moves the axis, as for steps and corrections. With Kv1 = 1 and
+    Ka = mass, the modelled velocity is nearly that of the reference, and the law equals Karnopp friction of the
+    reference; the mass of the model then hardly matters in slow motion. The compensation fails if a load that is not in
+    the model moves the axis.
 
-    F_hat depends on r - x through KP and closes a loop. Inside the band it adds m s/(1 + s m/CV) KP (r - x), and a free
-    mass M without friction is stable in continuous time for all positive parameters, as Routh's condition holds,
+    F_hat depends on r - x through KP and thus closes a loop. Inside the band, it adds m s/(1 + s m/CV) KP (r - x), and
+    a free mass M without friction is stable in continuous time for all positive parameters, as Routh's condition is
+    satisfied:
 
         (M + m) (CV + 2 m KP) > M m KP
 
-    Outside of it F_hat is a relay of the modelled velocity, a positive feedback that real friction of at least Fc must
-    balance: compensate less where it is not sure of.
+    Outside the band, F_hat is a relay of the modelled velocity, a positive feedback that real friction of at least Fc
+    must balance. Compensate less if the friction is uncertain.
 
-    While enable is false, u, F_hat, u_sat and v_model are 0; reset takes effect in the same sample. There is no
-    integral.
+    While enable is false, u, F_hat, u_sat and v_model are 0; reset takes effect in the same sample. The law has no
+    integral action.
 
-    Limits: v_model lags Vs by m/CV, so F_hat changes its sign late. DV must exceed the change of v_model in one sample,
-    or the band is jumped over and the relay swings at rest. A constant load leaves an error of load/(CV KP). u_min must
-    not exceed u_max.
+    Limits: v_model lags Vs by m/CV, so F_hat changes its sign late. DV must exceed the change of v_model per sample;
+    otherwise, v_model skips the band and the relay oscillates at rest. A constant load leaves an error of load/(CV KP).
+    u_min must not exceed u_max.
     """
     old = if_else(reset, 0.0, v_model)
     Vs = KP * (r - x) + Kv1 * rd

@@ -48,20 +48,20 @@ def pid(
     reset: SX = variables.RESET_INTEGRAL,
     integral: SX = State(LENGTH + ".s", 0.0, "integral of the position error", nominal=1e-4),
     held: SX = State(NO_UNIT, 0.0, "1 while the dead-band holds the integral"),
-    side: SX = State(NO_UNIT, 0.0, "sign of the last velocity beyond v_zc"),
+    side: SX = State(NO_UNIT, 0.0, "sign of the last velocity above v_zc"),
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain", min=0.0),
     Kd: SX = Parameter(DAMPING, 190.0, "derivative gain", min=0.0),
-    Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain, 0: PD", min=0.0),
+    Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain; 0: PD", min=0.0),
     m: SX = variables.starting(variables.INERTIA, 0.0),
-    db: SX = Parameter(LENGTH, 0.0, "dead-band: error at and below which the integral is held, 0: none", min=0.0),
-    db_ratio: SX = Parameter(NO_UNIT, 1.5, "hysteresis: a held integral goes on above db_ratio db", min=1.0),
+    db: SX = Parameter(LENGTH, 0.0, "dead-band: error up to which the integral is held; 0: none", min=0.0),
+    db_ratio: SX = Parameter(NO_UNIT, 1.5, "hysteresis: integration continues above db_ratio db", min=1.0),
     reversal: SX = Parameter(
-        NO_UNIT, 1.0, "factor of the integral at a reversal, 1: none, 0: reset", min=-1.0, max=1.0
+        NO_UNIT, 1.0, "factor of the integral at a reversal; 1: none, 0: reset", min=-1.0, max=1.0
     ),
     Fc_turned: SX = Parameter(
-        FORCE, 0.0, "Coulomb friction in the integral, whose sign turns at a reversal, 0: none", min=0.0
+        FORCE, 0.0, "Coulomb friction in the integral, reversed in sign at a reversal; 0: none", min=0.0
     ),
-    v_zc: SX = Parameter(VELOCITY, 0.0, "speed beyond which a reversal counts", min=0.0),
+    v_zc: SX = Parameter(VELOCITY, 0.0, "speed above which a reversal counts", min=0.0),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
@@ -72,10 +72,10 @@ def pid(
         u      = clip(Kp e + Kd (rd - v) + Ki I + m rdd + f, u_min, u_max)
         I_next = I + Ts e
         I_next = I while u is limited and e pushes further into that limit
-        I_next = I while |e| <= db, and from then on until |e| > db_ratio db
+        I_next = I while |e| <= db, and after that until |e| > db_ratio db
         I      = reversal I + 2 Fc_turned sgn(v)/Ki, before it is used, at a
-                 reversal: |v| > v_zc and v has the other sign than the last v
-                 of which that was true
+                 reversal: |v| > v_zc, and the sign of v differs from that
+                 of the last v with |v| > v_zc
 
     Astrom, Hagglund: Advanced PID Control, ISA 2006 (conditional integration against windup). Ki = 0 is PD
     control. The start values place three poles near 10 Hz for a mass of 1 kg without friction.
@@ -84,21 +84,22 @@ def pid(
     the same sample and in the next one. While enable is false, u, u_sat and the integral are 0. When enable becomes
     true again, u does not jump if the reference starts at the state of the axis (r = x, rd = v, rdd = 0).
 
-    Dead-band and reversal are there against hunting, and off with the start values. A dead-band with db_ratio above 1
-    does not chatter on a noisy error. reversal = 0 is a reset of the integral, -1 turns its sign, as Coulomb friction
-    turns its own, values between scale it. Fc_turned leaves what else the integral holds, as a load, and turns friction
-    alone: before the reversal Ki I contains -Fc sgn(v), after it it should contain Fc sgn(v), v being the new velocity;
-    reversal is then 1. It may be set up to Coulomb friction, more pushes; with Ki = 0 it does nothing. v_zc must exceed
-    the noise of v and the velocity at which the contact rings in presliding, else every swing is a reversal.
+    Dead-band and reversal prevent hunting; the start values disable them. A dead-band with db_ratio > 1 does not
+    chatter with a noisy error. reversal = 0 resets the integral, -1 reverses its sign like Coulomb friction, and values
+    in between scale it. Fc_turned reverses only friction and keeps other contributions to the integral, such as a load:
+    before the reversal, Ki I contains -Fc sgn(v), after it Fc sgn(v), where v is the new velocity; set reversal = 1 in
+    this case. Fc_turned must not exceed Coulomb friction, or it drives the axis; with Ki = 0, it has no effect. v_zc
+    must exceed the noise of v and the velocity of oscillations of the contact in presliding, otherwise each of them
+    counts as a reversal.
 
-    The linear loop with viscous friction s2 is stable for (Kd + s2) Kp > mass Ki, if Ts is short against its time
+    The linear loop with viscous friction s2 is stable for (Kd + s2) Kp > mass Ki, if Ts is short compared with its time
     constants.
 
-    Limits: if static friction exceeds Coulomb friction, the integral makes the loop hunt around a constant reference
-    for every stabilising set of gains (Armstrong, Amin, Automatica 32(5), 1996); without the integral the axis stays up
-    to Fs/Kp away. A dead-band ends the hunting only if it is wider than one slip, and leaves that error; a reset at
-    reversal shortens the period of the hunting and does not end it. If f contains the inertia force, like u of
-    StaticFeedforward, m must be 0. u_min must not exceed u_max.
+    Limits: if static friction exceeds Coulomb friction, the integral action causes hunting around a constant reference
+    for all stabilising gains (Armstrong, Amin, Automatica 32(5), 1996). Without it, an error of up to Fs/Kp remains. A
+    dead-band stops hunting only if it is wider than one slip, and leaves an error of this size. A reset at reversals
+    shortens the period of hunting but does not stop it. If f contains the inertia force, like u of StaticFeedforward, m
+    must be 0. u_min must not exceed u_max.
     """
     start = 0.0
     moves = fabs(v) > v_zc

@@ -1,4 +1,4 @@
-"""Friction force as the model error of a predictive filter."""
+"""Friction force as the model error in a predictive filter."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from friction_fmus.lawkit.parts.estimators import compensation, starts_now
 
 @law(
     "PredictiveFilter",
-    "Friction estimated as the model error of a predictive filter, and compensated",
+    "Compensation of friction estimated as the model error in a predictive filter",
     source="Crassidis, Markley, Journal of Guidance, Control, and Dynamics 20(3), 1997",
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer"),
@@ -45,19 +45,19 @@ from friction_fmus.lawkit.parts.estimators import compensation, starts_now
 def predictive_filter(
     v: SX = variables.V,
     u_prev: SX = variables.U_PREV,
-    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the filter at its start"),
-    reset: SX = Command(False, "true: the filter starts anew from the measured velocity"),
+    enable: SX = Command(True, "false: u = 0, F_hat = 0 and the filter is at its start values"),
+    reset: SX = Command(False, "true: the filter restarts at the measured velocity"),
     v_hat: SX = variables.V_HAT,
     running: SX = variables.RUNNING,
     gain: SX = variables.GAIN,
     m: SX = variables.POSITIVE_MASS,
     v_noise: SX = Parameter(VELOCITY, 1e-3, "standard deviation of the measured velocity, R = v_noise^2", min=0.0),
-    F_size: SX = Parameter(FORCE, 0.5, "size of the model error, its weight is W = 1/F_size^2", min=1e-12),
+    F_size: SX = Parameter(FORCE, 0.5, "magnitude of the model error, with the weight W = 1/F_size^2", min=1e-12),
     u_min: SX = variables.starting(variables.U_MIN, -100.0),
     u_max: SX = variables.starting(variables.U_MAX, 100.0),
     Ts: SX = SampleTime(),
 ) -> dict[str, SX]:
-    """The friction force that best explains the last sampling interval, weighed against its size.
+    """The friction force that best explains the last sampling interval, weighted against its magnitude.
 
         minimise  (v - v_hat_next)^2 / R + W F_hat^2
         v_hat_next = v_hat + Ts/m (u_prev - F_hat)
@@ -70,24 +70,24 @@ def predictive_filter(
         u     = clip(gain F_hat, u_min, u_max)
 
     Crassidis, Markley: Predictive filtering for nonlinear systems, Journal of Guidance, Control, and Dynamics 20(3),
-    1997, from memory, for a mass whose velocity is measured. That it was this filter by which Ray, Ramasubramanian,
-    Townsend (2001) estimate friction is not certain.
+    1997, from memory, for a mass with a velocity measurement. It is not certain that Ray, Ramasubramanian, Townsend
+    (2001) estimate friction with this filter.
 
-    Use it where a velocity measurement is at hand and one number is to set the estimator: only v_noise/F_size counts.
-    It is DisturbanceObserver with the first-order filter of a = 1 - exp(-w Ts), sample by sample; the start values give
-    a = 0.2. u goes to the input f of a position controller; u_prev is the force after all limits. In a system file, the
+    Use it if velocity is measured and a single tuning parameter is wanted: only v_noise/F_size matters. The law equals
+    DisturbanceObserver with the first-order filter and a = 1 - exp(-w Ts) in every sample; the start values give a =
+    0.2. Connect u to the input f of a position controller; u_prev is the force after all limits. In a system file, the
     connection to u_prev needs a delay.
 
-    For a friction force that grows at the rate c the estimate lags by
+    For friction that grows at the rate c, the estimate lags by exactly
 
         F - F_hat = c Ts (1/a - 1/2)
 
-    exactly. The first sample, and a sample with reset, take v over and set F_hat to 0. While enable is false, u, F_hat,
-    u_sat and all states are 0.
+    The first sample and a sample with reset adopt v and set F_hat to 0. While enable is false, u, F_hat, u_sat and all
+    states are 0.
 
-    Limits: v_noise = 0 is dead-beat: F_hat is the mean force of the last interval, with the noise of the difference of
-    two samples times m/Ts. With a wrong mass, F_hat contains the difference of the inertia forces. With F_hat fed back
-    in full, friction that falls with the velocity can make the loop hunt. u_min must not exceed u_max.
+    Limits: with v_noise = 0, the estimate is dead-beat: F_hat is the mean force in the last interval, with the noise of
+    the difference of two samples times m/Ts. With a wrong mass, F_hat contains the difference of the inertia forces.
+    Full compensation with F_hat can cause hunting if friction decreases with velocity. u_min must not exceed u_max.
     """
     new = starts_now(reset, running)
     predicted = if_else(new, v, v_hat + Ts / m * u_prev)

@@ -1,4 +1,4 @@
-"""Prefilter of the reference with derivatives by a non-causal filter."""
+"""Prefilter of the reference with derivatives from a non-causal filter."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
 
 @law(
     "PreviewPrefilter",
-    "Prefilter R = 1 + F/C that needs the reference position only, four samples early",
+    "Prefilter R = 1 + F/C that only needs the reference position, four samples in advance",
     source="Identity C R r = C r + F r; Fornberg, Mathematics of Computation 51(184), 1988 (differences)",
     Ts=1e-3,
     portrait="shaping",
@@ -44,10 +44,10 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),
-        "u_hat": Output(FORCE, "feedforward force that it stands for"),
-        "r_now": Output(LENGTH, "r of four samples before"),
-        "rd_now": Output(VELOCITY, "its velocity"),
-        "rdd_now": Output(ACCELERATION, "its acceleration"),
+        "u_hat": Output(FORCE, "equivalent feedforward force"),
+        "r_now": Output(LENGTH, "r four samples earlier"),
+        "rd_now": Output(VELOCITY, "velocity of r_now"),
+        "rdd_now": Output(ACCELERATION, "acceleration of r_now"),
     },
     conditions={
         "Ts Ki < Kp or Ki = 0": settles_slowly,
@@ -55,19 +55,19 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
     },
 )
 def preview_prefilter(
-    r: SX = Input(LENGTH, 0.0, "reference position, four samples early"),
-    f: SX = Input(FORCE, 0.0, "feedforward force of r_now, added to the inertia force", optional=True),
-    enable: SX = Command(True, "false: r_now and rd_now pass, what is added at its start"),
-    reset: SX = Command(False, "true: as if r had always been what it is now"),
-    line: SX = State(LENGTH, (0.0,) * (2 * PREVIEW), "references of the samples before, the latest first"),
-    seen: SX = State(NO_UNIT, 0.0, "samples in that line, at most 8"),
-    shift: SX = State(LENGTH, 0.0, "what is added to r_now", nominal=1e-4),
-    integral: SX = State(LENGTH + ".s", 0.0, "integral of what was added to r_now", nominal=1e-6),
+    r: SX = Input(LENGTH, 0.0, "reference position, four samples in advance"),
+    f: SX = Input(FORCE, 0.0, "feedforward force for r_now, added to the inertia force", optional=True),
+    enable: SX = Command(True, "false: r_now and rd_now pass unchanged; the shift is at its start value"),
+    reset: SX = Command(False, "true: as if r had always had its present value"),
+    line: SX = State(LENGTH, (0.0,) * (2 * PREVIEW), "references of the previous samples, latest first"),
+    seen: SX = State(NO_UNIT, 0.0, "number of samples in line, at most 8"),
+    shift: SX = State(LENGTH, 0.0, "shift of r_now", nominal=1e-4),
+    integral: SX = State(LENGTH + ".s", 0.0, "integral of the shift of r_now", nominal=1e-6),
     gain: SX = Parameter(NO_UNIT, 1.0, "fraction of the force that is replaced", min=0.0, max=1.0),
     m: SX = variables.INERTIA,
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain of the controller", min=0.0),
     Kd: SX = Parameter(DAMPING, 190.0, "derivative gain of the controller", min=1e-9),
-    Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain of the controller, 0: PD", min=0.0),
+    Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain of the controller; 0: PD", min=0.0),
     Ts: SX = SampleTime(),
 ) -> dict[str, SX | list[SX]]:
     """Prefilter with velocity and acceleration from a non-causal FIR filter of the reference position.
@@ -81,18 +81,18 @@ def preview_prefilter(
         rd_out = rd_now + d',   Kp d + Kd d' + Ki D = u_hat
         r_out  = r_now + d,     d_next = d + Ts d',   D_next = D + Ts d
 
-    The differences are those of the eighth order (Fornberg, Mathematics of Computation 51(184), 1988): exact for
-    polynomials up to the eighth (p) and ninth degree (q). They have no lag, as the reference is known four samples
-    ahead; that is what makes the improper F/C of R = 1 + F/C realisable. All else is as in Prefilter.
+    The differences are of eighth order (Fornberg, Mathematics of Computation 51(184), 1988) and exact for polynomials
+    up to degree eight (p) and nine (q). They have no lag, as the reference is known four samples in advance, which
+    makes the improper F/C in R = 1 + F/C realisable. Everything else is as in Prefilter.
 
-    Use it where a table of positions is all there is, for a controller whose only input is a reference. What is
-    compared with the measured position is r_now.
+    Use it if only a table of positions is available and the reference is the only input of the controller. Compare the
+    measured position with r_now.
 
-    In the first sample, and one with reset, r is taken to have rested. While enable is false r_now and rd_now pass and
-    d is 0; the line of references goes on.
+    In the first sample and in a sample with reset, r is assumed to have been constant. While enable is false, r_now and
+    rd_now pass unchanged and d is 0; the line of references continues.
 
-    Limits: as of Prefilter. Noise of r, and its rounding, comes into rdd_now with the factor 3.5 / Ts^2. Corners of r
-    ring over four samples. f must belong to r_now.
+    Limits: those of Prefilter. Noise and rounding errors of r enter rdd_now with the factor 3.5 / Ts^2. Corners of r
+    cause ringing over four samples. f must correspond to r_now.
     """
     fresh = logic_or(seen == 0.0, reset)
     past = [r, *(if_else(fresh, r, line[j]) for j in range(2 * PREVIEW))]

@@ -1,4 +1,4 @@
-"""PID position control whose integral jumps where the error changes sign."""
+"""PID position control with an integral that jumps at sign changes of the error."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from friction_fmus.lawkit.parts import variables
 
 @law(
     "ResetPID",
-    "PID whose integral jumps where the error changes sign, against hunting",
+    "PID with an integral that jumps at sign changes of the error, against hunting",
     source="This library; the idea from Beerens et al., Automatica 107, 2019",
     Ts=1e-3,
     portrait="alternating_error",
@@ -52,8 +52,8 @@ def reset_pid(
     side: SX = State(NO_UNIT, 0.0, "last sign of the position error"),
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain", min=0.0),
     Kd: SX = Parameter(DAMPING, 190.0, "derivative gain", min=1e-9),
-    Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain, 0: PD", min=0.0),
-    rho: SX = Parameter(NO_UNIT, 0.8, "share of the integral that is turned round in a jump", min=0.0, max=1.0),
+    Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain; 0: PD", min=0.0),
+    rho: SX = Parameter(NO_UNIT, 0.8, "fraction of the integral that is reversed in a jump", min=0.0, max=1.0),
     mass: SX = Parameter(MASS, 1.0, "moving mass, for the jump", min=0.0),
     m: SX = variables.starting(variables.INERTIA, 0.0),
     u_min: SX = variables.U_MIN,
@@ -64,44 +64,44 @@ def reset_pid(
 
         e      = r - x
         I      = -h - rho (I + h),   h = mass/Kd e,
-                 in a sample in which e has another sign than before
+                 in a sample in which e has changed its sign
         u      = clip(Kp e + Kd (rd - v) + Ki I + m rdd + f, u_min, u_max)
         I_next = I + Ts e
         I_next = I while u is limited and e pushes further into that limit
 
-    Without jumps it is PID. The idea to reset the integral of a PID controller, and to turn it round where the error
-    passes zero, is that of Beerens, Bisoffi, Zaccarian, Heemels, Nijmeijer, van de Wouw: Reset integral control for
-    improved settling of PID-based motion systems with friction, Automatica 107, 2019 (from memory); the jump here is
-    derived for this library and is not in that paper.
+    Without jumps, the law equals PID. The idea of resetting or reversing the integral of a PID controller when the
+    error passes zero is from Beerens, Bisoffi, Zaccarian, Heemels, Nijmeijer, van de Wouw: Reset integral control for
+    improved settling of PID-based motion systems with friction, Automatica 107, 2019 (from memory). The jump is derived
+    for this library and is not in that paper.
 
-    What it guarantees is this. For a constant reference and a mass without friction (viscous friction may be added to
-    Kd) let a = Kd/mass, b = Kp/mass, c = Ki/mass. Then
+    Stability: for a constant reference and a mass without friction (viscous friction may be added to Kd), let a =
+    Kd/mass, b = Kp/mass, c = Ki/mass. Then
 
         V  = (e' + a e)^2/2 + b e^2/2 + c I e + a c I^2/2
            = (e' + a e)^2/2 + (b - c/a) e^2/2 + a c (I + e/a)^2/2
         V' = -(a b - c) e^2
 
-    between jumps, in continuous time. V is positive definite, and falls, exactly where the loop is stable without
-    jumps, Kd Kp > mass Ki. A jump changes the last term alone, I + e/a to -rho (I + e/a), so
+    between jumps, in continuous time. V is positive definite and decreases exactly if the loop without jumps is stable,
+    Kd Kp > mass Ki. A jump changes only the last term, I + e/a to -rho (I + e/a), so
 
         V after - V before = -(1 - rho^2) a c (I + e/a)^2/2 <= 0
 
-    for every rho up to 1. The linear loop therefore stays stable whenever, and however often, the integral jumps; the
-    jump with rho = 0 is the one that makes V smallest, and at e = 0 the jump is I to -rho I. Nothing is proven for dry
-    friction, where V' has a term e F without a sign, nor for sampled time, where it holds up to the order of Ts.
+    for every rho up to 1. The linear loop therefore stays stable however often the integral jumps. The jump with rho =
+    0 minimises V; at e = 0 the jump is I to -rho I. There is no proof for dry friction, where V' has a term e F of
+    either sign. In sampled time, the result holds up to the order of Ts.
 
-    Use it for point-to-point motion with static friction, where PID hunts and PD stays short of the target: when the
-    axis passes the target the integral, which has grown to overcome static friction, turns and pushes back at once
-    instead of having to unwind. With rho = 0.8 each pass is smaller than the one before. rho = 0 leaves the axis
-    waiting until the integral has grown again; with rho = 1 the integral keeps its size, and the axis may tremble
-    within presliding for ever.
+    Use it for point-to-point motion with static friction, where PID hunts and PD leaves an error. When the axis passes
+    the target, the integral, which has grown to overcome static friction, is reversed immediately instead of having to
+    unwind. With rho = 0.8, each overshoot is smaller than the previous one. With rho = 0, the axis waits until the
+    integral has grown again. With rho = 1, the integral keeps its magnitude, and the axis may oscillate permanently
+    within presliding.
 
-    While reset is true the integral is at its start, 0, and no sign is remembered; while enable is false u and u_sat
-    are 0 as well. jumped counts no jump in them.
+    While reset is true, the integral is 0 and the sign of the error is forgotten; while enable is false, u and u_sat
+    are also 0. jumped is then 0.
 
-    Limits: an error that passes zero in tracking, or by noise, makes it jump, too: meant for positioning; with encoder
-    noise near the target, rho well below 1 takes the integral away. If f already holds the inertia force m must be 0.
-    u_min must not exceed u_max.
+    Limits: the law is meant for positioning, as zero crossings of the error during tracking or due to noise also cause
+    jumps. With encoder noise near the target, rho well below 1 removes the integral. If f contains the inertia force, m
+    must be 0. u_min must not exceed u_max.
     """
     start = 0.0
     e = r - x

@@ -1,4 +1,4 @@
-"""Feedforward of inertia and static friction from the reference."""
+"""Feedforward of inertia and Stribeck friction from the reference."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def static_feedforward(
     Fv: SX = variables.FV,
     vs: SX = variables.VS,
     delta: SX = variables.DELTA,
-    offset: SX = Parameter(FORCE, 0.0, "constant force at all velocities, also at rest"),
-    asymmetric: SX = Switch(False, "rd < 0 has its own parameters, the ones named _neg"),
+    offset: SX = Parameter(FORCE, 0.0, "constant force at all velocities, including rest"),
+    asymmetric: SX = Switch(False, "rd < 0 uses the parameters with the suffix _neg"),
     Fc_neg: SX = Parameter(FORCE, 1.0, "Coulomb friction for rd < 0", min=0.0),
     Fs_neg: SX = Parameter(FORCE, 1.5, "static friction for rd < 0", min=0.0),
     Fv_neg: SX = Parameter(DAMPING, 0.4, "viscous coefficient for rd < 0", min=0.0),
@@ -58,28 +58,28 @@ def static_feedforward(
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
-    """The force that moves a known mass with static friction along the reference.
+    """The force that moves a known mass with Stribeck friction along the reference.
 
         g(rd) = Fc + (Fs - Fc) exp(-|rd/vs|^delta)
         F_hat = sgn(rd) g(rd) + Fv rd + offset,   sgn(0) = 0
         u     = clip(m rdd + gain F_hat, u_min, u_max)
 
-    Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey of the curve and of its feedforward);
-    Coulomb friction alone is Fs = Fc. With asymmetric, rd < 0 has its own parameters. Parameters as in the friction
-    block Stribeck. The sign is that of the friction block: F_hat is positive for rd > 0.
+    Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey of the curve and of its feedforward). Fs
+    = Fc is Coulomb friction alone. With asymmetric, rd < 0 has its own parameters. Parameters and sign are those of the
+    block Stribeck: F_hat is positive for rd > 0.
 
     Connect u to the input f of a position controller with the parameter m = 0, or directly to the plant. While enable
     is false, u, F_hat and u_sat are 0. The law has no state.
 
-    Feedforward does not change the stability of the loop. In sliding it helps as far as the parameters are right; a
-    gain above 1 cannot be set, because too much friction compensation pushes.
+    Feedforward does not change the stability of the loop. In sliding, its benefit depends on the accuracy of the
+    parameters. gain is limited to 1, because overcompensation drives the axis.
 
-    Limits: u jumps by 2 Fs where the reference reverses, while presliding friction turns over gradually: for movements
-    within the presliding range (some micrometres) it can be worse than none. At rest (rd = 0) only the offset is
-    compensated. u_min must not exceed u_max.
+    Limits: u jumps by 2 Fs at reversals of the reference, whereas presliding friction changes gradually. For motion
+    within the presliding range (some micrometres), the law can be worse than no compensation. At rest (rd = 0), only
+    the offset is compensated. u_min must not exceed u_max.
     """
     own = logic_and(asymmetric, rd < 0.0)
-    # the parameters are chosen before the curve is computed: one power, one exponential, no branch that could overflow
+    # select the parameters before computing the curve: one power, one exponential, no branch that could overflow
     level = stribeck_level(
         fabs(rd),
         if_else(own, Fc_neg, Fc),

@@ -1,4 +1,4 @@
-"""Tustin friction and cogging from tables over the position."""
+"""Tustin friction and cogging from position-dependent tables."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ POINTS = 16
 
 @law(
     "TustinFeedback",
-    "Feedback of Tustin friction and cogging, both with tables over the position",
+    "Feedback of Tustin friction and cogging with tables over the position",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     Ts=1e-3,
     quotes=("overcompensation",),
@@ -33,7 +33,7 @@ POINTS = 16
     use=Use("model feedback", models=("Tustin", "Stribeck"), tuned={"v_min": "max(5 * v_noise, 1e-3 * speed, 1e-9)"}),
     outputs={
         "u": Output(FORCE, "compensation force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force, without cogging; u contains gain F_hat"),
+        "F_hat": Output(FORCE, "estimated friction force without cogging; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -42,44 +42,43 @@ def tustin_feedback(
     v: SX = variables.V,
     enable: SX = variables.ENABLE,
     gain: SX = Parameter(NO_UNIT, 1.0, "fraction of friction and cogging that is compensated", min=0.0, max=1.0),
-    v_min: SX = Parameter(VELOCITY, 1e-3, "speed from which on friction is compensated", min=0.0),
+    v_min: SX = Parameter(VELOCITY, 1e-3, "speed above which friction is compensated", min=0.0),
     Fc: SX = variables.FC,
     Fs: SX = variables.FS,
     Fv: SX = variables.FV,
     vs: SX = variables.VS,
-    pitch: SX = Parameter(LENGTH, 0.024, "length after which the tables repeat", min=1e-9),
+    pitch: SX = Parameter(LENGTH, 0.024, "period of the tables", min=1e-9),
     x0: SX = Parameter(LENGTH, 0.0, "position of the first point of the tables"),
-    level: SX = Parameter(NO_UNIT, (1.0,) * POINTS, "friction at this point, relative to the curve", min=0.0),
+    level: SX = Parameter(NO_UNIT, (1.0,) * POINTS, "friction at this point relative to the curve", min=0.0),
     cogging: SX = Parameter(FORCE, (0.0,) * POINTS, "force that holds the axis against cogging at this point"),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:
-    """Friction of the measured velocity with a level that depends on the position, and the cogging of a linear motor.
+    """Friction at the measured velocity with a position-dependent level, and cogging of a linear motor.
 
         F(v)  = (Fc + (Fs - Fc) exp(-|v|/vs)) sgn(v) + Fv v
         F_hat = level(x) F(v)  for |v| >= v_min, else 0
         u     = clip(gain (F_hat + cogging(x)), u_min, u_max)
 
-    Tustin's curve has the exponent 1: its slope at rest is not 0. Armstrong-Helouvry, Dupont, Canudas de Wit,
-    Automatica 30(7), 1994. level(x) and cogging(x) are straight lines between 16 points at x0, x0 + pitch/16, ..., and
-    repeat after the pitch; for a stroke that does not repeat let the pitch be longer than the stroke.
+    Tustin's curve has the exponent 1, so its slope at rest is not 0. Armstrong-Helouvry, Dupont, Canudas de Wit,
+    Automatica 30(7), 1994. level(x) and cogging(x) are interpolated linearly between 16 points at x0, x0 + pitch/16,
+    ..., with the period pitch. For an axis without a period, choose a pitch longer than the stroke.
 
-    Use it on linear motors and ball screws, where friction and cogging vary along the axis. The tables come from the
-    forces u_p(x) and u_n(x) that iterative learning control, or a slow feedback, finds at the same constant speed in
-    both directions:
+    Use it for linear motors and ball screws, where friction and cogging vary along the axis. The tables follow from the
+    forces u_p(x) and u_n(x) of iterative learning control, or of a slow feedback, at the same constant speed in both
+    directions:
 
         F(x) = (u_p - u_n)/2,   cogging(x) = (u_p + u_n)/2
 
-    The paper that the scheme is known from was not found; the tables and the threshold are as a summary states them.
-    Connect u to the input f of a position controller. While enable is false, u, F_hat and u_sat are 0. The law has no
-    state.
+    The paper with this scheme was not found; tables and threshold follow a summary. Connect u to the input f of a
+    position controller. While enable is false, u, F_hat and u_sat are 0. The law has no state.
 
-    v_min keeps noise of v at rest out of the force; without it the compensation switches by 2 Fs at each change of
-    sign. cogging acts at rest, too.
+    v_min suppresses the effect of velocity noise at rest; without it, the compensation switches by 2 Fs at each change
+    of sign. Cogging is also compensated at rest.
 
-    Limits: F_hat jumps by Fs at v_min, so a loop whose speed stays about v_min swings there; below v_min friction is
-    left to the position controller. The tables show nothing that is shorter than pitch/8. Too much friction
-    compensation pushes. u_min must not exceed u_max.
+    Limits: F_hat jumps by Fs at v_min, which causes oscillation at speeds near v_min; below v_min, the position
+    controller must overcome friction. The tables cannot resolve variations shorter than pitch/8. Overcompensation of
+    friction drives the axis. u_min must not exceed u_max.
     """
     phase = (x - x0) / pitch
     place = POINTS * (phase - floor(phase))
