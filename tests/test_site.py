@@ -28,7 +28,7 @@ from harness.platforms import NATIVE
 ROOT = Path(__file__).parent.parent
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-PUBLIC = ("", ".law", ".identification", ".conditions", ".procedures", ".doctor", ".check", ".codegen")
+PUBLIC = ("", ".lawkit.law", ".identification", ".conditions", ".procedures", ".doctor", ".check", ".codegen")
 PRINTED = {
     "models_compared": [
         "drift in µm per cycle: {'LuGre': 6.09, 'ElastoPlastic': 0.0, 'GMS': 0.0}",
