@@ -218,6 +218,11 @@ def catalogue() -> dict[str, Block]:
     They are in this package and in the folders of the environment variable ``FRICTION_FMUS_BLOCKS``: C files of
     friction models, law files, and C files of other kinds in the subfolders of `KINDS`.
 
+    Returns
+    -------
+    dict of str to Block
+        Blocks by name.
+
     Raises
     ------
     FrictionError
@@ -235,6 +240,16 @@ def _read(entry: Entry) -> Block:
 
 def find(model: str | Path) -> Block:
     """Return the block with this name, or from a user's ``.c`` or law ``.py`` file.
+
+    Parameters
+    ----------
+    model : str or Path
+        Name of a block of the catalogue, or path of a file.
+
+    Returns
+    -------
+    Block
+        Contents of the block's file.
 
     Raises
     ------

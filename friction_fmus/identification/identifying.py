@@ -163,7 +163,7 @@ def _result(
     settings: InverseModelSettings | None,
 ) -> Identification:
     setup, problem, found = fit.setup, fit.problem, fit.found
-    lengths = [len(piece.measured) for piece in problem.segments]
+    lengths = [len(segment.measured) for segment in problem.segments]
     spread, robust = covariance(found, lengths)
     G = _sensitivity(setup, problem, found.x)
     C = G @ spread @ G.T

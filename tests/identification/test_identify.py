@@ -248,5 +248,5 @@ def test_a_block_that_names_a_method_that_does_not_exist(tmp_path: Path, lugre: 
     assert "METHOD(hysteresis)" in text
     mine = tmp_path / "Slips.c"
     mine.write_text(text.replace("METHOD(hysteresis)", "METHOD(hysteresiss)"), encoding="utf-8")
-    with pytest.raises(FitError, match=r"names the method 'hysteresiss', which does not exist.*hysteresis"):
+    with pytest.raises(FitError, match=r"names the unknown method 'hysteresiss' \(did you mean hysteresis"):
         identify(mine, lugre[0])

@@ -1,1 +1,1 @@
-"""Records of measured motion and force: reading, units, sampling, and what they can identify."""
+"""Records of measured motion and force: reading, units, sampling, and checks of the excitation."""

@@ -78,7 +78,7 @@ def examine(record: Record) -> tuple[Finding, ...]:
     Notes
     -----
     The presliding distance is not known in advance. The checks assume at most 0.1 mm or 1 mrad: reported presliding
-    distances of machines are between one and some tens of micrometres (Al-Bender, Lampaert, Swevers, IEEE Transactions
+    distances of machines range from a few to some tens of micrometres (Al-Bender, Lampaert, Swevers, IEEE Transactions
     on Automatic Control 50(11), 2005; Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994).
     """
     constant = list(_constant(record))

@@ -1,4 +1,4 @@
-"""A friction block fitted to records."""
+"""Input and result of a method of identification, and the fit of a block with scalar parameters."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from harness import Drive
 
 @dataclass(frozen=True, eq=False)
 class FitData:
-    """A friction block and the records it is fitted to.
+    """Friction block, and the records to which it is fitted.
 
     Attributes
     ----------
     model : ContactModel
-        The block.
+        Friction block.
     drive : Drive
-        The block, ready to be simulated along the records.
+        Loaded block.
     segments : sequence of PreparedSegment
-        The records.
+        Prepared records.
     traits : Traits
-        Rough values of level, stiffness and so on, from which a search starts.
+        Rough properties of the friction, for start values.
     constraints : Constraints
-        What the user says of the parameters.
+        Fixed values, bounds and start values given by the user.
     units : AxisUnits
         Units of the axis.
     Fn0 : float or None
-        Normal force to which the parameters refer; None if none was measured [N].
+        Normal force at which the parameters are valid [N]; None if it was not measured.
     """
 
     model: ContactModel
@@ -45,22 +45,22 @@ class FitData:
     Fn0: float | None
 
     def problem(self, setup: Setup) -> Problem:
-        """Return the least squares problem with these unknowns."""
+        """Return the least-squares problem of a setup."""
         return Problem(self.drive, self.segments, setup.coordinates, setup.assemble, setup.states, setup.constants)
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The end of a search.
+    """Result of a method of identification.
 
     Attributes
     ----------
     setup : Setup
-        The unknowns.
+        Coordinates of the search, and their conversion to parameters.
     problem : Problem
-        The least squares problem.
+        Least-squares problem.
     found : SearchResult
-        Its solution.
+        Solution of the problem.
     """
 
     setup: Setup
@@ -69,16 +69,16 @@ class Fit:
 
 
 def fit_scalars(data: FitData, loss: Loss, starts: int | None) -> Fit:
-    """Fit a block with scalar parameters: one search if the user gives all start values, otherwise three.
+    """Fit a block with scalar parameters.
 
     Parameters
     ----------
     data : FitData
-        The block and the records.
+        Block and records.
     loss : str
         Loss function, see `search`.
     starts : int or None
-        Number of searches, if not this one.
+        Number of searches; None for 1 if the user gave all start values, otherwise 3.
     """
     setup = scalar_setup(data.model, data.segments, data.traits, data.constraints, data.units, data.Fn0)
     problem = data.problem(setup)

@@ -1,7 +1,7 @@
-"""Methods of identification from records: one module each, found by its file name.
+"""Methods of identification from records; each module is a method with the module's name.
 
-A module has one function, ``fit(data, loss, starts)``, which returns a `Fit`. A friction block names its method in its
-file (``IDENTIFIED METHOD(name)``) if it needs another one than its states suggest.
+A module has the function ``fit(data, loss, starts)``, which returns a `Fit`. The default method of a friction block
+depends on whether it has states; its file may state another one (``IDENTIFIED METHOD(name)``).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Method(Protocol):
-    """What a module of this package has."""
+    """Interface of a module of this package."""
 
     def fit(self, data: FitData, loss: Loss, starts: int | None) -> Fit:
         """Identify the parameters of a friction block.
@@ -28,38 +28,38 @@ class Method(Protocol):
         Parameters
         ----------
         data : FitData
-            The block and the records.
+            Block and records.
         loss : str
             Loss function, see `search`.
         starts : int or None
-            Number of searches from different points; None: what suits the method.
+            Number of searches from different start points; None for the default of the method.
         """
 
 
 def method_names() -> tuple[str, ...]:
-    """Return the names of the methods."""
+    """Return the names of all methods."""
     return tuple(sorted(path.stem.replace("_", "-") for path in Path(__file__).parent.glob("[a-z]*.py")))
 
 
 def find_method(model: ContactModel, name: str = "auto") -> tuple[str, Method]:
-    """Return the method of a friction block with its name.
+    """Return name and module of the method of a friction block.
 
     Parameters
     ----------
     model : ContactModel
-        The block.
+        Friction block.
     name : str
-        The method that the user asks for; "auto": the one of the block.
+        Method requested by the user; "auto" for the method of the block.
 
     Raises
     ------
     FitError
-        If the block is identified by another method, or names one that does not exist.
+        If the requested method does not apply to the block, or the file of the block names an unknown method.
     """
     natural = model.identified_by.method or ("inverse" if model.static else "output-error")
     if natural not in method_names():
         raise FitError(
-            f"{model.name} names the method {natural!r}, which does not exist{nearest(natural, method_names())}"
+            f"the file of {model.name} names the unknown method {natural!r}{nearest(natural, method_names())}"
         )
     if name not in ("auto", natural):
         raise FitError(f"{model.name} is identified with the method {natural!r}, not {name!r}; omit method.")

@@ -31,27 +31,26 @@ AROUND = (0.75, 0.9, 1.0, 1.1, 1.35)
 FINER = (-1.0, -0.66, -0.33, 0.0, 0.33, 0.66, 1.0)
 
 
-#: Largest number of finer grids around the elements found, and the decrease of the cost that makes another one
-#: worthwhile.
+#: Largest number of refinements of the grid of elements, and the relative improvement that justifies another one.
 REFINEMENTS, WORTHWHILE = 3, 0.01
 
 
 def fit(data: FitData, loss: Loss, starts: int | None) -> Fit:
-    """Fit elements from a coarse grid of break-away distances, then from finer grids around those found.
+    """Fit elements on a coarse grid of break-away distances, then on finer grids around the distances found.
 
     Parameters
     ----------
     data : FitData
-        The block and the records.
+        Block and records.
     loss : str
         Loss function, see `search`.
     starts : int or None
-        Number of searches from the coarse grid; None: one.
+        Number of searches from the coarse grid; None for 1.
 
     Raises
     ------
     FitError
-        N is out of range, an element is fixed, or Fc of a law whose elements add up to it.
+        If N is out of range, or a parameter of an element, or Fc of a law with elements, is given.
     """
     common = data.model, data.segments, data.traits, data.constraints, data.units, data.Fn0
     setup = hysteresis_setup(*common)

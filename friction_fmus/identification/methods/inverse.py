@@ -1,4 +1,4 @@
-"""Inverse model of a law without states: the law evaluated along the measured motion."""
+"""Inverse model of a law without states: the law is evaluated along the measured motion."""
 
 from friction_fmus.identification.fit.fitting import fit_scalars as fit
 

@@ -1,4 +1,4 @@
-"""Output error: the block simulated along the measured motion from an initial state that is identified as well."""
+"""Output error: the block is simulated along the measured motion; its initial state is also identified."""
 
 from friction_fmus.identification.fit.fitting import fit_scalars as fit
 
