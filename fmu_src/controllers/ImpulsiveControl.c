@@ -48,7 +48,7 @@
     COMMAND  (reset,   0,                             "true: no pulse, the counters at 0")                       \
     OUTPUT   (u,       FORCE,                         "f and the pulse, within u_min and u_max")                 \
     OUTPUT   (u_sat,   NO_UNIT,                       "active limit: -1 lower, +1 upper, 0 none")                \
-    OUTPUT_FLAG(fault,                         "true: an input is NaN or infinite, outputs and states are held") \
+    OUTPUT_FLAG(fault,                         "true: an input is NaN or infinite; outputs and states are held") \
     LOCAL    (pulse,   FORCE,                         "force of the pulse, 0 between pulses")                    \
     TALLY    (pulses,                                 "pulses begun")                                            \
     FIXED    (Ts,      TIME,     1e-3,   1e-9,  INF,  "sample time")                                             \
@@ -83,10 +83,10 @@
 #define VALID_BY is_train
 
 struct train {
-    int at_rest;   /* samples in a row, up to n_stuck     */
+    int at_rest;   /* samples in a row, up to n_stuck */
     int left;      /* samples of the pulse that are to go */
-    double force;  /* of the pulse, signed                */
-    double pulses; /* begun so far                        */
+    double force;  /* of the pulse, signed */
+    double pulses; /* begun so far */
 };
 
 #include "block.h"

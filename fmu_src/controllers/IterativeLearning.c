@@ -28,7 +28,7 @@
 
    and the first trials take e down by about 1 - rate.
 
-   reset forgets what was learned, in its own sample. While enable is false u, F_hat and u_sat are 0, nothing is
+   reset discards what was learned, in the same sample. While enable is false u, F_hat and u_sat are 0, nothing is
    recorded and k is 0; what was learned stays.
 
    While an input is NaN or infinite the outputs are held and the trial goes on, but nothing is learned from it.
@@ -51,24 +51,24 @@
     COMMAND  (trial_end, 0,                             "becomes true at the first sample of the next trial")     \
     COMMAND  (learn,     1,                             "false: trials are repeated, nothing is learned")         \
     COMMAND  (enable,    1,                             "false: u = 0, F_hat = 0 and k = 0, what is learned stays") \
-    COMMAND  (reset,     0,                             "true: what was learned is forgotten")                    \
+    COMMAND  (reset,     0,                             "true: what was learned is discarded")                    \
     OUTPUT   (u,         FORCE,                         "force of the trial gain F_hat, within u_min and u_max")  \
     OUTPUT   (F_hat,     FORCE,                         "learned force")                                          \
     OUTPUT   (u_sat,     NO_UNIT,                       "active limit: -1 lower, +1 upper, 0 none")               \
-    OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite, outputs and states are held") \
+    OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite; outputs and states are held") \
     LOCAL    (rms,       LENGTH,                        "root mean square error of the last trial")               \
     TALLY    (trial,                                    "trials that are over")                                   \
     FIXED    (Ts,        TIME,      1e-3,   1e-9, INF,  "sample time")                                            \
     COUNT    (N,         1000,              1, LONGEST, "samples of a trial")                                     \
-    PARAMETER(gain,      NO_UNIT,   1.0,    0.0,  1.0,  "share of the learned force that is applied")             \
+    PARAMETER(gain,      NO_UNIT,   1.0,    0.0,  1.0,  "fraction of the learned force that is applied")          \
     PARAMETER(rate,      NO_UNIT,   0.5,    0.0,  2.0,  "learning rate")                                          \
-    PARAMETER(fq,        FREQUENCY, 50.0,   0.0,  INF,  "corner frequency of Q, 0: none")                         \
+    PARAMETER(fq,        FREQUENCY, 50.0,   0.0,  INF,  "corner frequency of Q; 0: none")                         \
     PARAMETER(m,         MASS,      1.0,    0.0,  INF,  "mass of the loop")                                       \
-    PARAMETER(Kp,        STIFFNESS, 12e3,   0.0,  INF,  "its proportional gain")                                  \
-    PARAMETER(Kd,        DAMPING,   190.0,  0.0,  INF,  "its derivative gain")                                    \
-    PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "its integral gain")                                  \
-    PARAMETER(u_min,     FORCE,    -100.0, -INF,  INF,  "lower limit of u and of what is learned")                \
-    PARAMETER(u_max,     FORCE,     100.0, -INF,  INF,  "upper limit of u and of what is learned")
+    PARAMETER(Kp,        STIFFNESS, 12e3,   0.0,  INF,  "proportional gain of the controller")                    \
+    PARAMETER(Kd,        DAMPING,   190.0,  0.0,  INF,  "derivative gain of the controller")                      \
+    PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "integral gain of the controller")                    \
+    PARAMETER(u_min,     FORCE,    -100.0, -INF,  INF,  "lower limit of u and of the learned force")              \
+    PARAMETER(u_max,     FORCE,     100.0, -INF,  INF,  "upper limit of u and of the learned force")
 
 #define IN_LOOP            \
     LAW  ()                \
@@ -93,12 +93,12 @@ enum { LONGEST = 4096 }; /* samples of a trial */
 #define VALID_BY are_trials
 
 struct trials {
-    double w[LONGEST]; /* learned force                         */
-    double e[LONGEST]; /* error of this trial                   */
-    int k;             /* samples of this trial so far          */
-    bool spoilt;       /* one of them had a bad input           */
-    bool ended;        /* trial_end of the last sample          */
-    double rms, trial; /* of the last trial; trials so far      */
+    double w[LONGEST]; /* learned force */
+    double e[LONGEST]; /* error of this trial */
+    int k;             /* samples of this trial so far */
+    bool spoilt;       /* one of them had a bad input */
+    bool ended;        /* trial_end of the last sample */
+    double rms, trial; /* of the last trial; trials so far */
 };
 
 #include "block.h"

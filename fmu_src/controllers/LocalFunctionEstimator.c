@@ -17,8 +17,8 @@
    Use it where an estimate of finite memory is wanted: what is older than n samples is forgotten, and a force that is a
    polynomial of the degree p is estimated without error. A force that grows at the rate c is estimated late by n Ts/2
    for p = 0, not at all for p = 1 and 2. u goes to the input f of a position controller; u_prev is the force since the
-   last sample after all limits, so that nothing winds up when the actuator saturates. In a system file the wire to
-   u_prev needs a delay.
+   last sample after all limits, so that nothing winds up if the actuator saturates. In a system file the wire to u_prev
+   needs a delay.
 
    While an input is NaN or infinite the outputs and the memory are held; the mean force of an interval of which one end
    was such a sample is left out.
@@ -28,8 +28,8 @@
 
    Limits: extrapolation amplifies noise; of noise that is independent from interval to interval the variance is
    multiplied by 1/n, 1/n + 3 n/(n^2 - 1) and, for p = 2, by 5 n^3/((n^2 - 1)(n^2 - 4)) more: about 1/n, 4/n, 9/n. If n
-   is at most p the degree is n - 1. A wrong mass puts the missing inertia force into F_hat. u_min must not exceed
-   u_max. */
+   is at most p the degree is n - 1. With a wrong mass, F_hat contains the difference of the inertia forces. u_min must
+   not exceed u_max. */
 
 #define MODEL   LocalFunctionEstimator
 #define SUMMARY "Friction estimated by a polynomial through the last mean forces, and compensated"
@@ -40,18 +40,18 @@
 /* clang-format off */
 #define VARIABLES                                                                                                    \
     INPUT    (v,      VELOCITY, 0.0,                "measured velocity")                                             \
-    INPUT    (u_prev, FORCE,    0.0,                "force that was applied since the last sample, after all limits") \
+    INPUT    (u_prev, FORCE,    0.0,                "force applied since the last sample, after all limits")         \
     COMMAND  (enable, 1,                            "false: u = 0, F_hat = 0 and the memory empty")                  \
     COMMAND  (reset,  0,                            "true: the memory empty")                                        \
     OUTPUT   (u,      FORCE,                        "compensation force gain F_hat, within u_min and u_max")         \
     OUTPUT   (F_hat,  FORCE,                        "estimated friction force, positive for a positive velocity")    \
     OUTPUT   (u_sat,  NO_UNIT,                      "active limit: -1 lower, +1 upper, 0 none")                      \
-    OUTPUT_FLAG(fault,                             "true: an input is NaN or infinite, outputs and states are held") \
+    OUTPUT_FLAG(fault,                             "true: an input is NaN or infinite; outputs and states are held") \
     FIXED    (Ts,     TIME,     1e-3,   1e-9, INF,  "sample time")                                                   \
     COUNT    (window, 10,       1,      LONGEST,    "intervals that are looked at")                                  \
     FIXED    (v0,     VELOCITY, 0.0,   -INF,  INF,  "velocity before the first sample")                               \
     COUNT    (degree, 1,        0,      2,          "degree of the polynomial")                                      \
-    PARAMETER(gain,   NO_UNIT,  1.0,    0.0,  1.0,  "share of the friction that is compensated")                     \
+    PARAMETER(gain,   NO_UNIT,  1.0,    0.0,  1.0,  "fraction of the friction that is compensated")                  \
     PARAMETER(m,      MASS,     1.0,    0.0,  INF,  "moving mass")                                                   \
     PARAMETER(u_min,  FORCE,   -100.0, -INF,  INF,  "lower limit of u")                                              \
     PARAMETER(u_max,  FORCE,    100.0, -INF,  INF,  "upper limit of u")
@@ -79,9 +79,9 @@ enum { LONGEST = 64 };
 #define VALID_BY is_past
 
 struct past {
-    double force[LONGEST]; /* mean forces, in a ring of n           */
-    size_t latest;         /* place of the latest                   */
-    double v;              /* velocity of the last sample           */
+    double force[LONGEST]; /* mean forces, in a ring of n */
+    size_t latest;         /* place of the latest */
+    double v;              /* velocity of the last sample */
     bool unknown;          /* that sample was bad: v is an older one */
 };
 

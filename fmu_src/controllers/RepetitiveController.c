@@ -25,7 +25,7 @@
    and then the harmonics k/(N Ts) below fq vanish but for 1 - Q. Between the harmonics errors are amplified, with an
    exact L up to 2/(2 - rate) times.
 
-   reset forgets what was learned, in its own sample. While enable is false u, F_hat and u_sat are 0 and nothing is
+   reset discards what was learned, in the same sample. While enable is false u, F_hat and u_sat are 0 and nothing is
    known.
 
    While an input is NaN or infinite the outputs are held, the period goes on, and nothing is learned from such a
@@ -46,23 +46,23 @@
     INPUT    (r,      LENGTH, 0.0,                  "reference position")                                         \
     INPUT    (x,      LENGTH, 0.0,                  "measured position")                                          \
     COMMAND  (enable, 1,                            "false: u = 0, F_hat = 0 and nothing is known")               \
-    COMMAND  (reset,  0,                            "true: what was learned is forgotten")                        \
+    COMMAND  (reset,  0,                            "true: what was learned is discarded")                        \
     OUTPUT   (u,      FORCE,                        "periodic force gain F_hat, within u_min and u_max")          \
     OUTPUT   (F_hat,  FORCE,                        "learned force")                                              \
     OUTPUT   (u_sat,  NO_UNIT,                      "active limit: -1 lower, +1 upper, 0 none")                   \
-    OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite, outputs and states are held") \
+    OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite; outputs and states are held") \
     FIXED    (Ts,     TIME,      1e-3,   1e-9, INF, "sample time")                                                \
     COUNT    (N,      1000,              2, LONGEST, "samples of the period")                                     \
     COUNT    (M,      16,                0, TAPS,   "samples that Q looks back and ahead")                        \
-    FIXED    (fq,     FREQUENCY, 50.0,   0.0,  INF, "corner frequency of Q, 0: none")                             \
-    PARAMETER(gain,   NO_UNIT,   1.0,    0.0,  1.0, "share of the learned force that is applied")                 \
+    FIXED    (fq,     FREQUENCY, 50.0,   0.0,  INF, "corner frequency of Q; 0: none")                             \
+    PARAMETER(gain,   NO_UNIT,   1.0,    0.0,  1.0, "fraction of the learned force that is applied")              \
     PARAMETER(rate,   NO_UNIT,   0.5,    0.0,  2.0, "learning rate")                                              \
     PARAMETER(m,      MASS,      1.0,    0.0,  INF, "mass of the loop")                                           \
-    PARAMETER(Kp,     STIFFNESS, 12e3,   0.0,  INF, "its proportional gain")                                      \
-    PARAMETER(Kd,     DAMPING,   190.0,  0.0,  INF, "its derivative gain")                                        \
-    PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "its integral gain")                                  \
-    PARAMETER(u_min,  FORCE,    -100.0, -INF,  INF, "lower limit of u and of what is learned")                    \
-    PARAMETER(u_max,  FORCE,     100.0, -INF,  INF, "upper limit of u and of what is learned")
+    PARAMETER(Kp,     STIFFNESS, 12e3,   0.0,  INF, "proportional gain of the controller")                        \
+    PARAMETER(Kd,     DAMPING,   190.0,  0.0,  INF, "derivative gain of the controller")                          \
+    PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "integral gain of the controller")                    \
+    PARAMETER(u_min,  FORCE,    -100.0, -INF,  INF, "lower limit of u and of the learned force")                  \
+    PARAMETER(u_max,  FORCE,     100.0, -INF,  INF, "upper limit of u and of the learned force")
 
 #define IN_LOOP             \
     LAW  ()                 \
@@ -93,12 +93,12 @@ enum { LONGEST = 4096, TAPS = 64, RING = LONGEST + TAPS + 1 };
 
 struct period {
     double y[RING];     /* of the last N + M samples, sample k at k modulo N + M + 1 */
-    double q[TAPS + 1]; /* half of Q                                                 */
-    double e[2];        /* the last two errors                                       */
-    double integral;    /* of the errors before the last one                         */
-    bool known;         /* there is a last sample                                    */
-    int missing;        /* errors among the last two that are not known              */
-    double limited;     /* the limit that the last force met: -1 lower, +1 upper     */
+    double q[TAPS + 1]; /* half of Q */
+    double e[2];        /* the last two errors */
+    double integral;    /* of the errors before the last one */
+    bool known;         /* there is a last sample */
+    int missing;        /* errors among the last two that are not known */
+    double limited;     /* the limit that the last force met: -1 lower, +1 upper */
 };
 
 #include "block.h"
