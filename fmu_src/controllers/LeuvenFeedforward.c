@@ -1,21 +1,21 @@
-/* Feedforward of inertia and of the friction of Leuven's model along the reference, sampled every Ts.
+/* Feedforward of inertia and Leuven friction along the reference, sampled every Ts.
 
    Swevers, Al-Bender, Ganseman, Prajogo: An integrated friction model structure with improved presliding behavior for
-   accurate friction compensation, IEEE TAC 45(4), 2000, which is about this use; Lampaert, Swevers, Al-Bender, American
-   Control Conference, 2004, compare it with the Dahl, LuGre and GMS models.
+   accurate friction compensation, IEEE TAC 45(4), 2000, for this use; Lampaert, Swevers, Al-Bender, American Control
+   Conference, 2004, compare it with the Dahl, LuGre and GMS models.
 
        w     = (r - last) / Ts,   last: the reference in the previous sample
-       z, stacks: as the friction block Leuven moves them over Ts
-                  at the held velocity w
+       z, stacks: as in the block Leuven over a step Ts
+                  at the constant velocity w
        F     = (Fh + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 rd
        F_hat = F
        u     = clip(mass rdd + gain F_hat, u_min, u_max)
 
-   F_hat is the force of the block Leuven at the end of a step with the velocity w, if rd is w: this block contains
-   that one's code, with its equations, decisions and parameters. Forces of the load follow Fn where it is known.
+   If rd = w, F_hat is the force of the block Leuven at the end of a step with the velocity w. This block reuses the
+   code of Leuven, with the same equations, decisions and parameters. Connect Fn if the normal force is known.
 
-   Use it for reference movements with reversals inside reversals, where the memory of the reversal points decides;
-   GMSFeedforward and ModifiedLeuvenFeedforward have that memory without stacks.
+   Use it for references with nested reversals, where the memory of the reversal points matters; GMSFeedforward and
+   ModifiedLeuvenFeedforward have this memory without stacks.
 
    The first sample and a sample with reset start at r, with dr = 0 and without history. While enable is false, u,
    F_hat, u_sat and the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the
@@ -25,11 +25,11 @@
    While an input is NaN or infinite, outputs and states are held; the next sample uses the whole displacement since the
    last valid one.
 
-   A >= 2 max(Fs, Fc) is required: with less, the curve that begins at a reversal ends below the Stribeck level, r stays
-   below 1, and z grows without bound in any steady motion.
+   A >= 2 max(Fs, Fc) is required: with a smaller A, the curve that begins at a reversal ends below the Stribeck level,
+   r stays below 1, and z grows without bound in any steady motion.
 
-   Limits: those of Leuven: F_hat jumps where an inner loop closes and, by sigma1 times the jump, with a jump of rd. A
-   reversal between two samples is missed. When the stacks are full the innermost loop is forgotten, with a warning.
+   Limits: those of Leuven: F_hat jumps when an inner loop closes and, by sigma1 times the jump, when rd jumps. A
+   reversal between two samples is missed. When the stacks are full, the innermost loop is discarded with a warning.
    u_min must not exceed u_max. */
 
 /* @article{Swevers2000,
@@ -40,7 +40,7 @@
      volume  = {45}, number = {4}, pages = {675--686}, year = {2000}} */
 
 #define MODEL   LeuvenFeedforward
-#define SUMMARY "Feedforward of inertia and of Leuven's friction with its stacks, from the reference"
+#define SUMMARY "Feedforward of inertia and Leuven friction with stacks, computed from the reference"
 #define STATUS  "equations from memory or summaries of the papers"
 #define SOURCE  "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
 #define QUOTES  "overcompensation, inertia"
@@ -64,7 +64,7 @@
     LOCAL     (der_z,    VELOCITY,                   "time derivative of z")                                \
     LOCAL     (Fb,       FORCE,                      "hysteresis force at the last stored reversal")        \
     TALLY     (depth,                                "reversal points on both stacks")                      \
-    FLAG      (sliding,                              "the transition to sliding is over")                   \
+    FLAG      (sliding,                              "the transition to sliding is complete")               \
     FLAG      (stack_overflow,                       "an inner loop has been discarded")                    \
     STATE     (z,        LENGTH,   0.0,   1e-5,      "deflection since the last stored reversal")           \
     STATE     (v,        VELOCITY, 0.0,   1e-3,      "reference velocity used by the law")                  \

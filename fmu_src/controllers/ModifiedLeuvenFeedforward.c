@@ -1,20 +1,20 @@
-/* Feedforward of inertia and of the friction of the modified Leuven model along the reference, sampled every Ts.
+/* Feedforward of inertia and modified Leuven friction along the reference, sampled every Ts.
 
    Lampaert, Swevers, Al-Bender: Modification of the Leuven integrated friction model structure, IEEE TAC 47(4), 2002,
    for the model.
 
        w     = (r - last) / Ts,   last: the reference in the previous sample
-       z, Fi: as the friction block ModifiedLeuven moves them over Ts
-              at the held velocity w
+       z, Fi: as in the block ModifiedLeuven over a step Ts
+              at the constant velocity w
        F     = (F1 + ... + FN + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 rd
        F_hat = F
        u     = clip(mass rdd + gain F_hat, u_min, u_max)
 
-   F_hat is the force of the block ModifiedLeuven at the end of a step with the velocity w, if rd is w: this block
-   contains that one's code, with its equations and parameters. Forces of the load follow Fn where it is known.
+   If rd = w, F_hat is the force of the block ModifiedLeuven at the end of a step with the velocity w. This block reuses
+   the code of ModifiedLeuven, with the same equations and parameters. Connect Fn if the normal force is known.
 
-   Use it for reference movements with reversals inside reversals where friction in sliding must be that of the Stribeck
-   curve without the lag that the attraction C of GMSFeedforward gives.
+   Use it for references with nested reversals if sliding friction must follow the Stribeck curve without the lag due to
+   the attraction C of GMSFeedforward.
 
    The first sample and a sample with reset start at r, with dr = 0 and without history. While enable is false, u,
    F_hat, u_sat and the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the
@@ -24,9 +24,9 @@
    While an input is NaN or infinite, outputs and states are held; the next sample uses the whole displacement since the
    last valid one.
 
-   Limits: those of ModifiedLeuven: W1 + ... + WN must be at least Fs and Fc, which a warning says otherwise; small n
-   makes loops that do not close. F_hat jumps with a jump of rd by sigma1 times the jump. A reversal between two samples
-   is missed. u_min must not exceed u_max. */
+   Limits: those of ModifiedLeuven: W1 + ... + WN must be at least Fs and Fc, otherwise a warning is logged; for small
+   n, loops do not close. A jump of rd causes a jump of F_hat by sigma1 times the jump of rd. A reversal between two
+   samples is missed. u_min must not exceed u_max. */
 
 /* @article{Lampaert2002,
      author  = {Lampaert, V. and Swevers, J. and Al-Bender, F.},
@@ -35,7 +35,7 @@
      volume  = {47}, number = {4}, pages = {683--687}, year = {2002}} */
 
 #define MODEL   ModifiedLeuvenFeedforward
-#define SUMMARY "Feedforward of inertia and of the modified Leuven model's friction, from the reference"
+#define SUMMARY "Feedforward of inertia and modified Leuven friction computed from the reference"
 #define STATUS  "equations from memory of the paper"
 #define SOURCE  "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
 #define QUOTES  "overcompensation, inertia"
@@ -93,8 +93,8 @@
     LAW    ()     \
     INERTIA(mass)
 
-/* As GMS, whose elements slip one after the other: no other rounding of the transition, no bristle damping. Together the
-   elements hold a little more than the level, below which the deflection would grow without bound. */
+/* As with GMS, whose elements slip one after the other: no other rounding of the transition, no bristle damping. The
+   sum of W is slightly above the level; below it, the deflection would grow without bound. */
 #define USE                                                                     \
     KIND  (feedforward)                                                         \
     MODELS(GMS)                                                                 \
@@ -107,7 +107,7 @@
 #define SAMPLED
 #define GUARDED
 #define REQUIRES limits_in_order
-#define WARNING  "the sum of W is below Fs or Fc, so that the force cannot reach the Stribeck curve"
+#define WARNING  "the sum of W is below Fs or Fc, so the force cannot reach the Stribeck curve; increase W"
 
 #include "block.h"
 #include "limits.h"
