@@ -1,7 +1,7 @@
-/* A block: one table of variables and the meanings it gets.
+/* A block: one table of variables, expanded for several purposes.
 
-   A model file defines MODEL, SUMMARY, SOURCE and the table VARIABLES, includes this header, and writes
-   `equations` (continuous blocks) or `sample` (blocks that define SAMPLED). Everything else is derived.
+   A model file defines MODEL, SUMMARY, SOURCE and the table VARIABLES, includes this header, and defines `equations`
+   (continuous blocks) or `sample` (blocks that define SAMPLED). Everything else is derived.
 
        #define VARIABLES                                                                     \
            INPUT    (v,      VELOCITY,  0.0,                 "relative sliding velocity")    \
@@ -10,23 +10,23 @@
            PARAMETER(sigma0, STIFFNESS, 1e5, 0.0, INF,       "bristle stiffness")
 
    A block may also define
-     MEMORY     a struct without pointers, reached as m->memory, part of the FMU state
+     MEMORY     a struct without pointers, accessed as m->memory, part of the FMU state
      KEEPS_BY   the name of `static void f(Memory *to, const Memory *from, const Model *m, bool follows)`, for a large
-                MEMORY of which little is in use: copies that from one to the other, before a step and, if the step
-                fails, back; if it `follows`, `to` is the memory of an earlier step of the same run
-     VALID_BY   the name of `static bool f(const Model *m)`, which a block with MEMORY must have: whether a run can have
-                left m->memory like this. It looks at all that the block indexes, counts or loops with, as a serialised
-                state may be forged and is refused if this is false; the parameters are within their limits
-     STEPS_BY   the name of its own exact step `static bool f(Model *m, double h)` in place of `integrate`; if it
-                has also computed the outputs, at the end of the step, it says so by m->run.outputs_done = true
-     WARNING    the text of a warning that is given once, when it sets m->run.warning = true
-     SAMPLED    `sample(Model *m)` is called at start + k Ts; the table then has FIXED(Ts, ...)
-     GUARDED    of a SAMPLED block whose table begins with its inputs and has OUTPUT_FLAG(fault, ...): inputs may be
-                NaN or infinite; `fault` is then true and the sample is not taken, so outputs and states are held
-     SKIPS_BY   of a GUARDED block, the name of `static void f(Model *m)`, called in place of `sample` then: for what
-                goes on with time in m->memory; it reads no Real input and writes no output
-     REQUIRES   the name of `static const char *f(const Model *m)`: the relation of parameters that does not hold, as
-                text, or NULL; with one that does not hold the block is not initialised and makes no step   */
+                MEMORY of which a small part is in use: it copies this part before a step and, if the step fails, back;
+                if `follows` is true, `to` is the memory of an earlier step of the same run
+     VALID_BY   the name of `static bool f(const Model *m)`, required for a block with MEMORY: returns whether a run can
+                produce m->memory. It checks everything that the block uses as an index, a count or a loop limit, as a
+                serialised state may be forged and is rejected if the result is false; parameters are within their
+   limits STEPS_BY   the name of an exact step `static bool f(Model *m, double h)` in place of `integrate`; if it also
+                computes the outputs at the end of the step, it sets m->run.outputs_done = true
+     WARNING    the text of a warning, which is logged once after m->run.warning = true
+     SAMPLED    `sample(Model *m)` is called at start + k Ts; the table must contain FIXED(Ts, ...)
+     GUARDED    for a SAMPLED block whose table begins with its inputs and contains OUTPUT_FLAG(fault, ...): inputs may
+                be NaN or infinite; `fault` is then true and `sample` is not called, so outputs and states are held
+     SKIPS_BY   for a GUARDED block, the name of `static void f(Model *m)`, called in place of `sample` in this case,
+   for parts of m->memory that advance with time; it reads no Real input and writes no output REQUIRES   the name of
+   `static const char *f(const Model *m)`: returns the violated relation of parameters as text, or NULL; a block with a
+   violated relation is neither initialised nor stepped */
 
 #ifndef BLOCK_H
 #define BLOCK_H
@@ -44,7 +44,7 @@
 
 /* clang-format off */
 
-/* Units by quantity, so that a sliding block is also its rotational twin. */
+/* Units by quantity, so that a translational block is also its rotational twin. */
 #ifdef ROTATIONAL
 #define LENGTH       "rad"
 #define VELOCITY     "rad/s"
@@ -69,13 +69,13 @@
 #define ANGLE     "rad"
 #define NO_UNIT   ""
 
-/* What a row of the table is; the packager reads these numbers. */
+/* Role of a row in the table; the packager reads these numbers. */
 enum role { ROLE_TIME, ROLE_INPUT, ROLE_OUTPUT, ROLE_LOCAL, ROLE_PARAMETER, ROLE_FIXED, ROLE_STATE, ROLE_STATE_OUTPUT, ROLE_DERIVATIVE };
 enum type { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN };
 
-/* The kinds of row, each in terms of the four shapes that the expansions below give a meaning to:
-   SCALAR, VECTOR, DYNAMIC (a state and, in continuous blocks, its derivative) and DYNAMICS (a vector of them).
-   An OPTIONAL input may stay unconnected: the harness, and the reader of its description, know it by that word. */
+/* The kinds of rows, in terms of four shapes that the expansions below define: SCALAR, VECTOR, DYNAMIC (a state and, in
+   continuous blocks, its derivative) and DYNAMICS (a vector of them). An OPTIONAL input may stay unconnected: its
+   description begins with this word, for the harness and for readers. */
 #define INPUT(name, unit, start, text)                    SCALAR(name, ROLE_INPUT, TYPE_REAL, unit, start, -INF, INF, text)
 #define OPTIONAL(name, unit, start, text)                 INPUT(name, unit, start, "optional: " text)
 #define COMMAND(name, start, text)                        SCALAR(name, ROLE_INPUT, TYPE_BOOLEAN, "", start, 0.0, 1.0, "optional: " text)
@@ -97,17 +97,17 @@ enum type { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN };
 
 /* Position in the simulation; part of the FMU state, so that a restored state carries the mode. */
 typedef struct {
-    double inner_step;             /* [s] last accepted step of the inner solver, 0 at first       */
-    double last_step;              /* [s] last communication step                                  */
-    int64_t tick;                  /* samples taken by a sampled block                             */
-    int mode;                      /* of the call-sequence table                                   */
-    bool stale;                    /* something was set since the outputs were computed            */
-    bool slopes_used;              /* the input slopes belong to the step that is over             */
-    bool outputs_done;             /* the step has computed the outputs, too                       */
-    bool warning, warned;          /* the block's WARNING is due, has been given                   */
-    bool too_much;                 /* the step that fails would take more work than one may        */
-    double start, stop, tolerance; /* [s], [s], relative; stop = INF and tolerance = 0 if not given. No step changes
-                                      them, so they stand last                                     */
+    double inner_step;             /* [s] last accepted step of the inner solver, initially 0 */
+    double last_step;              /* [s] last communication step */
+    int64_t tick;                  /* number of samples taken by a sampled block */
+    int mode;                      /* mode of the call-sequence table */
+    bool stale;                    /* a value was set after the outputs were computed */
+    bool slopes_used;              /* the input derivatives belong to the completed step */
+    bool outputs_done;             /* the step has also computed the outputs */
+    bool warning, warned;          /* the block's WARNING is due; it has been logged */
+    bool too_much;                 /* the failed step would exceed the limit of work */
+    double start, stop, tolerance; /* [s], [s], relative; stop = INF and tolerance = 0 if not given. They are
+                                      last, as no step changes them                                */
 } Run;
 
 #ifdef MEMORY
@@ -116,7 +116,7 @@ typedef MEMORY Memory;
 typedef struct { char none; } Memory;
 #endif
 
-/* A sampled block has states without derivatives: RATE(...) is nothing there. */
+/* A sampled block has states without derivatives, so RATE(...) is empty. */
 #ifdef SAMPLED
 #define RATE(...)
 #else
@@ -149,8 +149,8 @@ enum { VARIABLES INPUTS };
 #define PARAMETER_OF_ROLE_LOCAL(field)
 #define PARAMETER_OF_ROLE_PARAMETER(field) field
 #define PARAMETER_OF_ROLE_FIXED(field)     field
-/* The values that a step may change: double v; double F; double z; double der_z; ... stand behind them, so that they
-   are one piece. A value reference is the index of a double, counted from the start of the struct. */
+/* The values that a step may change (double v; double F; double z; double der_z; ...) follow them, so that they are
+   contiguous. A value reference is the index of a double, counted from the start of the struct. */
 typedef struct {
     VARIABLES
 #undef SCALAR
@@ -185,9 +185,9 @@ typedef struct {
 typedef struct {
     const char *name, *unit, *text;
     double start, min, max, nominal;
-    const double *starts;   /* of a vector */
+    const double *starts;   /* start values of a vector */
     uint32_t index, length; /* value reference of the first element, number of elements (0: a scalar) */
-    uint32_t from;          /* derivative: its state; state: where its initial value comes from */
+    uint32_t from;          /* derivative: its state; state: source of its initial value */
     int32_t role, type;
 } Row;
 
@@ -225,8 +225,8 @@ static const Row rows[] = {
 
 #define ROWS (sizeof rows / sizeof rows[0])
 
-/* The continuous states: where the values and derivatives of each row stand; one spare, as an empty array is
-   illegal. */
+/* The continuous states: positions of the values and derivatives of each row; one spare element, as C has no empty
+   arrays. */
 typedef struct {
     uint32_t index, derivative, count;
     double nominal;
@@ -246,7 +246,7 @@ enum { STATE_ROWS = (int)(sizeof state_rows / sizeof state_rows[0]) - 1, ALL_STA
 #undef DYNAMIC
 #undef DYNAMICS
 
-/* Numbers of the inputs, in the order of `slope`. */
+/* Indices of the inputs, in the order of `slope`. */
 #define SCALAR(name, role, type, unit, start, min, max, text)     PLACE_##role(name)
 #define VECTOR(name, n, role, type, unit, starts, min, max, text)
 #define DYNAMIC(name, role, unit, start, from, nominal, text)
@@ -262,8 +262,8 @@ static const uint32_t inputs[] = {VARIABLES 0};
 #undef DYNAMIC
 #undef DYNAMICS
 
-/* GIVEN(m): const double v = m->v; const double *k = m->k; ... for the reader of the equations. Results are not
-   given: an output is written, once. */
+/* GIVEN(m): const double v = m->v; const double *k = m->k; ... makes the equations readable. Outputs are excluded; each
+   is written once. */
 #define SCALAR(name, role, type, unit, start, min, max, text)     GIVEN_##role(name, type)
 #define VECTOR(name, n, role, type, unit, starts, min, max, text) GIVEN_VECTOR_##role(name)
 #define DYNAMIC(name, role, unit, start, from, nominal, text)     GIVEN_TYPE_REAL(name)
@@ -285,7 +285,7 @@ static inline double square(double a) { return a * a; }
 static inline double sign(double a) { return (double)((a > 0.0) - (a < 0.0)); }
 static inline double clip(double a, double low, double high) { return a < low ? low : a > high ? high : a; }
 
-/* For VALID_BY. */
+/* Helper for VALID_BY. */
 static inline bool is_flag(const bool *flag) { return *(const unsigned char *)flag <= 1; }
 static inline bool is_direction(double a) { return a == -1.0 || a == 0.0 || a == 1.0; }
 static inline bool is_count(double a, double most) { return a >= 0.0 && a <= most && a == floor(a); }
@@ -299,7 +299,7 @@ static inline bool all_finite(const double *values, size_t count)
 
 static inline double *value_of(Model *m, uint32_t index) { return (double *)(void *)m + index; }
 
-/* What an own step returns that would take more work than effort.h allows. */
+/* Return value of a block's own step that would exceed the limit of work in effort.h. */
 static inline bool too_much(Model *m)
 {
     m->run.too_much = true;
@@ -330,7 +330,7 @@ static const char *REQUIRES(const Model *m);
 #ifdef VALID_BY
 static bool VALID_BY(const Model *m);
 #elif defined MEMORY
-#error "a block with MEMORY needs VALID_BY: see the beginning of block.h"
+#error "a block with MEMORY must define VALID_BY: see the beginning of block.h"
 #endif
 
 #ifdef KEEPS_BY

@@ -1,6 +1,5 @@
-/* FMI 2.0.5 co-simulation around one block: instances, logging, modes, values, steps.
-   What is refused (wrong order, unknown variable, bad value) is logged, answered with the status that the standard
-   names, and changes nothing. */
+/* FMI 2.0.5 co-simulation around one block: instances, logging, modes, values, steps. A rejected call (wrong order,
+   unknown variable, invalid value) is logged, returns the status required by the standard, and changes nothing. */
 
 #ifndef BLOCK_FMI2_H
 #define BLOCK_FMI2_H
@@ -54,7 +53,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2String guid, f
     else if (kind != fmi2CoSimulation)
         fault = "this FMU is for co-simulation only";
     else if (!guid || strcmp(guid, c->guid) != 0)
-        fault = "the GUID is not that of this binary: modelDescription.xml and library do not belong together";
+        fault = "the GUID differs from that of this binary: modelDescription.xml and library do not match";
     if (fault) {
         report(c, fmi2Error, LOG_ERROR, "fmi2Instantiate of %s: %s", QUOTE(MODEL), fault);
         free(c);
@@ -77,7 +76,7 @@ fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_gi
     REQUIRE(!tolerance_given || (tolerance > 0.0 && isfinite(tolerance)),
             "fmi2SetupExperiment: tolerance %g must be positive", tolerance)
     REQUIRE(isfinite(start), "fmi2SetupExperiment: start time %g must be finite", start)
-    REQUIRE(!stop_given || stop >= start, "fmi2SetupExperiment: stop time %g must not lie before start time %g", stop,
+    REQUIRE(!stop_given || stop >= start, "fmi2SetupExperiment: stop time %g must not be before start time %g", stop,
             start)
     c->model.run.tolerance = tolerance_given ? tolerance : 0.0;
     c->model.run.start = c->model.time = start;
@@ -98,7 +97,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component component)
     ENTER("ExitInitializationMode", MAY_ExitInitializationMode)
     const char *const relation = violated(&c->model);
     REQUIRE(!relation, "fmi2ExitInitializationMode: the parameters of \"%s\" must satisfy %s", c->name, relation)
-    REQUIRE(refresh(c), "fmi2ExitInitializationMode: the start values of \"%s\" give outputs that are not finite",
+    REQUIRE(refresh(c), "fmi2ExitInitializationMode: the start values of \"%s\" lead to outputs that are not finite",
             c->name)
     MODE(c) = STEP_COMPLETE;
     return fmi2OK;
@@ -133,7 +132,7 @@ static fmi2Status check_get(Instance *c, const fmi2ValueReference references[], 
     for (size_t i = 0; i < n; i++)
         REQUIRE(known(c, references[i], type), "fmi2Get%s: there is no %s variable with value reference %u",
                 type_names[type], type_names[type], references[i])
-    REQUIRE(refresh(c), "fmi2Get%s: with the values set at t = %g s an output of \"%s\" is not finite",
+    REQUIRE(refresh(c), "fmi2Get%s: with the values set at t = %g s, an output of \"%s\" is not finite",
             type_names[type], c->model.time, c->name)
     return fmi2OK;
 }
@@ -155,12 +154,12 @@ static fmi2Status check_set(Instance *c, fmi2ValueReference reference, double va
         return report(c, fmi2Discard, LOG_DISCARD, "fmi2Set%s: %s = %g is not finite", type_names[type], row->name,
                       value);
     if (!(value >= row->min && value <= row->max))
-        return report(c, fmi2Discard, LOG_DISCARD, "fmi2Set%s: %s = %g lies outside [%g, %g]", type_names[type],
+        return report(c, fmi2Discard, LOG_DISCARD, "fmi2Set%s: %s = %g is outside [%g, %g]", type_names[type],
                       row->name, value, row->min, row->max);
     return fmi2OK;
 }
 
-/* All values are checked before the first is written. */
+/* All values are checked before the first one is written. */
 #define SET(TYPE, type, as_double)                                                                                     \
     fmi2Status fmi2Set##TYPE(fmi2Component component, const fmi2ValueReference references[], size_t n,                 \
                              const fmi2##TYPE values[])                                                                \
@@ -220,10 +219,10 @@ fmi2Status fmi2SetString(fmi2Component component, const fmi2ValueReference refer
 /* ---- steps -------------------------------------------------------------------------------------------------- */
 
 #ifdef SAMPLED
-#define UNDONE "has more than " QUOTE(MOST_TRIES) " samples, so make shorter steps"
+#define UNDONE "has more than " QUOTE(MOST_TRIES) " samples; use shorter steps"
 
-/* A sample at every start + k Ts in [t, t + h). The tolerance keeps a step that is short by rounding from taking
-   the next sample or losing its own. */
+/* Take a sample at every start + k Ts in [t, t + h). The tolerance prevents rounding of the step from adding or losing
+   a sample. */
 static bool advance(Model *m, double t, double h)
 {
     if ((t + h - m->run.start) / m->Ts - (double)m->run.tick > MOST_TRIES)
@@ -247,10 +246,10 @@ static bool advance(Model *m, double t, double h)
 #else
 #define UNDONE "does not meet the tolerance"
 
-/* The block's own step, except over a time so short that 1/h overflows and no state can move. */
+/* Perform the block's own step, except over a time so short that 1/h overflows and no state can change. */
 static bool own_step(Model *m, double h) { return h < 1e-290 || STEPS_BY(m, h); }
 
-/* Pieces between the zeros of the inputs, each by the block's own step. */
+/* Advance from one zero of the inputs to the next, each time by the block's own step. */
 static bool advance(Model *m, double t, double h)
 {
     m->time = t;
@@ -269,7 +268,7 @@ static bool advance(Model *m, double t, double h)
                 const bool arrives = !whole && sign(*u) * sign(m->slope[i]) < 0.0 && -*u / m->slope[i] <= piece;
                 *u = arrives ? 0.0 : *u + m->slope[i] * piece;
             }
-            m->run.outputs_done = false; /* the inputs have moved on */
+            m->run.outputs_done = false; /* the inputs have changed */
             rest = whole ? 0.0 : rest - piece;
             m->time += piece;
         }
@@ -286,13 +285,13 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     (void)keeps_no_state;
     ENTER("DoStep", MAY_DoStep)
     Model *const m = &c->model;
-    /* The master's time rules; it may differ by rounding, or by the tolerance of a master that adds up steps. */
+    /* The time of the master applies; it may differ by rounding, or by the error of a master that sums steps. */
     const double slack = 1e-6 * h + 1e-12 * (fabs(t) + fabs(m->run.start)) + 1e-12;
     REQUIRE(fabs(t) < INF && h > 0.0 && h < INF, "fmi2DoStep: step size %g at t = %g s must be positive and finite", h,
             t)
     REQUIRE(fabs(t - m->time) <= slack, "fmi2DoStep: communication point %.17g s is not the current time %.17g s", t,
             m->time)
-    REQUIRE(t + h <= m->run.stop + slack, "fmi2DoStep: the step to %.17g s passes the stop time %.17g s", t + h,
+    REQUIRE(t + h <= m->run.stop + slack, "fmi2DoStep: the step to %.17g s exceeds the stop time %.17g s", t + h,
             m->run.stop)
 
     const char *const relation = m->run.stale ? violated(m) : NULL;
@@ -309,12 +308,12 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     m->time = t + h;
     if (!done || !results_finite(m)) {
         const char *const undone =
-            m->run.too_much ? "takes more work than one communication step may, so make shorter steps" : UNDONE;
+            m->run.too_much ? "exceeds the limit of work in one communication step; use shorter steps" : UNDONE;
         roll_back(c);
         MODE(c) = STEP_FAILED;
         return report(c, fmi2Discard, LOG_DISCARD,
-                      "fmi2DoStep: the step from %.17g s over %g s %s; the state is that of its start", t, h,
-                      done ? "gives a value that is not finite" : undone);
+                      "fmi2DoStep: the step from %.17g s over %g s %s; the state at its start is kept", t, h,
+                      done ? "leads to a value that is not finite" : undone);
     }
     m->run.stale = false;
     m->run.slopes_used = true;
@@ -360,7 +359,7 @@ fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind,
     ENTER("GetRealStatus", MAY_GetStatus)
     if (kind != fmi2LastSuccessfulTime)
         return report(c, fmi2Discard, LOG_DISCARD, "fmi2GetRealStatus: status kind %d is not available", (int)kind);
-    REQUIRE(value, "fmi2GetRealStatus: the place for the value is a null pointer")
+    REQUIRE(value, "fmi2GetRealStatus: the pointer to the value is null")
     *value = c->model.time;
     return fmi2OK;
 }
@@ -370,7 +369,7 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component component, const fmi2StatusKind ki
     ENTER("GetBooleanStatus", MAY_GetStatus)
     if (kind != fmi2Terminated)
         return report(c, fmi2Discard, LOG_DISCARD, "fmi2GetBooleanStatus: status kind %d is not available", (int)kind);
-    REQUIRE(value, "fmi2GetBooleanStatus: the place for the value is a null pointer")
+    REQUIRE(value, "fmi2GetBooleanStatus: the pointer to the value is null")
     *value = fmi2False;
     return fmi2OK;
 }

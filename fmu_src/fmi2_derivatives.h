@@ -1,9 +1,9 @@
-/* FMI 2.0's derivatives: directional ones, and those of inputs and outputs along time. */
+/* Derivatives in FMI 2.0: directional derivatives, and time derivatives of inputs and outputs. */
 
 #ifndef BLOCK_FMI2_DERIVATIVES_H
 #define BLOCK_FMI2_DERIVATIVES_H
 
-/* `unknown` at the values of now plus e times `direction`. */
+/* Return `unknown` at the current values plus e times `direction`. */
 static double moved_value(Instance *c, uint32_t unknown, const double *direction, double e)
 {
     Model *const work = spare(c);
@@ -14,12 +14,12 @@ static double moved_value(Instance *c, uint32_t unknown, const double *direction
     return *value_of(work, unknown);
 }
 
-/* d unknown / d e at e = 0: central differences over halved distances, extrapolated to zero, of which the estimate
-   with the smallest error is kept. Ridders, Adv. Eng. Software 4(2), 1982. */
+/* Return d unknown / d e at e = 0: central differences over successively halved distances, extrapolated to zero; the
+   result with the smallest error estimate is used. Ridders, Adv. Eng. Software 4(2), 1982. */
 static double derivative_along(Instance *c, uint32_t unknown, const double *direction, double distance)
 {
     enum { LEVELS = 28 };
-    double grain = 0.0; /* of e: the rounding of the moved values */
+    double grain = 0.0; /* rounding error of the moved values in terms of e */
     for (uint32_t i = 0; i < VALUES; i++)
         if (direction[i] != 0.0)
             grain = fmax(grain, DBL_EPSILON * fabs(*value_of(&c->model, i) / direction[i]));
@@ -77,7 +77,8 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
     double found[VALUES];
     for (size_t i = 0; i < n_unknowns; i++) {
         const double value = distance < INF ? derivative_along(c, unknowns[i], direction, distance) : 0.0;
-        REQUIRE(isfinite(value), "fmi2GetDirectionalDerivative: that of %s is not finite", c->row_of[unknowns[i]]->name)
+        REQUIRE(isfinite(value), "fmi2GetDirectionalDerivative: the derivative of %s is not finite",
+                c->row_of[unknowns[i]]->name)
         found[unknowns[i]] = value;
     }
     for (size_t i = 0; i < n_unknowns; i++)
@@ -95,7 +96,7 @@ static fmi2Status check_derivatives(const Instance *c, const char *function, int
         const bool fits = row->role == role || (role == ROLE_OUTPUT && row->role == ROLE_STATE_OUTPUT);
         REQUIRE(fits && row->type == TYPE_REAL, "%s: value reference %u is not a Real %s", function, references[i],
                 role == ROLE_INPUT ? "input" : "output")
-        REQUIRE(orders[i] == 1, "%s: order %d of %s, only order 1 is supported", function, orders[i], row->name)
+        REQUIRE(orders[i] == 1, "%s: order %d of %s is not supported, only order 1", function, orders[i], row->name)
     }
     return fmi2OK;
 }
@@ -123,7 +124,7 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueR
     return fmi2OK;
 }
 
-/* The rate of the outputs at the end of the step, along time, the states and the inputs as they moved in it. */
+/* Time derivatives of the outputs at the end of the step, with the rates of states and inputs in the step. */
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2ValueReference references[], size_t n,
                                         const fmi2Integer orders[], fmi2Real values[])
 {
@@ -137,7 +138,7 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
         values[i] = 0.0; /* held between samples */
 #else
     double direction[VALUES] = {0.0}, found[VALUES];
-    Model *const now = spare(c); /* not refreshed in place, as the call may still be refused */
+    Model *const now = spare(c); /* not refreshed in place, as the call may still be rejected */
     if (now->run.stale)
         evaluate(now);
     REQUIRE(results_finite(now), "fmi2GetRealOutputDerivatives: an output of \"%s\" is not finite", c->name)
@@ -150,7 +151,7 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
     const double distance = 0.05 * (c->model.run.last_step > 0.0 ? c->model.run.last_step : 1e-3);
     for (size_t i = 0; i < n; i++) {
         const double value = derivative_along(c, references[i], direction, distance);
-        REQUIRE(isfinite(value), "fmi2GetRealOutputDerivatives: that of %s is not finite",
+        REQUIRE(isfinite(value), "fmi2GetRealOutputDerivatives: the derivative of %s is not finite",
                 c->row_of[references[i]]->name)
         found[references[i]] = value;
     }

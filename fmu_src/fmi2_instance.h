@@ -1,4 +1,4 @@
-/* One instance of the block as an FMU: its modes, its messages, and how its outputs are kept up to date. */
+/* One instance of the block as an FMU: modes, messages, and evaluation of outputs. */
 
 #ifndef BLOCK_FMI2_INSTANCE_H
 #define BLOCK_FMI2_INSTANCE_H
@@ -15,8 +15,8 @@
 #define FMI2_FUNCTION_PREFIX PASTE(MODEL, _)
 #include "fmi2Functions.h"
 
-/* Modes, and the modes in which each function may be called (the table of section 4.2.4). Two columns are more
-   lenient than the table, as importers need it: inputs may be set right after fmi2Instantiate. */
+/* Modes, and the modes in which each function may be called (table in section 4.2.4). Two columns are more lenient than
+   the table, as importers require: inputs may be set directly after fmi2Instantiate. */
 /* clang-format off */
 enum { INSTANTIATED = 1, INITIALIZING = 2, STEP_COMPLETE = 4, STEP_FAILED = 8, TERMINATED = 16 };
 enum {
@@ -47,10 +47,10 @@ enum { LOG_WARNING = 1, LOG_DISCARD = 2, LOG_ERROR = 4, LOG_EVENTS = 8, LOG_EVER
 enum { GUID_LENGTH = 38 }; /* {8-4-4-4-12} */
 
 typedef struct {
-    Model model;               /* all that a saved state holds */
-    Model backup;              /* the start of the step, else a place to try things */
-    bool follows;              /* the backup is that of the last step               */
-    const Row *row_of[VALUES]; /* by value reference                                */
+    Model model;               /* everything in a saved state */
+    Model backup;              /* state at the start of the step, or work space */
+    bool follows;              /* the backup is from the last step */
+    const Row *row_of[VALUES]; /* rows by value reference */
     fmi2CallbackLogger logger;
     fmi2ComponentEnvironment environment;
     int logging;
@@ -58,7 +58,7 @@ typedef struct {
     char name[]; /* of the instance */
 } Instance;
 
-/* Sends a message; every % is doubled because importers use the text as a format. */
+/* Send a message; every % is doubled, because importers use the text as a format. */
 static fmi2Status report(const Instance *c, fmi2Status status, int category, const char *format, ...)
 {
     if (!c->logger || !(c->logging & category))
@@ -69,7 +69,7 @@ static fmi2Status report(const Instance *c, fmi2Status status, int category, con
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     for (size_t end = strlen(text); end == sizeof text - 1 && (text[end - 1] & 0x80); end--)
-        text[end - 1] = '\0'; /* no part of a UTF-8 character at the cut */
+        text[end - 1] = '\0'; /* do not cut a UTF-8 character */
     size_t length = 0;
     for (const char *from = text; *from; from++) {
         if (*from == '%')
@@ -97,7 +97,7 @@ static const char *mode_name(int mode)
 
 #define MODE(c) ((c)->model.run.mode)
 
-/* Opens a function: `c` is the instance, and the call is in order. */
+/* Begin a function: get the instance `c` and check that the call is allowed. */
 #define ENTER(function, allowed)                                                                                       \
     Instance *const c = (Instance *)component;                                                                         \
     if (!c)                                                                                                            \
@@ -112,7 +112,7 @@ static const char *mode_name(int mode)
 
 static bool before_stepping(const Model *m) { return (m->run.mode & BEFORE_STEPPING) != 0; }
 
-/* Before the first step, states that are outputs follow the parameters with their initial values. */
+/* Before the first step, states that are outputs follow the parameters that hold their initial values. */
 static void initialise_states(Model *m)
 {
     if (before_stepping(m))
@@ -122,9 +122,9 @@ static void initialise_states(Model *m)
 }
 
 #ifdef GUARDED
-enum { FIRST_CHECKED = AT(time) + 1 + INPUTS }; /* the inputs stand behind the time */
+enum { FIRST_CHECKED = AT(time) + 1 + INPUTS }; /* the inputs follow the time */
 
-/* The first input that is not finite, INPUTS if all are. */
+/* Return the first input that is not finite, or INPUTS if all are finite. */
 static int bad_input(const Model *m)
 {
     const double *value = (const double *)(const void *)m;
@@ -151,7 +151,7 @@ static void take_sample(Model *m) { sample(m); }
 enum { FIRST_CHECKED = AT(time) };
 #endif
 
-/* One evaluation of the block on a model that may be spoilt. */
+/* Evaluate the block on a model that may be overwritten. */
 static void evaluate(Model *m)
 {
     initialise_states(m);
@@ -162,7 +162,7 @@ static void evaluate(Model *m)
 #endif
 }
 
-/* The relation of parameters that does not hold, NULL if all do. */
+/* Return the violated relation of parameters, or NULL if all hold. */
 static const char *violated(const Model *m)
 {
 #ifdef REQUIRES
@@ -173,8 +173,8 @@ static const char *violated(const Model *m)
 #endif
 }
 
-/* Whether time, inputs (unless guarded), states and outputs are finite. The sum of NaN and anything, and of INF times
-   0, is NaN; four sums, because each addition waits for the one before it. */
+/* Return whether time, inputs (unless guarded), states and outputs are finite. Each value is multiplied by 0 and added:
+   NaN and INF give NaN. Four sums are used, because each addition waits for the previous one. */
 static bool results_finite(const Model *m)
 {
     const size_t count = VALUES - FIRST_CHECKED, fours = count - count % 4;
@@ -188,7 +188,7 @@ static bool results_finite(const Model *m)
     return (sum[0] + sum[1]) + (sum[2] + sum[3]) == 0.0;
 }
 
-/* What a step may change goes to the backup and, if the step fails, back again. */
+/* Everything that a step may change is copied to the backup and, if the step fails, back. */
 enum { VARYING = offsetof(Model, time), VARYING_SIZE = offsetof(Model, run) + offsetof(Run, start) - VARYING };
 
 static void keep(Instance *c)
@@ -212,7 +212,7 @@ static void roll_back(Instance *c)
 #endif
 }
 
-/* A copy of the model to try things on. */
+/* Return a copy of the model as work space. */
 static Model *spare(Instance *c)
 {
     c->follows = false;
@@ -220,8 +220,8 @@ static Model *spare(Instance *c)
     return &c->backup;
 }
 
-/* Brings the outputs up to date with what was set, or changes nothing if one of them is not finite. A sampled block
-   keeps its outputs from one sample to the next; before the first one they show what it would give. */
+/* Update the outputs after values were set; change nothing if one of them is not finite. A sampled block holds its
+   outputs between samples; before the first sample, they have the values that it would produce. */
 static bool refresh(Instance *c)
 {
     Model *const m = &c->model;

@@ -1,4 +1,4 @@
-/* The rest of FMI 2.0: identity, saved states, and what the packager reads. */
+/* Further parts of FMI 2.0: identity, saved states, and functions for the packager. */
 
 #ifndef BLOCK_FMI2_STATE_H
 #define BLOCK_FMI2_STATE_H
@@ -35,8 +35,8 @@ static uint64_t fingerprint(uint64_t hash)
     return hash;
 }
 
-/* {8-4-4-4-12}: the hash of all rows, and of all sources if the packager has written that as IDENTITY into the
-   block, so that XML, code and saved states cannot disagree. */
+/* {8-4-4-4-12}: hash of all rows and, if the packager has defined IDENTITY in the block, of all sources, so that XML,
+   code and saved states always match. */
 static void write_guid(char *text)
 {
     char digits[33];
@@ -52,7 +52,7 @@ typedef struct {
     char magic[8];
     char guid[GUID_LENGTH + 2];
     uint32_t byte_order, size;
-    uint64_t checksum; /* of the model, in serialized states */
+    uint64_t checksum; /* checksum of the model, in serialized states */
     Model model;
 } Saved;
 
@@ -68,21 +68,21 @@ static void save(const Instance *c, Saved *saved)
     memcpy(saved->guid, c->guid, sizeof c->guid);
     saved->byte_order = 0x01020304;
     saved->size = sizeof(Saved);
-    memcpy(&saved->model, &c->model, sizeof c->model); /* with its padding, for equal bytes */
+    memcpy(&saved->model, &c->model, sizeof c->model); /* including padding, for equal bytes */
 }
 
 static const char *fault_of(const Instance *c, const Saved *saved)
 {
     if (memcmp(saved->magic, "friction", 8) != 0)
-        return "it is not a state of such an FMU";
+        return "it is not a state of this kind of FMU";
     if (saved->byte_order != 0x01020304)
-        return "it was written on a machine of the other byte order";
+        return "it was written on a machine with another byte order";
     if (memcmp(saved->guid, c->guid, sizeof c->guid) != 0 || saved->size != sizeof(Saved))
         return "it belongs to another FMU or version";
     return NULL;
 }
 
-/* Whether the value may be that of the row. */
+/* Return whether the row can have this value. */
 static bool plausible_value(const Row *row, double v)
 {
     const bool parameter = row->role == ROLE_PARAMETER || row->role == ROLE_FIXED;
@@ -95,7 +95,7 @@ static bool plausible_value(const Row *row, double v)
     return isfinite(v) && (!parameter || (v >= row->min && v <= row->max));
 }
 
-/* Whether a run can have left what the block remembers: nothing before the first step. */
+/* Return whether a run can produce this memory, which is empty before the first step. */
 static bool plausible_memory(const Model *m)
 {
     const char *const byte = (const char *)&m->memory;
@@ -112,10 +112,10 @@ static bool plausible_memory(const Model *m)
 #endif
 }
 
-/* Whether a run can have come here. */
+/* Return whether a run can reach this state. */
 static bool plausible(const Model *m)
 {
-    const int64_t most_samples = INT64_C(1) << 53; /* as many as a double counts */
+    const int64_t most_samples = INT64_C(1) << 53; /* the largest exact count in a double */
     const Run *const run = &m->run;
     const double *const value = (const double *)(const void *)m;
     const int mode = run->mode;
@@ -137,7 +137,7 @@ static bool plausible(const Model *m)
 fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
 {
     ENTER("GetFMUstate", MAY_FMUstate)
-    REQUIRE(state, "fmi2GetFMUstate: the place for the state is a null pointer")
+    REQUIRE(state, "fmi2GetFMUstate: the pointer to the state is null")
     if (!*state)
         *state = calloc(1, sizeof(Saved));
     REQUIRE(*state, "fmi2GetFMUstate: out of memory")
@@ -178,8 +178,8 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fm
 {
     ENTER("SerializeFMUstate", MAY_FMUstate)
     REQUIRE(state && bytes, "fmi2SerializeFMUstate: a pointer is null")
-    REQUIRE(size >= sizeof(Saved), "fmi2SerializeFMUstate: %u bytes are too few for a state of %u", (unsigned)size,
-            (unsigned)sizeof(Saved))
+    REQUIRE(size >= sizeof(Saved), "fmi2SerializeFMUstate: %u bytes are too few for a state with %u bytes",
+            (unsigned)size, (unsigned)sizeof(Saved))
     const uint64_t checksum = checksum_of((const Saved *)state);
     memcpy(bytes, state, sizeof(Saved));
     memcpy(bytes + offsetof(Saved, checksum), &checksum, sizeof checksum);
@@ -190,8 +190,8 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
 {
     ENTER("DeSerializeFMUstate", MAY_FMUstate)
     REQUIRE(bytes && state, "fmi2DeSerializeFMUstate: a pointer is null")
-    REQUIRE(size == sizeof(Saved), "fmi2DeSerializeFMUstate: %u bytes, a state of this FMU has %u", (unsigned)size,
-            (unsigned)sizeof(Saved))
+    REQUIRE(size == sizeof(Saved), "fmi2DeSerializeFMUstate: %u bytes were given, but a state of this FMU has %u",
+            (unsigned)size, (unsigned)sizeof(Saved))
     Saved *const read = (Saved *)calloc(1, sizeof(Saved));
     REQUIRE(read, "fmi2DeSerializeFMUstate: out of memory")
     memcpy(read, bytes, sizeof(Saved));
@@ -199,7 +199,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
     if (!fault && read->checksum != checksum_of(read))
         fault = "they are damaged";
     if (!fault && !plausible(&read->model))
-        fault = "no run can have come to such values";
+        fault = "no run can reach such values";
     if (fault) {
         free(read);
         return report(c, fmi2Error, LOG_ERROR, "fmi2DeSerializeFMUstate: the bytes cannot be used: %s", fault);
@@ -233,8 +233,8 @@ PACKAGER_EXPORT const Row *block_rows(size_t *count, size_t *values, int *sample
     return rows;
 }
 
-/* Evaluates the block at `values`, by value reference, for the dependency probe; a sampled block at its first sample
-   (initializing) or at a later one. */
+/* Evaluate the block at `values`, indexed by value reference, for the dependency probe; a sampled block in its first
+   sample (initializing) or in a later one. */
 PACKAGER_EXPORT void block_evaluate(double *values, int initializing)
 {
     Model m;
@@ -244,7 +244,7 @@ PACKAGER_EXPORT void block_evaluate(double *values, int initializing)
     m.run.tick = initializing ? 0 : 1;
 #ifdef GUARDED
     initialise_states(&m);
-    sample(&m); /* in spite of NaN, which shows what depends on what; `fault` depends on each input */
+    sample(&m); /* even with NaN, which reveals the dependencies; `fault` depends on each input */
     m.fault = bad_input(&m) < INPUTS;
 #else
     evaluate(&m);

@@ -1,4 +1,4 @@
-/* Impulsive control: an axis that is stuck off its target gets force pulses, each sized to slide it by its error.
+/* Impulsive control: force pulses for an axis that is stuck away from its target, each sized to slide it by its error.
 
    Armstrong-Helouvry, Dupont, Canudas de Wit: A survey of models, analysis tools and compensation methods for the
    control of machines with friction, Automatica 30(7), 1994 (survey); the size of the pulse follows from
@@ -8,32 +8,33 @@
        then:   a pulse Fp sgn(r - x) of n_pulse samples, tp = n_pulse Ts
        Fp      = (Fc + sqrt(Fc^2 + 8 m Fc d/tp^2))/2,   at least Fs
        d       = gain |r - x|
-       u       = clip(f + pulse, u_min, u_max);   with alone: pulse instead of f
+       u       = clip(f + pulse, u_min, u_max);   with alone: without f
 
    A mass m with Coulomb friction Fc that starts from rest under the constant force Fp for tp slides by
 
        d = Fp (Fp - Fc) tp^2/(2 m Fc)
 
-   until it stops again; Fp is its inverse. After a pulse the count of samples at rest begins anew, so that n_stuck is
-   the dwell between two pulses as well. The error after a pulse is e - d: pulses converge if 0 < d/e < 2.
+   until it stops again; Fp above is the inverse. After a pulse, the count of samples at rest restarts, so n_stuck is
+   also the dwell between two pulses. The error after a pulse is e - d; the pulses converge if 0 < d/e < 2.
 
-   Use it beside or in place of a position controller without an integral, whose force goes to f, where the last
-   micrometres inside the stiction band matter and not the time they take. sized = false takes Fp = F_pulse always.
+   Use it to remove the last micrometres of error inside the stiction band if the time is not critical. It supplements a
+   position controller without integral action, whose force is connected to f, or replaces it. With sized = false, Fp =
+   F_pulse.
 
-   While enable is false u and u_sat are 0 and the counters are at 0. reset ends a pulse in its own sample.
+   While enable is false, u and u_sat are 0 and the counters are 0. reset ends a pulse in the same sample.
 
-   While an input is NaN or infinite the outputs are held, that of a pulse, too; the samples count as those of the
-   pulse, and the dwell begins anew.
+   While an input is NaN or infinite, the outputs are held, even during a pulse; these samples count towards the pulse,
+   and the dwell restarts.
 
-   Limits: d is right for Fs = Fc, a stiff actuator and f = 0; static friction above Fc makes every slide longer, and
-   where Fp is Fs the slide is longer than the error for small errors: choose tp short enough for
+   Limits: d is exact for Fs = Fc, a stiff actuator and f = 0. Static friction above Fc makes every slide longer. If Fp
+   = Fs, the slide is longer than a small error; choose tp short enough for
 
        Fs (Fs - Fc) tp^2/(2 m Fc) < 2 tol
 
    or the pulses do not settle. A pulse within the presliding range springs back. u_min must not exceed u_max. */
 
 #define MODEL   ImpulsiveControl
-#define SUMMARY "Force pulses for an axis that is stuck off its target"
+#define SUMMARY "Force pulses for an axis that is stuck away from its target"
 #define SOURCE  "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
 #define QUOTES  "pulses"
 #define NEEDS   "stiction error"
@@ -44,23 +45,23 @@
     INPUT    (x,       LENGTH,   0.0,                 "measured position")                                       \
     INPUT    (v,       VELOCITY, 0.0,                 "measured velocity")                                       \
     OPTIONAL (f,       FORCE,    0.0,                 "force of the position controller")                        \
-    COMMAND  (enable,  1,                             "false: u = 0 and the counters at 0")                      \
-    COMMAND  (reset,   0,                             "true: no pulse, the counters at 0")                       \
-    OUTPUT   (u,       FORCE,                         "f and the pulse, within u_min and u_max")                 \
+    COMMAND  (enable,  1,                             "false: u = 0 and the counters are 0")                     \
+    COMMAND  (reset,   0,                             "true: no pulse, and the counters are 0")                  \
+    OUTPUT   (u,       FORCE,                         "f plus the pulse, within u_min and u_max")                \
     OUTPUT   (u_sat,   NO_UNIT,                       "active limit: -1 lower, +1 upper, 0 none")                \
-    OUTPUT_FLAG(fault,                         "true: an input is NaN or infinite, outputs and states are held") \
+    OUTPUT_FLAG(fault,                         "true: an input is NaN or infinite; outputs and states are held") \
     LOCAL    (pulse,   FORCE,                         "force of the pulse, 0 between pulses")                    \
-    TALLY    (pulses,                                 "pulses begun")                                            \
+    TALLY    (pulses,                                 "number of pulses started")                                \
     FIXED    (Ts,      TIME,     1e-3,   1e-9,  INF,  "sample time")                                             \
-    PARAMETER(gain,    NO_UNIT,  1.0,    0.0,   1.0,  "share of the error that a pulse is to remove")            \
+    PARAMETER(gain,    NO_UNIT,  1.0,    0.0,   1.0,  "fraction of the error that a pulse removes")              \
     PARAMETER(m,       MASS,     1.0,    1e-12, INF,  "moving mass")                                             \
     PARAMETER(Fc,      FORCE,    1.0,    1e-12, INF,  "Coulomb friction")                                        \
     PARAMETER(Fs,      FORCE,    1.5,    0.0,   INF,  "static friction")                                         \
-    SWITCH   (sized,   1,                             "the pulse is sized by the error; false: it is F_pulse")   \
-    PARAMETER(F_pulse, FORCE,    3.0,    0.0,   INF,  "force of a pulse that is not sized")                      \
-    SWITCH   (alone,   1,                             "f is left out during a pulse")                            \
-    PARAMETER(tol,     LENGTH,   1e-4,   0.0,   INF,  "error that is left as it is")                             \
-    PARAMETER(v_stuck, VELOCITY, 1e-3,   0.0,   INF,  "speed below which the axis counts as stuck")              \
+    SWITCH   (sized,   1,                             "true: the pulse is sized by the error; false: F_pulse")   \
+    PARAMETER(F_pulse, FORCE,    3.0,    0.0,   INF,  "force of a pulse if sized is false")                      \
+    SWITCH   (alone,   1,                             "true: f is omitted during a pulse")                       \
+    PARAMETER(tol,     LENGTH,   1e-4,   0.0,   INF,  "tolerated error")                                         \
+    PARAMETER(v_stuck, VELOCITY, 1e-3,   0.0,   INF,  "speed below which the axis is considered stuck")          \
     COUNT    (n_stuck, 10,       1,      COUNTS,      "samples at rest before a pulse")                          \
     COUNT    (n_pulse, 5,        1,      COUNTS,      "samples of a pulse")                                      \
     PARAMETER(u_min,   FORCE,   -100.0, -INF,   INF,  "lower limit of u")                                        \
@@ -72,7 +73,7 @@
 
 #define USE                                                                    \
     KIND (other)                                                               \
-    NEVER("It pushes an axis that is stuck off its target, not a moving one.")
+    NEVER("It acts on an axis that is stuck away from its target, not on a moving axis.")
 /* clang-format on */
 
 #define SAMPLED
@@ -83,16 +84,16 @@
 #define VALID_BY is_train
 
 struct train {
-    int at_rest;   /* samples in a row, up to n_stuck     */
-    int left;      /* samples of the pulse that are to go */
-    double force;  /* of the pulse, signed                */
-    double pulses; /* begun so far                        */
+    int at_rest;   /* consecutive samples, up to n_stuck */
+    int left;      /* remaining samples of the pulse */
+    double force;  /* force of the pulse, signed */
+    double pulses; /* number started so far */
 };
 
 #include "block.h"
 #include "limits.h"
 
-/* The force that slides the mass by a distance within tp and the time it takes to stop. */
+/* Return the force that slides the mass by a distance, during tp and the subsequent stop. */
 static double force_for(double distance, double tp, double m, double Fc, double Fs)
 {
     const double force = 0.5 * (Fc + sqrt(Fc * Fc + 8.0 * m * Fc * distance / (tp * tp)));

@@ -1,9 +1,9 @@
-/* Iterative learning control: the force of a motion that is repeated, learned from trial to trial.
+/* Iterative learning control: the force for a repeated motion, learned from trial to trial.
 
    Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984; survey, with a zero-phase low-pass: Bristow,
    Tharayil, Alleyne, IEEE Control Systems Magazine 26(3), 2006.
 
-       trial j:   F_hat[k] = w_j[k],   k = 0 ... N-1 samples from its begin
+       trial j:   F_hat[k] = w_j[k],   k = 0 ... N-1 samples from its start
                   e[k] = r - x is recorded
        between:   w_(j+1) = Q (w_j + rate L e_j), within u_min and u_max
        (L e)[k] = m (e[k+1] - 2 e[k] + e[k-1])/Ts^2
@@ -11,34 +11,34 @@
                   + Ki Ts (e[0] + ... + e[k-1])
        u        = clip(gain F_hat, u_min, u_max)
 
-   Beyond its ends e is its last value. Q is a Butterworth low-pass of order 2 with the corner fq, there and back;
-   fq = 0: Q = 1.
+   Outside the trial, e has its first or last value. Q is a Butterworth low-pass filter of order 2 with the corner
+   frequency fq, applied forwards and backwards; fq = 0: Q = 1.
 
-   L is the inverse process sensitivity of a mass m under PID with these gains: the force that would have made e vanish.
-   trial_end marks a trial's first sample: when it becomes true, what was recorded is learned from, and k = 0 in that
-   very sample. While learn is false trials are repeated and nothing is learned.
+   L is the inverse process sensitivity of a mass m under PID control with these gains: the force that would have made e
+   vanish. trial_end marks the first sample of a trial: when it becomes true, the recorded trial is learned from, and k
+   = 0 in the same sample. While learn is false, trials are repeated without learning.
 
-   Use it for a motion that is repeated from the same state, friction included: each trial should begin where the first
-   one did and at rest. u goes to the input f of the PID whose gains it knows. The learned force is friction and every
-   other force that the motion needs, for that motion only.
+   Use it for a motion that is repeated from the same state, including friction: each trial must begin at rest and at
+   the same place as the first one. Connect u to the input f of the PID with the given gains. The learned force contains
+   friction and all other forces of the motion; it is valid for this motion only.
 
-   Converges, monotonically in the 2-norm for a linear loop with the process P and the controller C, if
+   For a linear loop with the process P and the controller C, the 2-norm of the error converges monotonically if
 
        |Q (1 - rate L P/(1 + P C))| < 1 at all frequencies
 
-   and the first trials take e down by about 1 - rate.
+   The first trials reduce e by a factor of about 1 - rate.
 
-   reset forgets what was learned, in its own sample. While enable is false u, F_hat and u_sat are 0, nothing is
-   recorded and k is 0; what was learned stays.
+   reset discards what was learned, in the same sample. While enable is false, u, F_hat and u_sat are 0, nothing is
+   recorded and k is 0; the learned force is kept.
 
-   While an input is NaN or infinite the outputs are held and the trial goes on, but nothing is learned from it.
+   While an input is NaN or infinite, the outputs are held and the trial continues, but nothing is learned from it.
 
-   Limits: N samples at most 4096; after N samples F_hat is 0 and nothing is recorded. Above fq nothing is learned, but
-   what Q takes away is not learned either: the error of a reversal keeps its sharpest part. fq belongs below the
-   frequency up to which m, Kp, Kd, Ki describe the loop. u_min must not exceed u_max. */
+   Limits: N is at most 4096; after N samples F_hat is 0 and nothing is recorded. Nothing is learned above fq, so the
+   sharpest part of the error at reversals remains. Choose fq below the frequency up to which m, Kp, Kd and Ki describe
+   the loop. u_min must not exceed u_max. */
 
 #define MODEL    IterativeLearning
-#define SUMMARY  "Learns the force of a repeated motion from trial to trial"
+#define SUMMARY  "Iterative learning of the force for a repeated motion"
 #define SOURCE   "Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984"
 #define PORTRAIT "learning"
 #define QUOTES   "contraction"
@@ -48,27 +48,27 @@
 #define VARIABLES                                                                                                 \
     INPUT    (r,         LENGTH, 0.0,                   "reference position")                                     \
     INPUT    (x,         LENGTH, 0.0,                   "measured position")                                      \
-    COMMAND  (trial_end, 0,                             "becomes true at the first sample of the next trial")     \
-    COMMAND  (learn,     1,                             "false: trials are repeated, nothing is learned")         \
-    COMMAND  (enable,    1,                             "false: u = 0, F_hat = 0 and k = 0, what is learned stays") \
-    COMMAND  (reset,     0,                             "true: what was learned is forgotten")                    \
-    OUTPUT   (u,         FORCE,                         "force of the trial gain F_hat, within u_min and u_max")  \
+    COMMAND  (trial_end, 0,                             "becomes true in the first sample of the next trial")     \
+    COMMAND  (learn,     1,                             "false: trials are repeated without learning")            \
+    COMMAND  (enable,    1,                             "false: u = 0, F_hat = 0 and k = 0; the learned force is kept") \
+    COMMAND  (reset,     0,                             "true: what was learned is discarded")                    \
+    OUTPUT   (u,         FORCE,                         "force gain F_hat, within u_min and u_max")               \
     OUTPUT   (F_hat,     FORCE,                         "learned force")                                          \
     OUTPUT   (u_sat,     NO_UNIT,                       "active limit: -1 lower, +1 upper, 0 none")               \
-    OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite, outputs and states are held") \
+    OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite; outputs and states are held") \
     LOCAL    (rms,       LENGTH,                        "root mean square error of the last trial")               \
-    TALLY    (trial,                                    "trials that are over")                                   \
+    TALLY    (trial,                                    "number of completed trials")                             \
     FIXED    (Ts,        TIME,      1e-3,   1e-9, INF,  "sample time")                                            \
-    COUNT    (N,         1000,              1, LONGEST, "samples of a trial")                                     \
-    PARAMETER(gain,      NO_UNIT,   1.0,    0.0,  1.0,  "share of the learned force that is applied")             \
+    COUNT    (N,         1000,              1, LONGEST, "number of samples in a trial")                           \
+    PARAMETER(gain,      NO_UNIT,   1.0,    0.0,  1.0,  "fraction of the learned force that is applied")          \
     PARAMETER(rate,      NO_UNIT,   0.5,    0.0,  2.0,  "learning rate")                                          \
-    PARAMETER(fq,        FREQUENCY, 50.0,   0.0,  INF,  "corner frequency of Q, 0: none")                         \
+    PARAMETER(fq,        FREQUENCY, 50.0,   0.0,  INF,  "corner frequency of Q; 0: none")                         \
     PARAMETER(m,         MASS,      1.0,    0.0,  INF,  "mass of the loop")                                       \
-    PARAMETER(Kp,        STIFFNESS, 12e3,   0.0,  INF,  "its proportional gain")                                  \
-    PARAMETER(Kd,        DAMPING,   190.0,  0.0,  INF,  "its derivative gain")                                    \
-    PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "its integral gain")                                  \
-    PARAMETER(u_min,     FORCE,    -100.0, -INF,  INF,  "lower limit of u and of what is learned")                \
-    PARAMETER(u_max,     FORCE,     100.0, -INF,  INF,  "upper limit of u and of what is learned")
+    PARAMETER(Kp,        STIFFNESS, 12e3,   0.0,  INF,  "proportional gain of the controller")                    \
+    PARAMETER(Kd,        DAMPING,   190.0,  0.0,  INF,  "derivative gain of the controller")                      \
+    PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "integral gain of the controller")                    \
+    PARAMETER(u_min,     FORCE,    -100.0, -INF,  INF,  "lower limit of u and of the learned force")              \
+    PARAMETER(u_max,     FORCE,     100.0, -INF,  INF,  "upper limit of u and of the learned force")
 
 #define IN_LOOP            \
     LAW  ()                \
@@ -76,14 +76,14 @@
 
 #define USE                                                                                         \
     KIND (learning)                                                                                 \
-    NEVER("It learns from trial to trial, and the study runs the reference once (see procedures).")
+    NEVER("It learns from trial to trial, but the study runs the reference once (see procedures).")
 /* clang-format on */
 
 #include "zero_phase.h"
 
 #include <stdbool.h>
 
-enum { LONGEST = 4096 }; /* samples of a trial */
+enum { LONGEST = 4096 }; /* largest number of samples in a trial */
 
 #define SAMPLED
 #define GUARDED
@@ -93,12 +93,12 @@ enum { LONGEST = 4096 }; /* samples of a trial */
 #define VALID_BY are_trials
 
 struct trials {
-    double w[LONGEST]; /* learned force                         */
-    double e[LONGEST]; /* error of this trial                   */
-    int k;             /* samples of this trial so far          */
-    bool spoilt;       /* one of them had a bad input           */
-    bool ended;        /* trial_end of the last sample          */
-    double rms, trial; /* of the last trial; trials so far      */
+    double w[LONGEST]; /* learned force */
+    double e[LONGEST]; /* error of this trial */
+    int k;             /* number of samples in this trial so far */
+    bool spoilt;       /* one of them had an invalid input */
+    bool ended;        /* trial_end in the previous sample */
+    double rms, trial; /* of the last trial; number of trials */
 };
 
 #include "block.h"
@@ -112,7 +112,7 @@ static bool are_trials(const Model *model)
            is_count(past->trial, DBL_MAX);
 }
 
-/* The learning step between two trials. */
+/* Perform the learning step between two trials. */
 static void learn_from(Model *model)
 {
     GIVEN(model)
@@ -134,7 +134,7 @@ static void learn_from(Model *model)
         past->w[k] = clip(past->w[k], u_min, u_max);
 }
 
-/* Begins and ends trials; whether this sample is one of a trial. */
+/* Start and end trials; return whether this sample belongs to a trial. */
 static bool in_trial(Model *model)
 {
     GIVEN(model)

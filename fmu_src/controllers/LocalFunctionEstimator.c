@@ -1,7 +1,7 @@
 /* Friction force by local function estimation: a polynomial through the mean forces of the last sampling intervals.
 
-   Savitzky, Golay, Analytical Chemistry 36(8), 1964 (least squares over the last samples as a weighted sum); the
-   weights for means over intervals, at the end of the last one, follow in the same way.
+   Savitzky, Golay, Analytical Chemistry 36(8), 1964 (least squares over the last samples as a weighted sum). The
+   weights for means over intervals, evaluated at the end of the last interval, follow in the same way.
 
        F_m[j] = u_prev - m (v[k-j] - v[k-j-1])/Ts,   j = 0 ... n-1
        F_hat = w[0] F_m[0] + ... + w[n-1] F_m[n-1]
@@ -11,28 +11,28 @@
                + 30 n (t^2 - (n^2 - 1)/12)/((n^2 - 1)(n^2 - 4))       p = 2
        u     = clip(gain F_hat, u_min, u_max)
 
-   F_m are the mean friction forces of the last n sampling intervals, n = window. F_hat is the value at sample k of the
-   polynomial of the degree p whose means over these intervals are nearest to them (least squares).
+   F_m are the mean friction forces in the last n sampling intervals, n = window. F_hat is the value at sample k of the
+   polynomial of degree p whose means over these intervals fit F_m best (least squares).
 
-   Use it where an estimate of finite memory is wanted: what is older than n samples is forgotten, and a force that is a
-   polynomial of the degree p is estimated without error. A force that grows at the rate c is estimated late by n Ts/2
-   for p = 0, not at all for p = 1 and 2. u goes to the input f of a position controller; u_prev is the force since the
-   last sample after all limits, so that nothing winds up when the actuator saturates. In a system file the wire to
+   Use it for an estimate with finite memory: samples older than n are forgotten, and a force that is a polynomial of
+   degree p is estimated without error. For a force that grows at a constant rate, the estimate lags by n Ts/2 for p = 0
+   and has no lag for p = 1 and 2. Connect u to the input f of a position controller; u_prev is the force since the last
+   sample after all limits, so that nothing winds up if the actuator saturates. In a system file, the connection to
    u_prev needs a delay.
 
-   While an input is NaN or infinite the outputs and the memory are held; the mean force of an interval of which one end
-   was such a sample is left out.
+   While an input is NaN or infinite, the outputs and the memory are held; the mean force of an interval that begins or
+   ends at such a sample is omitted.
 
-   Before the first sample the velocity was v0 and the mean forces count as 0. reset empties the memory, so that F_hat
-   is 0 in that very sample. While enable is false u, F_hat and u_sat are 0 and the memory is empty.
+   Before the first sample, the velocity is v0 and the mean forces are 0. reset clears the memory, so that F_hat is 0 in
+   the same sample. While enable is false, u, F_hat and u_sat are 0 and the memory is empty.
 
-   Limits: extrapolation amplifies noise; of noise that is independent from interval to interval the variance is
-   multiplied by 1/n, 1/n + 3 n/(n^2 - 1) and, for p = 2, by 5 n^3/((n^2 - 1)(n^2 - 4)) more: about 1/n, 4/n, 9/n. If n
-   is at most p the degree is n - 1. A wrong mass puts the missing inertia force into F_hat. u_min must not exceed
-   u_max. */
+   Limits: extrapolation amplifies noise. The variance of noise that is independent in each interval is multiplied by
+   1/n for p = 0, 1/n + 3 n/(n^2 - 1) for p = 1 and, for p = 2, by another 5 n^3/((n^2 - 1)(n^2 - 4)) in addition: about
+   1/n, 4/n, 9/n. If n is at most p, the degree is n - 1. With a wrong mass, F_hat contains the difference of the
+   inertia forces. u_min must not exceed u_max. */
 
 #define MODEL   LocalFunctionEstimator
-#define SUMMARY "Friction estimated by a polynomial through the last mean forces, and compensated"
+#define SUMMARY "Compensation of friction estimated by a polynomial fit to the last mean forces"
 #define SOURCE  "Savitzky, Golay, Analytical Chemistry 36(8), 1964"
 #define QUOTES  "loop_poles, disturbance_observer"
 #define NEEDS   "force and velocity: 3, uncertain model: 5"
@@ -40,18 +40,18 @@
 /* clang-format off */
 #define VARIABLES                                                                                                    \
     INPUT    (v,      VELOCITY, 0.0,                "measured velocity")                                             \
-    INPUT    (u_prev, FORCE,    0.0,                "force that was applied since the last sample, after all limits") \
-    COMMAND  (enable, 1,                            "false: u = 0, F_hat = 0 and the memory empty")                  \
-    COMMAND  (reset,  0,                            "true: the memory empty")                                        \
+    INPUT    (u_prev, FORCE,    0.0,                "force applied since the last sample, after all limits")         \
+    COMMAND  (enable, 1,                            "false: u = 0, F_hat = 0 and the memory is empty")               \
+    COMMAND  (reset,  0,                            "true: the memory is cleared")                                   \
     OUTPUT   (u,      FORCE,                        "compensation force gain F_hat, within u_min and u_max")         \
     OUTPUT   (F_hat,  FORCE,                        "estimated friction force, positive for a positive velocity")    \
     OUTPUT   (u_sat,  NO_UNIT,                      "active limit: -1 lower, +1 upper, 0 none")                      \
-    OUTPUT_FLAG(fault,                             "true: an input is NaN or infinite, outputs and states are held") \
+    OUTPUT_FLAG(fault,                             "true: an input is NaN or infinite; outputs and states are held") \
     FIXED    (Ts,     TIME,     1e-3,   1e-9, INF,  "sample time")                                                   \
-    COUNT    (window, 10,       1,      LONGEST,    "intervals that are looked at")                                  \
+    COUNT    (window, 10,       1,      LONGEST,    "number of intervals in the estimate")                           \
     FIXED    (v0,     VELOCITY, 0.0,   -INF,  INF,  "velocity before the first sample")                               \
     COUNT    (degree, 1,        0,      2,          "degree of the polynomial")                                      \
-    PARAMETER(gain,   NO_UNIT,  1.0,    0.0,  1.0,  "share of the friction that is compensated")                     \
+    PARAMETER(gain,   NO_UNIT,  1.0,    0.0,  1.0,  "fraction of the friction that is compensated")                  \
     PARAMETER(m,      MASS,     1.0,    0.0,  INF,  "moving mass")                                                   \
     PARAMETER(u_min,  FORCE,   -100.0, -INF,  INF,  "lower limit of u")                                              \
     PARAMETER(u_max,  FORCE,    100.0, -INF,  INF,  "upper limit of u")
@@ -79,17 +79,17 @@ enum { LONGEST = 64 };
 #define VALID_BY is_past
 
 struct past {
-    double force[LONGEST]; /* mean forces, in a ring of n           */
-    size_t latest;         /* place of the latest                   */
-    double v;              /* velocity of the last sample           */
-    bool unknown;          /* that sample was bad: v is an older one */
+    double force[LONGEST]; /* mean forces, in a ring of n */
+    size_t latest;         /* index of the latest */
+    double v;              /* velocity in the previous sample */
+    bool unknown;          /* that sample was invalid: v is an older one */
 };
 
 #include "block.h"
 #include "limits.h"
 #include "compensation.h"
 
-/* Weight of the interval j before the last one. */
+/* Return the weight of the interval j before the last one. */
 static double weight(double n, double j, int degree)
 {
     const double t = (n - 1.0) / 2.0 - j;

@@ -1,31 +1,32 @@
-/* Feedforward of inertia and of the friction of the modified Leuven model along the reference, sampled every Ts.
+/* Feedforward of inertia and modified Leuven friction along the reference, sampled every Ts.
 
    Lampaert, Swevers, Al-Bender: Modification of the Leuven integrated friction model structure, IEEE TAC 47(4), 2002,
    for the model.
 
-       w     = (r - last) / Ts,   last: the reference of the sample before
-       z, Fi: as the friction block ModifiedLeuven moves them over Ts
-              at the held velocity w
+       w     = (r - last) / Ts,   last: the reference in the previous sample
+       z, Fi: as in the block ModifiedLeuven over a step Ts
+              at the constant velocity w
        F     = (F1 + ... + FN + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 rd
        F_hat = F
        u     = clip(mass rdd + gain F_hat, u_min, u_max)
 
-   F_hat is the force of the block ModifiedLeuven at the end of a step with the velocity w, if rd is w: this block
-   contains that one's code, with its equations and parameters. Forces of the load follow Fn where it is known.
+   If rd = w, F_hat is the force of the block ModifiedLeuven at the end of a step with the velocity w. This block reuses
+   the code of ModifiedLeuven, with the same equations and parameters. Connect Fn if the normal force is known.
 
-   Use it for reference movements with reversals inside reversals where friction in sliding must be that of the Stribeck
-   curve without the lag that the attraction C of GMSFeedforward gives.
+   Use it for references with nested reversals if sliding friction must follow the Stribeck curve without the lag due to
+   the attraction C of GMSFeedforward.
 
-   The first sample, and one with reset, takes r as where the axis stands: dr = 0 and no history there. While enable is
-   false u, F_hat, u_sat and the states are 0; coming back, dr is 0 again, however far r has gone. u goes to the input f
-   of a position controller, whose own m must then be 0. Feedforward does not change the stability of the loop.
+   The first sample and a sample with reset start at r, with dr = 0 and without history. While enable is false, u,
+   F_hat, u_sat and the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the
+   input f of a position controller, whose parameter m must then be 0. Feedforward does not change the stability of the
+   loop.
 
-   While an input is NaN or infinite outputs and states are held; the sample after it takes the whole displacement since
-   the last good one.
+   While an input is NaN or infinite, outputs and states are held; the next sample uses the whole displacement since the
+   last valid one.
 
-   Limits: those of ModifiedLeuven: W1 + ... + WN must be at least Fs and Fc, which a warning says otherwise; small n
-   makes loops that do not close. F_hat jumps with a jump of rd by sigma1 times the jump. A reversal between two samples
-   is not seen. u_min must not exceed u_max. */
+   Limits: those of ModifiedLeuven: W1 + ... + WN must be at least Fs and Fc, otherwise a warning is logged; for small
+   n, loops do not close. A jump of rd causes a jump of F_hat by sigma1 times the jump of rd. A reversal between two
+   samples is missed. u_min must not exceed u_max. */
 
 /* @article{Lampaert2002,
      author  = {Lampaert, V. and Swevers, J. and Al-Bender, F.},
@@ -34,7 +35,7 @@
      volume  = {47}, number = {4}, pages = {683--687}, year = {2002}} */
 
 #define MODEL   ModifiedLeuvenFeedforward
-#define SUMMARY "Feedforward of inertia and of the modified Leuven model's friction, from the reference"
+#define SUMMARY "Feedforward of inertia and modified Leuven friction computed from the reference"
 #define STATUS  "equations from memory of the paper"
 #define SOURCE  "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
 #define QUOTES  "overcompensation, inertia"
@@ -46,13 +47,13 @@
     INPUT     (rd,       VELOCITY, 0.0,              "reference velocity")                                  \
     INPUT     (rdd,      ACCELERATION, 0.0,          "reference acceleration")                              \
     OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                        \
-    COMMAND   (enable,   1,                          "false: u = 0, F_hat = 0 and the states at their start") \
-    COMMAND   (reset,    0,                          "true: the states at their start")                     \
+    COMMAND   (enable,   1,                          "false: u = 0, F_hat = 0 and the states are at their start values") \
+    COMMAND   (reset,    0,                          "true: the states are reset to their start values")    \
     OUTPUT    (u,        FORCE,                      "feedforward force, within u_min and u_max")           \
     OUTPUT    (F_hat,    FORCE,                      "estimated friction force; u contains gain F_hat")     \
-    OUTPUT    (z_hat,    LENGTH,                     "deflection, z at this sample")                        \
+    OUTPUT    (z_hat,    LENGTH,                     "deflection in this sample")                           \
     OUTPUT    (u_sat,    NO_UNIT,                    "active limit: -1 lower, +1 upper, 0 none")            \
-    OUTPUT_FLAG(fault,                    "true: an input is NaN or infinite, outputs and states are held") \
+    OUTPUT_FLAG(fault,                    "true: an input is NaN or infinite; outputs and states are held") \
     LOCAL     (F,        FORCE,                      "friction force along the reference")                  \
     LOCAL     (Fh,       FORCE,                      "hysteresis force at the normal force Fn0")            \
     LOCAL     (der_z,    VELOCITY,                   "time derivative of z")                                \
@@ -60,12 +61,12 @@
     FLAGS     (slipping, 10,                         "the element slips")                                   \
     STATE     (z,        LENGTH,   0.0,   1e-5,      "mean deflection")                                     \
     STATES    (Fi,       10, FORCE, (0.0), 0.1,      "force of the element at the normal force Fn0")        \
-    STATE     (v,        VELOCITY, 0.0,   1e-3,      "velocity of the reference that the law was evaluated at") \
-    STATE     (last,     LENGTH,   0.0,   1.0,       "reference of the sample before")                      \
-    STATE     (started,  NO_UNIT,  0.0,   1.0,       "1 if there was a sample before")                      \
+    STATE     (v,        VELOCITY, 0.0,   1e-3,      "reference velocity used by the law")                  \
+    STATE     (last,     LENGTH,   0.0,   1.0,       "reference in the previous sample")                    \
+    STATE     (started,  NO_UNIT,  0.0,   1.0,       "1 if there is a previous sample")                     \
     FIXED     (Ts,       TIME,     1e-3,  1e-9, INF, "sample time")                                         \
-    PARAMETER (gain,     NO_UNIT,  1.0,   0.0,  1.0, "share of the friction that is compensated")           \
-    PARAMETER (mass,     MASS,     1.0,   0.0,  INF, "mass of the inertia feedforward, 0: none")            \
+    PARAMETER (gain,     NO_UNIT,  1.0,   0.0,  1.0, "fraction of the friction that is compensated")        \
+    PARAMETER (mass,     MASS,     1.0,   0.0,  INF, "mass of the inertia feedforward; 0: none")            \
     COUNT     (N,        10,       1,     10,        "number of elements")                                  \
     PARAMETERS(k,        10, STIFFNESS, (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3),  \
                                    0.0, INF,         "stiffness of the element")                            \
@@ -78,7 +79,7 @@
     PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                   \
     PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                  \
     PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                \
-    PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")          \
+    PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force for which the parameters are valid")    \
     PARAMETER (u_min,    FORCE,    -1000.0, -INF, INF, "lower limit of u")                                  \
     PARAMETER (u_max,    FORCE,    1000.0, -INF, INF, "upper limit of u")
 
@@ -92,8 +93,8 @@
     LAW    ()     \
     INERTIA(mass)
 
-/* As GMS, whose elements slip one after the other: no other rounding of the transition, no bristle damping. Together the
-   elements hold a little more than the level, below which the deflection would grow without bound. */
+/* As with GMS, whose elements slip one after the other: no other rounding of the transition, no bristle damping. The
+   sum of W is slightly above the level; below it, the deflection would grow without bound. */
 #define USE                                                                     \
     KIND  (feedforward)                                                         \
     MODELS(GMS)                                                                 \
@@ -106,7 +107,7 @@
 #define SAMPLED
 #define GUARDED
 #define REQUIRES limits_in_order
-#define WARNING  "the sum of W is below Fs or Fc, so that the force cannot reach the Stribeck curve"
+#define WARNING  "the sum of W is below Fs or Fc, so the force cannot reach the Stribeck curve; increase W"
 
 #include "block.h"
 #include "limits.h"

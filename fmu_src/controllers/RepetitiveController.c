@@ -1,4 +1,4 @@
-/* Repetitive control: the force against an error of known period, learned from period to period while it runs.
+/* Repetitive control: the force against an error with a known period, learned from period to period during operation.
 
    Hara, Yamamoto, Omata, Nakano, IEEE Transactions on Automatic Control 33(7), 1988; with an inverse model: Tomizuka,
    Tsao, Chew, Journal of Dynamic Systems, Measurement, and Control 111(3), 1989.
@@ -7,35 +7,36 @@
        y[k]     = F_hat[k] + rate (L e)[k],   e = r - x
        (L e)[k] = m (e[k+1] - 2 e[k] + e[k-1])/Ts^2
                   + Kd (e[k+1] - e[k-1])/(2 Ts) + Kp e[k]
-                  + Ki Ts (sum of all e before k, but those that push F_hat
-                    further into a limit that it has met)
-       q[i]     = sin(2 pi fq Ts i)/(pi i) cos^2(pi i/(2 (M + 1))), of the sum 1
+                  + Ki Ts (sum of all e before k, except those that push
+                    F_hat further into an active limit)
+       q[i]     = sin(2 pi fq Ts i)/(pi i) cos^2(pi i/(2 (M + 1))), with the sum 1
        u        = clip(gain F_hat, u_min, u_max)
 
-   L is the inverse process sensitivity of a mass m under PID with these gains, q the low-pass Q. Both look ahead, which
-   costs nothing, as a period has passed. fq = 0, fq above 1/(2 Ts) or M = 0: Q = 1.
+   L is the inverse process sensitivity of a mass m under PID control with these gains, and q are the coefficients of
+   the low-pass filter Q. Both are non-causal, which is possible because a period has passed. fq = 0, fq above 1/(2 Ts)
+   or M = 0: Q = 1.
 
-   Use it for a rotation or a motion that is repeated without a pause; N Ts is the period. u goes to the input f of the
-   PID whose gains it knows. IterativeLearning is for trials that begin anew.
+   Use it for a rotation or a motion that is repeated without pause, with the period N Ts. Connect u to the input f of
+   the PID with the given gains. For separate trials, use IterativeLearning.
 
-   Stable if, with the process P, the controller C and S_p = P/(1 + P C),
+   With the process P, the controller C and S_p = P/(1 + P C), the loop is stable if
 
        |Q (1 - rate L S_p)| < 1 at all frequencies
 
-   and then the harmonics k/(N Ts) below fq vanish but for 1 - Q. Between the harmonics errors are amplified, with an
-   exact L up to 2/(2 - rate) times.
+   Harmonics k/(N Ts) below fq are then suppressed except for the part 1 - Q. Errors between the harmonics are
+   amplified, with an exact L by a factor of up to 2/(2 - rate).
 
-   reset forgets what was learned, in its own sample. While enable is false u, F_hat and u_sat are 0 and nothing is
-   known.
+   reset discards what was learned, in the same sample. While enable is false, u, F_hat and u_sat are 0 and the memory
+   is empty.
 
-   While an input is NaN or infinite the outputs are held, the period goes on, and nothing is learned from such a
-   sample, from the one before it and from the one after it.
+   While an input is NaN or infinite, the outputs are held and the period continues, but nothing is learned from this
+   sample, the one before it and the one after it.
 
-   Limits: N at most 4096; M is at most N - 2. A period that differs from N Ts spoils the highest harmonics first. Q is
-   not 1 at the harmonics near fq: they remain in part. u_min must not exceed u_max. */
+   Limits: N is at most 4096, M at most N - 2. If the period differs from N Ts, the highest harmonics are affected
+   first. Q is not 1 at harmonics near fq, so they are suppressed only partly. u_min must not exceed u_max. */
 
 #define MODEL    RepetitiveController
-#define SUMMARY  "Learns the force against a periodic error while it runs"
+#define SUMMARY  "Repetitive learning of the force against a periodic error during operation"
 #define SOURCE   "Hara, Yamamoto, Omata, Nakano, IEEE Trans. Automatic Control 33(7), 1988"
 #define PORTRAIT "learning"
 #define QUOTES   "contraction"
@@ -45,24 +46,24 @@
 #define VARIABLES                                                                                                 \
     INPUT    (r,      LENGTH, 0.0,                  "reference position")                                         \
     INPUT    (x,      LENGTH, 0.0,                  "measured position")                                          \
-    COMMAND  (enable, 1,                            "false: u = 0, F_hat = 0 and nothing is known")               \
-    COMMAND  (reset,  0,                            "true: what was learned is forgotten")                        \
+    COMMAND  (enable, 1,                            "false: u = 0, F_hat = 0 and the memory is empty")            \
+    COMMAND  (reset,  0,                            "true: what was learned is discarded")                        \
     OUTPUT   (u,      FORCE,                        "periodic force gain F_hat, within u_min and u_max")          \
     OUTPUT   (F_hat,  FORCE,                        "learned force")                                              \
     OUTPUT   (u_sat,  NO_UNIT,                      "active limit: -1 lower, +1 upper, 0 none")                   \
-    OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite, outputs and states are held") \
+    OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite; outputs and states are held") \
     FIXED    (Ts,     TIME,      1e-3,   1e-9, INF, "sample time")                                                \
-    COUNT    (N,      1000,              2, LONGEST, "samples of the period")                                     \
-    COUNT    (M,      16,                0, TAPS,   "samples that Q looks back and ahead")                        \
-    FIXED    (fq,     FREQUENCY, 50.0,   0.0,  INF, "corner frequency of Q, 0: none")                             \
-    PARAMETER(gain,   NO_UNIT,   1.0,    0.0,  1.0, "share of the learned force that is applied")                 \
+    COUNT    (N,      1000,              2, LONGEST, "number of samples in the period")                           \
+    COUNT    (M,      16,                0, TAPS,   "number of samples that Q uses before and after")             \
+    FIXED    (fq,     FREQUENCY, 50.0,   0.0,  INF, "corner frequency of Q; 0: none")                             \
+    PARAMETER(gain,   NO_UNIT,   1.0,    0.0,  1.0, "fraction of the learned force that is applied")              \
     PARAMETER(rate,   NO_UNIT,   0.5,    0.0,  2.0, "learning rate")                                              \
     PARAMETER(m,      MASS,      1.0,    0.0,  INF, "mass of the loop")                                           \
-    PARAMETER(Kp,     STIFFNESS, 12e3,   0.0,  INF, "its proportional gain")                                      \
-    PARAMETER(Kd,     DAMPING,   190.0,  0.0,  INF, "its derivative gain")                                        \
-    PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "its integral gain")                                  \
-    PARAMETER(u_min,  FORCE,    -100.0, -INF,  INF, "lower limit of u and of what is learned")                    \
-    PARAMETER(u_max,  FORCE,     100.0, -INF,  INF, "upper limit of u and of what is learned")
+    PARAMETER(Kp,     STIFFNESS, 12e3,   0.0,  INF, "proportional gain of the controller")                        \
+    PARAMETER(Kd,     DAMPING,   190.0,  0.0,  INF, "derivative gain of the controller")                          \
+    PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "integral gain of the controller")                    \
+    PARAMETER(u_min,  FORCE,    -100.0, -INF,  INF, "lower limit of u and of the learned force")                  \
+    PARAMETER(u_max,  FORCE,     100.0, -INF,  INF, "upper limit of u and of the learned force")
 
 #define IN_LOOP             \
     LAW  ()                 \
@@ -92,13 +93,13 @@ enum { LONGEST = 4096, TAPS = 64, RING = LONGEST + TAPS + 1 };
 #define VALID_BY is_period
 
 struct period {
-    double y[RING];     /* of the last N + M samples, sample k at k modulo N + M + 1 */
-    double q[TAPS + 1]; /* half of Q                                                 */
-    double e[2];        /* the last two errors                                       */
-    double integral;    /* of the errors before the last one                         */
-    bool known;         /* there is a last sample                                    */
-    int missing;        /* errors among the last two that are not known              */
-    double limited;     /* the limit that the last force met: -1 lower, +1 upper     */
+    double y[RING];     /* last N + M samples, sample k at index k modulo N + M + 1 */
+    double q[TAPS + 1]; /* half of Q */
+    double e[2];        /* the last two errors */
+    double integral;    /* of the errors before the last one */
+    bool known;         /* there is a previous sample */
+    int missing;        /* number of unknown errors among the last two */
+    double limited;     /* active limit of the last force: -1 lower, +1 upper */
 };
 
 #include "block.h"
@@ -112,7 +113,7 @@ static bool is_period(const Model *model)
     return is_flag(&past->known) && is_count(past->missing, 2.0) && is_direction(past->limited);
 }
 
-/* Q's values for i = 0 ... M. */
+/* Compute the coefficients of Q for i = 0 ... M. */
 static void design(double *q, int M, double corner)
 {
     const bool none = corner <= 0.0 || corner >= 0.5;
@@ -127,14 +128,14 @@ static void design(double *q, int M, double corner)
         q[i] /= sum;
 }
 
-/* Samples that Q looks back and ahead. */
+/* Return the number of samples that Q uses before and after. */
 static int half_of(const Model *model)
 {
     GIVEN(model)
     return M < N - 2 ? M : N - 2;
 }
 
-/* The force of a sample that is not known is taken from the period before. */
+/* For an unknown sample, use the force from the previous period. */
 static void skip(Model *model)
 {
     GIVEN(model)

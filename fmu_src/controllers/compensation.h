@@ -1,4 +1,4 @@
-/* What the outputs of a compensator have in common: u, F_hat and u_sat from an estimate of friction. */
+/* Outputs u, F_hat and u_sat of a compensator from an estimate of friction. */
 
 #ifndef COMPENSATION_H
 #define COMPENSATION_H

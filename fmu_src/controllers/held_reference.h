@@ -1,5 +1,5 @@
-/* What the feedforward blocks share that step a friction law along a sampled reference. Included after block.h, before
-   the header of the law: its v is the velocity of the reference, held between two samples. */
+/* Shared code of feedforward blocks that step a friction law along a sampled reference. Included after block.h and
+   before the header of the law: its v is the velocity of the reference, constant between two samples. */
 
 #ifndef HELD_REFERENCE_H
 #define HELD_REFERENCE_H
@@ -15,9 +15,9 @@ static inline bool inputs_held(const Model *m)
 static bool step(Model *m, double h);
 static void equations(Model *m);
 
-/* The law over the displacement of the reference since the sample before, then its force at the velocity rd; `forget`
-   puts its states and memory to their start. A law whose values are not `known` is not stepped: it would take long to
-   find out that it has no solution. */
+/* Step the law over the displacement of the reference since the previous sample, then compute its force at the velocity
+   rd. `forget` resets its states and memory. A law whose values are not `known` is not stepped, as it would take long
+   to find that it has no solution. */
 static void follow_reference(Model *m, void (*forget)(Model *), bool known)
 {
     GIVEN(m)
@@ -31,12 +31,12 @@ static void follow_reference(Model *m, void (*forget)(Model *), bool known)
     m->v = enable ? rd : 0.0;
     equations(m);
     if (!solved)
-        m->F = NAN; /* the FMU refuses the step */
+        m->F = NAN; /* the FMU rejects the step */
     m->last = enable ? r : 0.0;
     m->started = enable ? 1.0 : 0.0;
 }
 
-/* The outputs, from the friction force F. */
+/* Compute the outputs from the friction force F. */
 static void feed_forward(Model *m)
 {
     GIVEN(m)

@@ -1,4 +1,4 @@
-/* What every block with limits of u requires. Included after block.h. */
+/* Relation of the limits of u. Included after block.h. */
 
 #ifndef LIMITS_H
 #define LIMITS_H

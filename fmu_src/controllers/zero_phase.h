@@ -1,4 +1,4 @@
-/* A second-order low-pass without phase. */
+/* A second-order low-pass filter with zero phase. */
 
 #ifndef ZERO_PHASE_H
 #define ZERO_PHASE_H
@@ -8,7 +8,8 @@
 
 #include "constants.h"
 
-/* Butterworth of order 2 by the bilinear transform, forwards over y[0], y[step], ... , at rest on the first value. */
+/* Butterworth filter of order 2 by the bilinear transform, forwards over y[0], y[step], ..., initially at rest at the
+   first value. */
 static void low_pass(double *y, ptrdiff_t n, ptrdiff_t step, double K)
 {
     const double scale = 1.0 / (1.0 + sqrt(2.0) * K + K * K);
@@ -27,7 +28,7 @@ static void low_pass(double *y, ptrdiff_t n, ptrdiff_t step, double K)
     }
 }
 
-/* There and back: no phase, the square of the gain, 1/(1 + (f/fq)^4) for f far below 1/(2 Ts). */
+/* Filter forwards and backwards: zero phase and the squared gain, 1/(1 + (f/fq)^4) for f far below 1/(2 Ts). */
 static void zero_phase(double *y, ptrdiff_t n, double fq, double Ts)
 {
     if (fq <= 0.0 || fq * Ts >= 0.5 || n < 1)

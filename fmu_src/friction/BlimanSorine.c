@@ -47,7 +47,7 @@
     PARAMETER(f2,     FORCE,    0.8,  0.0,   INF, "level of the slow element, below f1")     \
     PARAMETER(eta,    NO_UNIT,  0.1,  1e-9,  1.0, "path of the fast element over that of the slow one") \
     PARAMETER(eps,    LENGTH,   1e-3, 1e-12, INF, "path constant")                           \
-    PARAMETER(Fn0,    "N",      1.0,  1e-12, INF, "normal force at which the parameters hold")
+    PARAMETER(Fn0,    "N",      1.0,  1e-12, INF, "normal force for which the parameters are valid")
 
 #define IDENTIFIED SLIDING(F_fast, f1)
 /* clang-format on */

@@ -48,12 +48,12 @@
     STATE    (z,       LENGTH,    0.0,    1e-5,         "mean deflection of the bristles")                   \
     TALLY    (rebonds,                                  "re-bonds of all bristles so far")                   \
     COUNT    (N,       20,        1,      MOST,         "number of bristles")                                \
-    COUNT    (seed,    1,         0,      COUNTS,       "number that stands for a sequence of random ones")  \
+    COUNT    (seed,    1,         0,      COUNTS,       "seed of the random numbers")                        \
     FIXED    (spread,  NO_UNIT,   0.0,    0.0,   1.0,   "spread of the deflections at the start over delta_s") \
     PARAMETER(sigma0,  STIFFNESS, 5e3,    1e-9,  INF,   "stiffness of one bristle")                          \
     PARAMETER(delta_s, LENGTH,    1.2e-5, 1e-12, INF,   "deflection at which a bristle breaks")              \
     PARAMETER(Delta,   LENGTH,    6e-6,   0.0,   INF,   "largest distance of a re-bond")                     \
-    PARAMETER(Fn0,     FORCE,     1.0,    1e-12, INF,   "normal force at which the parameters hold")
+    PARAMETER(Fn0,     FORCE,     1.0,    1e-12, INF,   "normal force for which the parameters are valid")
 /* clang-format on */
 
 #include <stdbool.h>
@@ -67,14 +67,14 @@ enum { MOST = 1000 };
 #define VALID_BY are_bristles
 
 struct bristle {
-    double d;         /* deflection                           */
+    double d;         /* deflection */
     uint32_t rebonds; /* how many random numbers it has taken */
 };
 
 struct bristles {
     double squares, total;    /* sum of d^2, of the re-bonds */
-    bool moved;               /* false: still at the start   */
-    struct bristle one[MOST]; /* N in use                    */
+    bool moved;               /* false: still at the start */
+    struct bristle one[MOST]; /* N in use */
 };
 
 #include "block.h"

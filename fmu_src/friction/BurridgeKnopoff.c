@@ -21,7 +21,7 @@
    An avalanche lasts from the first start until no block moves. `avalanches` are those that are over, `moment` is the
    sum of all slip in the last of them, whose logarithm is its magnitude.
 
-   Between events the equations are smooth and solved by extrapolation to 1e-12 per inner step, whatever the
+   Between events the equations are smooth and solved by extrapolation to 1e-12 per inner step, independent of the
    communication step; the cost is proportional to N per inner step and to the number of starts and stops.
 
    Use it to study how avalanches of all sizes grow from blocks that only stick and slip, as in earthquake faults: how
@@ -86,13 +86,13 @@
 
 struct fault {
     bool ready;           /* it has been laid out and has moved */
-    double time;          /* [s] of y                           */
+    double time;          /* [s] of y */
     double before;        /* mean position before the avalanche */
-    double moment;        /* of the last avalanche              */
-    int32_t avalanches;   /* that are over                      */
-    int32_t moving;       /* number of blocks that slip         */
-    bool slips[MASSES];   /* whether a block slips              */
-    double y[2 * MASSES]; /* N positions, then N velocities     */
+    double moment;        /* of the last avalanche */
+    int32_t avalanches;   /* that are over */
+    int32_t moving;       /* number of blocks that slip */
+    bool slips[MASSES];   /* whether a block slips */
+    double y[2 * MASSES]; /* N positions, then N velocities */
 };
 
 #include "block.h"

@@ -4,7 +4,7 @@
    Lischinsky: European Journal of Control 4(3), 1998, section on static models.
 
        v != 0:  F = load Fc sign(v)
-       v  = 0:  F = F_ext, at most load Fc in size
+       v  = 0:  F = F_ext, |F| <= load Fc
        load = max(Fn, 0) / Fn0
 
    F_ext is the sum of all other forces on the mass. Without it F is 0 at v = 0. The coefficient of friction is
@@ -13,8 +13,9 @@
    Use it where friction at low speed and the approach to rest do not matter, for estimates by hand, and to compare with
    any other model.
 
-   Limits: no stiction, no Stribeck effect, no presliding. F jumps at v = 0, so a mass that is stopped by it in discrete
-   steps swings about v = 0 by F h / m; KarnoppMass and SwitchMass contain the mass and stop it. */
+   Limits: no stiction, no Stribeck effect, no presliding. F jumps at v = 0, so a mass stopped by it in discrete steps
+   oscillates about v = 0 with the amplitude F h / m; KarnoppMass and SwitchMass contain the mass and stop it
+   exactly. */
 
 /* @article{Olsson1998,
      author  = {Olsson, H. and {\AA}str{\"o}m, K. J. and Canudas de Wit, C. and G{\"a}fvert, M. and Lischinsky, P.},
@@ -32,12 +33,12 @@
 /* clang-format off */
 #define VARIABLES                                                                                           \
     INPUT    (v,     VELOCITY, 0.0,               "relative sliding velocity")                              \
-    INPUT    (F_ext, FORCE,    0.0,               "all other forces on the mass, decides the force at rest") \
+    INPUT    (F_ext, FORCE,    0.0,               "sum of the other forces on the mass; determines friction at rest") \
     OPTIONAL (Fn,    "N",      1.0,               "normal force")                                           \
     OUTPUT   (F,     FORCE,                       "friction force, opposes v")                              \
     FLAG     (stuck,                              "at rest and held by friction")                           \
     PARAMETER(Fc,    FORCE,    1.0, 0.0,   INF,   "Coulomb friction at Fn0")                                \
-    PARAMETER(Fn0,   "N",      1.0, 1e-12, INF,   "normal force at which the parameters hold")
+    PARAMETER(Fn0,   "N",      1.0, 1e-12, INF,   "normal force for which the parameters are valid")
 
 #define CONTACT COULOMB(Fc)
 /* clang-format on */

@@ -52,7 +52,7 @@
     PARAMETER(sigma, STIFFNESS, 1e5,  1e-9,  INF, "stiffness at zero force")                 \
     PARAMETER(Fc,    FORCE,     1.0,  1e-9,  INF, "Coulomb friction")                        \
     PARAMETER(n,     NO_UNIT,   1.0,  0.0,   100.0, "exponent of the softening, ductile above 1") \
-    PARAMETER(Fn0,   "N",       1.0,  1e-12, INF, "normal force at which the parameters hold")
+    PARAMETER(Fn0,   "N",       1.0,  1e-12, INF, "normal force for which the parameters are valid")
 
 #define CONTACT      \
     COULOMB  (Fc)    \

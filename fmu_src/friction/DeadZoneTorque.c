@@ -32,7 +32,7 @@
 /* clang-format off */
 #define VARIABLES                                                                                           \
     INPUT    (v,     VELOCITY, 0.0,               "relative sliding velocity")                              \
-    INPUT    (F_ext, FORCE,    0.0,               "all other forces on the mass, decides the force at rest") \
+    INPUT    (F_ext, FORCE,    0.0,               "sum of the other forces on the mass; determines friction at rest") \
     OPTIONAL (Fn,    "N",      1.0,               "normal force")                                           \
     OUTPUT   (F,     FORCE,                       "friction force")                                         \
     FLAG     (stuck,                              "inside the dead zone")                                   \
@@ -40,7 +40,7 @@
     PARAMETER(T_dz,  FORCE,    1.5,  0.0,   INF,  "force, in the rotational twin torque, up to which the dead zone holds, at Fn0") \
     PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                    \
     PARAMETER(DV,    VELOCITY, 1e-3, 0.0,   INF,  "velocity below which the dead zone may hold")            \
-    PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force at which the parameters hold")
+    PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force for which the parameters are valid")
 
 #define CONTACT   \
     COULOMB(Fc)   \

@@ -56,9 +56,9 @@
     PARAMETER(Fs,     FORCE,     1.5,    1e-9,  INF, "static friction, may be below Fc")        \
     PARAMETER(vs,     VELOCITY,  1e-3,   1e-12, INF, "Stribeck velocity")                       \
     PARAMETER(delta,  NO_UNIT,   2.0,    1e-3,  100.0, "Stribeck exponent")                     \
-    PARAMETER(v_d,    VELOCITY,  0.0,    0.0,   INF, "speed at which the bristle damping fades, 0: never") \
+    PARAMETER(v_d,    VELOCITY,  0.0,    0.0,   INF, "speed at which the bristle damping decays; 0: constant damping") \
     PARAMETER(z_ba,   LENGTH,    0.7e-5, 0.0,   INF, "break-away deflection, below Fc/sigma0")  \
-    PARAMETER(Fn0,    "N",       1.0,    1e-12, INF, "normal force at which the parameters hold")
+    PARAMETER(Fn0,    "N",       1.0,    1e-12, INF, "normal force for which the parameters are valid")
 
 #define CONTACT               \
     COULOMB  (Fc)             \

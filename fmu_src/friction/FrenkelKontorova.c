@@ -21,8 +21,8 @@
    above; at winding 0 or 1 static friction is K / 2 pi, and small waves of wave number q obey
    omega^2 = K + 4 sin^2(q/2).
 
-   The equations are smooth and solved by extrapolation to 1e-12 of a period per inner step, whatever the
-   communication step; the cost is proportional to N, and to the damping where that is far above 10.
+   The equations are smooth and solved by extrapolation to 1e-12 of a period per inner step, independent of the
+   communication step; the cost is proportional to N, and to the damping if that is far above 10.
 
    Use it to study where static friction comes from: pinning and free sliding of surfaces whose periods fit or do not
    fit, down to the Aubry transition, and motion at the scale of atoms under a given force. It needs that force, as the
@@ -30,7 +30,7 @@
 
    Limits: one dimension, no temperature, and a driven chain is often chaotic: then only averages can be compared. An
    evenly laid chain is not at rest: with damping it falls to a position of rest, which for even N may be a saddle
-   unless `amplitude` breaks the symmetry. There is no normal force; let K follow it. */
+   unless `amplitude` breaks the symmetry. There is no normal force; vary K with it instead. */
 
 /* @article{FrenkelKontorova1938,
      author  = {Frenkel, J. and Kontorova, T.},

@@ -18,14 +18,14 @@
    atoms with eta = K / kappa, spread over all phases, with no quasi-static friction for K <= kappa and the mean of
    their forces above.
 
-   The equations are smooth and solved by extrapolation to 1e-12 of a period per inner step, whatever the
-   communication step; the cost is proportional to N, and to the damping where that is far above 10.
+   The equations are smooth and solved by extrapolation to 1e-12 of a period per inner step, independent of the
+   communication step; the cost is proportional to N, and to the damping if that is far above 10.
 
    Use it to study the friction of two flat surfaces at the scale of atoms: how static friction and memory grow with the
    corrugation, and what the springs between the atoms change. It needs the velocity of the slider only.
 
    Limits: one dimension, no temperature; fast or strongly coupled sliding may be chaotic. The start values are a pinned
-   golden-mean chain, not a published set. There is no normal force; let K follow it. */
+   golden-mean chain, not a published set. There is no normal force; vary K with it instead. */
 
 /* @article{WeissElmer1996,
      author  = {Weiss, M. and Elmer, F.-J.},

@@ -60,7 +60,7 @@
     PARAMETERS(k,        10, STIFFNESS, (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3),  \
                                    0.0, INF,         "stiffness of the element")                            \
     PARAMETERS(alpha,    10, NO_UNIT, (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1),                   \
-                                   0.0, INF,         "share of the element in the Stribeck level")          \
+                                   0.0, INF,         "weight of the element in the Stribeck level")         \
     PARAMETER (C,        FORCE "/s", 100.0, 0.0, INF, "attraction to the Stribeck level")                   \
     PARAMETERS(Ci,       10, FORCE "/s", (-1, -1, -1, -1, -1, -1, -1, -1, -1, -1),                          \
                                    -1.0, INF,        "attraction of the element, negative: C")              \
@@ -70,7 +70,7 @@
     PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                   \
     PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                  \
     PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                \
-    PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")
+    PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force for which the parameters are valid")
 
 #define CONTACT                  \
     COULOMB  (Fc)                \
@@ -88,7 +88,7 @@
 #define VALID_BY is_slip_memory
 
 struct slip_memory {
-    double direction; /* of the last motion, 0: none yet      */
+    double direction; /* of the last motion, 0: none yet */
     double slips[10]; /* 1: the element slipped in that motion */
 };
 

@@ -75,7 +75,7 @@
     TALLY    (slipping,                                 "asperities that slip")                                \
     TALLY    (loose,                                    "asperities without contact")                          \
     COUNT    (N,         20,        1,    MOST,         "number of asperities")                                \
-    COUNT    (seed,      1,         0,    COUNTS,       "number that stands for a sequence of random ones")    \
+    COUNT    (seed,      1,         0,    COUNTS,       "seed of the random numbers")                          \
     FIXED    (height_spread,   NO_UNIT, 0.5, 0.0, 1.0,  "spread of the heights about their mean")              \
     FIXED    (wavelength_spread, NO_UNIT, 0.3, 0.0, 0.9, "spread of the wavelengths about their mean")           \
     FIXED    (position_spread, NO_UNIT, 1.0, 0.0, 1.0,  "spread of the places over a wavelength")              \
@@ -92,7 +92,7 @@
     PARAMETER(tau,       TIME,      0.1,  1e-9,  INF,   "time constant of adhesion")                           \
     PARAMETER(creep,     NO_UNIT,   0.02, 0.0,   INF,   "growth of a contact per e-fold of its age")           \
     PARAMETER(t0,        TIME,      1e-3, 1e-9,  INF,   "age at which creep sets in")                          \
-    PARAMETER(Fn0,       FORCE,     1.0,  1e-12, INF,   "normal force at which the parameters hold")
+    PARAMETER(Fn0,       FORCE,     1.0,  1e-12, INF,   "normal force for which the parameters are valid")
 /* clang-format on */
 
 #include <stdbool.h>
@@ -108,7 +108,7 @@ enum { BACK = -1, STUCK = 0, FORWARD = 1, FREE = 2 }; /* of which BACK and FORWA
 
 typedef struct {
     double p, d, speed; /* place of the tip, deflection, velocity of a free tip */
-    double clock;       /* age of a contact; time that a free tip still swings  */
+    double clock;       /* age of a contact; time that a free tip still swings */
     int mode;
 } Tip;
 

@@ -3,7 +3,7 @@
    Karnopp: Journal of Dynamic Systems, Measurement, and Control 107(1), 1985. Written as a force for a mass that is
    integrated elsewhere; KarnoppMass has the mass inside.
 
-       |v| <  DV:  F = F_ext, at most load Fs in size;  v_reported = 0
+       |v| <  DV:  F = F_ext, |F| <= load Fs;  v_reported = 0
        |v| >= DV:  F = load Fc sign(v) + Fv v;          v_reported = v
        load = max(Fn, 0) / Fn0
 
@@ -31,7 +31,7 @@
 /* clang-format off */
 #define VARIABLES                                                                                           \
     INPUT    (v,     VELOCITY, 0.0,               "relative sliding velocity")                              \
-    INPUT    (F_ext, FORCE,    0.0,               "all other forces on the mass, decides the force at rest") \
+    INPUT    (F_ext, FORCE,    0.0,               "sum of the other forces on the mass; determines friction at rest") \
     OPTIONAL (Fn,    "N",      1.0,               "normal force")                                           \
     OUTPUT   (F,     FORCE,                       "friction force")                                         \
     LOCAL    (v_reported, VELOCITY,               "velocity, 0 inside the band")                            \
@@ -39,8 +39,8 @@
     PARAMETER(Fc,    FORCE,    1.0,  0.0,   INF,  "Coulomb friction at Fn0")                                \
     PARAMETER(Fs,    FORCE,    1.5,  0.0,   INF,  "static friction at Fn0, may be below Fc")                \
     PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                    \
-    PARAMETER(DV,    VELOCITY, 1e-3, 0.0,   INF,  "half width of the band of velocity that counts as rest") \
-    PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force at which the parameters hold")
+    PARAMETER(DV,    VELOCITY, 1e-3, 0.0,   INF,  "half width of the velocity band treated as standstill")  \
+    PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force for which the parameters are valid")
 
 #define CONTACT \
     COULOMB(Fc) \

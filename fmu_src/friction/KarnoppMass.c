@@ -4,7 +4,7 @@
    on to be integrated inside the band; only the reported velocity v is zero there.
 
        m dw/dt = F_ext - F,   dx/dt = v
-       |w| <  DV:  F = F_ext, at most load Fs in size;  v = 0
+       |w| <  DV:  F = F_ext, |F| <= load Fs;  v = 0
        |w| >= DV:  F = load Fc sign(w) + Fv w;          v = w
        load = max(Fn, 0) / Fn0
 
@@ -37,7 +37,7 @@
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
-    INPUT       (F_ext, FORCE,    0.0,              "sum of all forces on the mass but friction")           \
+    INPUT       (F_ext, FORCE,    0.0,              "sum of all forces on the mass except friction")        \
     OPTIONAL    (Fn,    "N",      1.0,              "normal force")                                         \
     OUTPUT      (v,     VELOCITY,                   "velocity, 0 inside the band")                          \
     OUTPUT      (F,     FORCE,                      "friction force")                                       \
@@ -48,8 +48,8 @@
     PARAMETER   (Fc,    FORCE,    1.0,  0.0,   INF, "Coulomb friction at Fn0")                              \
     PARAMETER   (Fs,    FORCE,    1.5,  0.0,   INF, "static friction at Fn0, may be below Fc")              \
     PARAMETER   (Fv,    DAMPING,  0.4,  0.0,   INF, "viscous coefficient")                                  \
-    PARAMETER   (DV,    VELOCITY, 1e-3, 1e-12, INF, "half width of the band of velocity that counts as rest") \
-    PARAMETER   (Fn0,   "N",      1.0,  1e-12, INF, "normal force at which the parameters hold")            \
+    PARAMETER   (DV,    VELOCITY, 1e-3, 1e-12, INF, "half width of the velocity band treated as standstill") \
+    PARAMETER   (Fn0,   "N",      1.0,  1e-12, INF, "normal force for which the parameters are valid")      \
     FIXED       (x0,    LENGTH,   0.0,  -INF,  INF, "initial position")                                     \
     FIXED       (v0,    VELOCITY, 0.0,  -INF,  INF, "initial velocity")
 

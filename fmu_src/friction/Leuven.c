@@ -53,11 +53,11 @@
     OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                        \
     OUTPUT    (F,        FORCE,                      "friction force, opposes v")                           \
     LOCAL     (Fh,       FORCE,                      "hysteresis force at the normal force Fn0")            \
-    LOCAL     (Fb,       FORCE,                      "hysteresis force at the last reversal that counts")   \
+    LOCAL     (Fb,       FORCE,                      "hysteresis force at the last stored reversal")        \
     TALLY     (depth,                                "reversal points on both stacks")                      \
     FLAG      (sliding,                              "r has reached 1 - 1e-3")                              \
-    FLAG      (stack_overflow,                       "an inner loop had to be forgotten")                   \
-    STATE     (z,        LENGTH,   0.0,   1e-5,      "deflection since the last reversal that counts")      \
+    FLAG      (stack_overflow,                       "an inner loop has been discarded")                    \
+    STATE     (z,        LENGTH,   0.0,   1e-5,      "deflection since the last stored reversal")           \
     PARAMETER (A,        FORCE,    4.0,   1e-9,  INF, "limit of the hysteresis curve, at least 2 max(Fs, Fc)") \
     PARAMETER (zc,       LENGTH,   4e-5,  1e-15, INF, "deflection scale of the hysteresis curve")           \
     PARAMETER (n,        NO_UNIT,  2.0,   0.1,   1e4, "sharpness of the transition to sliding")             \
@@ -67,8 +67,8 @@
     PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                   \
     PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                  \
     PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                \
-    PARAMETER (dead_band, LENGTH,  0.0,   0.0,   INF, "deflection below which a reversal is taken back")    \
-    PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")
+    PARAMETER (dead_band, LENGTH,  0.0,   0.0,   INF, "deflection below which a reversal is discarded")     \
+    PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force for which the parameters are valid")
 
 #define CONTACT               \
     COULOMB  (Fc)             \
@@ -82,7 +82,7 @@
 #include "reversals.h"
 
 #define STEPS_BY step
-#define WARNING  "more reversal points than the stacks hold; inner loops are forgotten"
+#define WARNING  "there are more reversal points than the stacks can store; inner loops are discarded"
 #define MEMORY   struct reversals
 #define VALID_BY are_reversals
 

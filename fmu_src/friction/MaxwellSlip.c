@@ -47,7 +47,7 @@
                                    0.0, INF,         "stiffness of the element")                            \
     PARAMETERS(W,        10, FORCE, (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1),                     \
                                    0.0, INF,         "force at which the element slips")                    \
-    PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force at which the parameters hold")
+    PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force for which the parameters are valid")
 
 #define CONTACT       \
     COULOMB  (sum(W)) \

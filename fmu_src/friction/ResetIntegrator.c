@@ -41,7 +41,7 @@
     PARAMETER(z0,     LENGTH,    1e-5,  1e-15, INF, "largest deflection")                      \
     PARAMETER(a,      NO_UNIT,   0.5,   0.0,   INF, "static over Coulomb friction, minus 1")   \
     PARAMETER(beta,   DAMPING,   774.6, 0.0,   INF, "damping while stuck")                     \
-    PARAMETER(Fn0,    "N",       1.0,   1e-12, INF, "normal force at which the parameters hold")
+    PARAMETER(Fn0,    "N",       1.0,   1e-12, INF, "normal force for which the parameters are valid")
 
 #define IDENTIFIED SLIDING(z, z0)
 /* clang-format on */

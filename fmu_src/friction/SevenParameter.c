@@ -65,7 +65,7 @@
     PARAMETER(vs,        VELOCITY,  1e-3, 1e-12, INF,  "Stribeck velocity")                                 \
     PARAMETER(tauL,      TIME,      5e-3, 0.0,   INF,  "delay of the Stribeck effect, frictional lag")      \
     PARAMETER(gamma,     TIME,      1.0,  0.0,   INF,  "dwell time after which static friction has risen by half") \
-    PARAMETER(Fn0,       "N",       1.0,  1e-12, INF,  "normal force at which the parameters hold")
+    PARAMETER(Fn0,       "N",       1.0,  1e-12, INF,  "normal force for which the parameters are valid")
 
 #define CONTACT            \
     COULOMB  (Fc)          \

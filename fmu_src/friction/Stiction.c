@@ -4,7 +4,7 @@
    ones before it of Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4(3), 1998.
 
        v != 0:  F = load Fc sign(v) + Fv v
-       v  = 0:  F = F_ext, at most load Fs in size
+       v  = 0:  F = F_ext, |F| <= load Fs
        load = max(Fn, 0) / Fn0
 
    F_ext is the sum of all other forces on the mass; a block from velocity to force alone cannot know the force at
@@ -13,8 +13,8 @@
    Use it for break-away: whether and when a load starts to move.
 
    Limits: the force falls from Fs to Fc at once, as the Stribeck effect does not exist; no presliding. F jumps at v =
-   0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h / m; KarnoppMass and SwitchMass
-   contain the mass and stop it. */
+   0, so a mass stopped by it in discrete steps oscillates about v = 0 with the amplitude F h / m; KarnoppMass and
+   SwitchMass contain the mass and stop it exactly. */
 
 /* @article{Olsson1998,
      author  = {Olsson, H. and {\AA}str{\"o}m, K. J. and Canudas de Wit, C. and G{\"a}fvert, M. and Lischinsky, P.},
@@ -32,14 +32,14 @@
 /* clang-format off */
 #define VARIABLES                                                                                           \
     INPUT    (v,     VELOCITY, 0.0,               "relative sliding velocity")                              \
-    INPUT    (F_ext, FORCE,    0.0,               "all other forces on the mass, decides the force at rest") \
+    INPUT    (F_ext, FORCE,    0.0,               "sum of the other forces on the mass; determines friction at rest") \
     OPTIONAL (Fn,    "N",      1.0,               "normal force")                                           \
     OUTPUT   (F,     FORCE,                       "friction force, opposes v")                              \
     FLAG     (stuck,                              "at rest and held by friction")                           \
     PARAMETER(Fc,    FORCE,    1.0, 0.0,   INF,   "Coulomb friction at Fn0")                                \
     PARAMETER(Fs,    FORCE,    1.5, 0.0,   INF,   "static friction at Fn0, may be below Fc")                \
     PARAMETER(Fv,    DAMPING,  0.4, 0.0,   INF,   "viscous coefficient")                                    \
-    PARAMETER(Fn0,   "N",      1.0, 1e-12, INF,   "normal force at which the parameters hold")
+    PARAMETER(Fn0,   "N",      1.0, 1e-12, INF,   "normal force for which the parameters are valid")
 
 #define CONTACT \
     COULOMB(Fc) \

@@ -17,8 +17,8 @@
    Use it for motion without presliding: identification from steady velocities, feedforward, the curve that the bristle
    models have at constant velocity.
 
-   Limits: F jumps at v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h / m. F_ext is
-   the sum of all other forces on the mass, needed only to hold it at v = 0. */
+   Limits: F jumps at v = 0, so a mass stopped by it in discrete steps oscillates about v = 0 with the amplitude F h /
+   m. F_ext is the sum of all other forces on the mass, needed only to hold it at v = 0. */
 
 /* @article{ArmstrongHelouvry1994,
      author  = {Armstrong-H{\'e}louvry, B. and Dupont, P. and Canudas de Wit, C.},
@@ -42,7 +42,7 @@
 /* clang-format off */
 #define VARIABLES                                                                                           \
     INPUT    (v,          VELOCITY, 0.0,                 "relative sliding velocity")                       \
-    INPUT    (F_ext,      FORCE,    0.0,                 "all other forces on the mass, decides the force at rest") \
+    INPUT    (F_ext,      FORCE,    0.0,                 "sum of the other forces on the mass; determines friction at rest") \
     OPTIONAL (Fn,         "N",      1.0,                 "normal force")                                    \
     OUTPUT   (F,          FORCE,                         "friction force, opposes v")                       \
     FLAG     (stuck,                                     "at rest and held by friction")                    \
@@ -52,9 +52,9 @@
     PARAMETER(vs,         VELOCITY, 1e-3, 1e-12, INF,    "Stribeck velocity")                               \
     PARAMETER(delta,      NO_UNIT,  2.0,  1e-3,  100.0,  "Stribeck exponent")                               \
     COUNT    (shape,      0,        0,     1,            "of the Stribeck curve, 0: exponential, 1: Lorentzian") \
-    PARAMETER(Fn0,        "N",      1.0,  1e-12, INF,    "normal force at which the parameters hold")       \
+    PARAMETER(Fn0,        "N",      1.0,  1e-12, INF,    "normal force for which the parameters are valid") \
     PARAMETER(offset,     FORCE,    0.0,  -INF,  INF,    "constant force, for example of an amplifier offset") \
-    SWITCH   (asymmetric, 0,                             "v < 0 has its own parameters, the ones named _neg") \
+    SWITCH   (asymmetric, 0,                             "v < 0 uses the parameters with the suffix _neg")  \
     PARAMETER(Fc_neg,     FORCE,    1.0,  0.0,   INF,    "Coulomb friction for v < 0")                      \
     PARAMETER(Fs_neg,     FORCE,    1.5,  0.0,   INF,    "static friction for v < 0")                       \
     PARAMETER(Fv_neg,     DAMPING,  0.4,  0.0,   INF,    "viscous coefficient for v < 0")                   \

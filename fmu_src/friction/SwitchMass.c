@@ -57,7 +57,7 @@
     PARAMETER   (delta,  "s/" LENGTH, 3.0, 0.0,  INF, "decrease of friction with the relative velocity")    \
     PARAMETER   (ratio,  NO_UNIT,   0.0,  0.0,   1.0, "of friction at high speed to static friction")       \
     PARAMETER   (eta,    VELOCITY,  1e-6, 1e-12, INF, "half width of the band of relative velocity")        \
-    PARAMETER   (Fn0,    "N",       1.0,  1e-12, INF, "normal force at which the parameters hold")          \
+    PARAMETER   (Fn0,    "N",       1.0,  1e-12, INF, "normal force for which the parameters are valid")    \
     FIXED       (x0,     LENGTH,    0.0,  -INF,  INF, "initial position")                                   \
     FIXED       (v0,     VELOCITY,  0.2,  -INF,  INF, "initial velocity")
 /* clang-format on */

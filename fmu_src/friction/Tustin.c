@@ -4,7 +4,7 @@
    Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4(3), 1998.
 
        v != 0:  F = load g(v) sign(v) + Fv v
-       v  = 0:  F = F_ext, at most load Fs in size
+       v  = 0:  F = F_ext, |F| <= load Fs
        g(v) = Fc + (Fs - Fc) exp(-|v| / vs)
        load = max(Fn, 0) / Fn0
 
@@ -14,8 +14,8 @@
    Use it for stick-slip of servo drives at low speed: at v = 0+ the force falls with the finite slope -(Fs - Fc) / vs,
    which decides on stability there, where the Gaussian curve (delta = 2) has slope zero.
 
-   Limits: no presliding. F jumps at v = 0, so a mass that is stopped by it in discrete steps swings about v = 0 by F h
-   / m. */
+   Limits: no presliding. F jumps at v = 0, so a mass stopped by it in discrete steps oscillates about v = 0 with the
+   amplitude F h / m. */
 
 /* @article{Tustin1947,
      author  = {Tustin, A.},
@@ -33,7 +33,7 @@
 /* clang-format off */
 #define VARIABLES                                                                                           \
     INPUT    (v,     VELOCITY, 0.0,               "relative sliding velocity")                              \
-    INPUT    (F_ext, FORCE,    0.0,               "all other forces on the mass, decides the force at rest") \
+    INPUT    (F_ext, FORCE,    0.0,               "sum of the other forces on the mass; determines friction at rest") \
     OPTIONAL (Fn,    "N",      1.0,               "normal force")                                           \
     OUTPUT   (F,     FORCE,                       "friction force, opposes v")                              \
     FLAG     (stuck,                              "at rest and held by friction")                           \
@@ -41,7 +41,7 @@
     PARAMETER(Fs,    FORCE,    1.5,  0.0,   INF,  "static friction at Fn0, may be below Fc")                \
     PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                    \
     PARAMETER(vs,    VELOCITY, 1e-3, 1e-12, INF,  "velocity over which stiction falls off")                 \
-    PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force at which the parameters hold")
+    PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force for which the parameters are valid")
 
 #define CONTACT     \
     COULOMB (Fc)    \

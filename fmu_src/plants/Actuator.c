@@ -39,8 +39,8 @@
     FLAG     (limited,                            "u after the delay is beyond a limit")                \
     PARAMETER(F_min,     FORCE, -100.0, -INF,INF, "lower limit, not above F_max")                       \
     PARAMETER(F_max,     FORCE, 100.0,  -INF,INF, "upper limit")                                        \
-    PARAMETER(tau,       TIME,  0.0,    0.0, INF, "time constant of the lag, 0: none")                  \
-    FIXED    (delay,     TIME,  0.0,    0.0, INF, "time that u takes to have an effect, 0: none")
+    PARAMETER(tau,       TIME,  0.0,    0.0, INF, "time constant of the lag; 0: none")                  \
+    FIXED    (delay,     TIME,  0.0,    0.0, INF, "time that u takes to have an effect; 0: none")
 
 #define IN_LOOP         \
     DRIVE(F_min, F_max) \

@@ -17,9 +17,9 @@
    Use it to compare friction models in stick-slip, with the friction as a block of its own; set v0 = v_belt to begin
    stuck.
 
-   Limits: the belt has no inertia and its drive is ideal, the wall does not move. A friction that is coupled holds its
-   force over a step: the step has to be short against its own time constants, or the master has to be one that
-   iterates. */
+   Limits: the belt has no inertia and its drive is ideal, the wall does not move. A connected friction model holds its
+   force over a step: the step must be short compared with the time constants of friction, or the master must
+   iterate. */
 
 #define MODEL    Belt
 #define SUMMARY  "Mass on a moving belt, on a spring and a damper to the wall"

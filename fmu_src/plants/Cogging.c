@@ -29,7 +29,7 @@
     OUTPUT    (F,         FORCE,                                                      "force on the mass, to the front") \
     OUTPUT    (energy,    "J",                                                        "potential energy of the force") \
     PARAMETER (pitch,     LENGTH,  0.024,                          1e-9, INF, "length of a period")                  \
-    PARAMETERS(amplitude, 6, FORCE, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), -INF, INF, "amplitude of each harmonic, 0: none") \
+    PARAMETERS(amplitude, 6, FORCE, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), -INF, INF, "amplitude of each harmonic; 0: none") \
     PARAMETERS(phase,     6, ANGLE, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), -INF, INF, "phase of each harmonic at x = 0")
 
 #define IN_LOOP COGGING(pitch, amplitude, phase)

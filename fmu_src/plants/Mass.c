@@ -25,7 +25,7 @@
     STATE_OUTPUT(v,          VELOCITY, v0,  1.0,         "velocity")                                   \
     STATE_OUTPUT(x_support,  LENGTH,   x_support0, 1.0,  "position of the support")                    \
     OUTPUT      (a,          ACCELERATION,               "acceleration")                               \
-    OUTPUT      (F_ext,      FORCE,                      "sum of all forces but friction")             \
+    OUTPUT      (F_ext,      FORCE,                      "sum of all forces except friction")          \
     PARAMETER   (m,          MASS,      1.0, 1e-12, INF, "mass")                                       \
     PARAMETER   (k,          STIFFNESS, 0.0, 0.0,   INF, "stiffness of the spring to the support")     \
     PARAMETER   (d,          DAMPING,   0.0, 0.0,   INF, "damping to the support")                     \

@@ -23,9 +23,9 @@
    Use it for an axis whose motor turns while the load still sticks, for feedback through a resonance, and to see what
    friction on the load does that friction on the motor does not.
 
-   Limits: the spring is linear, without backlash and of one mode. F_spring carries the rounding of the positions,
-   1e-16 k x1: 1e-8 N for k = 1e8 N/m at 1 m. A friction that is coupled holds its force over a step: the step has to be
-   short against its own time constants, or the master has to be one that iterates. */
+   Limits: the spring is linear, without backlash and of one mode. F_spring carries the rounding of the positions, 1e-16
+   k x1: 1e-8 N for k = 1e8 N/m at 1 m. A connected friction model holds its force over a step: the step must be short
+   compared with the time constants of friction, or the master must iterate. */
 
 #define MODEL    TwoMass
 #define SUMMARY  "Flexible drive: motor and load with a spring and a damper between them"
@@ -46,8 +46,8 @@
     OUTPUT      (a1,          ACCELERATION,              "acceleration of the motor")                    \
     OUTPUT      (a2,          ACCELERATION,              "acceleration of the load")                     \
     OUTPUT      (F_spring,    FORCE,                     "force of spring and damper, pulls the load forward") \
-    OUTPUT      (F_ext1,      FORCE,                     "sum of all forces on the motor but friction")  \
-    OUTPUT      (F_ext2,      FORCE,                     "sum of all forces on the load but friction")   \
+    OUTPUT      (F_ext1,      FORCE,                     "sum of all forces on the motor except friction") \
+    OUTPUT      (F_ext2,      FORCE,                     "sum of all forces on the load except friction") \
     PARAMETER   (m1,          MASS,      0.5, 1e-12, INF, "mass of the motor")                           \
     PARAMETER   (m2,          MASS,      0.5, 1e-12, INF, "mass of the load")                            \
     PARAMETER   (k,           STIFFNESS, 1e5, 0.0,   INF, "stiffness of the transmission")               \

@@ -22,9 +22,9 @@
    while the other one runs at the feed. reversals counts them; t_start and turns give whole turns for polar plots over
    `angle`.
 
-   Limits: with t_ramp = 0 the speed jumps at the ends, and derivatives there are those that follow. Changed in the
-   middle of a motion, a parameter replaces the whole plan, and x and y may jump. The angle of late times carries the
-   rounding error of feed t / radius, 1e-16 of it. */
+   Limits: with t_ramp = 0 the speed jumps at the ends, and derivatives there are those that follow. A parameter changed
+   during a motion replaces the whole plan, and x and y may jump. The angle of late times carries the rounding error of
+   feed t / radius, 1e-16 of it. */
 
 #define MODEL    Circle
 #define SUMMARY  "Circle of two axes at constant feed with smooth start and stop"

@@ -28,7 +28,7 @@
     FIXED    (Ts,     TIME,   1e-3, 1e-9, INF,  "sample time")                                          \
     COUNT    (window, 2,      1,    LONGEST,    "samples that are averaged")                            \
     FIXED    (v0,     VELOCITY, 0.0, -INF, INF, "velocity before the first sample")                     \
-    PARAMETER(tau,    TIME,   0.0,  0.0,  INF,  "time constant of the low-pass, 0: none")
+    PARAMETER(tau,    TIME,   0.0,  0.0,  INF,  "time constant of the low-pass; 0: none")
 
 #define IN_LOOP              \
     SENSOR  ()               \
@@ -43,7 +43,7 @@ enum { LONGEST = 64 };
 
 struct estimator {
     double x[LONGEST]; /* the last n samples, sample k at k modulo n */
-    double v;          /* the last estimate                          */
+    double v;          /* the last estimate */
 };
 
 #include "block.h"

@@ -32,8 +32,8 @@
     OUTPUT   (x_measured, LENGTH,                      "measured position")                            \
     OUTPUT   (v_measured, VELOCITY,                    "difference of the last two, over Ts")          \
     FIXED    (Ts,         TIME,     1e-3, 1e-9, INF,   "sample time")                                  \
-    PARAMETER(q,          LENGTH,   1e-6, 0.0,  INF,   "step of the position, 0: none")                \
-    PARAMETER(jitter,     TIME,     0.0,  0.0,  INF,   "largest error of a sample time, 0: none")      \
+    PARAMETER(q,          LENGTH,   1e-6, 0.0,  INF,   "step of the position; 0: none")                \
+    PARAMETER(jitter,     TIME,     0.0,  0.0,  INF,   "largest error of a sample time; 0: none")      \
     COUNT    (seed,       1,        0,    COUNTS,      "of the jitter")                                \
     FIXED    (v0,         VELOCITY, 0.0,  -INF, INF,   "v_measured of the first sample")
 

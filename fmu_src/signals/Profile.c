@@ -22,9 +22,9 @@
 
    With `cyclic` the move is followed by a pause `dwell`, the move back and another such pause, for ever.
 
-   Limits: the jerk jumps between segments (there it has the value that follows), so a flexible load is excited by
-   it; the limits are the same for both directions and for speeding up and slowing down. Changed in the middle of a
-   motion, a parameter replaces the whole plan, and r may jump. */
+   Limits: the jerk jumps between segments (there it has the value that follows), so a flexible load is excited by it;
+   the limits are the same for both directions and for speeding up and slowing down. A parameter changed during a motion
+   replaces the whole plan, and r may jump. */
 
 #define MODEL   Profile
 #define SUMMARY "Point-to-point motion with limited velocity, acceleration and jerk"
@@ -50,7 +50,7 @@
 
 typedef struct {
     double t_j, t_a, t_v; /* [s] constant jerk, acceleration, velocity */
-    double T;             /* [s] whole motion                          */
+    double T;             /* [s] whole motion */
 } Plan;
 
 typedef struct {

@@ -19,7 +19,7 @@
     OUTPUT    (rd,        VELOCITY,                                  "velocity")                                \
     OUTPUT    (rdd,       ACCELERATION,                              "acceleration")                            \
     PARAMETER (offset,    LENGTH,       0.0,                   -INF, INF, "mean position")                      \
-    PARAMETERS(amplitude, 4, LENGTH,    (0.01, 0.0, 0.0, 0.0), -INF, INF, "amplitude of each sine, 0: none")    \
+    PARAMETERS(amplitude, 4, LENGTH,    (0.01, 0.0, 0.0, 0.0), -INF, INF, "amplitude of each sine; 0: none")    \
     PARAMETERS(frequency, 4, FREQUENCY, (1.0, 2.0, 3.0, 4.0),  0.0,  INF, "frequency of each sine")             \
     PARAMETERS(phase,     4, ANGLE,     (0.0, 0.0, 0.0, 0.0),  -INF, INF, "phase of each sine at t = 0")
 /* clang-format on */
