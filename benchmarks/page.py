@@ -68,8 +68,8 @@ matters.
 """,
     "sweep": """## A sweep
 
-1000 closed loops (a profile, a PID controller, a mass and LuGre friction) of 1 s in steps of 0.1 ms, 3 ms each. The
-time includes the start of the workers and the files. The gain of two workers depends on the load of the machine, like
+1000 closed loops (a profile, a PID controller, a mass and LuGre friction) of 1 s in steps of 0.1 ms, 2 ms each. The
+time includes the start of the workers. The gain of two workers depends on the load of the machine, like
 that of two plain processes. The overhead (time of the workers over the time in their runs, two workers over one)
 depends on it less. The loop over fmpy takes the same steps with the same FMUs, also resets instances, and calls every
 value and step from Python.
