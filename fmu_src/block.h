@@ -16,17 +16,18 @@
                 if `follows` is true, `to` is the memory of an earlier step of the same run
      VALID_BY   the name of `static bool f(const Model *m)`, required for a block with MEMORY: returns whether a run can
                 produce m->memory. It checks everything that the block uses as an index, a count or a loop limit, as a
-                serialised state may be forged and is rejected if the result is false; parameters are within their
-   limits STEPS_BY   the name of an exact step `static bool f(Model *m, double h)` in place of `integrate`; if it also
+                serialised state may be forged; a state is rejected if the result is false. Parameters are then within
+                their limits
+     STEPS_BY   the name of an exact step `static bool f(Model *m, double h)` in place of `integrate`; if it also
                 computes the outputs at the end of the step, it sets m->run.outputs_done = true
      WARNING    the text of a warning, which is logged once after m->run.warning = true
      SAMPLED    `sample(Model *m)` is called at start + k Ts; the table must contain FIXED(Ts, ...)
      GUARDED    for a SAMPLED block whose table begins with its inputs and contains OUTPUT_FLAG(fault, ...): inputs may
                 be NaN or infinite; `fault` is then true and `sample` is not called, so outputs and states are held
      SKIPS_BY   for a GUARDED block, the name of `static void f(Model *m)`, called in place of `sample` in this case,
-   for parts of m->memory that advance with time; it reads no Real input and writes no output REQUIRES   the name of
-   `static const char *f(const Model *m)`: returns the violated relation of parameters as text, or NULL; a block with a
-   violated relation is neither initialised nor stepped */
+                for parts of m->memory that advance with time; it reads no Real input and writes no output
+     REQUIRES   the name of `static const char *f(const Model *m)`: returns the violated relation of parameters as
+                text, or NULL; a block with a violated relation is neither initialised nor stepped   */
 
 #ifndef BLOCK_H
 #define BLOCK_H

@@ -1,5 +1,5 @@
-/* Bliman and Sorine's friction: linear in the path. A fast and a slow Dahl element, of opposite sign, give a force
-   that overshoots from rest (stiction) and settles at f1 - f2.
+/* Bliman-Sorine friction: linear in the path. A fast and a slow Dahl element with opposite signs give a force that
+   overshoots from rest (stiction) and settles at f1 - f2.
 
    Bliman, Sorine: Friction modelling by hysteresis operators, application to Dahl, stiction and Stribeck effects, Proc.
    Models of Hysteresis, Trento, 1991 (Pitman 1993), and: Easy-to-use realistic dry friction models for automatic
@@ -13,15 +13,16 @@
        order 1:  dF_fast/ds = ( f1 sgn(v) - F_fast) / eps
                  F = F_fast Fn/Fn0
 
-   Order 1 is Dahl's model with n = 1, Fc = f1 and sigma = f1/eps. From rest, order 2 peaks after the path
-   eta eps/(1 - eta) ln(f1/(eta f2)); after sliding the other way the transient is twice as large. The step is the
-   exact solution over the path: two exponentials.
+   Order 1 is Dahl's model with n = 1, Fc = f1 and sigma = f1/eps. From rest, order 2 peaks after the path eta eps/(1 -
+   eta) ln(f1/(eta f2)); after sliding in the opposite direction, the transient is twice as large. The step is the exact
+   solution over the path: two exponentials.
 
-   Use it where a rate-independent law that is linear in the path, with a break-away peak, is wanted, as in the design
-   of controllers. It needs 0 < eta < 1 and f1 > f2 > 0.
+   Use it for a rate-independent law that is linear in the path and has a break-away peak, for example in controller
+   design. It requires 0 < eta < 1 and f1 > f2 > 0.
 
-   Limits: no Stribeck effect in v, the force depends on the path only; the peak depends on the history; with a mass on
-   a spring the peak may swing. Like Dahl's model it forgets reversal points and drifts under a bias with vibration. */
+   Limits: the force depends on the path only, so there is no Stribeck effect in v. The peak depends on the history and
+   may cause oscillation of a mass on a spring. Like Dahl's model, it does not remember reversal points and drifts under
+   a constant force with vibration. */
 
 /* @inproceedings{BlimanSorine1995,
      author    = {Bliman, P.-A. and Sorine, M.},
@@ -41,11 +42,11 @@
     OPTIONAL (Fn,     "N",      1.0,              "normal force")                            \
     OUTPUT   (F,      FORCE,                      "friction force, opposes v")               \
     STATE    (F_fast, FORCE,    0.0,  1.0,        "force of the fast element at Fn0")        \
-    STATE    (F_slow, FORCE,    0.0,  1.0,        "force of the slow element at Fn0, none in order 1") \
+    STATE    (F_slow, FORCE,    0.0,  1.0,        "force of the slow element at Fn0; not used in order 1") \
     COUNT    (order,  2,        1,    2,          "1: fast element only, 2: both")           \
     PARAMETER(f1,     FORCE,    1.8,  0.0,   INF, "level of the fast element")               \
     PARAMETER(f2,     FORCE,    0.8,  0.0,   INF, "level of the slow element, below f1")     \
-    PARAMETER(eta,    NO_UNIT,  0.1,  1e-9,  1.0, "path of the fast element over that of the slow one") \
+    PARAMETER(eta,    NO_UNIT,  0.1,  1e-9,  1.0, "ratio of the path constants, fast over slow element") \
     PARAMETER(eps,    LENGTH,   1e-3, 1e-12, INF, "path constant")                           \
     PARAMETER(Fn0,    "N",      1.0,  1e-12, INF, "normal force for which the parameters are valid")
 
@@ -57,7 +58,7 @@
 #include "block.h"
 #include "presliding.h"
 
-/* Derivatives and F, with one over the path constants of both elements */
+/* Compute the derivatives and F from the inverse path constants of both elements. */
 static void contact(Model *m, double per_fast, double per_slow)
 {
     GIVEN(m)

@@ -1,8 +1,8 @@
-/* Bristle friction: a population of elastic bonds that break when stretched too far and re-bond at a random place.
+/* Bristle friction: a population of elastic bonds that break at a critical deflection and re-bond at a random place.
 
    Haessig, Friedland: On the modeling and simulation of friction, ASME Journal of Dynamic Systems, Measurement, and
-   Control 113(3), 1991; as told by Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of
-   Control 4, 1998. The numbers are not published ones: N is, the rest gives 1 N at the stiffness of the LuGre paper.
+   Control 113(3), 1991; as described by Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of
+   Control 4, 1998. Of the start values, only N is published; the others give 1 N at the stiffness of the LuGre paper.
 
        d_i = x - b_i,   i = 1 ... N          stretch of bristle i, bonded at b_i
        |d_i| > delta_s:  b_i <- b_i + sign(d_i) U
@@ -10,20 +10,20 @@
        F = load sigma0 sum d_i,   load = max(Fn, 0)/Fn0
        mean of F over long sliding = load N sigma0 (delta_s - D/3)
 
-   A step follows every bristle through all of its re-bonds, however many; between them F is elastic. The k-th U of
-   bristle i is a function of the seed, i and k alone, so the force depends on the path of v only, neither on the rate
-   nor on how the path is cut into steps. A bristle never jumps past the other end of its range: that is why D ends
-   at 2 delta_s. With Delta = 0 a bristle is dragged at its limit.
+   A step follows every bristle through all of its re-bonds; between them, F is elastic. The k-th U of bristle i is a
+   function of the seed, i and k only, so the force depends on the path only, not on the rate or on the communication
+   steps. D is limited to 2 delta_s, so that a bristle never jumps past the other end of its range. With Delta = 0, a
+   bristle is dragged at its limit.
 
-   At the start all bristles stand at the deflection z, 0 as a rule; then they first break all at once, at the peak
-   N sigma0 delta_s. With spread > 0 they start at random places instead, at most spread delta_s away from z, two and
-   two on opposite sides so that z is their mean.
+   Initially, all bristles have the deflection z, usually 0. They then break simultaneously for the first time, at the
+   peak N sigma0 delta_s. With spread > 0, they start at random deflections within spread delta_s of z, in pairs on
+   opposite sides, so that z is their mean.
 
-   Use it to study friction that varies at random along the path, and to see the idea behind LuGre; 20 to 25 bristles
-   are usual. It needs no F_ext for the force at rest: the bristles are springs.
+   Use it to study friction that varies randomly along the path and to understand the idea behind LuGre; 20 to 25
+   bristles are common. It needs no F_ext for the force at rest, as the bristles are springs.
 
-   Limits: no damping, so a mass on it rings; no effect of speed on the mean force; the cost grows with N and with the
-   re-bonds in a step (a step with more than some 1e8 of them is discarded). */
+   Limits: there is no damping, so a mass on it rings. Speed does not affect the mean force. The cost grows with N and
+   with the number of re-bonds in a step (a step with more than about 1e8 re-bonds is discarded). */
 
 /* @article{Haessig1991,
      author  = {Haessig, D. A. and Friedland, B.},
@@ -32,9 +32,9 @@
      volume  = {113}, number = {3}, pages = {354--362}, year = {1991}} */
 
 #define MODEL    Bristle
-#define SUMMARY  "Population of bristles that break and re-bond at random"
+#define SUMMARY  "Population of bristles that break and re-bond at random places"
 #define SOURCE   "Haessig, Friedland, ASME J. Dynamic Systems, Measurement, and Control 113(3), 1991"
-#define STATUS   "equations as told by Olsson et al. 1998"
+#define STATUS   "equations as given by Olsson et al. 1998"
 #define FEATURES "presliding, drift-free, random"
 #define NEEDS    "random"
 
@@ -43,13 +43,13 @@
     INPUT    (v,       VELOCITY,  0.0,                  "relative sliding velocity")                         \
     OPTIONAL (Fn,      FORCE,     1.0,                  "normal force")                                      \
     OUTPUT   (F,       FORCE,                           "friction force, opposes v")                         \
-    OUTPUT   (F_mean,  FORCE,                           "mean friction force of long sliding")               \
+    OUTPUT   (F_mean,  FORCE,                           "mean friction force in long sliding")               \
     OUTPUT   (E,       "J",                             "elastic energy in the bristles")                    \
     STATE    (z,       LENGTH,    0.0,    1e-5,         "mean deflection of the bristles")                   \
-    TALLY    (rebonds,                                  "re-bonds of all bristles so far")                   \
+    TALLY    (rebonds,                                  "number of re-bonds of all bristles so far")         \
     COUNT    (N,       20,        1,      MOST,         "number of bristles")                                \
     COUNT    (seed,    1,         0,      COUNTS,       "seed of the random numbers")                        \
-    FIXED    (spread,  NO_UNIT,   0.0,    0.0,   1.0,   "spread of the deflections at the start over delta_s") \
+    FIXED    (spread,  NO_UNIT,   0.0,    0.0,   1.0,   "spread of the initial deflections over delta_s")    \
     PARAMETER(sigma0,  STIFFNESS, 5e3,    1e-9,  INF,   "stiffness of one bristle")                          \
     PARAMETER(delta_s, LENGTH,    1.2e-5, 1e-12, INF,   "deflection at which a bristle breaks")              \
     PARAMETER(Delta,   LENGTH,    6e-6,   0.0,   INF,   "largest distance of a re-bond")                     \
@@ -68,11 +68,11 @@ enum { MOST = 1000 };
 
 struct bristle {
     double d;         /* deflection */
-    uint32_t rebonds; /* how many random numbers it has taken */
+    uint32_t rebonds; /* number of random numbers used */
 };
 
 struct bristles {
-    double squares, total;    /* sum of d^2, of the re-bonds */
+    double squares, total;    /* sums of d^2 and of the re-bonds */
     bool moved;               /* false: still at the start */
     struct bristle one[MOST]; /* N in use */
 };
@@ -97,7 +97,7 @@ static bool are_bristles(const Model *m)
     return good;
 }
 
-/* Deflection of bristle i at the start: its number 0, with the sign of its place in the pair. */
+/* Return the initial deflection of bristle i: its random number 0, with the sign of its place in the pair. */
 static double start_of(const Model *m, int i)
 {
     GIVEN(m)
@@ -128,11 +128,11 @@ static void equations(Model *m)
 static bool step(Model *m, double h)
 {
     GIVEN(m)
-    const double most = 3.0 * MOST_WORK; /* re-bonds, 8 ns each */
+    const double most = 3.0 * MOST_WORK; /* number of re-bonds, 8 ns each */
     struct bristles *const all = &m->memory;
     const double path = path_after(v, SLOPE(v), h), width = fmin(Delta, 2.0 * delta_s);
-    const double D = width > 4.0 * DBL_EPSILON * delta_s ? width : 0.0; /* no re-bond that rounding hides */
-    const double farthest = 0.5 * D * most;                             /* by which all bristles may re-bond */
+    const double D = width > 4.0 * DBL_EPSILON * delta_s ? width : 0.0; /* a re-bond must exceed rounding */
+    const double farthest = 0.5 * D * most;                             /* total distance of all re-bonds */
     if (!(N * fabs(path) <= farthest) && D > 0.0)
         return too_much(m);
 
@@ -142,7 +142,7 @@ static bool step(Model *m, double h)
         double d = (all->moved ? bristle->d : start_of(m, i)) + path;
         if (D == 0.0)
             d = clip(d, -delta_s, delta_s);
-        if (fabs(d) > delta_s && !(N * (fabs(d) - delta_s) <= farthest)) /* z or delta_s was set so */
+        if (fabs(d) > delta_s && !(N * (fabs(d) - delta_s) <= farthest)) /* by the setting of z or delta_s */
             return too_much(m);
         while (fabs(d) > delta_s) {
             d -= sign(d) * D * uniform_at(seed, i, ++bristle->rebonds);

@@ -1,36 +1,37 @@
 /* Burridge-Knopoff model: a train of blocks that stick and slip on a rough surface, coupled by springs and pulled by a
-   driver. Friction on the scale of tectonic plates, where slips of a single block grow into avalanches.
+   driver. It models friction on the scale of tectonic plates, where the slip of a single block can grow into an
+   avalanche.
 
    Burridge, Knopoff: Model and theoretical seismicity, Bulletin of the Seismological Society of America 57, 1967, in
    the scaling and with the friction law of Carlson, Langer: Physical Review A 40, 1989, and Carlson, Langer, Shaw,
-   Tang: Physical Review A 44, 1991. All quantities are pure numbers; a unit of time is one second of simulation, a unit
-   of force is static friction.
+   Tang: Physical Review A 44, 1991. All quantities are dimensionless; the unit of time is one second of simulation, the
+   unit of force is the static friction.
 
        u_j'' = f_j - phi,   dX/dt = nu + v
        f_j   = l^2 (u_j+1 - 2 u_j + u_j-1) + X - u_j
-       stuck:    phi = f_j <= 1, of any size against backward motion (no back-slip)
+       stuck:    phi = f_j <= 1, unlimited against backward motion (no back-slip)
        slipping: phi = (1 - sigma) / (1 + 2 alpha w / (1 - sigma)),  w = u_j' > 0
        F     = mean of X - u_j
 
-   F is the force per block that the driver feels; it opposes the driver. A block starts to slip when f_j reaches 1 and
-   sticks when w falls to 0, which it does not leave backwards. All of these events are located to rounding; while no
-   block moves, the time to the next one is found in closed form. Blocks at the ends have one neighbour, or in a ring
-   (periodic = 1) the one from the other end. The initial positions are drawn evenly from -spread to spread; the first
-   ten are visible as u.
+   F is the force per block on the driver; it opposes the driver. A block starts to slip when f_j reaches 1 and sticks
+   when w decreases to 0; it never slips backwards. These events are located to rounding; while no block moves, the time
+   to the next event is found in closed form. Blocks at the ends have one neighbour, or in a ring (periodic = 1) also
+   the block at the other end. The initial positions are uniformly distributed between -spread and spread; u shows the
+   first ten.
 
-   An avalanche lasts from the first start until no block moves. `avalanches` are those that are over, `moment` is the
-   sum of all slip in the last of them, whose logarithm is its magnitude.
+   An avalanche lasts from the first slip until no block moves. `avalanches` counts the completed ones, and `moment` is
+   the sum of all slip in the last one; its logarithm is the magnitude.
 
    Between events the equations are smooth and solved by extrapolation to 1e-12 per inner step, independent of the
    communication step; the cost is proportional to N per inner step and to the number of starts and stops.
 
-   Use it to study how avalanches of all sizes grow from blocks that only stick and slip, as in earthquake faults: how
-   often slips of a size occur, and what comes before a large one. It needs long runs, as only statistics are stable.
-   For the friction of a machine take a contact model.
+   Use it to study how avalanches of all sizes arise from blocks that stick and slip, as in earthquake faults: how often
+   slips of a given size occur, and what precedes a large one. It needs long runs, as only statistics are reproducible.
+   For friction in machines, use a contact model.
 
-   Limits: the motion is chaotic for alpha > 0: after many avalanches only averages mean something. Friction acts
-   against positive slip only, so the model is not odd: a driver that moves back unloads and then pushes against blocks
-   that never give way. Start values as in the papers, but for the number of blocks. */
+   Limits: the motion is chaotic for alpha > 0, so only averages are meaningful after many avalanches. Friction acts
+   against positive slip only, so the model is not symmetric: a driver that moves backwards unloads the blocks and then
+   pushes against blocks that never move. Start values are those of the papers, except for the number of blocks. */
 
 /* @article{CarlsonLanger1989,
      author  = {Carlson, J. M. and Langer, J. S.},
@@ -52,27 +53,27 @@
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
-    OPTIONAL (v,          NO_UNIT, 0.0,                "velocity of the driver beyond nu")                  \
+    OPTIONAL (v,          NO_UNIT, 0.0,                "velocity of the driver in addition to nu")          \
     OUTPUT   (F,          NO_UNIT,                     "friction force per block, opposes the driver")      \
     STATE    (X,          NO_UNIT, 0.0,  1.0,          "position of the driver")                            \
     LOCAL    (x,          NO_UNIT,                     "mean position of the blocks")                       \
     LOCAL    (w,          NO_UNIT,                     "mean velocity of the blocks")                       \
     LOCAL    (acceleration, NO_UNIT,                   "mean acceleration of the blocks")                   \
-    OUTPUT   (peak,       NO_UNIT,                     "largest force on a stuck block, which slips at 1")  \
+    OUTPUT   (peak,       NO_UNIT,                     "largest force on a stuck block; the block slips at 1") \
     OUTPUT   (weakened,   NO_UNIT,                     "friction of a block that slips at the mean velocity") \
     LOCAL    (moment,     NO_UNIT,                     "slip in the last avalanche, over all blocks")       \
-    TALLY    (avalanches,                              "number of avalanches that are over")                \
-    TALLY    (moving,                                  "number of blocks that slip")                        \
+    TALLY    (avalanches,                              "number of completed avalanches")                    \
+    TALLY    (moving,                                  "number of slipping blocks")                         \
     LOCALS   (u, 10,      NO_UNIT,                     "positions of the first ten blocks")                 \
     FLAGS    (slipping, 10,                            "whether the first ten blocks slip")                 \
-    PARAMETER(l,          NO_UNIT, 10.0, 0.0,  INF,    "velocity of sound in blocks, l^2 couples neighbours") \
+    PARAMETER(l,          NO_UNIT, 10.0, 0.0,  INF,    "velocity of sound in blocks; l^2 couples neighbours") \
     PARAMETER(nu,         NO_UNIT, 0.01, -INF, INF,    "loading rate, velocity of the driver")              \
-    PARAMETER(sigma,      NO_UNIT, 0.01, 0.0,  0.999,  "drop of friction when slip begins")                 \
-    PARAMETER(alpha,      NO_UNIT, 2.5,  0.0,  INF,    "rate at which friction falls with slip velocity")   \
+    PARAMETER(sigma,      NO_UNIT, 0.01, 0.0,  0.999,  "drop of friction at the onset of slip")             \
+    PARAMETER(alpha,      NO_UNIT, 2.5,  0.0,  INF,    "rate at which friction decreases with slip velocity") \
     COUNT    (N,          50,      1,    MASSES,       "number of blocks")                                  \
     COUNT    (periodic,   0,       0,    1,            "1: a ring, 0: free ends")                           \
-    FIXED    (spread,     NO_UNIT, 1e-3, 0.0,  1e6,    "half the width of the random initial positions")    \
-    COUNT    (seed,       1,       0,    2147483647,   "of the initial positions")
+    FIXED    (spread,     NO_UNIT, 1e-3, 0.0,  1e6,    "half width of the distribution of initial positions") \
+    COUNT    (seed,       1,       0,    2147483647,   "seed of the initial positions")
 /* clang-format on */
 
 #include "extrapolation.h"
@@ -85,12 +86,12 @@
 #include <stdint.h>
 
 struct fault {
-    bool ready;           /* it has been laid out and has moved */
+    bool ready;           /* initialised and stepped */
     double time;          /* [s] of y */
     double before;        /* mean position before the avalanche */
-    double moment;        /* of the last avalanche */
-    int32_t avalanches;   /* that are over */
-    int32_t moving;       /* number of blocks that slip */
+    double moment;        /* moment of the last avalanche */
+    int32_t avalanches;   /* number of completed avalanches */
+    int32_t moving;       /* number of slipping blocks */
     bool slips[MASSES];   /* whether a block slips */
     double y[2 * MASSES]; /* N positions, then N velocities */
 };
@@ -119,7 +120,7 @@ static bool is_fault(const Model *m)
     return good && f->moving == moving;
 }
 
-#define SAME 1e-13 /* forces and velocities that are equal but for rounding */
+#define SAME 1e-13 /* tolerance for forces and velocities that are equal except for rounding */
 
 typedef struct {
     const struct fault *fault;
@@ -145,7 +146,7 @@ static double force(const Train *t, double X, const double *u, int j)
     return t->coupling * ((left - u[j]) + (right - u[j])) + (X - u[j]);
 }
 
-/* The law, and its smooth continuation where a step overshoots the stop by a little. */
+/* The friction law, continued smoothly for steps that slightly overshoot the stop. */
 static double slip_friction(double w, double sigma, double alpha)
 {
     const double level = 1.0 - sigma;
@@ -177,7 +178,7 @@ static double mean(const double *values, int n)
     return sum / n;
 }
 
-/* Blocks at rest, at random places. */
+/* Initialise blocks at rest at random positions. */
 static void lay(const Model *m, struct fault *f)
 {
     GIVEN(m)
@@ -207,7 +208,7 @@ static void equations(Model *m)
     const double *y = f->y;
 
     accelerations(&t, 0.0, y, a);
-    if (s != 0.0) { /* as it goes on from the end of the step, for derivatives with respect to time */
+    if (s != 0.0) { /* extrapolate beyond the end of the step, for derivatives with respect to time */
         for (int j = 0; j < N; j++) {
             moved[j] = y[j] + s * (y[N + j] + 0.5 * s * a[j]);
             moved[N + j] = y[N + j] + s * a[j];

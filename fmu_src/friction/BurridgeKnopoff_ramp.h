@@ -6,7 +6,7 @@
 
 #include "roots.h"
 
-/* While all blocks are stuck: the time until the force, which has to grow by `gap`, has done so; INF if never. */
+/* While all blocks are stuck, return the time until the force has grown by `gap`, or INF if it never does. */
 static double time_at_rest(double gap, double rate, double curvature)
 {
     if (gap <= 0.0)
@@ -20,7 +20,7 @@ static double time_at_rest(double gap, double rate, double curvature)
     return curvature > 0.0 ? (root - rate) / curvature : INF;
 }
 
-/* Blocks that have come to the threshold start, those that have come to rest stop. */
+/* Start blocks that have reached the threshold, and stop blocks that have come to rest. */
 static void switch_blocks(struct fault *f, const Train *t)
 {
     const int n = t->n;
@@ -42,7 +42,7 @@ static void switch_blocks(struct fault *f, const Train *t)
     }
 }
 
-/* Above 0 if a stuck block has passed the threshold or a slipping one has turned back. */
+/* Return a positive value if a stuck block has exceeded the threshold or a slipping block has reversed. */
 static double excess(const Train *t, double s, const double *y)
 {
     const double X = driver(t, s);
@@ -52,8 +52,8 @@ static double excess(const Train *t, double s, const double *y)
     return worst;
 }
 
-/* Shortens a step over H, at whose end y_end an event has passed, to the first zero of `excess`: bisection until it
-   is bracketed by values of either sign, then false position (Illinois). */
+/* Shorten a step over H, in which an event has occurred, to the first zero of `excess`: bisection until values of both
+   signs bracket it, then false position (Illinois). */
 static double locate(const Dynamics *d, const Train *t, double H, double *y_end)
 {
     Bracket b = {0.0, H, excess(t, 0.0, t->fault->y), excess(t, H, y_end), 0};
@@ -94,7 +94,7 @@ static bool step(Model *m, double h)
 
     double s = 0.0;
     while (s < h) {
-        left -= t.n; /* forces between the steps; one on a block takes 4 ns */
+        left -= t.n; /* forces between the steps; each takes 4 ns */
         if (f->moving == 0) {
             const double largest = largest_force(&t, t.X, f->y),
                          rest = time_at_rest(1.0 - largest, t.X_rate, t.X_curvature);

@@ -1,4 +1,4 @@
-/* Coulomb friction: a constant force against the motion; at rest the external force decides.
+/* Coulomb friction: a constant force against the motion; at rest, friction balances the external force.
 
    Coulomb: Theorie des machines simples, 1785. The force at rest as in Olsson, Astrom, Canudas de Wit, Gaefvert,
    Lischinsky: European Journal of Control 4(3), 1998, section on static models.
@@ -7,11 +7,11 @@
        v  = 0:  F = F_ext, |F| <= load Fc
        load = max(Fn, 0) / Fn0
 
-   F_ext is the sum of all other forces on the mass. Without it F is 0 at v = 0. The coefficient of friction is
-   Fc / Fn0.
+   F_ext is the sum of all other forces on the mass. If it is not connected, F is 0 at v = 0. The coefficient of
+   friction is Fc / Fn0.
 
-   Use it where friction at low speed and the approach to rest do not matter, for estimates by hand, and to compare with
-   any other model.
+   Use it if friction at low speed and the approach to rest do not matter, for estimates by hand, and as a reference for
+   other models.
 
    Limits: no stiction, no Stribeck effect, no presliding. F jumps at v = 0, so a mass stopped by it in discrete steps
    oscillates about v = 0 with the amplitude F h / m; KarnoppMass and SwitchMass contain the mass and stop it
@@ -24,7 +24,7 @@
      volume  = {4}, number = {3}, pages = {176--195}, year = {1998}} */
 
 #define MODEL    Coulomb
-#define SUMMARY  "Coulomb friction, at rest decided by the external force"
+#define SUMMARY  "Coulomb friction, balances the external force at rest"
 #define SOURCE   "Coulomb 1785; Olsson and others, European Journal of Control 4(3), 1998"
 #define STATUS   "equations of Olsson et al. 1998, section on static models"
 #define FEATURES "needs force"

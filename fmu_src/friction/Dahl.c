@@ -1,5 +1,5 @@
-/* Dahl friction: the contact is a spring of stiffness sigma that softens as its force comes near the Coulomb level.
-   It depends on the path only, not on how fast the path is gone.
+/* Dahl friction: the contact is a spring with the stiffness sigma that softens as its force approaches the Coulomb
+   level. The force depends on the path only, not on the rate.
 
    Dahl: A solid friction model, The Aerospace Corporation TOR-158(3107-18), 1968, and: Solid friction damping of
    mechanical vibrations, AIAA Journal 14(12), 1976. See also Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky:
@@ -8,21 +8,20 @@
        dz/dx = |w|^n sgn(w),   w = 1 - sgn(v) sigma z / Fc,   F = sigma z
        F     = (sigma z) Fn/Fn0 with a normal force
 
-   The factor sgn(w), often left out in print, brings a force above Fc back to Fc; without it such a force runs away
-   for most n. The step is the exact solution over the path u = |x(h) - x(0)|, there is no solver and no step size to
-   choose:
+   The factor sgn(w), often omitted in the literature, returns a force above Fc to Fc; without it, such a force diverges
+   for most n. The step is the exact solution over the path u = |x(h) - x(0)|, without a solver or a step size:
 
        n = 1:   w(u) = w exp(-sigma u / Fc)
        n /= 1:  |w(u)|^(1-n) = |w|^(1-n) - (1 - n) sigma u / Fc
 
-   With n < 1 the Coulomb level is reached after a finite path and kept, with n = 0 the contact is elastic-perfectly
-   plastic (one Maxwell slip element), with n = 1 it is LuGre without Stribeck effect, damping and viscosity.
+   With n < 1, the Coulomb level is reached after a finite path and kept. With n = 0, the contact is elastic-perfectly
+   plastic (one Maxwell slip element). With n = 1, it is LuGre without Stribeck effect, damping and viscous friction.
 
-   Use it for rate-independent hysteresis in small motions, for example of ball bearings. It needs two numbers, the
-   level Fc and the stiffness sigma after a reversal, and n for the shape of the loop.
+   Use it for rate-independent hysteresis in small motions, for example in ball bearings. It needs the level Fc, the
+   stiffness sigma after a reversal, and n for the shape of the loop.
 
-   Limits: no Stribeck effect, so no stick-slip; no static friction above Fc; no viscous part (add a Viscous block);
-   under a bias with vibration z drifts; reversal points are forgotten. */
+   Limits: no Stribeck effect and thus no stick-slip; no static friction above Fc; no viscous friction (add a Viscous
+   block). z drifts under a constant force with vibration, and reversal points are not remembered. */
 
 /* @techreport{Dahl1968,
      author      = {Dahl, P. R.},
@@ -68,14 +67,14 @@
 #include "block.h"
 #include "presliding.h"
 
-/* dz/dt and F, with softening = sigma/Fc, one over the path constant of the hysteresis */
+/* Compute dz/dt and F; softening = sigma/Fc is the inverse path constant of the hysteresis. */
 static void contact(Model *m, double softening)
 {
     GIVEN(m)
     if (n == 1.0 || v == 0.0)
         m->der_z = v - fabs(v) * softening * z;
     else {
-        const double gap = sign(v) * (Fc / sigma) - z; /* to the deflection of steady sliding */
+        const double gap = sign(v) * (Fc / sigma) - z; /* distance to the deflection of steady sliding */
         m->der_z = fabs(v) * sign(gap) * (n == 0.0 ? 1.0 : pow(fabs(gap) * softening, n));
     }
     m->F = load_of(Fn, Fn0) * sigma * z;
@@ -83,14 +82,14 @@ static void contact(Model *m, double softening)
 
 static void equations(Model *m) { contact(m, m->sigma / m->Fc); }
 
-/* Part of the gap |w| > 0 that closes over the path p = sigma u / Fc > 0: 1 - |w(p)| / |w|. */
+/* Return the part of the gap |w| > 0 that closes over the path p = sigma u / Fc > 0: 1 - |w(p)| / |w|. */
 static double closed(double w, double p, double n)
 {
     if (n == 2.0)
         return 1.0 / (1.0 + 1.0 / (p * w));
     const double above = n - 1.0, q = p * pow(w, above);
     if (above * q <= -1.0)
-        return 1.0; /* arrived, n < 1 */
+        return 1.0; /* level reached, n < 1 */
     return -expm1(-log1p(above * q) / above);
 }
 

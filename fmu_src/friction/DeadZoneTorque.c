@@ -1,32 +1,32 @@
-/* Dead-zone torque: at rest friction balances the external torque as far as a dead zone of torque reaches.
+/* Dead-zone torque: at rest, friction balances the external torque within a dead zone.
 
-   Our interpretation of a description, not a published equation: a comparison of friction models mentions a model
-   with an approach similar to Karnopp's, but based on torque, in which a dead-zone torque describes friction below
-   the stiction torque; its source could not be identified.
+   This is an interpretation of a description, not a published equation. A comparison of friction models mentions a
+   model similar to Karnopp's, but based on torque, in which a dead-zone torque describes friction below the stiction
+   torque. Its source could not be identified.
 
        |v| < DV and |F_ext| <= load T_dz:  F = F_ext
        otherwise:                          F = load Fc d + Fv v
-       d = sign(v), at v = 0 the sign of F_ext
+       d = sign(v), or sign(F_ext) at v = 0
        load = max(Fn, 0) / Fn0
 
-   Where Karnopp decides by velocity alone and limits the force inside the band to Fs, here velocity and force decide
-   together, and a force beyond the dead zone meets Coulomb friction at once. With DV = 0 and T_dz = Fc this is
-   Coulomb and viscous friction.
+   Karnopp's model uses the velocity only and limits the force inside the band to Fs. This model uses velocity and
+   force, and a force beyond the dead zone meets Coulomb friction immediately. With DV = 0 and T_dz = Fc, it is Coulomb
+   and viscous friction.
 
-   Use it for drives whose torque is known, where T_dz is the torque that first moves the axis. F_ext is the sum of all
-   other forces on the mass and has to be connected; in the rotational twin it is a torque.
+   Use it for drives with a known torque; T_dz is the torque that first moves the axis. F_ext is the sum of all other
+   forces on the mass and must be connected; in the rotational twin it is a torque.
 
-   Limits: an interpretation. F jumps where the dead zone is left if T_dz is not Fc, and at v = 0. A mass that reads F
-   keeps a velocity below DV for ever while it is held. No Stribeck effect, no presliding. */
+   Limits: the model is an interpretation. F jumps at v = 0 and, unless T_dz = Fc, at the edge of the dead zone. A mass
+   connected to F keeps a velocity below DV while it is held. No Stribeck effect, no presliding. */
 
 /* @misc{DeadZoneTorque,
      title = {Dead-zone torque model of friction},
      note  = {Interpretation; the source of the description could not be identified}} */
 
 #define MODEL    DeadZoneTorque
-#define SUMMARY  "Coulomb and viscous friction with a dead zone of torque at rest (interpretation)"
+#define SUMMARY  "Coulomb and viscous friction with a torque dead zone at rest (interpretation)"
 #define SOURCE   "Interpretation of a description without an identified source"
-#define STATUS   "equations of our own, from a description"
+#define STATUS   "own equations, from a description"
 #define FEATURES "rate dependent, needs force"
 
 /* clang-format off */
@@ -37,9 +37,9 @@
     OUTPUT   (F,     FORCE,                       "friction force")                                         \
     FLAG     (stuck,                              "inside the dead zone")                                   \
     PARAMETER(Fc,    FORCE,    1.0,  0.0,   INF,  "Coulomb friction at Fn0")                                \
-    PARAMETER(T_dz,  FORCE,    1.5,  0.0,   INF,  "force, in the rotational twin torque, up to which the dead zone holds, at Fn0") \
+    PARAMETER(T_dz,  FORCE,    1.5,  0.0,   INF,  "limit of the dead zone at Fn0: force, or torque in the rotational twin") \
     PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                    \
-    PARAMETER(DV,    VELOCITY, 1e-3, 0.0,   INF,  "velocity below which the dead zone may hold")            \
+    PARAMETER(DV,    VELOCITY, 1e-3, 0.0,   INF,  "velocity below which the dead zone applies")             \
     PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force for which the parameters are valid")
 
 #define CONTACT   \

@@ -1,5 +1,5 @@
-/* Elasto-plastic friction: LuGre bristles that do not slip at all up to a break-away deflection z_ba, so that small
-   motions are exactly elastic and do not drift.
+/* Elasto-plastic friction: LuGre bristles that do not slip up to a break-away deflection z_ba, so that small motions
+   are exactly elastic and do not drift.
 
    Dupont, Armstrong, Hayward: Elasto-plastic friction model: contact compliance and stiction, American Control
    Conference, 2000; Dupont, Hayward, Armstrong, Altpeter: Single state elastoplastic friction models, IEEE TAC 47(5),
@@ -15,19 +15,19 @@
        F     = (sigma0 z + sigma1(v) dz/dt) Fn/Fn0 + sigma2 v
        sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d > 0, else sigma1
 
-   sigma1(v) is that of LuGre and not in the papers. Published copies drop |.| in the sine or exchange the two cases of
-   sgn(z); both break the model. 0 < z_ba < z_max(v) is meant for all v; where z_ba is larger, z_max takes its place,
-   and the contact is elastic-perfectly plastic.
+   sigma1(v) is from LuGre and not in the papers. Some publications omit |.| in the sine or exchange the two cases of
+   sgn(z), which both break the model. z_ba should satisfy 0 < z_ba < z_max(v) for all v. A larger z_ba is replaced by
+   z_max, and the contact is then elastic-perfectly plastic.
 
-   The elastic part of a step is z + x, the rest, at constant velocity, a differential equation in the path alone: a
-   Taylor series between z_ba and z_max, an exponential beyond. At linear velocity the same holds where S is flat;
-   where it is not the equation is integrated numerically with error control, from the arrival at z_ba (relaxation.h),
-   and beyond z_max is linear and solved by quadrature (attraction.h).
+   In the elastic part of a step, z changes by the displacement. At constant velocity, the rest is a differential
+   equation in the path: a Taylor series between z_ba and z_max, an exponential beyond. At linear velocity, the same
+   holds where S is constant. Elsewhere, the equation is integrated numerically with error control from z_ba on
+   (relaxation.h); beyond z_max, it is linear and solved by quadrature (attraction.h).
 
-   Use it where a joint is held by friction under vibration or small loads and must not creep away, else as LuGre. It
-   needs one number more than LuGre, z_ba.
+   Use it if friction holds a joint under vibration or small loads and the joint must not drift; otherwise like LuGre.
+   It has one more parameter than LuGre, z_ba.
 
-   Limits: F jumps with a jump of v as in LuGre; no memory of reversal points beyond z_ba. */
+   Limits: F jumps with v, as in LuGre; beyond z_ba, reversal points are not remembered. */
 
 /* @article{Dupont2002,
      author  = {Dupont, P. and Hayward, V. and Armstrong, B. and Altpeter, F.},
@@ -36,7 +36,7 @@
      volume  = {47}, number = {5}, pages = {787--792}, year = {2002}} */
 
 #define MODEL    ElastoPlastic
-#define SUMMARY  "Elasto-plastic bristle friction, free of drift below break-away"
+#define SUMMARY  "Elasto-plastic bristle friction without drift below break-away"
 #define SOURCE   "Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002"
 #define STATUS   "equations from memory of the papers"
 #define FEATURES "presliding, drift-free, Stribeck, lag, rate dependent"
@@ -78,7 +78,7 @@
 #include "presliding.h"
 #include "stribeck.h"
 
-/* Plastic part of the motion, alpha z / z_ss, for a deflection in the direction of motion. */
+/* Return the plastic part of the motion, alpha z / z_ss, for a deflection in the direction of motion. */
 static double plastic(double deflection, double z_max, double z_ba)
 {
     if (deflection >= z_max)

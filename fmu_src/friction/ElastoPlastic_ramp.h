@@ -1,5 +1,5 @@
-/* Steps of ElastoPlastic.c: exact at constant velocity and where S is flat, with error control elsewhere. Included at
-   its end. */
+/* Steps of ElastoPlastic.c: exact at constant velocity and where S is constant, with error control elsewhere. Included
+   at its end. */
 
 #ifndef ELASTO_PLASTIC_RAMP_H
 #define ELASTO_PLASTIC_RAMP_H
@@ -11,7 +11,7 @@
 
        dy/dp = -f(y),   f = sin^2(pi y/2) + k y cos^2(pi y/2),   p = path / (z_max - z_ba)
 
-   y(p), by its Taylor series in steps; near z_max by the solution for f = k y + (pi/2)^2 y^2. */
+   Compute y(p) by its Taylor series in steps; near z_max by the solution for f = k y + (pi/2)^2 y^2. */
 static double approach(double y, double k, double p)
 {
     enum { TERMS = 16 };
@@ -24,7 +24,7 @@ static double approach(double y, double k, double p)
         a[0] = y;
         c[0] = cos(PI * y);
         s[0] = sin(PI * y);
-        do { /* coefficients of y, cos(pi y), sin(pi y) and f until the terms vanish */
+        do { /* coefficients of y, cos(pi y), sin(pi y) and f until the terms are negligible */
             double y_c = 0.0, s_f = 0.0, c_f = 0.0;
             for (int j = 0; j <= n; j++)
                 y_c += a[j] * c[n - j];
@@ -57,7 +57,7 @@ static double approach(double y, double k, double p)
     return y;
 }
 
-/* Deflection after a path u > 0 in the direction of motion, at constant z_max. */
+/* Return the deflection after a path u > 0 in the direction of motion, at constant z_max. */
 static double slid(double z, double u, double z_max, double z_ba)
 {
     const double start = fmin(z_ba, z_max), width = z_max - start;
@@ -72,14 +72,14 @@ static double slid(double z, double u, double z_max, double z_ba)
     return z_max - width * approach((z_max - z) / width, width / z_max, u / width);
 }
 
-/* A ramp of the velocity and where it is now, in the direction of motion. */
+/* A ramp of the velocity and the current position in it, in the direction of motion. */
 typedef struct {
     const Model *m;
-    double speed, growth; /* at its start */
+    double speed, growth; /* at the start of the ramp */
     double h, S_end;
-    double sensitivity; /* of F to sigma0 z at its end */
+    double sensitivity; /* of F to sigma0 z at the end of the ramp */
     double t, deflection;
-    int budget; /* of inner steps */
+    int budget; /* number of inner steps left */
 } Ramp;
 
 static double speed_at(const Ramp *r, double s) { return fmax(r->speed + r->growth * s, 0.0); }
@@ -95,8 +95,8 @@ static double path_between(const Ramp *r, double s, double end)
     return 0.5 * (end - s) * (speed_at(r, s) + speed_at(r, end));
 }
 
-/* What relaxation.h follows: dz/dt as a whole, for z < z_ba and for z > z_max, z_max, and where z comes from below or
-   from above to z_max. */
+/* Functions for relaxation.h: dz/dt in general, for z < z_ba and for z > z_max; z_max; and the point at which z reaches
+   z_max from below or from above. */
 static double stretching(double s, double z, const void *law)
 {
     const Ramp *const r = (const Ramp *)law;
@@ -124,12 +124,12 @@ static double slipping(double s, double z, const void *law)
 static double over_z_max(double s, double z, const void *law) { return z - z_max_at(s, z, law); }
 static double below_z_max(double s, double z, const void *law) { return z_max_at(s, z, law) - z; }
 
-/* Follows the rate to `end` or to the goal. */
+/* Integrate the rate to `end` or to the goal. */
 static bool stretch(Ramp *r, double end, Curve *rate, Curve *goal)
 {
     GIVEN(r->m)
     const double z_max = z_max_at(end, 0.0, r), smallest = fmin(fmin(Fs, Fc), r->S_end) / sigma0;
-    /* beyond a hundredth rounding decides; the law is smooth enough for any tolerance of the experiment */
+    /* below a hundredth, rounding dominates; the law is smooth enough for any tolerance of the experiment */
     const double coarser = fmax(quadrature_tolerance(r->m) / relaxation_tolerance(r->m), 1.0);
     const double size = coarser * fmax(smallest / r->sensitivity, 0.01 * z_max);
     const Law law = {rate, goal,  rate != gliding && r->deflection > 0.9 * z_max_at(r->t, 0.0, r) ? z_max_at : NULL,
@@ -138,8 +138,8 @@ static bool stretch(Ramp *r, double end, Curve *rate, Curve *goal)
     return follow(r->m, &law, &r->t, &r->deflection, end, size, detail) != FAILED;
 }
 
-/* Where z_ba > z_max, and z_max rises: z follows the motion, but not beyond z_max. That is exact over pieces in which
-   z_max always rises faster than z could, or always slower. */
+/* For z_ba > z_max and increasing z_max: z follows the motion, limited to z_max. This is exact in intervals in which
+   z_max always increases faster, or always more slowly, than z can. */
 static void ride(Ramp *r, double end)
 {
     enum { PARTS = 16 };
@@ -147,7 +147,7 @@ static void ride(Ramp *r, double end)
     for (int i = 1; i <= PARTS; i++) {
         const double next = i == PARTS ? end : begin + (end - begin) * i / (double)PARTS;
         const double tiny = 1e-5 * (next - r->t);
-        double low = r->t, high = next; /* of the moment at which one overtakes the other */
+        double low = r->t, high = next; /* bracket of the time at which one overtakes the other */
         const bool slower = z_max_at(low + tiny, 0.0, r) - z_max_at(low, 0.0, r) < path_between(r, low, low + tiny);
         for (int halvings = 0; halvings < 20; halvings++) {
             const double s = 0.5 * (low + high);
@@ -164,7 +164,7 @@ static void ride(Ramp *r, double end)
     }
 }
 
-/* z >= z_max, and z_max does not rise, so it stays so: alpha = 1, and sigma0 z is attracted to S. */
+/* For z >= z_max and z_max not increasing: alpha = 1 for the whole ramp, and sigma0 z is attracted to S. */
 static bool slip(Ramp *r)
 {
     GIVEN(r->m)
@@ -178,7 +178,7 @@ static bool slip(Ramp *r)
     return true;
 }
 
-/* The time at which z_max passes z_ba, INF if it does not. */
+/* Return the time at which z_max passes z_ba, or INF if it does not. */
 static double time_of_z_ba(const Ramp *r)
 {
     GIVEN(r->m)
@@ -186,7 +186,7 @@ static double time_of_z_ba(const Ramp *r)
     return part > 0.0 && part < 1.0 ? (vs * pow(-log(part), 1.0 / delta) - r->speed) / r->growth : INF;
 }
 
-/* One piece of the ramp, at the longest to `end`. */
+/* Advance by one interval of the ramp, at most to `end`. */
 static bool piece_of(Ramp *r, double end)
 {
     GIVEN(r->m)
@@ -218,7 +218,8 @@ static bool ramp(Model *m, double h)
     Ramp r = {m,   v_start,       growth, h, S_end, 1.0 + fading(sigma1, v_end, v_d) * v_end / S_end,
               0.0, direction * z, BUDGET};
 
-    /* Of a long path only the end counts, as the distance between any two deflections shrinks as exp(-path/z_max). */
+    /* only the end of a long path matters, as the distance between any two deflections decreases like
+       exp(-path/z_max) */
     const double memory = fabs(z) + fmax(z_ba, 0.0) + 45.0 * fmax(S_start, S_end) / sigma0;
     if (0.5 * h * (v_start + v_end) > memory)
         r.t = h - fmin(h, time_back(memory, v_end, growth));

@@ -1,35 +1,34 @@
-/* Frenkel-Kontorova chain: atoms on springs over a periodic substrate, driven by a force. Whether it is pinned
-   depends on how its period fits that of the substrate.
+/* Frenkel-Kontorova chain: atoms connected by springs on a periodic substrate, driven by a force. Pinning depends on
+   the ratio of the periods of chain and substrate.
 
    Frenkel, Kontorova: Physikalische Zeitschrift der Sowjetunion 13, 1938; as reviewed in Braun, Kivshar: The
-   Frenkel-Kontorova Model, Springer 2004. Scaled by the mass, the stiffness of the springs and the period of the
-   substrate, so all quantities are pure numbers and a unit of time is one second of simulation.
+   Frenkel-Kontorova Model, Springer 2004. Quantities are scaled by the mass, the stiffness of the springs and the
+   period of the substrate and are therefore dimensionless; the unit of time is one second of simulation.
 
        x_j'' = x_j+1 - 2 x_j + x_j-1 - (K / 2 pi) sin(2 pi x_j)
                + F_drive - damping x_j'
        v     = mean of x_j'
        F     = damping v + mean of (K / 2 pi) sin(2 pi x_j),   dv/dt = F_drive - F
 
-   F is the friction force per atom: equal to the drive at rest (static friction) and, on average, in steady sliding.
-   The springs have the rest length `winding`, in periods. In a ring (periodic = 1) the N atoms span a whole number of
-   periods, the nearest to N winding; `ratio` is the winding number that results. Approximants of the golden mean are
-   quotients of Fibonacci numbers, such as 34/55 (the start values) and 55/89. At the start the atoms stand at j times
-   the spacing, at rest, but for the deflection amplitude cos(2 pi mode j / N) of one mode.
+   F is the friction force per atom. It equals the drive at rest (static friction) and, on average, in steady sliding.
+   The springs have the rest length `winding`, in periods. In a ring (periodic = 1), the N atoms span an integer number
+   of periods, the nearest to N winding, and `ratio` is the resulting winding number. Approximants of the golden mean
+   are quotients of Fibonacci numbers, such as 34/55 (the start values) and 55/89. Initially, the atoms rest at j times
+   the spacing, plus a deflection amplitude cos(2 pi mode j / N) of one mode.
 
-   Known results: a chain of the golden mean slides without static friction below the Aubry transition
-   K_c = 0.971635 (of the infinite chain: approximants keep a barrier that falls exponentially with N) and is pinned
-   above; at winding 0 or 1 static friction is K / 2 pi, and small waves of wave number q obey
-   omega^2 = K + 4 sin^2(q/2).
+   Known results: a chain with the golden mean slides without static friction below the Aubry transition K_c = 0.971635
+   (for the infinite chain; approximants keep a barrier that decreases exponentially with N) and is pinned above. At
+   winding 0 or 1, static friction is K / 2 pi, and small waves with the wave number q obey omega^2 = K + 4 sin^2(q/2).
 
    The equations are smooth and solved by extrapolation to 1e-12 of a period per inner step, independent of the
    communication step; the cost is proportional to N, and to the damping if that is far above 10.
 
-   Use it to study where static friction comes from: pinning and free sliding of surfaces whose periods fit or do not
-   fit, down to the Aubry transition, and motion at the scale of atoms under a given force. It needs that force, as the
-   atoms are inside and move by themselves.
+   Use it to study the origin of static friction: pinning and free sliding of commensurate and incommensurate surfaces,
+   the Aubry transition, and atomic motion under a given force. It needs this force as input, as the block contains the
+   atoms.
 
-   Limits: one dimension, no temperature, and a driven chain is often chaotic: then only averages can be compared. An
-   evenly laid chain is not at rest: with damping it falls to a position of rest, which for even N may be a saddle
+   Limits: one dimension, no temperature. A driven chain is often chaotic, so that only averages can be compared. An
+   evenly spaced chain is not in equilibrium: with damping, it moves to an equilibrium, which for even N may be a saddle
    unless `amplitude` breaks the symmetry. There is no normal force; vary K with it instead. */
 
 /* @article{FrenkelKontorova1938,
@@ -39,7 +38,7 @@
      volume  = {13}, pages = {1--10}, year = {1938}} */
 
 #define MODEL    FrenkelKontorova
-#define SUMMARY  "Frenkel-Kontorova chain of atoms over a periodic substrate, driven by a force"
+#define SUMMARY  "Frenkel-Kontorova chain of atoms on a periodic substrate, driven by a force"
 #define SOURCE   "Frenkel, Kontorova, Physikalische Zeitschrift der Sowjetunion 13, 1938"
 #define STATUS   "equations from memory of reviews"
 #define FEATURES "presliding, drift-free, rate dependent, needs force, mass inside"
@@ -61,7 +60,7 @@
     FIXED    (winding,   NO_UNIT, 0.6180339887498949, -1e6, 1e6, "rest length of the springs in periods of the substrate") \
     COUNT    (periodic,  1,       0,   1,              "1: a ring, 0: free ends")                             \
     FIXED    (amplitude, NO_UNIT, 0.0, -1e6, 1e6,      "initial deflection of one mode")                      \
-    COUNT    (mode,      1,       0,   MASSES,         "wave length of that mode is N / mode")
+    COUNT    (mode,      1,       0,   MASSES,         "wavelength of this mode is N / mode")
 /* clang-format on */
 
 #include "chain.h"

@@ -1,31 +1,31 @@
-/* Frenkel-Kontorova-Tomlinson chain: atoms on springs over a periodic substrate, each also tied to a slider that is
-   moved. The friction of two surfaces, between the Frenkel-Kontorova and the Prandtl-Tomlinson model.
+/* Frenkel-Kontorova-Tomlinson chain: atoms connected by springs on a periodic substrate, each also connected to a
+   moving slider. It models friction of two surfaces and lies between the Frenkel-Kontorova and the Prandtl-Tomlinson
+   model.
 
    Weiss, Elmer: Dry friction in the Frenkel-Kontorova-Tomlinson model: static properties, Physical Review B 53, 1996.
-   Scaled by the mass, the stiffness of the springs and the period of the substrate, so all quantities are pure numbers
-   and a unit of time is one second of simulation.
+   Quantities are scaled by the mass, the stiffness of the springs and the period of the substrate and are therefore
+   dimensionless; the unit of time is one second of simulation.
 
        x_j'' = k (x_j+1 - 2 x_j + x_j-1) - (K / 2 pi) sin(2 pi x_j)
                + kappa (X + j c - x_j) - damping x_j'
        F     = mean of kappa (X + j c - x_j),   dX/dt = v
 
-   F is the force per atom against the motion of the slider. c is `winding`, in periods; in a ring (periodic = 1) the
-   N atoms span a whole number of periods, the nearest to N winding, and `ratio` is the c that results. In the paper
-   K = 2 pi b and k = 1. At the start the atoms stand at j c, at rest, but for the deflection
-   amplitude cos(2 pi mode j / N) of one mode.
+   F is the force per atom against the motion of the slider. c is `winding`, in periods; in a ring (periodic = 1), the N
+   atoms span an integer number of periods, the nearest to N winding, and `ratio` is the resulting c. In the paper, K =
+   2 pi b and k = 1. Initially, the atoms rest at j c, plus a deflection amplitude cos(2 pi mode j / N) of one mode.
 
-   Known limits: kappa = 0 is the Frenkel-Kontorova chain without drive; k = 0 are N independent Prandtl-Tomlinson
-   atoms with eta = K / kappa, spread over all phases, with no quasi-static friction for K <= kappa and the mean of
-   their forces above.
+   Known limits: kappa = 0 is the Frenkel-Kontorova chain without drive. k = 0 gives N independent Prandtl-Tomlinson
+   atoms with eta = K / kappa at uniformly distributed phases, without quasi-static friction for K <= kappa and with the
+   mean of their forces above.
 
    The equations are smooth and solved by extrapolation to 1e-12 of a period per inner step, independent of the
    communication step; the cost is proportional to N, and to the damping if that is far above 10.
 
-   Use it to study the friction of two flat surfaces at the scale of atoms: how static friction and memory grow with the
-   corrugation, and what the springs between the atoms change. It needs the velocity of the slider only.
+   Use it to study the friction of two flat surfaces on the atomic scale: how static friction and memory grow with the
+   corrugation, and the effect of the springs between atoms. It needs the velocity of the slider only.
 
-   Limits: one dimension, no temperature; fast or strongly coupled sliding may be chaotic. The start values are a pinned
-   golden-mean chain, not a published set. There is no normal force; vary K with it instead. */
+   Limits: one dimension, no temperature; fast or strongly coupled sliding may be chaotic. The start values describe a
+   pinned golden-mean chain and are not published ones. There is no normal force; vary K with it instead. */
 
 /* @article{WeissElmer1996,
      author  = {Weiss, M. and Elmer, F.-J.},
@@ -34,7 +34,7 @@
      volume  = {53}, number = {11}, pages = {7539--7549}, year = {1996}} */
 
 #define MODEL    FrenkelKontorovaTomlinson
-#define SUMMARY  "Frenkel-Kontorova-Tomlinson chain: atoms over a periodic substrate, tied to a slider"
+#define SUMMARY  "Frenkel-Kontorova-Tomlinson chain: atoms on a periodic substrate, connected to a slider"
 #define SOURCE   "Weiss, Elmer, Physical Review B 53, 1996"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free, rate dependent, mass inside"
@@ -56,10 +56,10 @@
     PARAMETER(kappa,     NO_UNIT, 0.1, 0.0,  INF,      "stiffness of the springs to the slider")              \
     PARAMETER(damping,   NO_UNIT, 0.5, 0.0,  INF,      "gamma, damping rate")                                 \
     COUNT    (N,         55,      1,   MASSES,         "number of atoms")                                     \
-    FIXED    (winding,   NO_UNIT, 0.6180339887498949, -1e6, 1e6, "spacing of the slider's atoms in periods of the substrate") \
+    FIXED    (winding,   NO_UNIT, 0.6180339887498949, -1e6, 1e6, "spacing of the slider atoms in periods of the substrate") \
     COUNT    (periodic,  1,       0,   1,              "1: a ring, 0: free ends")                             \
     FIXED    (amplitude, NO_UNIT, 0.0, -1e6, 1e6,      "initial deflection of one mode")                      \
-    COUNT    (mode,      1,       0,   MASSES,         "wave length of that mode is N / mode")
+    COUNT    (mode,      1,       0,   MASSES,         "wavelength of this mode is N / mode")
 /* clang-format on */
 
 #include "chain.h"

@@ -1,5 +1,5 @@
-/* Generalised Maxwell slip (GMS): elements side by side that stick as springs and, once they slip, are attracted by
-   the Stribeck curve. Presliding hysteresis with nonlocal memory, Stribeck effect, frictional lag, no drift.
+/* Generalised Maxwell slip (GMS): parallel elements that act as springs while sticking and are attracted to the
+   Stribeck curve while slipping. Presliding hysteresis with nonlocal memory, Stribeck effect, frictional lag, no drift.
 
    Al-Bender, Lampaert, Swevers: The generalized Maxwell-slip model: a novel model for friction simulation and
    compensation, IEEE TAC 50(11), 2005, in its force form.
@@ -8,33 +8,35 @@
        stick: dFi/dt = ki v                       until  sgn(v) Fi >= alpha_i S(v)
               dzi/dt = v
        slip:  dFi/dt = sgn(v) Ci (alpha_i - sgn(v) Fi / S(v))     until  v = 0
-              dzi/dt = (dFi/dt) / ki,   Ci = C unless it is given
+              dzi/dt = (dFi/dt) / ki,   Ci = C unless given
        F = (sum Fi + sigma dzi/dt) max(Fn, 0) / Fn0 + sigma2 v
 
-   Fi is the force at the normal force Fn0. The sign in the test and in the attraction matters: written with |Fi| or
-   with an unsigned S, as often printed, an element that is unloaded above the level slips, and one that slips
-   backwards is repelled. After a reversal Fi goes on from where it is, in stick; so it does after a time at v = 0. A
-   touch of v = 0 between two moments of the same direction is no passage.
+   Fi is the force at the normal force Fn0. The signs in the test and in the attraction matter: with |Fi| or an unsigned
+   S, as often printed, an element that is unloaded from above the level slips, and one that slips backwards is
+   repelled. After a reversal, and after a time at v = 0, Fi continues from its value in stick. Touching v = 0 without
+   changing sign is not a reversal.
 
-   alpha_i are shares, used as alpha_i / (alpha_1 + ... + alpha_N), so that steady sliding is S(v) whatever their sum.
-   C, in N/s, is the rate of approach: the lag has the time constant S/C. The form with deflections zi = Fi / ki has
-   dzi/dt = ci (sgn v - zi/|si|) with ki si = alpha_i S and ci = C alpha_i / ki in m/s: for one element with
-   k = 1e5 N/m, ci = 1e-3 m/s is C = 100 N/s. The optional damping sigma makes F jump by sigma |v| where an element
+   alpha_i are weights, normalised by alpha_1 + ... + alpha_N, so that the friction in steady sliding is S(v) for any
+   sum. C, in N/s, is the rate of approach: the lag has the time constant S/C. The form with deflections zi = Fi / ki is
+   dzi/dt = ci (sgn v - zi/|si|) with ki si = alpha_i S and ci = C alpha_i / ki in m/s; for one element with k = 1e5
+   N/m, ci = 1e-3 m/s corresponds to C = 100 N/s. With the optional damping sigma, F jumps by sigma |v| when an element
    starts to slip.
 
-   Ci, if not negative, is the attraction of element i in place of C. A paper that gives ci in m/s, as above, means
-   Ci = ci ki / alpha_i; one that writes dFi/dt = sgn(v) bi (1 - Fi/si) means Ci = bi / alpha_i; with alpha_i that sum
-   to 1. Each element then has a lag of its own, S/Ci.
+   Ci, if not negative, is the attraction of element i in place of C. If a paper gives ci in m/s, as above, Ci = ci ki /
+   alpha_i; if it uses dFi/dt = sgn(v) bi (1 - Fi/si), Ci = bi / alpha_i; in both cases with alpha_i that sum to 1. Each
+   element then has its own lag S/Ci.
 
-   Start values: the levels of Table I of the LuGre paper, with elements that come near to its stiffness (ours).
+   Start values: the levels of Table I of the LuGre paper, with elements that approximate its stiffness (specific to
+   this library).
 
-   Exact for constant v, the start of slip included; for linear v, stick and the start of slip are located to rounding
-   and slip is an integral that is found by quadrature with error control (attraction.h).
+   The step is exact for constant v, including the onset of slip. For linear v, the onset of slip is located to
+   rounding, and slip is an integral computed by quadrature with error control (attraction.h).
 
-   Use it where presliding and slow sliding both matter, as in precise positioning with reversals: simulation of an axis
-   and compensation. It needs the Stribeck curve from steady velocities, and the elements from a presliding loop.
+   Use it if presliding and slow sliding both matter, as in precise positioning with reversals, for simulation and for
+   compensation. It needs the Stribeck curve from steady velocities, and the elements from a presliding loop.
 
-   Limits: F has kinks; the lag of an element is one time constant, whatever the direction of the change of speed. */
+   Limits: F has kinks; the lag of an element is a single time constant, both for increasing and for decreasing
+   speed. */
 
 /* @article{AlBender2005,
      author  = {Al-Bender, F. and Lampaert, V. and Swevers, J.},
@@ -43,7 +45,7 @@
      volume  = {50}, number = {11}, pages = {1883--1887}, year = {2005}} */
 
 #define MODEL    GMS
-#define SUMMARY  "Generalised Maxwell slip: N elements that slip towards the Stribeck curve"
+#define SUMMARY  "Generalised Maxwell slip: N elements attracted to the Stribeck curve in slip"
 #define SOURCE   "Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free, Stribeck, lag, rate dependent"
@@ -63,7 +65,7 @@
                                    0.0, INF,         "weight of the element in the Stribeck level")         \
     PARAMETER (C,        FORCE "/s", 100.0, 0.0, INF, "attraction to the Stribeck level")                   \
     PARAMETERS(Ci,       10, FORCE "/s", (-1, -1, -1, -1, -1, -1, -1, -1, -1, -1),                          \
-                                   -1.0, INF,        "attraction of the element, negative: C")              \
+                                   -1.0, INF,        "attraction of the element; negative: C")              \
     PARAMETER (sigma,    DAMPING,  0.0,   0.0,   INF, "damping of each element")                            \
     PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                                \
     PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                   \
@@ -88,7 +90,7 @@
 #define VALID_BY is_slip_memory
 
 struct slip_memory {
-    double direction; /* of the last motion, 0: none yet */
+    double direction; /* of the last motion; 0: none yet */
     double slips[10]; /* 1: the element slipped in that motion */
 };
 
@@ -104,7 +106,7 @@ static bool is_slip_memory(const Model *m)
     return good;
 }
 
-/* Factor that makes shares of alpha. */
+/* Return the factor that normalises alpha. */
 static double share(const Model *m)
 {
     GIVEN(m)
@@ -116,7 +118,7 @@ static double share(const Model *m)
 
 static inline double attraction_of(const Model *m, int i) { return m->Ci[i] < 0.0 ? m->C : m->Ci[i]; }
 
-/* Outputs and rates at the Stribeck level S. */
+/* Compute outputs and rates at the Stribeck level S. */
 static void contact(Model *m, double S, double unit)
 {
     GIVEN(m)

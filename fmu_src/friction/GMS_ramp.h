@@ -5,17 +5,17 @@
 
 #include "attraction.h"
 
-/* Constant v: the level does not move, so an element that reaches it stays there. */
+/* Step with constant v: the level is constant, so an element that reaches it stays there. */
 static void held_step(Model *m, double h, double S, double unit)
 {
     GIVEN(m)
     const double direction = sign(v), x = fabs(v) * h;
-    double decay = NAN, strength = NAN; /* of the distance to the level over the step, at that attraction */
+    double decay = NAN, strength = NAN; /* decay of the distance to the level in the step, for this attraction */
     for (int i = 0; i < N; i++) {
         const double level = alpha[i] * unit * S, force = direction * Fi[i];
         if (m->memory.slips[i] != 0.0 || force >= level) {
             m->memory.slips[i] = 1.0;
-            if (attraction_of(m, i) != strength) { /* the same for all elements, as a rule */
+            if (attraction_of(m, i) != strength) { /* usually the same for all elements */
                 strength = attraction_of(m, i);
                 decay = exp(-strength * h / S);
             }
@@ -35,8 +35,9 @@ static double level_at(const Model *m, double s)
     return stribeck(v + SLOPE(v) * s, Fc, Fs, vs, delta);
 }
 
-/* The first time in (0, h) at which a stuck element reaches its level, and its force there, or h if it does not: its
-   force only rises and S is monotonic, so the values at the ends of an interval can exclude it. */
+/* Return the first time in (0, h) at which a stuck element reaches its level, or h if it does not; *reached is the
+   force there. The force only increases and S is monotonic, so the values at the ends of an interval can exclude a
+   crossing. */
 static double arrival(const Model *m, double force, double stiffness, double level, double h, double *reached)
 {
     double a = 0.0, S_a = level_at(m, 0.0), force_a = force, width = h;
@@ -49,7 +50,7 @@ static double arrival(const Model *m, double force, double stiffness, double lev
             force_a = force_b;
             width *= 2.0;
         } else if (b - a <= 4.0 * DBL_EPSILON * b || tries > 1000) {
-            *reached = clip(level * S_b, force_a, force_b); /* one of the two may jump */
+            *reached = clip(level * S_b, force_a, force_b); /* one of them may jump */
             return b;
         } else {
             width = (b - a) / 2.0;
@@ -58,13 +59,13 @@ static double arrival(const Model *m, double force, double stiffness, double lev
     return h;
 }
 
-/* Slip from time s to h is linear in the force: afterwards it is E force + P level. */
+/* Compute slip from time s to h, which is linear in the force: the result is E force + P level. */
 static bool slip(const Model *m, double s, double h, double strength, double *E, double *P)
 {
     GIVEN(m)
     const Attraction slips = {strength, false, Fc, Fs, vs, delta, quadrature_tolerance(m)};
     const double growth = sign(slide(m, h)) * SLOPE(v);
-    double softest = INF; /* sigma times the speed of the elements counts in F, too */
+    double softest = INF; /* sigma times the speed of the elements also contributes to F */
     for (int i = 0; i < N; i++)
         softest = k[i] > 0.0 ? fmin(softest, k[i]) : softest;
     const double sensitivity = 1.0 + sigma * strength / (softest * level_at(m, h));
@@ -74,7 +75,7 @@ static bool slip(const Model *m, double s, double h, double strength, double *E,
 static bool ramp_step(Model *m, double h, double direction, double unit)
 {
     GIVEN(m)
-    double E = NAN, P = NAN, known = NAN; /* for a slip over the whole step, at the attraction that is known */
+    double E = NAN, P = NAN, known = NAN; /* for slip over the whole step, with the attraction `known` */
     for (int i = 0; i < N; i++) {
         const double level = alpha[i] * unit, force = direction * Fi[i], strength = attraction_of(m, i);
         if (m->memory.slips[i] != 0.0 || force >= level * level_at(m, 0.0)) {

@@ -1,55 +1,58 @@
-/* Generic asperity friction: elastic asperities with a mass at the tip stick, slip and swing free on a rigid profile.
+/* Generic asperity friction: elastic asperities with a tip mass stick, slip and oscillate freely on a rigid profile.
 
    After the ideas of Al-Bender, Lampaert, Swevers: A novel generic model at asperity level for dry friction force
    dynamics, Tribology Letters 16, 2004 (life cycle of contact, three springs and a tip mass, adhesion, creep, loss of
-   contact). The equations below are this implementation's own and not to be taken for those of the paper. The start
-   values give about 1 N at 1e5 N/m.
+   contact). The equations below are specific to this implementation and are not those of the paper. The start values
+   give about 1 N at 1e5 N/m.
 
-   Asperity i stands at b_i on the slider (db_i/dt = v), its tip at p_i, d_i = b_i - p_i. The other side is rigid:
+   Asperity i has its base at b_i on the slider (db_i/dt = v), its tip at p_i, and the deflection d_i = b_i - p_i. The
+   other side is rigid:
 
        w(p) = A cos(2 pi p/wavelength)            height of the profile
        N_i  = k_n max(h_i + w(p_i), 0)            normal force, at the depth h_i
-       mu(t_c) = mu0 + dmu (1 - exp(-t_c/tau))    adhesion at the contact age t_c
+       mu(t_c) = mu0 + dmu (1 - exp(-t_c/tau))    adhesion for the contact age t_c
        C(t_c)  = 1 + creep ln(1 + t_c/t0)         creep: growth of the real area
        F = load sum k_t d_i + c (v - dp_i/dt if free),   load = max(Fn, 0)/Fn0
 
-   Life cycle, which a step follows from event to event, none of them missed, for v constant or linear in time:
+   A step follows the life cycle of each asperity from event to event, exactly for v constant or linear in time:
 
-   1. Stuck: p_i stays, t_c grows, until the tangential force leaves the cone of friction,
+   1. Stuck: p_i is constant and t_c grows, until the tangential force leaves the cone of friction,
 
        |k_t d_i - N_i w'(p_i)| > N_i mu(t_c) C(t_c)
 
-   2. Slipping, forward or back (s = 1 or -1): the bond is broken, t_c = 0. Inertia is neglected against friction:
+   2. Slipping, forward or backward (s = 1 or -1): the bond is broken, t_c = 0. Inertia is neglected:
 
        k_t d_i = N_i (w'(p_i) + s mu0)
 
-   that is g(p_i) = b_i. As the bond breaks the tip snaps forward to the first such place, then the slider drives it
-   on. It sticks again as soon as the slider stops, if only for an instant, or turns.
+   that is, g(p_i) = b_i. When the bond breaks, the tip springs forward to the first such position and then follows the
+   slider. It sticks again as soon as the slider stops, even for an instant, or reverses.
 
-   3. Loss of contact: where N_i falls to 0, or driven slip becomes unstable (dg/dp = 0). The free tip swings, as a
-   damped oscillator that starts at rest, as inertia was neglected before:
+   3. Loss of contact: if N_i decreases to 0, or driven slip becomes unstable (dg/dp = 0), the tip detaches. The free
+   tip is a damped oscillator that starts at rest, as inertia was neglected before:
 
        m d2p_i/dt2 = k_t d_i + c (v - dp_i/dt),   c = k_h sqrt(m/k_t)
 
-   k_h is the third spring, the one with hysteresis: its loss at the natural frequency is the damping.
+   k_h is the third spring, with hysteresis: its loss at the natural frequency provides the damping.
 
-   4. Landing: when the swing has died down to 1 % (the impact takes the rest: d_i = 0), as soon as h_i + w(b_i) > 0.
+   4. Landing: after the oscillation has decayed to 1 % (the impact dissipates the rest: d_i = 0), as soon as h_i +
+   w(b_i) > 0.
 
-   By seed, and uniform: heights height (1 +- height_spread), wavelengths wavelength (1 +- wavelength_spread), places
-   +- position_spread wavelength/2. Asperities come in pairs with mirrored places, so F is odd; an odd one out stands on
-   a crest. At the start d_i = z and the contacts are age0 old.
+   Uniformly distributed, by seed: heights height (1 +- height_spread), wavelengths wavelength (1 +- wavelength_spread),
+   positions +- position_spread wavelength/2. Asperities form pairs with mirrored positions, so F is odd; with an odd N,
+   one asperity is at a crest. Initially, d_i = z, and the contacts have the age age0.
 
-   In its limits it is known: (i) flat (A = 0) and without aging it is the Maxwell slip of N elements k_t with W_i = mu0
-   k_n h_i; (ii) with creep alone, break-away grows with ln t; (iii) on a profile so rough that slip becomes unstable,
-   about k_n A (2 pi/wavelength)^2 (height + A) > k_t, friction falls with speed, as contacts are younger and more tips
-   swing free; (iv) N equal asperities are N times one.
+   Known limits: (i) flat (A = 0) and without aging, the model is the Maxwell slip model with N elements k_t and W_i =
+   mu0 k_n h_i; (ii) with creep only, the break-away force grows with ln t; (iii) on a profile so rough that slip
+   becomes unstable, about k_n A (2 pi/wavelength)^2 (height + A) > k_t, friction decreases with speed, as contacts are
+   younger and more tips are free; (iv) N equal asperities give N times the force of one.
 
-   Use it to compare simpler laws with, and to see where memory, lag, dwell and velocity weakening come from. It needs
-   numbers of the surfaces, which a drive does not tell.
+   Use it as a reference for simpler models, and to study the origin of memory, lag, dwell and velocity weakening. It
+   needs surface data that cannot be measured on a drive.
 
-   Limits: dissipative only if the profile is nowhere steeper than mu0; N times and more as slow as a simple law; a
-   slipping bond does not age, so on flat ground speed matters at break-away only; no normal motion of slider and tip;
-   single tips may be chaotic if height < A; at most 2e6/N wavelengths a step. */
+   Limits: the model is dissipative only if the slope of the profile nowhere exceeds mu0. It is at least N times slower
+   than a simple model. A slipping bond does not age, so on a flat profile speed matters only at break-away. There is no
+   normal motion of slider and tip. Single tips may be chaotic if height < A. A step may cover at most 2e6/N
+   wavelengths. */
 
 /* @article{AlBender2004,
      author  = {Al-Bender, F. and Lampaert, V. and Swevers, J.},
@@ -58,9 +61,9 @@
      volume  = {16}, number = {1--2}, pages = {81--93}, year = {2004}} */
 
 #define MODEL    GenericAsperity
-#define SUMMARY  "Population of asperities that stick, slip and swing free on a rough profile"
+#define SUMMARY  "Population of asperities that stick, slip and oscillate freely on a rough profile"
 #define SOURCE   "after Al-Bender, Lampaert, Swevers, Tribology Letters 16, 2004"
-#define STATUS   "equations of our own, after the paper from memory"
+#define STATUS   "own equations, after the paper from memory"
 #define FEATURES "presliding, nonlocal memory, drift-free, Stribeck, lag, dwell, rate dependent, random"
 
 /* clang-format off */
@@ -69,29 +72,29 @@
     OPTIONAL (Fn,        FORCE,     1.0,                "normal force")                                        \
     OUTPUT   (F,         FORCE,                         "friction force, opposes v")                           \
     OUTPUT   (F_N,       FORCE,                         "normal force of all contacts at Fn0")                 \
-    OUTPUT   (F_max,     FORCE,                         "friction that the contacts can bear on flat ground at Fn0") \
+    OUTPUT   (F_max,     FORCE,                         "largest friction of the contacts on a flat profile at Fn0") \
     STATE    (z,         LENGTH,    0.0,  1e-5,         "mean deflection of the asperities")                   \
-    TALLY    (stuck,                                    "asperities that stick")                               \
-    TALLY    (slipping,                                 "asperities that slip")                                \
-    TALLY    (loose,                                    "asperities without contact")                          \
+    TALLY    (stuck,                                    "number of sticking asperities")                       \
+    TALLY    (slipping,                                 "number of slipping asperities")                       \
+    TALLY    (loose,                                    "number of asperities without contact")                \
     COUNT    (N,         20,        1,    MOST,         "number of asperities")                                \
     COUNT    (seed,      1,         0,    COUNTS,       "seed of the random numbers")                          \
     FIXED    (height_spread,   NO_UNIT, 0.5, 0.0, 1.0,  "spread of the heights about their mean")              \
     FIXED    (wavelength_spread, NO_UNIT, 0.3, 0.0, 0.9, "spread of the wavelengths about their mean")           \
-    FIXED    (position_spread, NO_UNIT, 1.0, 0.0, 1.0,  "spread of the places over a wavelength")              \
-    FIXED    (age0,      TIME,      0.0,  0.0,   INF,   "age of the contacts at the start")                    \
+    FIXED    (position_spread, NO_UNIT, 1.0, 0.0, 1.0,  "spread of the positions over a wavelength")           \
+    FIXED    (age0,      TIME,      0.0,  0.0,   INF,   "initial age of the contacts")                         \
     PARAMETER(m,         MASS,      1e-7, 1e-18, INF,   "mass of a tip")                                       \
     PARAMETER(k_n,       STIFFNESS, 2e5,  1e-9,  INF,   "normal spring of an asperity")                        \
     PARAMETER(k_t,       STIFFNESS, 5e3,  1e-9,  INF,   "tangential spring of an asperity")                    \
-    PARAMETER(k_h,       STIFFNESS, 2e3,  1e-9,  INF,   "hysteresis spring of an asperity, damps the free tip") \
-    PARAMETER(height,    LENGTH,    1e-6, 0.0,   INF,   "mean height of an asperity over the mean of the profile") \
-    PARAMETER(A,         LENGTH,    2.5e-7, 0.0, INF,   "amplitude of the profile, 0: flat")                   \
+    PARAMETER(k_h,       STIFFNESS, 2e3,  1e-9,  INF,   "hysteresis spring of an asperity; damps the free tip") \
+    PARAMETER(height,    LENGTH,    1e-6, 0.0,   INF,   "mean height of an asperity above the mean of the profile") \
+    PARAMETER(A,         LENGTH,    2.5e-7, 0.0, INF,   "amplitude of the profile; 0: flat")                   \
     PARAMETER(wavelength, LENGTH,   1e-5, 1e-7,  INF,   "wavelength of the profile")                           \
     PARAMETER(mu0,       NO_UNIT,   0.25, 0.0,   INF,   "coefficient of friction of a new contact")            \
-    PARAMETER(dmu,       NO_UNIT,   0.1,  0.0,   INF,   "how much of it adhesion adds with age")               \
+    PARAMETER(dmu,       NO_UNIT,   0.1,  0.0,   INF,   "increase of the coefficient by adhesion with age")    \
     PARAMETER(tau,       TIME,      0.1,  1e-9,  INF,   "time constant of adhesion")                           \
     PARAMETER(creep,     NO_UNIT,   0.02, 0.0,   INF,   "growth of a contact per e-fold of its age")           \
-    PARAMETER(t0,        TIME,      1e-3, 1e-9,  INF,   "age at which creep sets in")                          \
+    PARAMETER(t0,        TIME,      1e-3, 1e-9,  INF,   "age at which creep begins")                           \
     PARAMETER(Fn0,       FORCE,     1.0,  1e-12, INF,   "normal force for which the parameters are valid")
 /* clang-format on */
 
@@ -104,17 +107,17 @@ enum { MOST = 1000 };
 #define VALID_BY is_population
 #define KEEPS_BY keep_population
 
-enum { BACK = -1, STUCK = 0, FORWARD = 1, FREE = 2 }; /* of which BACK and FORWARD slip */
+enum { BACK = -1, STUCK = 0, FORWARD = 1, FREE = 2 }; /* BACK and FORWARD are slip */
 
 typedef struct {
-    double p, d, speed; /* place of the tip, deflection, velocity of a free tip */
-    double clock;       /* age of a contact; time that a free tip still swings */
+    double p, d, speed; /* position of the tip, deflection, velocity of a free tip */
+    double clock;       /* age of a contact; remaining oscillation time of a free tip */
     int mode;
 } Tip;
 
 typedef struct {
-    double d, speed, normal, capacity;       /* sums over all, over the free, over the contacts, over the contacts */
-    double stuck, loose, slip[2], moving[2]; /* numbers; slipping back and forward; of these the sum of dp/db */
+    double d, speed, normal, capacity;       /* sums over all tips, free tips, contacts, contacts */
+    double stuck, loose, slip[2], moving[2]; /* numbers; slipping back and forward; sums of their dp/db */
 } Sums;
 
 struct population {
@@ -158,7 +161,7 @@ static bool is_population(const Model *m)
     return good && (!all->started || members == N);
 }
 
-/* Under asperity i; pairs have the same. */
+/* Return the surface below asperity i, which is the same for both asperities of a pair. */
 static Surface surface_of(const Model *model, int i)
 {
     GIVEN(model)
@@ -201,7 +204,7 @@ static void count(const Model *model, const Surface *surface, const Tip *tip, Su
     }
 }
 
-/* The sums of the start, as long as no step was taken. */
+/* Return the current sums; before the first step, those of the start values. */
 static Sums sums_now(const Model *model)
 {
     if (model->memory.started)

@@ -5,7 +5,7 @@
 
 #include "oscillator.h"
 
-/* By how much the force on a stuck tip exceeds the cone of friction, to the side s, t later. */
+/* Data for the force on a stuck tip beyond the cone of friction, to the side s, after the time t. */
 typedef struct {
     const Model *model;
     const Course *course;
@@ -28,7 +28,7 @@ static Taylor overload(const void *data, double t)
                         hold->normal * ((mu0 + dmu) * growth / (t0 + t_c) + dmu / (tau * tau) * fresh * largest)};
 }
 
-/* Free, and swinging for the time in which that dies down to 1 %. */
+/* Detach a tip; it oscillates until the amplitude has decayed to 1 %. */
 static void let_go(const Model *model, Tip *tip)
 {
     GIVEN(model)
@@ -37,11 +37,11 @@ static void let_go(const Model *model, Tip *tip)
     *tip = (Tip){.p = tip->p, .d = tip->d, .clock = log(100.0) / decay, .mode = FREE};
 }
 
-/* Stuck until the cone is left, at once or under way. */
+/* Advance a stuck tip until the force leaves the cone, immediately or later. */
 static void stick(const Model *model, const Surface *surface, Tip *tip, Course *c, double *left)
 {
     const double normal = surface->k_n * fmax(reach(surface, tip->p), 0.0);
-    /* the rounding of a force that is just at the limit is no reason to slip */
+    /* rounding of a force at the limit must not cause slip */
     const double slack = 1e-13 * surface->k_n * (surface->h + surface->A) * (surface->A * surface->k + surface->mu0);
     Hold hold = {model, c, tip->d, tip->clock, normal, incline(surface, tip->p), slack, c->side};
     const double limit = normal * bond(model, tip->clock) + slack, force = surface->k_t * tip->d - normal * hold.slope;
@@ -50,7 +50,7 @@ static void stick(const Model *model, const Surface *surface, Tip *tip, Course *
     if (fabs(force) > limit) {
         hold.s = force > 0.0 ? FORWARD : BACK;
         t = 0.0;
-    } else if (c->side * then > limit) /* bonds only grow stronger, so else it holds */
+    } else if (c->side * then > limit) /* bonds only become stronger, so otherwise it holds */
         t = first_zero(overload, &hold, c->rest, left);
 
     const bool breaks = t < c->rest;
@@ -60,7 +60,7 @@ static void stick(const Model *model, const Surface *surface, Tip *tip, Course *
     pass(c, t);
     if (!breaks)
         return;
-    /* the tip snaps forward into balance */
+    /* the tip springs forward into balance */
     const double base = tip->p + tip->d;
     const SlipEnd reached = slip_to(surface, hold.s, tip->p, base, false, left);
     const double d = reached.lost ? base - reached.p : balanced(surface, hold.s, reached.p);
@@ -69,12 +69,12 @@ static void stick(const Model *model, const Surface *surface, Tip *tip, Course *
         let_go(model, tip);
 }
 
-/* The quasi-static slip to the side s, as far as the slider takes the tip or contact is lost. */
+/* Advance quasi-static slip to the side s until the slider stops driving the tip or contact is lost. */
 static void slip(const Model *model, const Surface *surface, Tip *tip, Course *c, double *left)
 {
     GIVEN(model)
     const int s = tip->mode;
-    const double spare = s * (balanced(surface, s, tip->p) - tip->d); /* if a parameter has changed */
+    const double spare = s * (balanced(surface, s, tip->p) - tip->d); /* nonzero if a parameter has changed */
     if (c->side != s || spare > 1e-9 * k_n / k_t * (surface->h + A) * (A * surface->k + mu0)) {
         tip->mode = STUCK;
         return;
@@ -89,7 +89,7 @@ static void slip(const Model *model, const Surface *surface, Tip *tip, Course *c
         let_go(model, tip);
 }
 
-/* Free: swinging until it may land, and on over a gap. */
+/* Advance a free tip: it oscillates until it may land, and longer over a gap. */
 static void swing_free(const Model *model, const Surface *surface, Tip *tip, Course *c)
 {
     GIVEN(model)
@@ -132,7 +132,7 @@ static bool step(Model *model, double h)
         Tip tip = all->started ? all->tip[i] : start_of(model, i);
         Course c = {v, slope, h, (mean > 0.0) - (mean < 0.0)};
         if (v == 0.0 && (tip.mode == FORWARD || tip.mode == BACK))
-            tip.mode = STUCK; /* the slider has stopped, if only for an instant */
+            tip.mode = STUCK; /* the slider has stopped, at least for an instant */
         while (c.rest > 0.0) {
             if ((left -= 2.0) < 0.0)
                 return too_much(model);
@@ -147,7 +147,7 @@ static bool step(Model *model, double h)
             tip.p -= TWO_PI / surface.k * round(surface.k * tip.p / TWO_PI);
         all->tip[i] = tip;
         count(model, &surface, &tip, &sums);
-        d += tip.d; /* pairs first, so that F is odd to the last bit */
+        d += tip.d; /* pairs first, so that F is exactly odd */
         speed += tip.mode == FREE ? tip.speed : 0.0;
         if (i % 2 == 1 || i == N - 1) {
             sums.d += d;

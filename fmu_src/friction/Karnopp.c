@@ -1,19 +1,19 @@
-/* Karnopp's friction: below the velocity DV the body counts as at rest, and friction is what balances it.
+/* Karnopp friction: below the velocity DV, the body is considered at rest, and friction balances the external force.
 
-   Karnopp: Journal of Dynamic Systems, Measurement, and Control 107(1), 1985. Written as a force for a mass that is
-   integrated elsewhere; KarnoppMass has the mass inside.
+   Karnopp: Journal of Dynamic Systems, Measurement, and Control 107(1), 1985. This block computes the force for a
+   separate mass; KarnoppMass contains the mass.
 
        |v| <  DV:  F = F_ext, |F| <= load Fs;  v_reported = 0
        |v| >= DV:  F = load Fc sign(v) + Fv v;          v_reported = v
        load = max(Fn, 0) / Fn0
 
-   F_ext is the sum of all other forces on the mass, and has to be connected. With DV = 0 this is Stiction.
+   F_ext is the sum of all other forces on the mass and must be connected. With DV = 0, the model equals Stiction.
 
-   Use it with a mass whose velocity is known in steps only: the band takes the place of the instant v = 0, which a step
-   never meets. DV has to be larger than the change of v over one step, h |F_ext| / m, or the band is jumped over.
+   Use it with a mass whose velocity is known at discrete times only: the band replaces v = 0, which a step never meets
+   exactly. DV must exceed the change of v in one step, h |F_ext| / m; otherwise, v skips the band.
 
-   Limits: the mass that reads F has to report the velocity 0 inside the band, too (v_reported), or it creeps at up to
-   DV. Two such contacts in series share an undetermined force. Inside the band F does not oppose v, but F_ext. No
+   Limits: the connected mass must also report the velocity 0 inside the band (v_reported), or it creeps at up to DV.
+   The force between two such contacts in series is undetermined. Inside the band, F opposes F_ext instead of v. No
    Stribeck effect, no presliding. */
 
 /* @article{Karnopp1985,
@@ -23,7 +23,7 @@
      volume  = {107}, number = {1}, pages = {100--103}, year = {1985}} */
 
 #define MODEL    Karnopp
-#define SUMMARY  "Karnopp's dead band of velocity, as a force"
+#define SUMMARY  "Karnopp friction with a velocity dead band, as a force"
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "rate dependent, needs force"
@@ -47,7 +47,7 @@
     STATIC (Fs) \
     VISCOUS(Fv)
 
-/* only the mass beside it fills its dead zone in the velocity */
+/* its dead band in the velocity is only meaningful together with a mass */
 #define IDENTIFIED METHOD(none)
 /* clang-format on */
 

@@ -1,25 +1,25 @@
-/* Karnopp's friction with the mass inside: below the velocity DV the body is reported to be at rest.
+/* Karnopp friction including the mass: below the velocity DV, the body is reported to be at rest.
 
-   Karnopp: Journal of Dynamic Systems, Measurement, and Control 107(1), 1985. Its state is the momentum m w, which goes
-   on to be integrated inside the band; only the reported velocity v is zero there.
+   Karnopp: Journal of Dynamic Systems, Measurement, and Control 107(1), 1985. The state is the momentum m w, which is
+   also integrated inside the band; only the reported velocity v is zero there.
 
        m dw/dt = F_ext - F,   dx/dt = v
        |w| <  DV:  F = F_ext, |F| <= load Fs;  v = 0
        |w| >= DV:  F = load Fc sign(w) + Fv w;          v = w
        load = max(Fn, 0) / Fn0
 
-   A body that was sliding and is held keeps w at the edge of the band, just below DV, and breaks away from there. It
-   stays at the edge, at rest, as long as sliding at DV would slow it down, even if F_ext exceeds load Fs; this can
-   only be so for Fs < Fc + Fv DV.
+   A body that stops after sliding keeps w at the edge of the band, just below DV, and breaks away from there. It stays
+   at the edge, at rest, as long as sliding at DV would decelerate it, even if F_ext exceeds load Fs; this is only
+   possible for Fs < Fc + Fv DV.
 
-   F_ext is the sum of all forces on the mass but friction. The step is exact for an F_ext and Fn that are constant
-   or linear in time: motion in closed form between the events, which are located inside the step.
+   F_ext is the sum of all forces on the mass except friction. The step is exact for F_ext and Fn that are constant or
+   linear in time: the motion is in closed form between events, which are located inside the step.
 
-   Use it to let a mass really stop and stick: positions at rest, limit cycles, stick-slip.
+   Use it if a mass must come to rest exactly: positions at rest, limit cycles, stick-slip.
 
-   Limits: the first break-away is late, as w has to pass the whole band: by sqrt(2 m DV / (k V)) if F_ext grows at the
-   rate k V. DV has to be small compared with the velocities that matter, and need not be larger than a change of
-   velocity in one step, as the events are located. No Stribeck effect, no presliding. */
+   Limits: the first break-away is late, as w must pass the whole band: by sqrt(2 m DV / (k V)) if F_ext grows at the
+   rate k V. DV must be small compared with the relevant velocities; it need not exceed the change of velocity in one
+   step, as events are located. No Stribeck effect, no presliding. */
 
 /* @article{Karnopp1985,
      author  = {Karnopp, D.},
@@ -28,7 +28,7 @@
      volume  = {107}, number = {1}, pages = {100--103}, year = {1985}} */
 
 #define MODEL    KarnoppMass
-#define SUMMARY  "A mass with Karnopp's friction, at rest inside a dead band of velocity"
+#define SUMMARY  "Mass with Karnopp friction, at rest inside a velocity dead band"
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "drift-free, rate dependent, needs force, mass inside"
@@ -42,7 +42,7 @@
     OUTPUT      (v,     VELOCITY,                   "velocity, 0 inside the band")                          \
     OUTPUT      (F,     FORCE,                      "friction force")                                       \
     STATE_OUTPUT(x,     LENGTH,   x0,  1.0,         "position")                                             \
-    STATE_OUTPUT(w,     VELOCITY, v0,  1.0,         "momentum over mass: the velocity, not zeroed inside the band") \
+    STATE_OUTPUT(w,     VELOCITY, v0,  1.0,         "momentum over mass: velocity without the dead band")   \
     FLAG        (stuck,                             "inside the band and held by friction")                 \
     PARAMETER   (m,     MASS,     1.0,  1e-12, INF, "mass")                                                 \
     PARAMETER   (Fc,    FORCE,    1.0,  0.0,   INF, "Coulomb friction at Fn0")                              \
@@ -68,7 +68,7 @@
 #include "block.h"
 #include "load.h"
 
-/* Just inside the band: a body that comes to rest from sliding stays there. */
+/* Return the velocity just inside the band, which a body keeps when it comes to rest. */
 static double edge(double DV) { return nextafter(DV, 0.0); }
 
 static void equations(Model *model)

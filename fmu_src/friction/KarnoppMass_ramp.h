@@ -14,7 +14,7 @@ typedef struct {
 static Line later(Line a, double t) { return (Line){a.now + a.rate * t, a.rate}; }
 static Line sum(double p, Line a, double q, Line b) { return (Line){p * a.now + q * b.now, p * a.rate + q * b.rate}; }
 
-/* Time from which both lines are positive, INF if never. */
+/* Return the time from which both lines are positive, or INF if never. */
 static double both_positive(Line a, Line b)
 {
     const Line lines[] = {a, b};
@@ -29,14 +29,14 @@ static double both_positive(Line a, Line b)
     return begin < end ? begin : INF;
 }
 
-/* First time at which the distance is covered by speed t + acceleration t^2 / 2; distance > 0, speed >= 0. */
+/* Return the first time at which speed t + acceleration t^2 / 2 equals the distance > 0; speed >= 0. */
 static double time_to_cover(double distance, double speed, double acceleration)
 {
     const double squared = squared_speed_after(distance, speed, acceleration);
     return squared > 0.0 ? time_between(distance, speed, sqrt(squared)) : INF;
 }
 
-/* Sliding: y' = rate - a y + jerk t. The integrals over exp(-a t) by phi functions, by series where a t is small. */
+/* Sliding: y' = rate - a y + jerk t. The integrals of exp(-a t) use phi functions, with series for small a t. */
 typedef struct {
     double y, dy, x; /* at time t */
 } Slide;
@@ -60,7 +60,7 @@ static Slide slide(double y, double dy, double jerk, double a, double t)
                    t * (y + t * (phi2 * dy + t * phi3 * jerk))};
 }
 
-/* How far y has fallen below a floor. */
+/* Data for the distance of y below a floor. */
 typedef struct {
     double y, dy, jerk, a, floor;
 } Fall;
@@ -71,7 +71,8 @@ static Taylor below(const void *data, double t)
     return (Taylor){.value = f->floor - at.y, .slope = -at.dy};
 }
 
-/* Time at which y falls to `floor`, INF if not within h. As y' is monotone, y has at most one extremum. */
+/* Return the time at which y decreases to `floor`, or INF if not within h. As y' is monotone, y has at most one
+   extremum. */
 static double time_to_fall(double y, double dy, double jerk, double a, double floor, double h)
 {
     if (y <= floor && (dy < 0.0 || (dy == 0.0 && jerk < 0.0)))
@@ -98,12 +99,12 @@ static bool step(Model *model, double h)
     Line force = {F_ext, model->slope[INPUT_F_ext]};
     Line load = {load_of(Fn, Fn0), Fn > 0.0 || (Fn == 0.0 && Fn_rate > 0.0) ? Fn_rate / Fn0 : 0.0};
 
-    bool spent[] = {false, false}; /* the force has fallen back into the static range, for s = -1 and 1 */
-    bool leaving = false;          /* w has just come to the edge from inside, and goes on */
+    bool spent[] = {false, false}; /* the force has returned to the static range, for s = -1 and 1 */
+    bool leaving = false;          /* w has just reached the edge from inside and continues */
     double rest = h, at = w;
     int events = 0;
     while (rest > 0.0 && events++ < MOST_EVENTS) {
-        if (fabs(at) >= DV) { /* sliding, until the band is met */
+        if (fabs(at) >= DV) { /* sliding, until the band is reached */
             const double s = sign(at), y = s * at, a = Fv / m;
             const Line drive = sum(s / m, force, -Fc / m, load);
             const double dy = leaving ? fmax(drive.now - a * y, 0.0) : drive.now - a * y;
@@ -117,7 +118,7 @@ static bool step(Model *model, double h)
             rest -= t;
             continue;
         }
-        /* inside the band: held until the force passes static friction, at the edge also that of sliding */
+        /* inside the band: held until the force exceeds static friction and, at the edge, also sliding friction */
         double wait = INF, s = 0.0;
         for (int i = 0; i < 2; i++) {
             const double way = i == 0 ? -1.0 : 1.0;
@@ -141,7 +142,7 @@ static bool step(Model *model, double h)
             leaving = true;
             continue;
         }
-        /* pushed across the band by what exceeds static friction */
+        /* accelerated across the band by the force beyond static friction */
         const Line beyond = sum(s, force, -Fs, load);
         const double push = fmax(beyond.now, 0.0) / m, jerk = beyond.rate / m;
         const double cross = time_to_cover(DV - s * at, push, jerk);
@@ -152,7 +153,7 @@ static bool step(Model *model, double h)
         load = later(load, t);
         rest -= t;
         if (t == cross)
-            at = s * edge(DV); /* from where it slides on at once, or is held */
+            at = s * edge(DV); /* slides on immediately from there, or is held */
         else if (t == fall)
             spent[s > 0.0] = true;
     }

@@ -1,4 +1,4 @@
-/* Leuven integrated friction model: a hysteresis force with nonlocal memory, kept in two stacks of reversal points,
+/* Leuven integrated friction model: a hysteresis force with nonlocal memory, stored in two stacks of reversal points,
    and a deflection that relaxes to the Stribeck curve.
 
    Swevers, Al-Bender, Ganseman, Prajogo: An integrated friction model structure with improved presliding behavior for
@@ -9,30 +9,31 @@
        dz/dt = v (1 - sgn(r) |r|^n),   r = Fd(z) / (S(v) - Fb)
        F     = (Fh + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 v
 
-       reversal of v:  Fh goes on the stack of maxima or minima;  Fb = Fh, z = 0
-       loop closed:    Fh, rising, meets the last maximum (falling: minimum):
-                       that point and the one at which the inner loop began
-                       are forgotten;  Fb = the reversal before, 0 if none;
+       reversal of v:  Fh is pushed on the stack of maxima or minima;  Fb = Fh, z = 0
+       loop closed:    Fh, rising, reaches the last maximum (falling: minimum):
+                       this point and the one at which the inner loop began
+                       are removed;  Fb = the reversal before, 0 if none;
                        z = Fd^-1(Fh - Fb)
-       sliding:        |r| >= 1 - 1e-3: all points are forgotten;
+       sliding:        |r| >= 1 - 1e-3: all points are removed;
                        Fb = 0,  z = Fd^-1(Fh)
 
-   Where the paper leaves it open, this block decides. Several loops may close at once. An initial z lies on the curve
-   from Fb = 0 and was reached by a motion in its direction. A contact whose Fb lies above the level that it moves
-   towards, sgn(v) Fb >= |S(v)|, as after a reversal at a slow and then a fast motion, is sliding (else r would change
-   its sign). The stacks hold 64 points together; when they are full the innermost loop is forgotten for the new point,
-   stack_overflow stays true, and a warning is given. With dead_band > 0 a branch that ends before |z| = dead_band is
-   taken back instead of stored, which keeps noise in v off the stacks. A of at least 2 max(Fs, Fc) lets every branch
-   reach sliding; below that, Fd may end before S(v) and z grow without bound.
+   Details that the paper leaves open: several loops may close at once. An initial z is on the curve from Fb = 0 and was
+   reached by a motion in its direction. A contact with Fb beyond the level that it moves towards, sgn(v) Fb >= |S(v)|,
+   for example after a reversal in slow motion followed by fast motion, is sliding (otherwise r would change its sign).
+   The stacks hold 64 points in total; when they are full, the innermost loop is discarded for the new point,
+   stack_overflow stays true, and a warning is logged. With dead_band > 0, a branch that ends before |z| = dead_band is
+   discarded instead of stored, so that noise in v does not fill the stacks. With A of at least 2 max(Fs, Fc), every
+   branch reaches sliding; with a smaller A, Fd may end below S(v), and z may grow without bound.
 
-   Start values: Table I of the LuGre paper, with A/zc its stiffness; A and n are ours.
+   Start values: Table I of the LuGre paper, with its stiffness A/zc; A and n are specific to this library.
 
-   Solved to the tolerance, with closing and sliding located inside the step.
+   The equations are solved to the tolerance, with the closing of loops and the onset of sliding located inside the
+   step.
 
-   Use it to reproduce results of the paper; ModifiedLeuven has its merits without the stacks.
+   Use it to reproduce results of the paper; ModifiedLeuven has its advantages without stacks.
 
-   Limits: r, and with it F through sigma1, jumps where an inner loop closes; loops close in the force and z, but in the
-   position only for large n; at the start of sliding dz/dt jumps by the order of 1e-3 n v. */
+   Limits: r, and thus F through sigma1, jumps when an inner loop closes. Loops close in the force and in z, but in the
+   position only for large n. At the onset of sliding, dz/dt jumps by the order of 1e-3 n v. */
 
 /* @article{Swevers2000,
      author  = {Swevers, J. and Al-Bender, F. and Ganseman, C. G. and Prajogo, T.},

@@ -1,25 +1,25 @@
 /* LuGre friction: the mean deflection z of elastic bristles that slip at a rate set by the Stribeck curve g(v).
 
-   Canudas de Wit, Olsson, Astrom, Lischinsky: A new model for control of systems with friction, IEEE TAC 40(3),
-   1995, equations (2), (3), (5); start values from its Table I. The bristle damping that falls with speed is
-   equation (30) of Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: Friction models and friction
-   compensation, European Journal of Control 4, 1998.
+   Canudas de Wit, Olsson, Astrom, Lischinsky: A new model for control of systems with friction, IEEE TAC 40(3), 1995,
+   equations (2), (3), (5); start values from its Table I. The bristle damping that decreases with speed is equation
+   (30) of Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: Friction models and friction compensation, European
+   Journal of Control 4, 1998.
 
        g(v)  = Fc + (Fs - Fc) exp(-|v/vs|^delta)
        dz/dt = v - sigma0 |v| z / g(v)
        F     = (sigma0 z + sigma1(v) dz/dt) Fn/Fn0 + sigma2 v
        sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d > 0, else sigma1
 
-   For constant v the step is the exact solution, for v that changes linearly an integral that is found by quadrature
+   For constant v, the step is the exact solution; for v that changes linearly, it is an integral computed by quadrature
    with error control (attraction.h). With asymmetric, v < 0 has its own set of parameters.
 
-   Use it as the first model of a servo axis with presliding: one state gives stiffness at rest, break-away that depends
-   on the rate of the force, the Stribeck effect with lag, and stick-slip, for simulation and for friction observers. It
-   needs v only; Fc, Fs, vs and sigma2 come from steady velocities, sigma0 and sigma1 from small motions about rest.
+   Use it as a first model of a servo axis with presliding, for simulation and for friction observers: a single state
+   describes stiffness at rest, rate-dependent break-away, the Stribeck effect with lag, and stick-slip. It needs v
+   only. Fc, Fs, vs and sigma2 follow from steady velocities, sigma0 and sigma1 from small motions around rest.
 
-   Limits: F jumps with a jump of v by sigma1 times the jump, and with the published values that may even push (F < 0
-   for v > 0); v_d < 4 sqrt(2 e) Fc / sigma1 prevents it. z drifts under a bias with vibration, and the model keeps no
-   memory of reversal points. */
+   Limits: a jump of v causes a jump of F by sigma1 times the jump of v; with the published values, F may even drive the
+   axis (F < 0 for v > 0), which v_d < 4 sqrt(2 e) Fc / sigma1 prevents. z drifts under a constant force with vibration,
+   and the model does not remember reversal points. */
 
 /* @article{CanudasDeWit1995,
      author  = {Canudas de Wit, C. and Olsson, H. and {\AA}str{\"o}m, K. J. and Lischinsky, P.},
@@ -74,7 +74,7 @@
 #include "stribeck.h"
 #include "attraction.h"
 
-/* g of a speed in the direction of motion, backward or not */
+/* Return g for a speed in the direction of motion, backward or forward. */
 static double level(const Model *m, double speed, bool backward)
 {
     GIVEN(m)
@@ -82,7 +82,7 @@ static double level(const Model *m, double speed, bool backward)
                                   : stribeck(speed, Fc, Fs, vs, delta);
 }
 
-/* dz/dt and F, with the rate sigma0 |v| / g at which the bristles slip */
+/* Compute dz/dt and F from the rate sigma0 |v| / g at which the bristles slip. */
 static void contact(Model *m, double rate)
 {
     GIVEN(m)
@@ -95,8 +95,8 @@ static void contact(Model *m, double rate)
 
 static void equations(Model *m) { contact(m, m->sigma0 * fabs(m->v) / level(m, m->v, m->v < 0.0)); }
 
-/* On a ramp y = sigma0 z is attracted to g: dy/dt = sigma0 |v| (1 - y/g). An error of y counts as often in F as
-   sensitivity says. */
+/* On a ramp of v, y = sigma0 z is attracted to g: dy/dt = sigma0 |v| (1 - y/g). `sensitivity` is the effect of an error
+   of y on F. */
 static bool ramp(Model *m, double h)
 {
     GIVEN(m)
@@ -120,7 +120,7 @@ static bool step(Model *m, double h)
     GIVEN(m)
     if (SLOPE(v) != 0.0)
         return slide(m, h) == 0.0 || ramp(m, h);
-    /* at constant velocity z relaxes to sign(v) g/sigma0 at the rate sigma0 |v| / g */
+    /* at constant velocity, z relaxes to sign(v) g/sigma0 at the rate sigma0 |v| / g */
     const double g = level(m, v, v < 0.0), rate = sigma0 * fabs(v) / g;
     m->z = relax(z, sign(v) * g / sigma0, rate * h);
     contact(m, rate);

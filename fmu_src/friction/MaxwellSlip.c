@@ -1,5 +1,5 @@
-/* Maxwell slip: elastic, perfectly plastic elements side by side. Hysteresis in the position with memory of all
-   reversal points that still matter, and no dependence on rate.
+/* Maxwell slip: parallel elastic, perfectly plastic elements. Rate-independent hysteresis in the position with memory
+   of all relevant reversal points.
 
    Iwan: A distributed-element model for hysteresis and its steady-state dynamic response, Journal of Applied Mechanics
    33(4), 1966; also known from Lazan: Damping of Materials and Members, 1968.
@@ -7,20 +7,20 @@
        dFi/dt = 0 if |Fi| = Wi and Fi v > 0, else ki v,   i = 1 ... N
        F      = (F1 + ... + FN) max(Fn, 0) / Fn0
 
-   Between two changes of sign of v the step Fi -> clip(Fi + ki dx, -Wi, Wi) is exact, whatever its length. An initial
-   force beyond Wi counts as Wi. Fi is the force at the normal force Fn0.
+   Between two sign changes of v, the step Fi -> clip(Fi + ki dx, -Wi, Wi) is exact for any length. An initial force
+   beyond Wi is limited to Wi. Fi is the force at the normal force Fn0.
 
-   From rest F follows the virgin curve f(x) = sum min(ki x, Wi); after a reversal at (x_A, F_A) it follows
-   F_A - 2 f((x_A - x)/2) (Masing), until it meets an earlier reversal point, where the loop in between is forgotten
-   (wiping-out). A loop of amplitude a dissipates sum 4 Wi max(a - Wi/ki, 0).
+   From rest, F follows the virgin curve f(x) = sum min(ki x, Wi). After a reversal at (x_A, F_A), it follows F_A - 2
+   f((x_A - x)/2) (Masing) until it meets an earlier reversal point; the loop in between is then forgotten (wiping-out).
+   A loop with the amplitude a dissipates sum 4 Wi max(a - Wi/ki, 0).
 
-   The start values are ours: the elements of equal Wi that come nearest to the curve 1 N (1 - exp(-x / 10 um)), which
-   is the Dahl model with Fc and sigma0 of Table I of the LuGre paper.
+   The start values are specific to this library: elements with equal Wi that best approximate the curve 1 N (1 - exp(-x
+   / 10 um)), which is the Dahl model with Fc and sigma0 of Table I of the LuGre paper.
 
-   Use it for presliding hysteresis, as in guideways and piezo stages, and as a reference for other models. It needs the
-   virgin curve, or half a loop, which the elements follow as a polygon.
+   Use it for presliding hysteresis, for example in guideways and piezo stages, and as a reference for other models. It
+   needs the virgin curve, or half a loop, which the elements approximate by a polygon.
 
-   Limits: no Stribeck effect, no lag, no viscous part (add a Viscous block); as many kinks as elements. */
+   Limits: no Stribeck effect, no lag, no viscous friction (add a Viscous block); one kink per element. */
 
 /* @article{Iwan1966,
      author  = {Iwan, W. D.},

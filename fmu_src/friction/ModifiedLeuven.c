@@ -1,5 +1,5 @@
-/* Modified Leuven model: a deflection z that relaxes to the Stribeck level of its hysteresis force, which Maxwell
-   slip elements give. Presliding hysteresis with nonlocal memory, continuous where Leuven's force jumps.
+/* Modified Leuven model: a hysteresis force of Maxwell slip elements whose deflection z relaxes to the Stribeck level.
+   Presliding hysteresis with nonlocal memory, continuous where the force of Leuven jumps.
 
    Lampaert, Swevers, Al-Bender: Modification of the Leuven integrated friction model structure, IEEE TAC 47(4), 2002.
 
@@ -9,23 +9,23 @@
        dFi/dt = 0 if |Fi| = Wi and Fi dz/dt > 0, else ki dz/dt
        F     = (Fh + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 v
 
-   Fi is the force at the normal force Fn0; an initial force beyond Wi counts as Wi. z turns without a change of sign
-   of v where S(v) falls below Fh, as when the contact speeds up through the Stribeck velocity: the elements then
-   unload with their full stiffness. With n to infinity and S constant this is the Maxwell slip model.
+   Fi is the force at the normal force Fn0; an initial force beyond Wi is limited to Wi. z reverses without a sign
+   change of v if S(v) decreases below Fh, for example while the contact accelerates through the Stribeck velocity; the
+   elements then unload with their full stiffness. For n to infinity and constant S, this is the Maxwell slip model.
 
-   W1 + ... + WN must be at least Fs and Fc. Otherwise Fh ends at that sum, below S(v), and z grows without bound in
-   steady sliding; that gives a warning.
+   W1 + ... + WN must be at least Fs and Fc. Otherwise, Fh is limited to this sum below S(v), z grows without bound in
+   steady sliding, and a warning is logged.
 
-   Start values: Table I of the LuGre paper for sigma1, sigma2 and the Stribeck curve, with elements that come near to
-   its stiffness, and n = 2 (ours).
+   Start values: Table I of the LuGre paper for sigma1, sigma2 and the Stribeck curve, with elements that approximate
+   its stiffness, and n = 2 (specific to this library).
 
-   Solved piece by piece between the points where an element starts to slip or z turns, which are located: in closed
-   form for constant v and n = 1 or 2, else to the tolerance.
+   The equations are solved between the points at which an element starts to slip or z reverses, which are located: in
+   closed form for constant v and n = 1 or 2, otherwise to the tolerance.
 
-   Use it as Leuven's model without its stacks and jumps: presliding with memory of all reversal points, and sliding, in
-   one law. It needs the Stribeck curve, elements as for MaxwellSlip whose sum reaches it, and n.
+   Use it in place of Leuven for presliding with memory of all reversal points, and sliding, in one model without stacks
+   and jumps. It needs the Stribeck curve, elements as for MaxwellSlip whose sum reaches the curve, and n.
 
-   Limits: F jumps with a jump of v, through sigma1; small n makes loops that do not close and lets it drift. */
+   Limits: F jumps with v, through sigma1. With small n, loops do not close, and the contact drifts. */
 
 /* @article{Lampaert2002,
      author  = {Lampaert, V. and Swevers, J. and Al-Bender, F.},
@@ -75,7 +75,7 @@
 /* clang-format on */
 
 #define STEPS_BY step
-#define WARNING  "the sum of W is below Fs or Fc, so that the force cannot reach the Stribeck curve"
+#define WARNING  "the sum of W is below Fs or Fc, so the force cannot reach the Stribeck curve; increase W"
 
 #include "block.h"
 #include "modified_leuven.h"

@@ -1,45 +1,45 @@
-/* Prandtl-Tomlinson model: one tip over a periodic potential, pulled by a spring whose other end is moved. The
-   mechanism of stick-slip and of friction without wear at the scale of atoms, as in friction force microscopy.
+/* Prandtl-Tomlinson model: a tip in a periodic potential, pulled by a spring whose other end moves. It explains
+   stick-slip and wearless friction on the atomic scale, as in friction force microscopy.
 
    Prandtl: Ein Gedankenmodell zur kinetischen Theorie der festen Koerper, ZAMM 8, 1928; Tomlinson: A molecular theory
-   of friction, Philosophical Magazine 7, 1929; with temperature as in Sang, Dube, Grant, Physical Review Letters 87,
+   of friction, Philosophical Magazine 7, 1929; with temperature after Sang, Dube, Grant, Physical Review Letters 87,
    2001.
 
        m x'' + m damping x' = k (X - x) - (pi E0 / a) sin(2 pi x / a) + R
        F   = k (X - x),   dX/dt = v
        eta = 2 pi^2 E0 / (k a^2)
 
-   v is the velocity of the driver and F the force that opposes it. Stick-slip occurs only for eta > 1, where the tip
-   has several positions of rest; slow sliding at eta <= 1 has no friction but m damping v. R is the thermal force at
-   the temperature kT (0: none), white noise sqrt(2 m damping kT).
+   v is the velocity of the driver, and F is the force that opposes it. Stick-slip occurs only for eta > 1, where the
+   tip has several equilibrium positions; for eta <= 1, friction in slow sliding is m damping v. R is the thermal force
+   at the temperature kT (0: none), white noise sqrt(2 m damping kT).
 
-   With kT > 0 damping and noise act together, at the start of each interval `dt` of a grid that starts with the
-   simulation, by the exact solution of w' = -damping w + R/m over dt; between these instants the tip moves without
-   both, at the pace b. Sivak, Chodera, Crooks: Journal of Physical Chemistry B 118, 2014:
+   With kT > 0, damping and noise act together at the start of each interval `dt` of a grid that starts with the
+   simulation, by the exact solution of w' = -damping w + R/m over dt. Between these instants, the tip moves without
+   both, with the time scaled by b. Sivak, Chodera, Crooks: Journal of Physical Chemistry B 118, 2014:
 
        w <- exp(-y) w + sqrt((1 - exp(-2 y)) kT / m) n,   y = damping dt
        x' = b w,   m w' = b (k (X - x) - (pi E0 / a) sin(2 pi x / a))
        b^2 = tanh(y/2) / (y/2),   n: standard normal
 
-   Both parts keep Boltzmann's distribution, so with the driver at rest x and w have the exact temperature at every
-   time, for every y and every potential; b makes the drag m damping v and the diffusion kT / (m damping) of a tip on
-   average exact as well. `dt` must resolve the motion only: be well below the period 2 pi / sqrt(k (1 + eta) / m) of
-   a weakly damped tip, or below the relaxation time m damping / (k (1 + eta)) of a strongly damped one. R is the mean
-   over the interval. n follows from `seed` and the number of the interval alone, so a run is reproducible and does
-   not depend on the communication steps.
+   Both parts preserve Boltzmann's distribution, so with the driver at rest, x and w have the exact temperature at all
+   times, for any y and any potential. The factor b also makes the mean drag m damping v and the diffusion kT / (m
+   damping) of a tip exact. `dt` only needs to resolve the motion: choose it well below the period 2 pi / sqrt(k (1 +
+   eta) / m) of a weakly damped tip, or below the relaxation time m damping / (k (1 + eta)) of a strongly damped one. R
+   is the mean over the interval. n follows from `seed` and the number of the interval only, so a run is reproducible
+   and independent of the communication steps.
 
-   Any consistent units do: accuracy is relative to a and to its rate. The start values are pure numbers, m = k = a = 1
-   with critical damping, of the size in which the literature computes. A tip of a force microscope is about
-   m = 1e-12 kg, k = 1 N/m, a = 0.3e-9 m, E0 = 1e-19 J (eta = 22), kT = 4.1e-21 J, damping = 2e6 1/s, dt = 1e-8 s.
+   Any consistent units can be used: accuracy is relative to a and to its rate. The start values are dimensionless, m =
+   k = a = 1 with critical damping, as in the literature. A tip of a force microscope has about m = 1e-12 kg, k = 1 N/m,
+   a = 0.3e-9 m, E0 = 1e-19 J (eta = 22), kT = 4.1e-21 J, damping = 2e6 1/s, dt = 1e-8 s.
 
    The solver is the Rosenbrock method of solver.h with exact derivatives, also for strong damping, to 1e-12 of a per
    inner step.
 
-   Use it for friction at a single tip: the saw tooth of a friction force microscope, how stick-slip ends at eta = 1,
-   how it depends on speed and temperature. It needs the velocity of the driver only, as the tip is inside.
+   Use it for friction at a single tip: the saw-tooth of a friction force microscope, the end of stick-slip at eta = 1,
+   and the dependence on speed and temperature. It needs the velocity of the driver only, as the block contains the tip.
 
-   Limits: one dimension, one atom; with kT > 0 what damping does within dt is not resolved. There is no normal force;
-   let E0 follow it. */
+   Limits: one dimension, one atom. With kT > 0, damping within dt is not resolved. There is no normal force; vary E0
+   with it instead. */
 
 /* @article{Prandtl1928,
      author  = {Prandtl, L.},
@@ -53,7 +53,7 @@
      volume  = {7}, number = {46}, pages = {905--939}, year = {1929}} */
 
 #define MODEL    PrandtlTomlinson
-#define SUMMARY  "Prandtl-Tomlinson model of a tip over a periodic potential, with temperature"
+#define SUMMARY  "Prandtl-Tomlinson model of a tip in a periodic potential, with temperature"
 #define SOURCE   "Prandtl, ZAMM 8, 1928; Tomlinson, Philosophical Magazine 7, 1929"
 #define STATUS   "equations from memory of reviews"
 #define FEATURES "presliding, drift-free, rate dependent, mass inside, random"
@@ -67,15 +67,15 @@
     STATE    (x,       LENGTH,    0.0,  1.0,              "position of the tip")                           \
     STATE    (w,       VELOCITY,  0.0,  1.0,              "velocity of the tip")                           \
     LOCAL    (R,       FORCE,                             "thermal force, mean over the interval dt")      \
-    LOCAL    (eta,     NO_UNIT,                           "corrugation, stick-slip above 1")               \
+    LOCAL    (eta,     NO_UNIT,                           "corrugation; stick-slip above 1")               \
     PARAMETER(m,       MASS,      1.0,  1e-40, INF,       "mass of the tip")                               \
     PARAMETER(damping, "1/s",     2.0,  0.0,   INF,       "gamma, damping rate")                           \
     PARAMETER(k,       STIFFNESS, 1.0,  1e-30, INF,       "stiffness of the spring to the driver")         \
     PARAMETER(E0,      "J",       0.25, 0.0,   INF,       "height of the potential, from peak to peak")    \
     PARAMETER(a,       LENGTH,    1.0,  1e-20, INF,       "period of the potential")                       \
-    PARAMETER(kT,      "J",       0.0,  0.0,   INF,       "temperature times Boltzmann's constant, 0: no noise") \
+    PARAMETER(kT,      "J",       0.0,  0.0,   INF,       "temperature times Boltzmann's constant; 0: no noise") \
     FIXED    (dt,      TIME,      0.01, 1e-30, INF,       "interval of noise and damping, for kT > 0")     \
-    COUNT    (seed,    1,         0,    2147483647,       "of the noise")
+    COUNT    (seed,    1,         0,    2147483647,       "seed of the noise")
 /* clang-format on */
 
 #define MEMORY   struct noise
@@ -86,9 +86,9 @@
 #include <stdint.h>
 
 struct noise {
-    bool drawn;       /* there has been a step with noise     */
-    int64_t interval; /* of the grid, the last one begun       */
-    double number;    /* standard normal, that of the interval */
+    bool drawn;       /* a step with noise has been made */
+    int64_t interval; /* last interval of the grid begun */
+    double number;    /* its standard normal random number */
 };
 
 #include "block.h"
@@ -96,11 +96,11 @@ struct noise {
 #include "random.h"
 
 #define TIP_TOLERANCE  1e-12
-#define WORK_OF_A_STEP 10 /* of the solver */
+#define WORK_OF_A_STEP 10 /* work of a solver step */
 
 static bool is_noise(const Model *model) { return is_flag(&model->memory.drawn) && isfinite(model->memory.number); }
 
-/* The normal number of an interval. */
+/* Return the standard normal random number of an interval. */
 static double drawn_for(int seed, int64_t interval)
 {
     Random random;
@@ -108,7 +108,7 @@ static double drawn_for(int seed, int64_t interval)
     return normal(&random);
 }
 
-/* What damping and noise add to w in an interval with the standard normal number 1. */
+/* Return the change of w by noise in an interval with the standard normal random number 1. */
 static double thermal_velocity(const Model *model)
 {
     GIVEN(model)

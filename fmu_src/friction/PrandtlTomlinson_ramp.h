@@ -6,7 +6,8 @@
 
 #include "ramp.h"
 
-/* One Rosenbrock step of size h from s seconds after the start of the step; the largest error over its tolerance. */
+/* Perform one Rosenbrock step of size h from s seconds after the start of the step; return the largest error over its
+   tolerance. */
 static double tip_step(const Model *model, const Motion *motion, double s, double h, const double *y, double *y_new,
                        double rate, double tolerance)
 {
@@ -37,7 +38,7 @@ static double tip_step(const Model *model, const Motion *motion, double s, doubl
     return isfinite(error) && isfinite(y_new[0]) && isfinite(y_new[1]) ? error : -1.0;
 }
 
-/* The tip from s to `end`, in no more than the inner steps that are left. */
+/* Move the tip from s to `end`, with at most the number of inner steps left. */
 static bool move_tip(Model *model, double s, double end, double *y, long *left)
 {
     GIVEN(model)
@@ -63,13 +64,13 @@ static bool move_tip(Model *model, double s, double end, double *y, long *left)
     return true;
 }
 
-/* From one kick to the next. */
+/* Step from one kick of the noise to the next. */
 static bool warm_step(Model *model, double h, double *y, long *left)
 {
     GIVEN(model)
     struct noise *const noise = &model->memory;
     const double since = model->time - model->run.start, kept = exp(-damping * dt), kick = thermal_velocity(model);
-    if (!(fabs(since / dt) < 1e15)) /* the intervals can no longer be told from each other */
+    if (!(fabs(since / dt) < 1e15)) /* the intervals are no longer distinguishable */
         return false;
     if (!(h / dt < (double)*left))
         return too_much(model);

@@ -1,5 +1,5 @@
-/* Haessig and Friedland's reset integrator: the contact is a spring whose deflection z stops growing at z0. While
-   stuck it is stiffer by a, which makes static friction, and damped by beta.
+/* Reset integrator of Haessig and Friedland: the contact is a spring whose deflection z is limited to z0. While stuck,
+   it is stiffer by the factor 1 + a, which models static friction, and damped by beta.
 
    Haessig, Friedland: On the modeling and simulation of friction, ASME Journal of Dynamic Systems, Measurement, and
    Control 113(3), 1991; in the form of equations (13) and (14) of Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky:
@@ -9,14 +9,14 @@
        F     = ((1 + a(z)) sigma0 z + beta dz/dt) Fn/Fn0
        a(z)  = a if |z| < z0, else 0
 
-   Coulomb friction is sigma0 z0, static friction (1 + a) sigma0 z0; beta = 2 zeta sqrt(sigma0 (1 + a) m) damps a
-   stuck mass m. The step is exact: z moves with the path and is clipped.
+   Coulomb friction is sigma0 z0, static friction (1 + a) sigma0 z0; beta = 2 zeta sqrt(sigma0 (1 + a) m) damps a stuck
+   mass m. The step is exact: z follows the displacement and is limited.
 
-   Use it as the cheapest model with stiction and presliding, where F_ext is not known. It needs the deflection z0 of
-   break-away and, for beta, the mass.
+   Use it as the cheapest model with stiction and presliding if F_ext is unknown. It needs the break-away deflection z0
+   and, for beta, the mass.
 
-   Limits: F drops by a sigma0 z0 + beta |v| where |z| reaches z0, and a mass feels that as an impulse; no Stribeck
-   effect and no viscous friction; within |z| < z0 the contact is elastic, so it does not drift. */
+   Limits: F drops by a sigma0 z0 + beta |v| when |z| reaches z0, which acts on a mass like an impulse. No Stribeck
+   effect and no viscous friction. Within |z| < z0, the contact is elastic, so it does not drift. */
 
 /* @article{HaessigFriedland1991,
      author  = {Haessig, D. A. and Friedland, B.},

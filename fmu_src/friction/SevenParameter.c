@@ -1,36 +1,36 @@
-/* The seven-parameter model: presliding spring, Stribeck friction with a delay, stiction that grows with dwell time.
+/* Seven-parameter model: presliding spring, delayed Stribeck friction, static friction that grows with dwell time.
 
-   Armstrong-Helouvry, Dupont, Canudas de Wit: Automatica 30(7), 1994; the equations as in (7) to (9) of Olsson,
-   Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4(3), 1998.
+   Armstrong-Helouvry, Dupont, Canudas de Wit: Automatica 30(7), 1994; equations as in (7) to (9) of Olsson, Astrom,
+   Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4(3), 1998.
 
        stuck:    F = load kt d,   dd/dt = v,   dt2/dt = 1
        slipping: F = load (Fc + Fs(t2) / (1 + (v(t - tauL) / vs)^2)) sign(v) + Fv v
        Fs(t2) = Fs_last + (Fs_inf - Fs_last) t2 / (t2 + gamma)
        load = max(Fn, 0) / Fn0
 
-   d is the deflection of the contact, t2 the time since it became stuck; while it slips both stay at their values of
-   break-away. Fs is the excess over Fc: break-away is at Fc + Fs. Fs_last is the Stribeck part, Fs(t2) over the
-   bracket, at the end of the previous sliding; before any sliding has ended it is the parameter Fs_a. The seven are
-   kt, Fc, Fv, Fs_inf, vs, tauL and gamma.
+   d is the deflection of the contact, and t2 is the time since it became stuck; during slip, both keep their values at
+   break-away. Fs is the excess over Fc: break-away occurs at Fc + Fs. Fs_last is the Stribeck part, Fs(t2) over the
+   bracket, at the end of the previous sliding; before the end of the first sliding, it is the parameter Fs_a. The seven
+   parameters are kt, Fc, Fv, Fs_inf, vs, tauL and gamma.
 
-   When the contact sticks and slips is not defined by the authors. Here:
-   - It becomes stuck at v = 0, or where v changes its sign. The spring then starts from d = F / kt with the contact
-     part of F at v = 0, so F is continuous; the clock t2 starts at 0.
-   - It slips in the direction of v as soon as kt d in that direction reaches Fc + Fs(t2). F then jumps by the viscous
-     part and by what the delayed velocity takes off. At v = 0 it never slips.
-   - At the start it is stuck (d and t2 have start values) and has been at rest before: v(t) = 0 for t < start.
+   The authors do not define the transitions between stick and slip. In this block:
+   - The contact becomes stuck at v = 0 or when v changes its sign. The spring then starts at d = F / kt with the
+     contact part of F at v = 0, so that F is continuous; t2 starts at 0.
+   - It slips in the direction of v as soon as kt d in this direction reaches Fc + Fs(t2). F then jumps by the viscous
+     part and by the reduction due to the delayed velocity. At v = 0 it never slips.
+   - Initially it is stuck (d and t2 have start values) after a rest: v(t) = 0 for t < start.
 
-   tauL is a pure delay. The history of v is kept as its pieces that are constant or linear in time, so v(t - tauL) and
-   F do not depend on how the time is cut into steps; at a jump of v the later value counts. Break-away is located
-   inside the step; it is the root of a polynomial.
+   tauL is a pure delay. The history of v is stored as segments that are constant or linear in time, so v(t - tauL) and
+   F do not depend on the communication steps; at a jump of v, the later value counts. Break-away is located inside the
+   step as the root of a polynomial.
 
-   Use it for frictional lag, rising static friction and break-away from presliding of lubricated machines. It needs v
-   only; Fs_inf and gamma come from break-away after different times at rest.
+   Use it for frictional lag, rising static friction and break-away from presliding in lubricated machines. It needs v
+   only; Fs_inf and gamma follow from break-away after different dwell times.
 
-   Limits: F is not continuous at break-away. No hysteresis with memory in presliding: the spring is linear. Fs_a does
-   not matter after the first sliding. 1024 pieces of v are kept: if there are more within tauL, short neighbours are
-   joined, which keeps the distance, and a warning is given once; v(t - tauL) is then exact to about tauL / 250 in time.
-   If tauL is raised during a run, the history that is already forgotten counts as constant. */
+   Limits: F is discontinuous at break-away. There is no hysteresis with memory in presliding, as the spring is linear.
+   Fs_a has no effect after the first sliding. 1024 segments of v are stored: if there are more within tauL, short
+   neighbours are joined, which preserves the distance, and a warning is logged once; v(t - tauL) is then accurate to
+   about tauL / 250 in time. If tauL is increased during a run, the missing history is taken as constant. */
 
 /* @article{ArmstrongHelouvry1994,
      author  = {Armstrong-H{\'e}louvry, B. and Dupont, P. and Canudas de Wit, C.},
@@ -44,7 +44,7 @@
 #define STATUS   "equations (7) to (9) of Olsson et al. 1998"
 #define FEATURES "presliding, drift-free, Stribeck, lag, dwell, rate dependent"
 #define NEEDS    "dwell"
-#define WARNING  "the velocity changed more than 1024 times within tauL, its history is thinned out"
+#define WARNING  "the velocity changed more than 1024 times within tauL; its history is thinned out"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \
@@ -56,7 +56,7 @@
     FLAG     (stuck,                                   "the contact is stuck")                              \
     LOCAL    (v_delayed, VELOCITY,                     "v(t - tauL)")                                       \
     LOCAL    (Fs_last,   FORCE,                        "Stribeck part at the end of the previous sliding")  \
-    LOCAL    (level,     FORCE,                        "force of break-away at Fn0, Fc + Fs(t2)")           \
+    LOCAL    (level,     FORCE,                        "break-away force at Fn0, Fc + Fs(t2)")              \
     PARAMETER(kt,        STIFFNESS, 1e5,  1e-9,  INF,  "stiffness of the contact at Fn0")                   \
     PARAMETER(Fc,        FORCE,     1.0,  0.0,   INF,  "Coulomb friction at Fn0")                           \
     PARAMETER(Fv,        DAMPING,   0.4,  0.0,   INF,  "viscous coefficient")                               \
@@ -64,7 +64,7 @@
     PARAMETER(Fs_inf,    FORCE,     0.5,  0.0,   INF,  "static friction over Fc after a long rest, at Fn0") \
     PARAMETER(vs,        VELOCITY,  1e-3, 1e-12, INF,  "Stribeck velocity")                                 \
     PARAMETER(tauL,      TIME,      5e-3, 0.0,   INF,  "delay of the Stribeck effect, frictional lag")      \
-    PARAMETER(gamma,     TIME,      1.0,  0.0,   INF,  "dwell time after which static friction has risen by half") \
+    PARAMETER(gamma,     TIME,      1.0,  0.0,   INF,  "dwell time for half of the rise of static friction") \
     PARAMETER(Fn0,       "N",       1.0,  1e-12, INF,  "normal force for which the parameters are valid")
 
 #define CONTACT            \
@@ -78,17 +78,17 @@
 
 enum { PIECES = 1024 };
 
-/* v(t) = v + rate (t - begin), until the next piece begins. */
+/* Segment v(t) = v + rate (t - begin), until the next segment begins. */
 struct piece {
     double begin, v, rate;
 };
 
 struct memory {
-    double slip, Fs_last; /* direction of slip, 0: stuck */
-    int slid;             /* a sliding has ended */
-    int forgot;           /* pieces have been forgotten */
-    unsigned thinned;     /* how often pieces have been joined */
-    int first, count;     /* of the pieces, a ring */
+    double slip, Fs_last; /* direction of slip; 0: stuck */
+    int slid;             /* a sliding phase has ended */
+    int forgot;           /* segments have been discarded */
+    unsigned thinned;     /* number of times segments were joined */
+    int first, count;     /* ring buffer of the segments */
     struct piece ring[PIECES];
 };
 
@@ -106,16 +106,17 @@ typedef struct {
     bool stopped; /* just now */
 } Contact;
 
-/* Fs(t2): static friction over Fc. */
+/* Return Fs(t2), the static friction in excess of Fc. */
 static double excess(const Model *m, double t2, double Fs_last)
 {
     return m->gamma > 0.0 ? Fs_last + (m->Fs_inf - Fs_last) * (t2 / (t2 + m->gamma)) : m->Fs_inf;
 }
 
-/* The share of the Stribeck effect that the delayed velocity leaves. */
+/* Return the fraction of the Stribeck effect at the delayed velocity. */
 static double share(const Model *m, double v_delayed) { return 1.0 / (1.0 + square(v_delayed / m->vs)); }
 
-/* Whether the spring has reached the level of break-away in the direction s, or is just there and rises faster. */
+/* Return whether the spring force has reached the break-away level in the direction s, or is at the level and rises
+   faster. */
 static bool breaks_away(const Model *m, const Contact *c, double s)
 {
     const double level = m->Fc + excess(m, c->t2, c->Fs_last), over = m->kt * s * c->d - level;
@@ -123,8 +124,8 @@ static bool breaks_away(const Model *m, const Contact *c, double s)
     return over > 1e-13 * level || (over >= -1e-13 * level && m->kt * fabs(m->v) >= level_rate);
 }
 
-/* The contact at the velocity of now, whose direction is s: it stops if it slipped in another one, and slips if the
-   spring is stretched far enough. */
+/* Return the contact at the current velocity with the direction s: it stops if it slipped in another direction, and
+   slips if the spring force is large enough. */
 static Contact contact(const Model *m, double s)
 {
     const struct memory *const past = &m->memory;
@@ -141,7 +142,7 @@ static Contact contact(const Model *m, double s)
     return c;
 }
 
-/* A contact that has stopped at the end of a step is told by the outputs, and by d and t2 from the next step on. */
+/* If the contact has stopped at the end of a step, the outputs show it immediately, d and t2 from the next step on. */
 static void equations(Model *m)
 {
     GIVEN(m)

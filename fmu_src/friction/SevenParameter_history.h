@@ -18,7 +18,7 @@ static bool is_history(const Model *m)
 
 static struct piece *piece(struct memory *past, int i) { return &past->ring[(past->first + i) % PIECES]; }
 
-/* A step adds a few pieces at the end, of which the first may take the place of the last one; unless it thins out. */
+/* A step appends a few segments, the first of which may replace the last one, unless the history is thinned out. */
 static void keep_history(Memory *to, const Memory *from, const Model *m, bool follows)
 {
     (void)m;
@@ -36,7 +36,7 @@ static void keep_history(Memory *to, const Memory *from, const Model *m, bool fo
 
 static double along(const struct piece *p, double t) { return p->v + p->rate * (t - p->begin); }
 
-/* v until now: where it jumps, the earlier value. */
+/* Return v up to now: at a jump, the earlier value. */
 static double until_now(const Model *m)
 {
     const struct memory *const past = &m->memory;
@@ -49,22 +49,22 @@ static double begin_of(const void *past, int64_t i)
     return of->ring[(of->first + i) % PIECES].begin;
 }
 
-/* v(t - tauL); where v jumps, the later value, also for times that differ by rounding. */
+/* Return v(t - tauL): at a jump, the later value, even if the times differ by rounding. */
 static double delayed(const Model *m)
 {
     const struct memory *const past = &m->memory;
     const double t = m->time - m->tauL, later = t + 1e-9 * m->tauL + 1e-15 * fabs(m->time);
     if (m->tauL == 0.0)
         return m->v;
-    const int last = (int)last_not_above(begin_of, past, -1, past->count, later); /* piece that has begun */
+    const int last = (int)last_not_above(begin_of, past, -1, past->count, later); /* segment that has begun */
     const struct piece at_rest = {0.0, 0.0, 0.0}, oldest = {0.0, past->ring[past->first].v, 0.0};
     if (last < 0)
         return along(past->forgot ? &oldest : &at_rest, t);
     return along(&past->ring[(past->first + last) % PIECES], t);
 }
 
-/* Joins neighbours whose common duration is at most four times the mean one, at least a quarter of the pieces: by the
-   line through their mean values, which keeps the distance. */
+/* Join neighbours whose total duration is at most four times the mean duration, at least a quarter of the segments, by
+   the line through their mean values, which preserves the distance. */
 static void thin_out(struct memory *past, double now)
 {
     const double longest = 4.0 * (now - piece(past, 0)->begin) / (double)PIECES;
@@ -84,7 +84,7 @@ static void thin_out(struct memory *past, double now)
     past->thinned++;
 }
 
-/* Adds v of the step from now over h, unless it continues the last piece. */
+/* Append v for the step from now over h, unless it continues the last segment. */
 static void remember(Model *m, double h)
 {
     struct memory *const past = &m->memory;

@@ -14,12 +14,12 @@ static Taylor cubic(const void *data, double t)
                     .slope = c[1] + t * (2.0 * c[2] + t * 3.0 * c[3])};
 }
 
-/* First time within h at which the cubic, not positive at 0, becomes positive; INF if never. */
+/* Return the first time within h at which the cubic, which is not positive at 0, becomes positive, or INF. */
 static double first_rise(const double *c, double h)
 {
     double ends[4] = {0.0, h, h, h};
     int n = 1;
-    /* it is monotone between the roots of 3 c3 t^2 + 2 c2 t + c1 */
+    /* the cubic is monotone between the roots of 3 c3 t^2 + 2 c2 t + c1 */
     const double discriminant = c[2] * c[2] - 3.0 * c[3] * c[1];
     if (discriminant > 0.0) {
         const double q = -(c[2] + copysign(sqrt(discriminant), c[2]));
@@ -40,8 +40,8 @@ static double first_rise(const double *c, double h)
     return INF;
 }
 
-/* Time until kt d in the direction s reaches Fc + Fs(t2), INF if not within h: (kt s d - Fc - Fs_last) (t2 + gamma) -
-   (Fs_inf - Fs_last) t2 = 0 with d of second and t2 of first degree in time. */
+/* Return the time until kt d in the direction s reaches Fc + Fs(t2), or INF if not within h: (kt s d - Fc - Fs_last)
+   (t2 + gamma) - (Fs_inf - Fs_last) t2 = 0, where d is quadratic and t2 linear in time. */
 static double time_to_break_away(const Model *m, const Contact *c, double s, double h)
 {
     const double over = m->kt * s * c->d - m->Fc - c->Fs_last, rise = m->Fs_inf - c->Fs_last;

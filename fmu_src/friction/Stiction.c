@@ -1,20 +1,20 @@
-/* Stiction: static friction above Coulomb friction; at rest the external force decides.
+/* Stiction: static friction above Coulomb friction; at rest, friction balances the external force.
 
    Morin: Memoires de mathematique et de physique, 1833, for the higher force at rest; the equations are (4) and the
-   ones before it of Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4(3), 1998.
+   preceding ones of Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4(3), 1998.
 
        v != 0:  F = load Fc sign(v) + Fv v
        v  = 0:  F = F_ext, |F| <= load Fs
        load = max(Fn, 0) / Fn0
 
-   F_ext is the sum of all other forces on the mass; a block from velocity to force alone cannot know the force at
-   rest. Without F_ext, F is 0 at v = 0. Fs < Fc is allowed.
+   F_ext is the sum of all other forces on the mass, as the velocity alone does not determine the force at rest. If
+   F_ext is not connected, F is 0 at v = 0. Fs < Fc is allowed.
 
    Use it for break-away: whether and when a load starts to move.
 
-   Limits: the force falls from Fs to Fc at once, as the Stribeck effect does not exist; no presliding. F jumps at v =
-   0, so a mass stopped by it in discrete steps oscillates about v = 0 with the amplitude F h / m; KarnoppMass and
-   SwitchMass contain the mass and stop it exactly. */
+   Limits: the force drops from Fs to Fc instantaneously, without Stribeck effect; no presliding. F jumps at v = 0, so a
+   mass stopped by it in discrete steps oscillates about v = 0 with the amplitude F h / m; KarnoppMass and SwitchMass
+   contain the mass and stop it exactly. */
 
 /* @article{Olsson1998,
      author  = {Olsson, H. and {\AA}str{\"o}m, K. J. and Canudas de Wit, C. and G{\"a}fvert, M. and Lischinsky, P.},
@@ -25,7 +25,7 @@
 #define MODEL    Stiction
 #define SUMMARY  "Stiction, Coulomb and viscous friction"
 #define SOURCE   "Morin 1833; Olsson and others, European Journal of Control 4(3), 1998, eq. (4)"
-#define STATUS   "equation (4) of Olsson et al. 1998, and the ones before it"
+#define STATUS   "equation (4) of Olsson et al. 1998 and the preceding ones"
 #define FEATURES "rate dependent, needs force"
 #define NEEDS    "known forces"
 

@@ -1,24 +1,25 @@
-/* Static friction: Coulomb, viscous and Stribeck, with an offset. At rest the external force decides.
+/* Static friction model: Coulomb, viscous and Stribeck friction with an offset. At rest, friction balances the external
+   force.
 
    Tustin: IEE Journal 94(2A), 1947 (delta = 1); Bo, Pavelescu: Wear 82, 1982 (any delta); Armstrong-Helouvry,
    Dupont, Canudas de Wit: Automatica 30(7), 1994 (delta = 2). The force at rest is equation (4) of Olsson, Astrom,
    Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4, 1998.
 
        v != 0:  F = load g(v) sign(v) + Fv v + offset
-       v  = 0:  F = F_ext, at most load Fs away from the offset
+       v  = 0:  F = F_ext, |F - offset| <= load Fs
        shape 0: g(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta)
        shape 1: g(v) = Fc + (Fs - Fc) / (1 + |v/vs|^delta)
        load = max(Fn, 0) / Fn0
 
-   Fs = Fc is Coulomb and viscous friction; Fs < Fc, friction that grows with speed, is allowed. With asymmetric,
-   v < 0 has its own set of parameters. Shape 1, the Lorentzian curve, is that of Hess, Soom: Journal of Tribology
-   112(1), 1990, who found delta = 2 for lubricated line contacts; its tail is longer.
+   Fs = Fc is Coulomb and viscous friction; Fs < Fc (friction that grows with speed) is allowed. With asymmetric, v < 0
+   has its own set of parameters. Shape 1, the Lorentzian curve, is from Hess, Soom: Journal of Tribology 112(1), 1990,
+   who found delta = 2 for lubricated line contacts; its tail is longer.
 
-   Use it for motion without presliding: identification from steady velocities, feedforward, the curve that the bristle
-   models have at constant velocity.
+   Use it for motion without presliding: identification from steady velocities, feedforward, and the curve of bristle
+   models at constant velocity.
 
    Limits: F jumps at v = 0, so a mass stopped by it in discrete steps oscillates about v = 0 with the amplitude F h /
-   m. F_ext is the sum of all other forces on the mass, needed only to hold it at v = 0. */
+   m. F_ext is the sum of all other forces on the mass; it is only needed to hold the mass at v = 0. */
 
 /* @article{ArmstrongHelouvry1994,
      author  = {Armstrong-H{\'e}louvry, B. and Dupont, P. and Canudas de Wit, C.},
@@ -51,7 +52,7 @@
     PARAMETER(Fv,         DAMPING,  0.4,  0.0,   INF,    "viscous coefficient")                             \
     PARAMETER(vs,         VELOCITY, 1e-3, 1e-12, INF,    "Stribeck velocity")                               \
     PARAMETER(delta,      NO_UNIT,  2.0,  1e-3,  100.0,  "Stribeck exponent")                               \
-    COUNT    (shape,      0,        0,     1,            "of the Stribeck curve, 0: exponential, 1: Lorentzian") \
+    COUNT    (shape,      0,        0,     1,            "shape of the Stribeck curve; 0: exponential, 1: Lorentzian") \
     PARAMETER(Fn0,        "N",      1.0,  1e-12, INF,    "normal force for which the parameters are valid") \
     PARAMETER(offset,     FORCE,    0.0,  -INF,  INF,    "constant force, for example of an amplifier offset") \
     SWITCH   (asymmetric, 0,                             "v < 0 uses the parameters with the suffix _neg")  \
@@ -72,7 +73,7 @@
 #include "load.h"
 #include "stribeck.h"
 
-/* Friction at steady sliding, of the set of parameters for the direction of v. */
+/* Return the friction in steady sliding, from the parameters for the direction of v. */
 static double level(const Model *m)
 {
     GIVEN(m)

@@ -1,8 +1,8 @@
-/* A mass on a belt with friction by Leine's switch model: slip, transition and stick, each a smooth equation.
+/* A mass on a belt with friction by the switch model of Leine: smooth equations for slip, transition and stick.
 
    Leine, Van Campen, De Kraker, Van den Steen: Nonlinear Dynamics 16, 1998. A mass m is held by a spring k and dragged
-   by a belt that moves at v_belt. Which equation holds is decided by a narrow band |v_r| <= eta of the relative
-   velocity v_r = v - v_belt and by the force P that friction needs for sticking:
+   by a belt with the velocity v_belt. A narrow band |v_r| <= eta of the relative velocity v_r = v - v_belt and the
+   force P that is needed for sticking select the equation:
 
        P = F_load - k x - m dv_belt/dt
        slip:        |v_r| >  eta
@@ -14,18 +14,19 @@
        m dv/dt = F_load - k x - F;  dx/dt = v, in stick dx/dt = v_belt
        load = max(Fn, 0) / Fn0
 
-   In stick the relative velocity is driven to zero at the rate sqrt(k/m), dv/dt = dv_belt/dt - v_r sqrt(k/m); setting
-   it to zero would let x drift. The paper has ratio = 0, a belt at constant velocity and no F_load; P with the
-   acceleration of the belt and ratio, the part of friction that speed does not reduce, are added here.
+   In stick, the relative velocity decays to zero at the rate sqrt(k/m), dv/dt = dv_belt/dt - v_r sqrt(k/m); setting it
+   to zero would cause a drift of x. The paper has ratio = 0, a belt with constant velocity and no F_load. This block
+   adds the acceleration of the belt in P, and ratio, the fraction of friction that does not decrease with speed.
 
-   Stick is stepped in closed form, slip and transition are integrated with error control, and the switches are
+   Stick is stepped in closed form, slip and transition are integrated with error control, and the switching points are
    located inside the step.
 
-   Use it to study stick-slip vibration and its bifurcations: nothing is smoothed, nothing is stiff.
+   Use it to study stick-slip vibration and its bifurcations without smoothing and without stiff equations.
 
-   Limits: errors are of first order in eta, of order sqrt(eta) if friction drops at once (delta very large); the period
-   of the oscillator of the paper is 12.0627 s, 12.0040 s and 12.00114 s for eta = 1e-2, 1e-3 and 1e-4 m/s, and 12.00103
-   s for an ideal switch. eta has to be small compared with v_belt. One contact, with the mass inside; no presliding. */
+   Limits: errors are of first order in eta, or of order sqrt(eta) if friction drops abruptly (very large delta). The
+   period of the oscillator in the paper is 12.0627 s, 12.0040 s and 12.00114 s for eta = 1e-2, 1e-3 and 1e-4 m/s, and
+   12.00103 s for an ideal switch. eta must be small compared with v_belt. The block contains the mass and a single
+   contact. No presliding. */
 
 /* @article{Leine1998,
      author  = {Leine, R. I. and Van Campen, D. H. and De Kraker, A. and Van den Steen, L.},
@@ -34,7 +35,7 @@
      volume  = {16}, number = {1}, pages = {41--54}, year = {1998}} */
 
 #define MODEL    SwitchMass
-#define SUMMARY  "Mass, spring and belt with Leine's switch model of friction"
+#define SUMMARY  "Mass, spring and belt with the switch model of friction by Leine"
 #define SOURCE   "Leine, Van Campen, De Kraker, Van den Steen, Nonlinear Dynamics 16, 1998"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "drift-free, Stribeck, rate dependent, mass inside"
@@ -49,14 +50,14 @@
     STATE_OUTPUT(v,      VELOCITY, v0,    1.0,       "velocity")                                            \
     OUTPUT      (F,      FORCE,                      "friction force, opposes the relative velocity")       \
     LOCAL       (v_r,    VELOCITY,                   "relative velocity, v - v_belt")                       \
-    FLAG        (stuck,                              "the equation of stick holds")                         \
-    FLAG        (slipping,                           "the equation of slip holds; neither: transition")     \
+    FLAG        (stuck,                              "the stick equation is active")                        \
+    FLAG        (slipping,                           "the slip equation is active; neither: transition")    \
     PARAMETER   (m,      MASS,      1.0,  1e-12, INF, "mass")                                               \
     PARAMETER   (k,      STIFFNESS, 1.0,  1e-12, INF, "stiffness of the spring to the ground")              \
     PARAMETER   (Fs,     FORCE,     1.0,  0.0,   INF, "static friction at Fn0")                             \
     PARAMETER   (delta,  "s/" LENGTH, 3.0, 0.0,  INF, "decrease of friction with the relative velocity")    \
-    PARAMETER   (ratio,  NO_UNIT,   0.0,  0.0,   1.0, "of friction at high speed to static friction")       \
-    PARAMETER   (eta,    VELOCITY,  1e-6, 1e-12, INF, "half width of the band of relative velocity")        \
+    PARAMETER   (ratio,  NO_UNIT,   0.0,  0.0,   1.0, "ratio of friction at high speed to static friction") \
+    PARAMETER   (eta,    VELOCITY,  1e-6, 1e-12, INF, "half width of the relative-velocity band")           \
     PARAMETER   (Fn0,    "N",       1.0,  1e-12, INF, "normal force for which the parameters are valid")    \
     FIXED       (x0,     LENGTH,    0.0,  -INF,  INF, "initial position")                                   \
     FIXED       (v0,     VELOCITY,  0.2,  -INF,  INF, "initial velocity")
@@ -64,10 +65,10 @@
 
 enum phase { BY_STATE, STICK, TRANSITION, SLIP };
 
-/* The equation that holds is a function of the state, but fixed while a step looks for the end of its validity. */
+/* The active equation is a function of the state, but fixed while a step searches for the end of its validity. */
 struct fixed {
     int phase;
-    double s; /* direction of slip or of the needed force */
+    double s; /* direction of slip or of the required force */
 };
 
 #define STEPS_BY step
@@ -77,12 +78,12 @@ struct fixed {
 #include "block.h"
 #include "load.h"
 
-/* Nothing is fixed between two steps. */
+/* Return whether the state selects the equation, as is the case between two steps. */
 static bool is_by_state(const Model *model) { return model->memory.phase == BY_STATE && model->memory.s == 0.0; }
 
 static double static_friction(const Model *model) { return load_of(model->Fn, model->Fn0) * model->Fs; }
 
-/* P: what friction has to be for the mass to follow the belt. */
+/* Return P, the friction force with which the mass follows the belt. */
 static double needed(const Model *model)
 {
     GIVEN(model)

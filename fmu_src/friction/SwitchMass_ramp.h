@@ -1,5 +1,5 @@
-/* Steps of SwitchMass.c: stick in closed form, slip and transition by integration up to the next switch. Included at
-   its end. */
+/* Steps of SwitchMass.c: stick in closed form, slip and transition by integration up to the next switching point.
+   Included at its end. */
 
 #ifndef SWITCH_MASS_RAMP_H
 #define SWITCH_MASS_RAMP_H
@@ -9,10 +9,10 @@
 
 /* ---- stick -------------------------------------------------------------------------------------------------- */
 
-/* First time at which a t^2 + b t + c, not positive at 0, becomes positive; INF if never. */
+/* Return the first time at which a t^2 + b t + c, which is not positive at 0, becomes positive, or INF. */
 static double rises(double a, double b, double c)
 {
-    if (c >= 0.0) /* at most by rounding */
+    if (c >= 0.0) /* positive at most by rounding */
         return b > 0.0 || (b == 0.0 && a > 0.0) ? 0.0 : a > 0.0 ? -b / a : INF;
     const double root = squared_speed_after(-c, b, 2.0 * a);
     if (root < 0.0 || (a <= 0.0 && b <= 0.0))
@@ -20,7 +20,7 @@ static double rises(double a, double b, double c)
     return b > 0.0 ? time_between(-c, b, sqrt(root)) : (sqrt(root) - b) / (2.0 * a);
 }
 
-/* Sticks for at most h; the time after which the needed force passes Fs in the direction s, or h. */
+/* Stick for at most h; return the time after which the required force exceeds Fs in the direction s, or h. */
 static double stick(Model *model, double h, double *s)
 {
     GIVEN(model)
@@ -46,8 +46,8 @@ static double stick(Model *model, double h, double *s)
 
 /* ---- slip and transition ------------------------------------------------------------------------------------ */
 
-/* Positive once the equation is no longer valid: slip until the band is met, transition until it is left or the
-   needed force has fallen to Fs, `*inside`. */
+/* Return a positive value once the equation is no longer valid: slip ends at the band; transition ends when the band is
+   left or the required force has decreased to Fs (`*inside`). */
 static double invalid(const Model *model, bool *inside)
 {
     const double s = model->memory.s, beyond = s * (model->v - model->v_belt) - model->eta;
@@ -59,7 +59,7 @@ static double invalid(const Model *model, bool *inside)
     return held > 0.0 ? held : beyond;
 }
 
-/* The equation's validity at the state y, t after the inputs of `at`. */
+/* Return the validity of the equation at the state y, at the time t after the inputs of `at`. */
 static double invalid_at(const Model *at, Model *work, double t, const double *y, bool *inside)
 {
     inputs_after(at, work, t);
@@ -67,7 +67,7 @@ static double invalid_at(const Model *at, Model *work, double t, const double *y
     return invalid(work, inside);
 }
 
-/* The rate at which slip comes closer to the band. */
+/* Return the rate at which slip approaches the band. */
 static double approach(const Model *at, Model *work, double t, const double *y)
 {
     double f[ALL_STATES];
@@ -75,8 +75,8 @@ static double approach(const Model *at, Model *work, double t, const double *y)
     return -at->memory.s * (f[1] - at->slope[INPUT_v_belt]);
 }
 
-/* Ends the inner step from (s, y), of size *t at first, where the equation stops to be valid: false position with
-   halved weights, on the size of the step. */
+/* End the inner step from (s, y), initially of size *t, where the equation ceases to be valid: false position with
+   halved weights on the size of the step. */
 static void locate(const Model *at, Model *work, double s, const double *y, double *t, double *y_end, bool *inside)
 {
     const double nominal[ALL_STATES] = {1.0, 1.0}, resolution = 1e-14 * *t;
@@ -84,7 +84,7 @@ static void locate(const Model *at, Model *work, double s, const double *y, doub
     double y_trial[ALL_STATES];
     const double f_begin = invalid_at(at, work, s, y, &inside_trial),
                  f_end = invalid_at(at, work, s + *t, y_end, inside);
-    /* not negative at the beginning only by rounding */
+    /* nonnegative at the beginning only by rounding */
     Bracket b = {0.0, *t, f_begin >= 0.0 ? -f_end : f_begin, f_end, 0};
     for (int i = 0; i < 100 && b.high - b.low > resolution; i++) {
         const double trial = kept_inside(secant(b.low, b.f_low, b.high, b.f_high), b.low, b.high);
@@ -103,8 +103,8 @@ static void locate(const Model *at, Model *work, double s, const double *y, doub
     *t = b.high;
 }
 
-/* Integrates the equation until it is no longer valid, for at most h; the time taken, -1 if that fails or takes more
-   inner steps than are left. */
+/* Integrate the equation until it is no longer valid, for at most h; return the elapsed time, or -1 if this fails or
+   takes more inner steps than are left. */
 static double slide(Model *model, double h, long *left, bool *ended, bool *inside)
 {
     const double nominal[ALL_STATES] = {1.0, 1.0};
@@ -127,7 +127,7 @@ static double slide(Model *model, double h, long *left, bool *ended, bool *insid
         }
         *ended = invalid_at(model, &work, s + t, y_new, inside) > 0.0;
         if (model->memory.phase == SLIP && !*ended) {
-            /* if the band may be met and left again in between, the step ends where slip is closest to it */
+            /* if the band may be reached and left again in between, end the step where slip is closest to it */
             bool unused;
             const double distance = -invalid_at(model, &work, s, y, &unused);
             const double begin = approach(model, &work, s, y);
@@ -151,7 +151,7 @@ static double slide(Model *model, double h, long *left, bool *ended, bool *insid
     return fmin(s, h);
 }
 
-/* The velocity at the edge of the band: within it, or just outside. */
+/* Return the velocity at the edge of the band: within it, or just outside. */
 static double at_edge(double v_belt, double s, double eta, bool outside)
 {
     double v = v_belt + s * eta;
@@ -191,7 +191,7 @@ static bool step(Model *model, double h)
             *now = (struct fixed){SLIP, s};
         }
     }
-    for (int i = 0; i < INPUTS; i++) /* which the caller moves */
+    for (int i = 0; i < INPUTS; i++) /* the caller advances the inputs */
         *value_of(model, inputs[i]) = ((const double *)(const void *)&begin)[inputs[i]];
     model->memory = begin.memory;
     return rest <= 0.0 ? true : too_much(model);

@@ -1,4 +1,4 @@
-/* Tustin's friction: stiction that falls off exponentially with speed to Coulomb friction, and viscous friction.
+/* Tustin friction: static friction that decreases exponentially with speed to Coulomb friction, and viscous friction.
 
    Tustin: Journal of the Institution of Electrical Engineers 94(2A), 1947. The force at rest is equation (4) of Olsson,
    Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4(3), 1998.
@@ -8,11 +8,12 @@
        g(v) = Fc + (Fs - Fc) exp(-|v| / vs)
        load = max(Fn, 0) / Fn0
 
-   It is Stribeck with the exponent delta = 1. The term with Fs - Fc has the sign of v: printed without it, as in
-   some texts, it would push in one direction for either sign of v. F_ext is the sum of all other forces on the mass.
+   It equals Stribeck with the exponent delta = 1. The term with Fs - Fc has the sign of v; without the sign, as printed
+   in some texts, it would act in the same direction for both signs of v. F_ext is the sum of all other forces on the
+   mass.
 
-   Use it for stick-slip of servo drives at low speed: at v = 0+ the force falls with the finite slope -(Fs - Fc) / vs,
-   which decides on stability there, where the Gaussian curve (delta = 2) has slope zero.
+   Use it for stick-slip of servo drives at low speed: at v = 0+, the force decreases with the finite slope -(Fs - Fc) /
+   vs, which determines stability there; the Gaussian curve (delta = 2) has slope zero.
 
    Limits: no presliding. F jumps at v = 0, so a mass stopped by it in discrete steps oscillates about v = 0 with the
    amplitude F h / m. */
@@ -40,7 +41,7 @@
     PARAMETER(Fc,    FORCE,    1.0,  0.0,   INF,  "Coulomb friction at Fn0")                                \
     PARAMETER(Fs,    FORCE,    1.5,  0.0,   INF,  "static friction at Fn0, may be below Fc")                \
     PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                    \
-    PARAMETER(vs,    VELOCITY, 1e-3, 1e-12, INF,  "velocity over which stiction falls off")                 \
+    PARAMETER(vs,    VELOCITY, 1e-3, 1e-12, INF,  "velocity scale of the decay of static friction")         \
     PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force for which the parameters are valid")
 
 #define CONTACT     \

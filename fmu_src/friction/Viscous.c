@@ -1,16 +1,16 @@
 /* Viscous friction: the force of a lubricating film, proportional to the velocity or to a power of it.
 
-   Reynolds: Philosophical Transactions of the Royal Society 177, 1886, for delta_v = 1. The power, which fits data
+   Reynolds: Philosophical Transactions of the Royal Society 177, 1886, for delta_v = 1. The power law, which fits data
    better, is equation (3) of Olsson, Astrom, Canudas de Wit, Gaefvert, Lischinsky: European Journal of Control 4(3),
    1998.
 
        F = Fv |v|^delta_v sign(v)
 
    With delta_v = 1, the start value, Fv is in N.s/m; in general in N (s/m)^delta_v. F does not depend on a normal
-   force: contact forces scale with it in this catalogue, film forces do not.
+   force: in this catalogue, contact forces scale with the normal force, film forces do not.
 
-   Use it alone for fully lubricated bearings and air, and beside a contact model; the other models of this catalogue
-   have a linear viscous part of their own.
+   Use it alone for fully lubricated bearings and air drag, or together with a contact model; most other models of this
+   catalogue have their own linear viscous friction.
 
    Limits: no force at rest, so nothing sticks. For delta_v < 1 the slope at v = 0 is infinite; delta_v = 0 is Coulomb
    friction with F = 0 at rest. */

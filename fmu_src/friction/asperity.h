@@ -1,5 +1,4 @@
-/* The pieces of GenericAsperity.c that know nothing of the block: the motion of the slider, slip on a
-   sinusoidal profile. */
+/* Parts of GenericAsperity.c that do not depend on the block: motion of the slider, slip on a sinusoidal profile. */
 
 #ifndef ASPERITY_H
 #define ASPERITY_H
@@ -11,7 +10,7 @@
 #include "ramp.h"
 #include "roots.h"
 
-/* How the slider moves on from now: b += v t + a t^2/2, to one side (1, -1) or not at all (0). */
+/* Motion of the slider from now on: b += v t + a t^2/2, to one side (1, -1) or none (0). */
 typedef struct {
     double v, a, rest;
     int side;
@@ -19,7 +18,7 @@ typedef struct {
 
 static inline double way_in(const Course *c, double t) { return path_after(c->v, c->a, t); }
 
-/* The time in which the slider moves by `way` (to its side); INFINITY if it does not within the rest. */
+/* Return the time in which the slider moves by `way` (to its side), or INFINITY if not within the remaining time. */
 static inline double time_for(const Course *c, double way)
 {
     if (way * c->side <= 0.0)
@@ -43,7 +42,7 @@ typedef struct {
 static inline double reach(const Surface *f, double p) { return f->h + f->A * cos(f->k * p); }
 static inline double incline(const Surface *f, double p) { return -f->A * f->k * sin(f->k * p); }
 
-/* g(p) = p + N (w' + s mu0)/k_t, the place of the base in slip, its slope along p, a bound of |g''|. */
+/* Return g(p) = p + N (w' + s mu0)/k_t, the position of the base in slip, with its slope and a bound of |g''|. */
 static inline Taylor balance(const Surface *f, int s, double p)
 {
     const double A = f->A, k = f->k, ratio = f->k_n / f->k_t, w = A * cos(k * p), up = -A * k * sin(k * p);
@@ -59,7 +58,7 @@ typedef struct {
     int s;
 } Slip;
 
-/* How far the tip is ahead of balance with its base. */
+/* Return the distance by which the tip is ahead of balance with its base. */
 static inline Taylor ahead(const void *data, double x)
 {
     const Slip *const slip = (const Slip *)data;
@@ -68,7 +67,7 @@ static inline Taylor ahead(const void *data, double x)
     return g;
 }
 
-/* -g', which is zero where slip becomes unstable; a bound of |g'''| */
+/* Return -g', which is zero where slip becomes unstable, and a bound of |g'''|. */
 static inline Taylor instability(const void *data, double x)
 {
     const Slip *const slip = (const Slip *)data;
@@ -80,14 +79,14 @@ static inline Taylor instability(const void *data, double x)
                     ratio * A * k * k * k * (4.0 * A * k + f->mu0 + (f->h + A) * k)};
 }
 
-/* The angle in [0, 2 pi) from one to the other. */
+/* Return the angle in [0, 2 pi) from one to the other. */
 static inline double turn(double from, double to)
 {
     const double angle = fmod(to - from, TWO_PI);
     return angle < 0.0 ? angle + TWO_PI : angle;
 }
 
-/* How far it is to the side s until a tip at p meets the profile, or loses it: at cos(k p) = -h/A. */
+/* Return the distance to the side s after which a tip at p reaches or loses the profile: at cos(k p) = -h/A. */
 static inline double to_next_contact(const Surface *f, int s, double p)
 {
     return turn(s * f->k * p, -acos(-f->h / f->A)) / f->k;
@@ -102,19 +101,20 @@ static inline double to_last_contact(const Surface *f, int s, double p)
     return turn(s * f->k * p, acos(-f->h / f->A)) / f->k;
 }
 
-/* The deflection in balance. */
+/* Return the deflection in balance. */
 static inline double balanced(const Surface *f, int s, double p)
 {
     return f->k_n / f->k_t * reach(f, p) * (incline(f, p) + s * f->mu0);
 }
 
 typedef struct {
-    double p, base; /* of the tip and its base */
-    bool lost;      /* contact is lost there   */
+    double p, base; /* positions of the tip and its base */
+    bool lost;      /* contact is lost there */
 } SlipEnd;
 
-/* Slip to the side s: on to the first place of balance with a base at `base`, or until contact is lost. A tip that
-   the slider drives loses it where slip becomes unstable, too; one that snaps forward runs on to the next balance. */
+/* Slip to the side s up to the first position of balance with a base at `base`, or until contact is lost. A tip driven
+   by the slider also loses contact where slip becomes unstable; a tip that springs forward continues to the next
+   balance. */
 static inline SlipEnd slip_to(const Surface *f, int s, double p, double base, bool driven, double *left)
 {
     if (f->A == 0.0)
@@ -136,11 +136,11 @@ static inline SlipEnd slip_to(const Surface *f, int s, double p, double base, bo
             p = slip.from + s * gone;
             return (SlipEnd){p, p, true};
         }
-        /* nothing happens over a whole wavelength, so neither over the next ones */
+        /* no event in a whole wavelength means none in the next ones */
         const double whole = floor(s * (base - balance(f, s, slip.from).value) / wavelength);
         const double before = slip.from;
         slip.from += s * wavelength * fmax(whole, 1.0);
-        if (slip.from == before || !(fabs(slip.from) < INFINITY)) /* so far away that the rounding hides the profile */
+        if (slip.from == before || !(fabs(slip.from) < INFINITY)) /* so far away that rounding hides the profile */
             return (SlipEnd){slip.from, base, false};
     }
 }

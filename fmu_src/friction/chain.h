@@ -1,11 +1,11 @@
-/* A chain of unit masses on springs over a periodic substrate: what Frenkel-Kontorova and Frenkel-Kontorova-Tomlinson
-   share. Unit mass, unit period of the substrate.
+/* A chain of masses connected by springs on a periodic substrate, shared by Frenkel-Kontorova and
+   Frenkel-Kontorova-Tomlinson. Unit mass, unit period of the substrate.
 
        x_j'' = k (x_j+1 - 2 x_j + x_j-1) - (K / 2 pi) sin(2 pi x_j) + kappa (X + j c - x_j) + F_drive - damping x_j'
 
-   Kept are the displacements u_j = x_j - j c - turns, whose differences are exact however far the chain has gone; the
-   whole number `turns` of periods changes nothing but the rounding. c is the rest length of the springs; in a ring
-   x_j+N = x_j + N c, where N c is a whole number. */
+   The states are the displacements u_j = x_j - j c - turns, whose differences are exact however far the chain has
+   moved; the integer number `turns` of periods only affects rounding. c is the rest length of the springs; in a ring,
+   x_j+N = x_j + N c, where N c is an integer. */
 
 #ifndef CHAIN_H
 #define CHAIN_H
@@ -15,11 +15,11 @@
 #include "ramp.h"
 
 struct chain {
-    bool ready;           /* it has been laid out and has moved            */
-    double time;          /* [s] of y                                      */
-    double turns;         /* whole periods taken out of the displacements  */
-    double place[MASSES]; /* j c modulo 1                                  */
-    double y[2 * MASSES]; /* n displacements u_j, then n velocities        */
+    bool ready;           /* initialised and stepped */
+    double time;          /* [s] of y */
+    double turns;         /* whole periods removed from the displacements */
+    double place[MASSES]; /* j c modulo 1 */
+    double y[2 * MASSES]; /* n displacements u_j, then n velocities */
 };
 
 struct surroundings {
@@ -28,13 +28,13 @@ struct surroundings {
     bool ring;
     double k, K, kappa, damping;
     double X, X_rate, X_curvature; /* the slider, without the turns: X + X_rate s + X_curvature s^2 / 2 */
-    double F, F_rate;              /* force on each mass: F + F_rate s                                  */
+    double F, F_rate;              /* force on each mass: F + F_rate s */
 };
 
-/* The number of periods per mass: in a ring of n masses a multiple of 1/n. */
+/* Return the number of periods per mass, which in a ring of n masses is a multiple of 1/n. */
 static inline double spacing(int n, bool ring, double winding) { return ring ? floor(winding * n + 0.5) / n : winding; }
 
-/* Evenly spaced masses at rest, with one mode of the chain deflected. */
+/* Initialise evenly spaced masses at rest, with a deflection of one mode. */
 static inline void lay_chain(struct chain *c, int n, bool ring, double winding, double amplitude, int mode)
 {
     const double whole = floor(winding * n + 0.5);
@@ -46,7 +46,7 @@ static inline void lay_chain(struct chain *c, int n, bool ring, double winding, 
     }
 }
 
-/* sin and cos of the substrate take the phase within half a period. */
+/* Return the phase for sin and cos of the substrate, within half a period. */
 static inline double phase(const struct chain *c, const double *y, int j)
 {
     const double x = y[j] + c->place[j];
@@ -68,7 +68,8 @@ static inline void pull(const void *system, double s, const double *y, double *a
     }
 }
 
-/* Moves the chain over h from `time`; takes whole periods out of the displacements first. False as move_masses. */
+/* Move the chain over h from `time`, after removing whole periods from the displacements. Returns false like
+   move_masses. */
 static inline bool move_chain(struct chain *c, struct surroundings *at, double time, double h, double tolerance,
                               double *inner, double *left)
 {
@@ -91,15 +92,15 @@ static inline bool move_chain(struct chain *c, struct surroundings *at, double t
     return move_masses(&d, c->y, h, inner);
 }
 
-/* What is seen of the chain, per mass. */
+/* Outputs of the chain, per mass. */
 struct view {
-    double u, v, a;   /* mean displacement since the start, mean velocity and acceleration     */
-    double substrate; /* mean force of the substrate against positive motion                   */
-    double slider;    /* mean force of the slider                                              */
+    double u, v, a;   /* mean displacement since the start, mean velocity and acceleration */
+    double substrate; /* mean force of the substrate against positive motion */
+    double slider;    /* mean force of the slider */
     double energy;    /* kinetic, of the springs, of the substrate, and of the slider's springs */
 };
 
-/* The chain at `time`: where it is, or as it goes on from there, for derivatives with respect to time. */
+/* Return the chain at `time`: its state, or its extrapolation for derivatives with respect to time. */
 static inline struct view view_chain(const struct chain *c, const struct surroundings *given_at, double time)
 {
     struct surroundings at = *given_at;
@@ -111,7 +112,7 @@ static inline struct view view_chain(const struct chain *c, const struct surroun
 
     at.chain = c;
     at.X -= c->turns;
-    if (s != 0.0) { /* X and F are those of `time` */
+    if (s != 0.0) { /* X and F are given at `time` */
         pull(&at, 0.0, c->y, a);
         for (int j = 0; j < n; j++) {
             moved[j] = c->y[j] + s * (c->y[n + j] + 0.5 * s * a[j]);

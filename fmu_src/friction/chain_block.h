@@ -1,6 +1,6 @@
-/* The end of a block of a chain, which Frenkel-Kontorova and Frenkel-Kontorova-Tomlinson share: how the chain is laid
-   out, moved and seen. Included after block.h by a block with the rows N, periodic, winding, amplitude, mode,
-   acceleration, energy, ratio and atom, which says by `around` what pulls at the chain. */
+/* Shared end of the blocks Frenkel-Kontorova and Frenkel-Kontorova-Tomlinson: initialisation, steps and outputs of the
+   chain. Included after block.h by a block with the rows N, periodic, winding, amplitude, mode, acceleration, energy,
+   ratio and atom, which defines the external forces on the chain by `around`. */
 
 #ifndef CHAIN_BLOCK_H
 #define CHAIN_BLOCK_H
@@ -22,7 +22,7 @@ static void lay(const Model *m, struct chain *c)
     c->ready = false;
 }
 
-/* What is seen of the chain now; the outputs that all chains have are written. */
+/* Return the current outputs of the chain, and write those that all chains have. */
 static struct view see(Model *m)
 {
     GIVEN(m)

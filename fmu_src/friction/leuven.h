@@ -1,4 +1,4 @@
-/* Leuven's model as Leuven.c describes it, for all blocks with its parameters, its MEMORY, an input or state v, and
+/* The Leuven model as described in Leuven.c, for all blocks with its parameters, its MEMORY, an input or state v, and
    the results F, Fh, Fb, z, der_z, depth, sliding and stack_overflow. Included after block.h. */
 
 #ifndef LEUVEN_H
@@ -16,7 +16,7 @@ static bool are_reversals(const Model *m)
            all_finite(memory->force, (size_t)memory->depth);
 }
 
-/* Where the contact is on its hysteresis curve, along the direction of motion `side`. */
+/* Position of the contact on its hysteresis curve, in the direction of motion `side`. */
 struct branch {
     double side, base, zeta; /* base = side Fb, zeta = side z */
     int depth;
@@ -25,13 +25,13 @@ struct branch {
 
 static double curve(const Model *m, double zeta) { return copysign(m->A * -expm1(-fabs(zeta) / m->zc), zeta); }
 
-/* The inverse; a force that the curve does not have is taken to be just below its limit. */
+/* Return the inverse of the curve; a force beyond its limit is replaced by one just below it. */
 static double inverse_curve(const Model *m, double force)
 {
     return copysign(-m->zc * log1p(-fmin(fabs(force) / m->A, 1.0 - 1e-15)), force);
 }
 
-/* Goes on along the branch that starts at the reversal point number `depth`. */
+/* Continue along the branch that starts at the reversal point number `depth`. */
 static void continue_on(const Model *m, struct branch *b, int depth)
 {
     const double force = b->base + curve(m, b->zeta);
@@ -40,13 +40,13 @@ static void continue_on(const Model *m, struct branch *b, int depth)
     b->zeta = inverse_curve(m, force - b->base);
 }
 
-/* The next point that closes a loop, along the direction of motion. */
+/* Return the next force that closes a loop, in the direction of motion. */
 static double closing_force(const Model *m, const struct branch *b)
 {
     return b->depth >= 2 ? b->side * m->memory.force[b->depth - 2] : INF;
 }
 
-/* What a level S makes of the branch at once: loops closed, sliding. */
+/* Apply the immediate effects of a level S on the branch: closed loops, sliding. */
 static void settle(const Model *m, struct branch *b, double S)
 {
     const double slack = 1e-14 * m->A;
@@ -57,7 +57,7 @@ static void settle(const Model *m, struct branch *b, double S)
         continue_on(m, b, 0);
 }
 
-/* The branch on which the contact moves when its velocity has the sign `side`: another one after a reversal. */
+/* Return the branch for a velocity with the sign `side`, which is a new one after a reversal. */
 static struct branch branch_of(const Model *m, double side)
 {
     GIVEN(m)

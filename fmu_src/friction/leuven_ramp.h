@@ -1,24 +1,24 @@
-/* Steps of Leuven's model over a held or linear velocity. Included at the end of leuven.h. */
+/* Steps of the Leuven model at constant or linear velocity. Included at the end of leuven.h. */
 
 #ifndef LEUVEN_RAMP_H
 #define LEUVEN_RAMP_H
 
 #include "relaxation.h"
 
-/* A piece of the step in which the contact stays on its branch. */
+/* A part of the step in which the contact stays on its branch. */
 struct piece {
     const Model *m;
     Motion motion;
-    double S; /* the level, if v is held */
+    double S; /* the level, if v is constant */
     double base, closing;
-    bool backwards; /* r < 0            */
+    bool backwards; /* r < 0 */
     bool flat;      /* |r|^n is negligible */
-    bool remembers; /* reversal points  */
+    bool remembers; /* there are reversal points */
 };
 
 static double piece_level(const struct piece *p, double s) { return level_along(p->m, &p->motion, p->S, s); }
 
-/* r; 1 where the level has been passed, beyond the end of the piece. */
+/* Return r, or 1 if the level has been passed beyond the end of the part. */
 static double piece_ratio(const struct piece *p, double s, double zeta)
 {
     const double distance = piece_level(p, s) - p->base, r = distance > 0.0 ? curve(p->m, zeta) / distance : 1.0;
@@ -34,7 +34,7 @@ static double piece_rate(double s, double zeta, const void *law)
     return speed * deflecting(piece_ratio(p, s, zeta), p->m->n, p->backwards);
 }
 
-/* Where the force is at the level, if nothing comes before that. */
+/* Return the deflection at which the force is at the level, if there is no earlier event. */
 static double piece_place(double s, double zeta, const void *law)
 {
     const struct piece *const p = (const struct piece *)law;
@@ -42,8 +42,8 @@ static double piece_place(double s, double zeta, const void *law)
     return inverse_curve(p->m, piece_level(p, s));
 }
 
-/* Not negative where a loop closes, sliding starts, r passes 0, where |r|^n has a kink, or that starts to count. All
-   are lengths. */
+/* Return a nonnegative length where a loop closes, sliding starts, r passes 0 (|r|^n has a kink there), or |r|^n ceases
+   to be negligible. */
 static double piece_goal(double s, double zeta, const void *law)
 {
     const struct piece *const p = (const struct piece *)law;
@@ -99,7 +99,7 @@ static bool follow_motion(Model *m, Motion motion)
         const double end = next < arrival && next > s ? next : arrival;
         const bool near = slope != 0.0 && !p.remembers && curve(m, b.zeta) > 0.9 * level &&
                           1.01 * fmax(level, piece_level(&p, end)) < A;
-        const double size = zc * (p.remembers ? level - b.base : fmax(Fs, Fc)) / A; /* of zeta where r = 1 */
+        const double size = zc * (p.remembers ? level - b.base : fmax(Fs, Fc)) / A; /* of zeta at r = 1 */
         const Law law = {piece_rate, piece_goal, near ? piece_place : NULL, &p, slope == 0.0, &budget};
         const int how = follow(m, &law, &s, &b.zeta, end, size, size * (p.flat ? 1.0 : sharpness(n)));
         if (how == FAILED)

@@ -1,9 +1,9 @@
-/* Elastic, perfectly plastic elements, which the hysteresis laws share. */
+/* Elastic, perfectly plastic elements, shared by the hysteresis models. */
 
 #ifndef MAXWELL_H
 #define MAXWELL_H
 
-/* The force of an element, at most W either way. */
+/* Return the force of an element, limited to W in both directions. */
 static inline double limited(double force, double W) { return fabs(force) < W ? force : copysign(W, force); }
 
 #endif

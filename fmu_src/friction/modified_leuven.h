@@ -1,4 +1,4 @@
-/* The modified Leuven model as ModifiedLeuven.c describes it, for all blocks with its parameters, an input or state v,
+/* The modified Leuven model as described in ModifiedLeuven.c, for all blocks with its parameters, an input or state v,
    and the results F, Fh, z, der_z, Fi, der_Fi and slipping. Included after block.h. */
 
 #ifndef MODIFIED_LEUVEN_H

@@ -1,26 +1,26 @@
-/* Steps of the modified Leuven model over a held or linear velocity. Included at the end of modified_leuven.h. */
+/* Steps of the modified Leuven model at constant or linear velocity. Included at the end of modified_leuven.h. */
 
 #ifndef MODIFIED_LEUVEN_RAMP_H
 #define MODIFIED_LEUVEN_RAMP_H
 
 #include "relaxation.h"
 
-static const double nearness = 0.9; /* of the force to the level, as r */
+static const double nearness = 0.9; /* ratio r of the force to the level from which on it is near */
 
-static const double grain = 1e-14; /* relative; forces that are closer count as equal */
+static const double grain = 1e-14; /* relative difference below which forces count as equal */
 
-/* A piece of the step in which z moves one way and no element starts or ends to slip: the force along v is
-   force + way stiffness zeta, where zeta is the way that z has gone. */
+/* A part of the step in which z moves in one direction and no element changes between stick and slip: the force along v
+   is force + way stiffness zeta, where zeta is the distance that z has moved. */
 struct piece {
     const Model *m;
     Motion motion;
-    double S; /* the level, if v is held                      */
+    double S; /* the level, if v is constant */
     double force, stiffness, way, reach;
-    double size;    /* the elastic deflection at the level    */
-    double slack;   /* of r around 1                          */
-    bool backwards; /* r < 0                                  */
-    bool flat;      /* |r|^n is negligible                       */
-    bool near;      /* the force may follow the level         */
+    double size;    /* the elastic deflection at the level */
+    double slack;   /* tolerance of r around 1 */
+    bool backwards; /* r < 0 */
+    bool flat;      /* |r|^n is negligible */
+    bool near;      /* the force may follow the level */
 };
 
 static double piece_level(const struct piece *p, double s) { return level_along(p->m, &p->motion, p->S, s); }
@@ -39,7 +39,7 @@ static double piece_rate(double s, double zeta, const void *law)
     return p->way * speed * deflecting(piece_ratio(p, s, zeta), p->m->n, p->backwards);
 }
 
-/* Where the force is at the level, or at the opposite one. */
+/* Return the distance at which the force is at the level, or at the opposite level. */
 static double piece_place(double s, double zeta, const void *law)
 {
     const struct piece *const p = (const struct piece *)law;
@@ -47,8 +47,8 @@ static double piece_place(double s, double zeta, const void *law)
     return p->way * ((p->backwards ? -1.0 : 1.0) * piece_level(p, s) - p->force) / p->stiffness;
 }
 
-/* Not negative where z turns, an element starts to slip, |r|^n starts to count or the force comes near to the level;
-   all as lengths. */
+/* Return a nonnegative length where z reverses, an element starts to slip, |r|^n ceases to be negligible, or the force
+   comes near the level. */
 static double piece_goal(double s, double zeta, const void *law)
 {
     const struct piece *const p = (const struct piece *)law;
@@ -62,12 +62,12 @@ static double piece_goal(double s, double zeta, const void *law)
     return fmax(zeta - p->reach, fmax(fmax(turns, comes_near), p->backwards ? turns : flattens) * p->size);
 }
 
-/* zeta after the path x at constant v: with r = force / S and q = stiffness x / S, dr/dq = 1 - sgn(r) |r|^n has a
-   closed form for n = 1 and 2. The piece ends before r < 0 changes its sign. */
+/* Return zeta after the path x at constant v: with r = force / S and q = stiffness x / S, dr/dq = 1 - sgn(r) |r|^n has
+   a closed form for n = 1 and 2. The part ends before r < 0 changes its sign. */
 static double closed_form(const struct piece *p, double x)
 {
     const double r = p->force / p->S, q = p->stiffness * x / p->S;
-    double gained; /* of r */
+    double gained; /* increase of r */
     if (p->m->n == 1.0)
         gained = (r - 1.0) * expm1(-q);
     else if (p->backwards)
@@ -77,7 +77,7 @@ static double closed_form(const struct piece *p, double x)
     return p->way * gained * p->S / p->stiffness;
 }
 
-/* The path x after which zeta = reach. */
+/* Return the path x after which zeta = reach. */
 static double closed_path(const struct piece *p)
 {
     const double r = p->force / p->S, gained = p->way * p->stiffness * p->reach / p->S, end = r + gained;
@@ -91,7 +91,7 @@ static double closed_path(const struct piece *p)
     return q * p->S / p->stiffness;
 }
 
-/* The piece from time s to `end` at the longest; false if z is at rest. */
+/* Begin the part from time s to `end` at most; return false if z is at rest. */
 static bool begin(struct piece *p, double side, double s, double end)
 {
     GIVEN(p->m)
@@ -135,7 +135,7 @@ static bool follow_motion(Model *m, Motion motion)
     GIVEN(m)
     const double slope = motion.slope, side = sign(m->v != 0.0 ? m->v : slope), S = stribeck(v, Fc, Fs, vs, delta);
     const double v_end = fabs(velocity(&motion, motion.end)), S_end = stribeck(v_end, Fc, Fs, vs, delta);
-    const double sensitivity = 1.0 + n * sigma1 * v_end / S_end; /* of F to Fh at the end, where it slides */
+    const double sensitivity = 1.0 + n * sigma1 * v_end / S_end; /* of F to Fh at the end, in sliding */
     double strongest = 0.0, stiffest = 0.0;
     for (int i = 0; i < N; i++) {
         m->Fi[i] = limited(Fi[i], W[i]);
@@ -149,7 +149,7 @@ static bool follow_motion(Model *m, Motion motion)
     const double arrival = motion.end;
     double s = motion.start;
     int budget = BUDGET;
-    const double instant = 1e-18 * (arrival - s); /* in which nothing moves */
+    const double instant = 1e-18 * (arrival - s); /* time in which nothing moves */
     for (int pieces = 0; side != 0.0 && s < arrival - instant; pieces++) {
         if (pieces > 1000)
             return false;
@@ -160,7 +160,7 @@ static bool follow_motion(Model *m, Motion motion)
             continue;
         }
         p.size = stiffest > 0.0 ? fmin(piece_level(&p, s), piece_level(&p, end)) / stiffest : 1e-5;
-        const double fine = p.size / fmin(sensitivity, 10.0); /* beyond, rounding decides */
+        const double fine = p.size / fmin(sensitivity, 10.0); /* below this, rounding dominates */
         const double soon = s + 1e-12 * (end - s), level = fmax(piece_level(&p, s), piece_level(&p, soon));
         const double x = fabs(v) * (arrival - s), highest = falls_to(n) * level;
         double zeta = 0.0;

@@ -1,5 +1,5 @@
-/* A step at constant or linearly changing velocity that keeps its sign, for the laws that follow a differential
-   equation through it. Included after block.h; the block steps by `step` and writes `follow_motion`. */
+/* A step at constant or linear velocity without a change of sign, for models that integrate a differential equation
+   over it. Included after block.h; the block uses `step` and defines `follow_motion`. */
 
 #ifndef MOTION_H
 #define MOTION_H
@@ -11,7 +11,8 @@ typedef struct {
 
 static bool follow_motion(Model *m, Motion motion);
 
-/* Before a stop, time counts back from it: numbers are densest around 0, and there the Stribeck curve may be steep. */
+/* Before a stop, time counts backwards from it: floating-point numbers are densest around 0, where the Stribeck curve
+   may be steep. */
 static bool step(Model *m, double h)
 {
     const double v = m->v, slope = SLOPE(v);

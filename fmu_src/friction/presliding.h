@@ -1,4 +1,4 @@
-/* What the presliding laws of one contact share. Included after block.h. */
+/* Shared code of the presliding models. Included after block.h. */
 
 #ifndef PRESLIDING_H
 #define PRESLIDING_H
@@ -6,17 +6,18 @@
 #include "load.h"
 #include "ramp.h"
 
-/* Bristle damping that falls with the speed if v_d > 0. Equation (30) of Olsson and others, European Journal of Control
-   4, 1998. */
+/* Return the bristle damping, which decreases with speed if v_d > 0. Equation (30) of Olsson and others, European
+   Journal of Control 4, 1998. */
 static inline double fading(double sigma1, double v, double v_d)
 {
     return v_d > 0.0 ? sigma1 * exp(-square(v / v_d)) : sigma1;
 }
 
-/* Signed distance slid in the next s seconds, at constant or linear velocity. */
+/* Return the signed sliding distance in the next s seconds at constant or linear velocity. */
 static inline double slide(const Model *m, double s) { return path_after(m->v, SLOPE(v), s); }
 
-/* Time to slide a distance from a speed that changes by `growth` a second, and time back from the end of a slide. */
+/* Return the time to slide a distance from a speed with the rate of change `growth`; also the time back from the end of
+   a slide. */
 static inline double time_to_slide(double path, double speed, double growth)
 {
     return time_between(path, speed, sqrt(fmax(squared_speed_after(path, speed, growth), 0.0)));

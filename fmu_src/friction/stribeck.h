@@ -1,8 +1,8 @@
-/* The Stribeck curve that many friction laws share: friction at steady sliding, without the viscous part.
+/* The Stribeck curve, shared by many friction models: friction in steady sliding without viscous friction.
 
-   Bo, Pavelescu: Wear 82, 1982; delta = 1 is Tustin's, delta = 2 Armstrong's.
+   Bo, Pavelescu: Wear 82, 1982; delta = 1 is from Tustin, delta = 2 from Armstrong.
 
-       g(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta)                                                               */
+       g(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta) */
 
 #ifndef STRIBECK_H
 #define STRIBECK_H
@@ -11,8 +11,8 @@ static inline double stribeck(double v, double Fc, double Fs, double vs, double 
 {
     const double ratio = fabs(v) / vs;
     const double power = delta == 2.0 ? ratio * ratio : delta == 1.0 ? ratio : pow(ratio, delta);
-    /* sums of positive terms: exact also where one level is tiny beside the other; from 708 on exp underflows, which
-       takes it three times as long */
+    /* sums of positive terms: accurate even if one level is much smaller than the other; from 708 on, exp underflows
+       and takes three times as long */
     return Fs < Fc ? Fs - (Fc - Fs) * expm1(-power) : Fc + (Fs - Fc) * (power > 708.0 ? 0.0 : exp(-power));
 }
 
@@ -26,9 +26,9 @@ static inline double stribeck_lorentzian(double v, double Fc, double Fs, double 
     return Fs < Fc && power < 1.0 ? Fs + (Fc - Fs) * (power / (1.0 + power)) : Fc + (Fs - Fc) / (1.0 + power);
 }
 
-/* The time from which, for a velocity that changes, the Stribeck curve g may be of another size than up to there: the
-   powers of two of (v/vs)^delta, from where g leaves Fs to where it has reached Fc. Between them g is smooth enough for
-   an error estimate to be trusted. */
+/* Return the time up to which the Stribeck curve g keeps its order of magnitude for a changing velocity: the next power
+   of two of (v/vs)^delta, from where g leaves Fs to where it has reached Fc. In between, g is smooth enough for a
+   reliable error estimate. */
 static inline double stribeck_piece(double v, double slope, double Fc, double Fs, double vs, double delta)
 {
     if (slope == 0.0)
