@@ -126,8 +126,13 @@ def recommend(none: CompensatorResult, ranked: Sequence[CompensatorResult], unit
     force = f"adds {100.0 * added:.0f} % to" if added >= QUIET - 1.0 else "adds almost nothing to"
     cost = f"it {force} the drive force above the loop bandwidth and takes {first.cost_ns or 0.0:.0f} ns per sample"
     if len(alike) > 1 and first in alike:
-        others = f"Of {len(alike)} compensators whose worst-case errors agree within {100 * ALIKE:.0f} %"
-        two = f"{others}, none is clearly less noisy or more than twice as fast; {cost}."
+        one_other = len(alike) == 2
+        others = "One other compensator has" if one_other else f"{len(alike) - 1} other compensators have"
+        verb = "is" if one_other else "are"
+        two = (
+            f"{others} the same worst-case error within {100 * ALIKE:.0f} %, but {verb} neither clearly less noisy nor "
+            f"more than twice as fast as {first.name}; {cost}."
+        )
     else:
         two = f"No other compensator has as small a worst-case error without more noise; {cost}."
     if len(improving) < 2:
