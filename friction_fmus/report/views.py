@@ -1,4 +1,4 @@
-"""What several sections of the report show."""
+"""Names, axes and time spans used by several sections of the report."""
 
 from __future__ import annotations
 
@@ -52,5 +52,5 @@ def reversal(record: Sequence[Picture], part: float = 0.04) -> tuple[float, floa
 
 
 def mismatch(study: StudyResult) -> str:
-    """Return the words for the worst case that the compensators were tried in; empty if there was none."""
+    """Return the worst case of the comparison of compensators in words; empty without runs with mismatch."""
     return next(filter(None, map(worst_case, study.compensators)), "")

@@ -124,12 +124,17 @@ def recommend(none: CompensatorResult, ranked: Sequence[CompensatorResult], unit
     )
     added = first.metrics.effort_high / none.metrics.effort_high - 1.0 if none.metrics.effort_high else 0.0
     force = f"adds {100.0 * added:.0f} % to" if added >= QUIET - 1.0 else "adds almost nothing to"
-    cost = f"it {force} the drive force above the loop bandwidth and takes {first.cost_ns or 0.0:.0f} ns per sample"
+    cost = f"It {force} the drive force above the loop bandwidth and takes {first.cost_ns or 0.0:.0f} ns per sample"
     if len(alike) > 1 and first in alike:
-        others = f"Of {len(alike)} compensators whose worst-case errors agree within {100 * ALIKE:.0f} %"
-        two = f"{others}, none is clearly less noisy or more than twice as fast; {cost}."
+        one_other = len(alike) == 2
+        others = "one other compensator has" if one_other else f"{len(alike) - 1} other compensators have"
+        verb = "is" if one_other else "are"
+        two = (
+            f"{cost}; {others} the same worst-case error within {100 * ALIKE:.0f} %, but {verb} neither clearly less "
+            "noisy nor more than twice as fast."
+        )
     else:
-        two = f"No other compensator has as small a worst-case error without more noise; {cost}."
+        two = f"{cost}; no other compensator has as small a worst-case error without more noise."
     if len(improving) < 2:
         return Recommendation(first.name, f"{one} {two}", first.gain)
     second = improving[1]

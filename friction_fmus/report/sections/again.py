@@ -12,5 +12,5 @@ TITLE = "Reproduction"
 
 
 def content(study: StudyResult) -> Mapping[str, Any]:
-    """Return the values of the template, which needs the study only."""
+    """Return no values: the template only needs the study."""
     return {}

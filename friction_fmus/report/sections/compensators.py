@@ -1,4 +1,4 @@
-"""Compensators: tracking errors, gains, worst cases, and what was not compared."""
+"""Compensators: tracking errors, gains, worst cases, and compensators that were not compared."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TITLE = "Compensators"
 
 
 def content(study: StudyResult) -> Mapping[str, Any]:
-    """Return the values of the template."""
+    """Return the values that the template needs in addition to the study."""
     unit, factor = error_unit(study)
     return {
         "ranked": ranked(study),

@@ -1,4 +1,4 @@
-"""Files beside the report."""
+"""Files of the study."""
 
 from __future__ import annotations
 
@@ -12,5 +12,5 @@ TITLE = "Files"
 
 
 def content(study: StudyResult) -> Mapping[str, Any]:
-    """Return the values of the template, which needs the study only."""
+    """Return no values: the template only needs the study."""
     return {}

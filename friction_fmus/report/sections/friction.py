@@ -17,7 +17,7 @@ TITLE = "Friction curve and hysteresis"
 
 
 def content(study: StudyResult) -> Mapping[str, Any]:
-    """Return the values of the template."""
+    """Return the values that the template needs in addition to the study."""
     return {
         "friction_plots": friction_plots(study),
         "friction_table": None if study.friction is None else friction_table(study.friction),

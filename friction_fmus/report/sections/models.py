@@ -15,7 +15,7 @@ TITLE = "Models"
 
 
 def content(study: StudyResult) -> Mapping[str, Any]:
-    """Return the values of the template."""
+    """Return the values that the template needs in addition to the study."""
     return {"scores": scores(study.models), "alike": ALIKE}
 
 

@@ -14,7 +14,7 @@ TITLE = "Record"
 
 
 def content(study: StudyResult) -> Mapping[str, Any]:
-    """Return the values of the template."""
+    """Return the values that the template needs in addition to the study."""
     return {"record_plots": record_plots(study)}
 
 

@@ -13,7 +13,7 @@ TITLE = "Citations"
 
 
 def content(study: StudyResult) -> Mapping[str, Any]:
-    """Return the values of the template."""
+    """Return the values that the template needs in addition to the study."""
     return {"sources": sources(study)}
 
 

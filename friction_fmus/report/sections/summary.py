@@ -13,7 +13,7 @@ TITLE = "Summary"
 
 
 def content(study: StudyResult) -> Mapping[str, Any]:
-    """Return the values of the template."""
+    """Return the values that the template needs in addition to the study."""
     return {
         "best": next((row for row in study.models if row.rank == 1), None),
         "off": mismatch(study),
