@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
@@ -252,27 +252,30 @@ def _header(path: Path) -> str:
 
 def _key(sources: Mapping[str, str], block: Block, platforms: Sequence[Platform]) -> str:
     """Return a hash of everything that determines the bytes of the FMU."""
-    digest = hashlib.sha256()
     texts = [
-        VERSION,
+        _generator(),
         build_time(),
         *(toolchain.identity(target) for platform in (NATIVE, *platforms) for target in platform.targets),
         *(platform.folder for platform in platforms),
-        *(version(library) for library in ("fmpy", "matplotlib")),
-        package_text("CHANGELOG.md"),
-        block.kind,
-        block.summary,
-        block.source,
+        *(block.kind, block.summary, block.source, block.notes),
+        *(part for item in sorted(sources.items()) for part in item),
     ]
-    for text in (*texts, block.notes, *_package(), *(part for item in sorted(sources.items()) for part in item)):
-        digest.update(text.encode() + b"\0")
-    return digest.hexdigest()[:24]
+    return _hash(texts)[:24]
 
 
 @cache
-def _package() -> tuple[str, ...]:
-    """Return the texts of the modules that generate the FMU, and of those that they quote."""
-    return tuple(path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py")))
+def _generator() -> str:
+    """Return a hash of what generates FMUs: this package with its changelog, and the libraries that it draws with."""
+    libraries = (version(library) for library in ("fmpy", "matplotlib"))
+    modules = (path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py")))
+    return _hash((VERSION, *libraries, package_text("CHANGELOG.md"), *modules))
+
+
+def _hash(texts: Iterable[str]) -> str:
+    digest = hashlib.sha256()
+    for text in texts:
+        digest.update(text.encode() + b"\0")
+    return digest.hexdigest()
 
 
 def _write(content: bytes, target: Path) -> Path:
