@@ -53,7 +53,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2String guid, f
     else if (kind != fmi2CoSimulation)
         fault = "this FMU is for co-simulation only";
     else if (!guid || strcmp(guid, c->guid) != 0)
-        fault = "the GUID differs from that of this binary: modelDescription.xml and library do not match";
+        fault = "the GUID differs from the GUID of this binary: modelDescription.xml and library do not match";
     if (fault) {
         report(c, fmi2Error, LOG_ERROR, "fmi2Instantiate of %s: %s", QUOTE(MODEL), fault);
         free(c);

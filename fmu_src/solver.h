@@ -1,5 +1,5 @@
-/* Steps of a continuous block from t to t + h, as the methods of numerics/ see it. Inputs are u(s) = u + slope s, s in
-   [0, h]. `integrate` is the step, with error control, of any block that has only `equations`.                */
+/* Steps of a continuous block from t to t + h, for the methods in numerics/. Inputs are u(s) = u + slope s for s in [0,
+   h]. `integrate` is the step, with error control, of a block that defines only `equations`. */
 
 #ifndef SOLVER_H
 #define SOLVER_H
@@ -13,7 +13,7 @@
 #include "elimination.h"
 #include "rodas.h"
 
-/* The inputs of s seconds later. */
+/* Advance the inputs by s seconds. */
 static inline void move_inputs(Model *m, double s)
 {
     for (int i = 0; i < INPUTS; i++)
@@ -28,14 +28,15 @@ static inline bool inputs_held(const Model *m)
     return true;
 }
 
-/* Time until the next input passes zero, at most h. Laws have their kinks there: between such points an exact
-   or high-order step is valid. A ramp that ends at zero does not pass it by its rounding. */
+/* Return the time until an input passes zero, at most h. Friction models have kinks there; between such points, an
+   exact or high-order step is valid. A ramp that ends at zero within rounding does not pass zero. */
 static inline double time_to_reversal(const Model *m, double h)
 {
     const double *value = (const double *)(const void *)m;
     for (int i = 0; i < INPUTS; i++) {
         const double u = value[inputs[i]], slope = m->slope[i];
-        /* by signs, as u * slope may underflow; an input that is zero at the end but for rounding does not pass it */
+        /* compare signs, as u * slope may underflow; an input that is zero at the end except for rounding does not pass
+           zero */
         if (sign(u) * sign(slope) < 0.0 && -u / slope < h * (1.0 - 4.0 * DBL_EPSILON))
             h = -u / slope;
     }
@@ -56,14 +57,14 @@ static inline void set_states(Model *m, const double *y)
             *value_of(m, state_rows[r].index + k) = *y++;
 }
 
-/* Gives `work` the inputs that the model `at` has s seconds later. */
+/* Set the inputs of `work` to those of the model `at` s seconds later. */
 static inline void inputs_after(const Model *at, Model *work, double s)
 {
     for (int i = 0; i < INPUTS; i++)
         *value_of(work, inputs[i]) = ((const double *)(const void *)at)[inputs[i]] + at->slope[i] * s;
 }
 
-/* f(s, y): the derivatives at state y, s seconds after the model `at`. */
+/* Compute f(s, y), the derivatives at the state y, s seconds after the model `at`. */
 static inline void derivatives(const Model *at, Model *work, double s, const double *y, double *f)
 {
     inputs_after(at, work, s);
@@ -75,7 +76,8 @@ static inline void derivatives(const Model *at, Model *work, double s, const dou
             *f++ = *value_of(work, state_rows[r].derivative + k);
 }
 
-/* One step of RODAS of size h from (s, y) to y_new; the largest error over its tolerance, or -1 if it failed. */
+/* Perform one RODAS step of size h from (s, y) to y_new; return the largest error over its tolerance, or -1 if it
+   failed. */
 static inline double rodas_step(const Model *at, Model *work, double s, double h, const double *y, double *y_new,
                                 const double *nominal, double tolerance)
 {
@@ -119,7 +121,7 @@ static inline double rodas_step(const Model *at, Model *work, double s, double h
     return worst;
 }
 
-/* Integrates `equations` over h with the block's relative tolerance; false if no step size meets it. */
+/* Integrate `equations` over h with the relative tolerance of the block; return false if no step size meets it. */
 static inline bool integrate(Model *m, double h)
 {
     if (ALL_STATES == 0)

@@ -35,7 +35,7 @@ LOOK: Final = 0.1
 
 @dataclass(frozen=True)
 class Options:
-    """Options of a run beside its experiment.
+    """Options of a run in addition to its experiment.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@
    A >= 2 max(Fs, Fc) is required: with a smaller A, the curve that begins at a reversal ends below the Stribeck level,
    r stays below 1, and z grows without bound in any steady motion.
 
-   Limits: those of Leuven: F_hat jumps when an inner loop closes and, by sigma1 times the jump, when rd jumps. A
+   Limits: as for Leuven, and F_hat jumps when an inner loop closes and, by sigma1 times the jump, when rd jumps. A
    reversal between two samples is missed. When the stacks are full, the innermost loop is discarded with a warning.
    u_min must not exceed u_max. */
 

@@ -14,9 +14,9 @@
    F_m are the mean friction forces in the last n sampling intervals, n = window. F_hat is the value at sample k of the
    polynomial of degree p whose means over these intervals fit F_m best (least squares).
 
-   Use it for an estimate with finite memory: samples older than n are forgotten, and a force that is a polynomial of
-   degree p is estimated without error. For a force that grows at a constant rate, the estimate lags by n Ts/2 for p = 0
-   and has no lag for p = 1 and 2. Connect u to the input f of a position controller; u_prev is the force since the last
+   Use it for an estimate with finite memory: only the last n samples count, and a force that is a polynomial of degree
+   p is estimated without error. For a force that grows at a constant rate, the estimate lags by n Ts/2 for p = 0 and
+   has no lag for p = 1 and 2. Connect u to the input f of a position controller; u_prev is the force since the last
    sample after all limits, so that nothing winds up if the actuator saturates. In a system file, the connection to
    u_prev needs a delay.
 

@@ -24,8 +24,8 @@
    While an input is NaN or infinite, outputs and states are held; the next sample uses the whole displacement since the
    last valid one.
 
-   Limits: those of ModifiedLeuven: W1 + ... + WN must be at least Fs and Fc, otherwise a warning is logged; for small
-   n, loops do not close. A jump of rd causes a jump of F_hat by sigma1 times the jump of rd. A reversal between two
+   Limits: as for ModifiedLeuven: W1 + ... + WN must be at least Fs and Fc, otherwise a warning is logged; for small n,
+   loops do not close. A jump of rd causes a jump of F_hat by sigma1 times the jump of rd. A reversal between two
    samples is missed. u_min must not exceed u_max. */
 
 /* @article{Lampaert2002,

@@ -2,8 +2,8 @@
 
    After the ideas of Al-Bender, Lampaert, Swevers: A novel generic model at asperity level for dry friction force
    dynamics, Tribology Letters 16, 2004 (life cycle of contact, three springs and a tip mass, adhesion, creep, loss of
-   contact). The equations below are specific to this implementation and are not those of the paper. The start values
-   give about 1 N at 1e5 N/m.
+   contact). The equations below are specific to this implementation and differ from the paper. The start values give
+   about 1 N at 1e5 N/m.
 
    Asperity i has its base at b_i on the slider (db_i/dt = v), its tip at p_i, and the deflection d_i = b_i - p_i. The
    other side is rigid:
@@ -204,7 +204,7 @@ static void count(const Model *model, const Surface *surface, const Tip *tip, Su
     }
 }
 
-/* Return the current sums; before the first step, those of the start values. */
+/* Return the current sums; before the first step, from the start values. */
 static Sums sums_now(const Model *model)
 {
     if (model->memory.started)

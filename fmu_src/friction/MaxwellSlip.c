@@ -11,8 +11,8 @@
    beyond Wi is limited to Wi. Fi is the force at the normal force Fn0.
 
    From rest, F follows the virgin curve f(x) = sum min(ki x, Wi). After a reversal at (x_A, F_A), it follows F_A - 2
-   f((x_A - x)/2) (Masing) until it meets an earlier reversal point; the loop in between is then forgotten (wiping-out).
-   A loop with the amplitude a dissipates sum 4 Wi max(a - Wi/ki, 0).
+   f((x_A - x)/2) (Masing) until it meets an earlier reversal point; the loop in between is then erased (wiping-out). A
+   loop with the amplitude a dissipates sum 4 Wi max(a - Wi/ki, 0).
 
    The start values are specific to this library: elements with equal Wi that best approximate the curve 1 N (1 - exp(-x
    / 10 um)), which is the Dahl model with Fc and sigma0 of Table I of the LuGre paper.

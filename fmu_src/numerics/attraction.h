@@ -4,14 +4,14 @@
        dy/dt = a (1 - y / S(v)),   a = strength |v| or a = strength
        y(h)  = y(0) exp(-P(0)) + integral of a exp(-P(t)) dt,   P(t) = integral of a / S(v) from t to h
 
-   It is found by Lobatto's quadrature (Abramowitz, Stegun: Handbook of Mathematical Functions, 25.4.32) with error
-   control, from the end of the ramp back to where nothing is remembered: what has happened there counts exp(-P).
-   Included after presliding.h and stribeck.h.                                                                       */
+   It is computed by Lobatto quadrature (Abramowitz, Stegun: Handbook of Mathematical Functions, 25.4.32) with error
+   control, backwards from the end of the ramp until earlier contributions, which have the weight exp(-P), are
+   negligible. Included after presliding.h and stribeck.h. */
 
 #ifndef ATTRACTION_H
 #define ATTRACTION_H
 
-/* All is told in the direction of motion, where speeds are not negative. */
+/* All quantities are in the direction of motion, so that speeds are nonnegative. */
 typedef struct {
     double strength;
     bool by_path;             /* a = strength |v|, else a = strength */
@@ -29,11 +29,11 @@ static inline double pull_of(const Attraction *a, double speed)
     return a->by_path ? a->strength * speed : a->strength;
 }
 
-/* Of y; finer than that of F, as later steps may magnify an error of y. */
+/* Return the tolerance of y. It is finer than the tolerance of F because later steps may magnify an error of y. */
 static inline double quadrature_tolerance(const Model *m) { return m->run.tolerance > 0.0 ? m->run.tolerance : 1e-11; }
 
-/* Five nodes on [0, 1], and the integrals from 0 to each node of the polynomials that are 1 at one node: order 8. The
-   last row are the weights. */
+/* Five nodes on [0, 1] and, for each node, the integrals of the Lagrange polynomials from 0 to it; order 8. The last
+   row contains the weights of the quadrature. */
 /* clang-format off */
 enum { NODES = 5 };
 static const double lobatto_node[NODES] = {0.0, 0.17267316464601143, 0.5, 0.8273268353539886, 1.0};
@@ -45,15 +45,15 @@ static const double lobatto_weight[NODES][NODES] = {
     {0.05,                 0.27222222222222222,  0.35555555555555556,   0.27222222222222222,   0.05}};
 /* clang-format on */
 
-/* The part of a ramp that has been gone through, from its end backwards. */
+/* The part of a ramp covered so far, from its end backwards. */
 typedef struct {
     double gone;           /* [s] */
-    double speed, S;       /* where it begins  */
-    double passed, gained; /* P there, and y at its end if y = 0 there */
+    double speed, S;       /* at its beginning */
+    double passed, gained; /* P at its beginning; y at its end if y = 0 at its beginning */
 } Course;
 
-/* Adds the piece that lasts dt and begins at `speed`. `error` is that of Simpson's rule on the same nodes, of what is
-   gained or kept over `size`. */
+/* Extend the part by a piece of duration dt that begins at `speed`. `error` is the difference to Simpson's rule on the
+   same nodes, relative to `size`. */
 static Course piece_of_ramp(const Attraction *a, const Course *after, double speed, double dt, double size,
                             double *error)
 {
@@ -82,8 +82,9 @@ static Course piece_of_ramp(const Attraction *a, const Course *after, double spe
                     after->gained + exp(-after->passed) * gained};
 }
 
-/* After a ramp of h seconds that begins at the speed `first`, y = kept y(0) + gained. The error is small beside every
-   S from rest on over `sensitivity`, for |y(0)| up to `size`. False if no piece is short enough. */
+/* Compute `kept` and `gained` of y = kept y(0) + gained after a ramp of h seconds that begins at the speed `first`. The
+   error is small compared with the smallest S over `sensitivity`, for |y(0)| up to `size`. Returns false if no piece is
+   short enough. */
 static bool attract(const Attraction *a, double first, double growth, double h, double size, double sensitivity,
                     double *kept, double *gained)
 {
@@ -94,11 +95,11 @@ static bool attract(const Attraction *a, double first, double growth, double h, 
 
     Course now = {0.0, last, S_last, 0.0, 0.0};
     double dt = 0.5 * S_last / fmax(pull_of(a, last), DBL_MIN), border = 0.0, S_border = S_last;
-    bool whole = false; /* no border up to the start */
+    bool whole = false; /* no border before the start */
     *kept = 0.0;
     for (int tries = 0; !whole || now.gone < h; tries++) {
         const double weight = exp(-now.passed);
-        if (weight < 1e-6 * allowed) /* all before is forgotten */
+        if (weight < 1e-6 * allowed) /* all earlier parts are negligible */
             break;
         if (tries > 100000)
             return false;
@@ -118,8 +119,8 @@ static bool attract(const Attraction *a, double first, double growth, double h, 
         const bool shortest = dt <= 4.0 * DBL_EPSILON * now.gone, all = dt >= rest;
         const double taken = all ? rest : dt, begins = all ? border : now.gone + dt;
         const double speed = fmax(2.0 * begins < h ? last - growth * begins : first + growth * (h - begins), 0.0);
-        /* Simpson's error e goes with the fifth power of the step, that of the result with the ninth: about e^(9/5),
-           where S is smooth */
+        /* the error e of Simpson's rule is of fifth order in the step and the error of the result of ninth order, about
+           e^(9/5), where S is smooth */
         const bool smooth = smooth_at_rest || 2.0 * fmin(speed, now.speed) >= fmax(speed, now.speed);
         const double limit = smooth ? fmin(0.1 * cbrt(square(allowed / weight)), 0.1) : fmin(allowed / weight, 0.1);
         double error;

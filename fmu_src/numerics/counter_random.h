@@ -1,15 +1,15 @@
-/* Random numbers by place instead of by order: number `n` of stream `stream` of a seed, without a state.
+/* Counter-based random numbers: number `n` of stream `stream` of a seed, without a state.
 
-   splitmix64 over a Weyl sequence for each stream. Members of a
-   population that each have a stream of their own get the same numbers whatever order their events happen in, so
-   that a result does not depend on how a span is cut into steps. */
+   The method is splitmix64 over a Weyl sequence for each stream. Members of a population that each have their own
+   stream get the same numbers in whatever order their events occur, so that a result does not depend on the division
+   into steps. */
 
 #ifndef COUNTER_RANDOM_H
 #define COUNTER_RANDOM_H
 
 #include "splitmix.h"
 
-/* Uniform in (0, 1), an odd multiple of 2^-53. */
+/* Return a uniform number in (0, 1), an odd multiple of 2^-53. */
 static inline double uniform_at(int seed, int stream, uint32_t n)
 {
     const uint64_t names = (uint64_t)(uint32_t)seed << 32 | (uint32_t)stream;

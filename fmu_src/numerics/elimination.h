@@ -6,7 +6,8 @@
 #include <math.h>
 #include <stdbool.h>
 
-/* Solves the n by n system a x = b in place by elimination with row exchanges; false if a is singular. */
+/* Solve the n by n system a x = b in place by Gaussian elimination with row exchanges; return false if a is
+   singular. */
 static inline bool solve_linear(int n, double *a, double *b, int columns)
 {
     for (int k = 0; k < n; k++) {

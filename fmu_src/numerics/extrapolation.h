@@ -1,10 +1,9 @@
-/* Steps of many coupled masses, x'' = a(s, x, x'), by extrapolation: O(N) per evaluation of the forces, of high order,
-   without tables.
+/* Steps of many coupled masses, x'' = a(s, x, x'), by extrapolation: high order, O(N) per evaluation of the forces.
 
-   Gragg's modified midpoint rule over n = 2, 4, 6, ... substeps has an error in even powers of the substep, which the
-   scheme of Aitken and Neville removes column by column, until the last correction is below the tolerance. Gragg: SIAM
-   J. Numer. Anal. 2, 1965; Bulirsch, Stoer: Numer. Math. 8, 1966; Hairer, Norsett, Wanner: Solving Ordinary
-   Differential Equations I, section II.9. Needs no model, so it can stand before block.h.                          */
+   The error of Gragg's modified midpoint rule with n = 2, 4, 6, ... substeps contains only even powers of the substep,
+   which the Aitken-Neville scheme removes column by column until the last correction is below the tolerance. Gragg:
+   SIAM J. Numer. Anal. 2, 1965; Bulirsch, Stoer: Numer. Math. 8, 1966; Hairer, Norsett, Wanner: Solving Ordinary
+   Differential Equations I, section II.9. This file needs no model and can be included before block.h. */
 
 #ifndef EXTRAPOLATION_H
 #define EXTRAPOLATION_H
@@ -14,27 +13,27 @@
 
 enum { MASSES = 1000, COLUMNS = 8 };
 
-#define CHAIN_TOLERANCE 1e-12 /* of a step, in units of the position and of position times rate */
+#define CHAIN_TOLERANCE 1e-12 /* of a step, for positions; times `rate` for velocities */
 
-/* Writes the n accelerations of what `system` is, s seconds after the start of the communication step; y holds n
-   positions and then n velocities. */
+/* Write the n accelerations of `system` at s seconds after the start of the communication step; y contains n positions,
+   then n velocities. */
 typedef void Accelerations(const void *system, double s, const double *y, double *a);
 
 typedef struct {
     Accelerations *accelerations;
     const void *system;
     int n;
-    double rate;      /* [1/s] the fastest of the system: makes velocities comparable with positions */
-    double tolerance; /* of a step                                                                  */
-    double *left;     /* work that the communication step may still take, as effort.h counts it     */
+    double rate;      /* [1/s] fastest rate of the system; scales velocities like positions */
+    double tolerance; /* of a step */
+    double *left;     /* remaining work of the communication step, as counted by effort.h */
 } Dynamics;
 
-/* Modified midpoint rule from (s, y), where the accelerations are a, over H in n substeps. */
+/* Apply the modified midpoint rule over H in n substeps from (s, y), where the accelerations are a. */
 static inline void midpoint(const Dynamics *d, double s, const double *y, const double *a, double H, int n, double *end)
 {
     const int N = d->n;
     const double h = H / n;
-    if (N < 1) /* which also tells the compiler that the loops below write all that is read */
+    if (N < 1) /* so that the compiler knows that the loops below write everything that is read */
         return;
     double first[2 * MASSES], second[2 * MASSES], now[MASSES], *before = first, *here = second;
 
@@ -61,7 +60,7 @@ static inline void midpoint(const Dynamics *d, double s, const double *y, const 
     }
 }
 
-/* One step from (s, y) over H to y_end; the number of columns it took, or 0 if it did not converge. */
+/* Perform one step from (s, y) over H to y_end; return the number of columns, or 0 if it does not converge. */
 static inline int extrapolate(const Dynamics *d, double s, const double *y, double H, double *y_end)
 {
     const int N = d->n;
@@ -92,17 +91,18 @@ static inline int extrapolate(const Dynamics *d, double s, const double *y, doub
     return 0;
 }
 
-/* The size of the next step after one of size H that took so many columns. */
+/* Return the size of the next step after one of size H that needed `columns` columns. */
 static inline double next_step(double H, int columns)
 {
     return columns == 0 ? 0.4 * H : columns < 5 ? 2.0 * H : columns < 7 ? 1.3 * H : columns < 8 ? H : 0.8 * H;
 }
 
-/* Whether steps of the size H can still come to the end: there is work left, and the tolerance is met by steps that
-   resolve the fastest of the system. */
+/* Return whether steps of size H can continue: work is left, and H is not so far below the fastest time constant that
+   no step can meet the tolerance. */
 static inline bool goes_on(const Dynamics *d, double H) { return *d->left >= 0.0 && H * d->rate > 1e-12; }
 
-/* Moves y by h; *inner remembers the step size. False if it takes more work than is left, or no step converges. */
+/* Move y by h; *inner stores the step size. Returns false if this takes more work than is left or if no step
+   converges. */
 static inline bool move_masses(const Dynamics *d, double *y, double h, double *inner)
 {
     double y_end[2 * MASSES], H = *inner > 0.0 ? *inner : 0.5 / d->rate;

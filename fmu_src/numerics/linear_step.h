@@ -5,11 +5,12 @@
 
 #include <math.h>
 
-/* z(h) of z' = rate (target - z), `decay` = rate h >= 0; exact also where decay is tiny or infinite. */
+/* Return z(h) of z' = rate (target - z), with `decay` = rate h >= 0; also exact if decay is tiny or infinite. */
 static inline double relax(double z, double target, double decay) { return z - (target - z) * expm1(-decay); }
 
-/* x(h) of x' = a x + b + c s, exact: the exponential of the matrix [a c b; 0 0 1; 0 0 0] h by its Taylor series
-   after halving h, then squaring. Van Loan, IEEE TAC 23(3), 1978. At most 6 states, balanced by the caller. */
+/* Replace x by the exact x(h) of x' = a x + b + c s, using the exponential of the matrix [a c b; 0 0 1; 0 0 0] h by
+   scaling and squaring of its Taylor series. Van Loan, IEEE TAC 23(3), 1978. At most 6 states, balanced by the
+   caller. */
 static inline void linear_step(int n, const double *a, const double *b, const double *c, double *x, double h)
 {
     enum { LARGEST = 8, TERMS = 16 };

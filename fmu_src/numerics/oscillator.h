@@ -7,10 +7,10 @@
 
 #include "linear_step.h"
 
-/* q and v = dq/dt after h of m dv/dt = f + f_rate s - k q - d v; k and d may be 0. */
+/* Advance q and v = dq/dt of m dv/dt = f + f_rate s - k q - d v by h; k and d may be 0. */
 static inline void oscillate(double *q, double *v, double m, double k, double d, double f, double f_rate, double h)
 {
-    /* y = (w q, v) with w = sqrt(k/m) makes all rates of one size. */
+    /* y = (w q, v) with w = sqrt(k/m) gives all rates the same magnitude. */
     const double w = k > 0.0 ? sqrt(k / m) : 1.0 / h;
     const double A[] = {0.0, w, -k / (m * w), -d / m};
     const double b[] = {0.0, f / m};
@@ -21,12 +21,12 @@ static inline void oscillate(double *q, double *v, double m, double k, double d,
     *v = y[1];
 }
 
-/* d(t) and its rate, of d'' + 2 zeta omega d' + omega^2 d = a: in closed form, as it has no ramp, for populations of
-   oscillators. */
+/* Advance d and its rate by t for d'' + 2 zeta omega d' + omega^2 d = a. Because a is constant, there is a closed form,
+   which is fast for populations of oscillators. */
 static inline void ring(double *d, double *rate, double omega2, double zeta, double a, double t)
 {
     const double omega = sqrt(omega2), e = *d - a / omega2, e_rate = *rate;
-    double cosine, sine; /* both times exp(-zeta omega t); the sine over its frequency */
+    double cosine, sine; /* both multiplied by exp(-zeta omega t); the sine divided by its frequency */
     if (zeta < 1.0) {
         const double damped = omega * sqrt((1.0 - zeta) * (1.0 + zeta)), decay = exp(-zeta * omega * t);
         cosine = decay * cos(damped * t);

@@ -5,19 +5,19 @@
 
 #include <math.h>
 
-/* The path after t seconds, from the speed v with the acceleration a. */
+/* Return the path after t seconds, from the speed v with the acceleration a. */
 static inline double path_after(double v, double a, double t) { return t * (v + 0.5 * a * t); }
 
-/* The same, with an acceleration that changes by `jerk` a second. */
+/* Return the path after t seconds with the initial speed v, initial acceleration a and constant jerk. */
 static inline double path_with_jerk(double v, double a, double jerk, double t)
 {
     return t * (v + t * (a / 2.0 + t * jerk / 6.0));
 }
 
-/* The square of the speed after a path; negative if the motion turns before. */
+/* Return the square of the speed after a path; it is negative if the motion reverses before. */
 static inline double squared_speed_after(double path, double v, double a) { return v * v + 2.0 * a * path; }
 
-/* The time that a path takes between two speeds: the path over their mean. */
+/* Return the duration of a path between two speeds: the path over their mean. */
 static inline double time_between(double path, double v, double v_end) { return 2.0 * path / (v + v_end); }
 
 #endif

@@ -19,7 +19,7 @@ static inline void seed_random(Random *random, uint64_t seed)
         random->s[i] = scramble(seed += GOLDEN);
 }
 
-/* Uniform in [0, 1), a multiple of 2^-53. */
+/* Return a uniform number in [0, 1), a multiple of 2^-53. */
 static inline double uniform(Random *random)
 {
     uint64_t *const s = random->s;
@@ -33,7 +33,7 @@ static inline double uniform(Random *random)
     return (double)(result >> 11) * 0x1.0p-53;
 }
 
-/* Standard normal, by Box and Muller. */
+/* Return a standard normal number by the method of Box and Muller. */
 static inline double normal(Random *random)
 {
     const double radius = sqrt(-2.0 * log(1.0 - uniform(random)));

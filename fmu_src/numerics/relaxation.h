@@ -1,39 +1,41 @@
-/* Relaxation of a hysteresis force towards the Stribeck level, for the laws that have no closed form: a scalar
-   differential equation dy/ds = f(s, y), integrated until a goal is reached.
+/* Relaxation of a hysteresis force towards the Stribeck level, for models without closed form: a scalar differential
+   equation dy/ds = f(s, y), integrated until a goal is reached.
 
-   The method is the linearly implicit Euler method, extrapolated: Deuflhard, SIAM Review 27(4), 1985; Hairer, Wanner:
+   The method is the extrapolated linearly implicit Euler method: Deuflhard, SIAM Review 27(4), 1985; Hairer, Wanner:
    Solving Ordinary Differential Equations II, 2nd ed. 1996, section IV.9 (SEULEX). It has high order where y is smooth
-   and takes long steps where y follows its equilibrium, however stiff that is. With j = 1, 2, 3, ... pieces of
-   length h = H/j, and p(s) the place that attracts y, where it is near and moves (else 0),
+   and takes long steps where y follows its equilibrium, also if the equation is stiff. With j = 1, 2, 3, ... substeps
+   of length h = H/j and p(s), the moving equilibrium of y if it is near (else 0),
 
        y_{i+1} - y_i = p_{i+1} - p_i + (h f(s_{i+1}, y_i + p_{i+1} - p_i) - p_{i+1} + p_i) / (1 - h J)
        J = df/dy at the start, at most 0
-       T[j][k+1] = T[j][k] + (T[j][k] - T[j-1][k]) (j - k - 1) / (k + 1)                                            */
+       T[j][k+1] = T[j][k] + (T[j][k] - T[j-1][k]) (j - k - 1) / (k + 1) */
 
 #ifndef RELAXATION_H
 #define RELAXATION_H
 
 typedef double Curve(double s, double y, const void *law);
 typedef struct {
-    Curve *rate, *goal, *place; /* f, where to stop, and p (of s only); the last two may be NULL */
+    Curve *rate, *goal, *place; /* f, the goal, and p (a function of s only); the last two may be NULL */
     const void *data;
     bool steady; /* f depends on y only */
-    int *budget; /* inner steps that the communication step may still take */
+    int *budget; /* remaining inner steps of the communication step */
 } Law;
 
-/* A tenth of a second of inner steps, many more than any contact needs. */
+/* These inner steps take about 0.1 s, and no contact needs nearly as many. */
 enum { BUDGET = 50000 };
 
-/* Relative to the size of y, for held and for changing inputs; a tolerance of the experiment replaces it, down to
-   where rounding decides. A coarser one than 1e-6 would save no steps, and miss a sharp law. */
+/* Return the tolerance relative to the size of y: a default for constant or changing inputs, or the tolerance of the
+   experiment, limited to values above rounding. A tolerance coarser than 1e-6 would save no steps and could miss sharp
+   changes of f. */
 static inline double relaxation_tolerance(const Model *m)
 {
     const double finest = 1e-13, coarsest = 1e-6;
     return m->run.tolerance > 0.0 ? clip(m->run.tolerance, finest, coarsest) : inputs_held(m) ? 1e-12 : 1e-11;
 }
 
-/* One accepted step from (s, y) towards `end`, of about the length `step`, which becomes a proposal for the next.
-   `tolerance` is absolute; f is about linear over changes of y by `detail`. False if no step is short enough. */
+/* Perform one accepted step from (s, y) towards `end`, of about the length `step`, which is replaced by a proposal for
+   the next step. `tolerance` is absolute; f is approximately linear over changes of y by `detail`. Returns false if no
+   step is short enough. */
 static bool extrapolated_step(const Law *law, double *s, double *y, double *step, double end, double tolerance,
                               double detail)
 {
@@ -49,7 +51,7 @@ static bool extrapolated_step(const Law *law, double *s, double *y, double *step
         const bool last = *s + 1.1 * *step >= end;
         const double H = last ? end - *s : *step;
         double table[ROWS_OF_TABLE], error = INF, previous = INF;
-        double gone = 0.0; /* by p */
+        double gone = 0.0; /* change of p */
         bool converged = false;
         int row = 0;
         for (; row < ROWS_OF_TABLE; row++) {
@@ -70,12 +72,12 @@ static bool extrapolated_step(const Law *law, double *s, double *y, double *step
             table[row] = moved;
             previous = error;
             error = row > 0 ? fabs(moved - table[row - 1]) : INF;
-            converged = error <= allowed && previous <= 1e3 * allowed; /* one small difference may be an accident */
+            converged = error <= allowed && previous <= 1e3 * allowed; /* one small difference may be a coincidence */
             if (converged || (row >= 2 && !(error <= 2.0 * previous)))
                 break;
         }
         if (converged && -H * J < 1.0 && H * fabs(rate) > detail) {
-            /* by accident, if the mean rate is far from the rates at both ends */
+            /* convergence is a coincidence if the mean rate is far from the rates at both ends */
             const double s_end = last ? end : *s + H, rate_end = f(s_end, start + (table[row] + gone), data);
             const double middle = 0.5 * (rate + rate_end), width = 1.5 * fabs(rate_end - rate);
             converged = fabs(table[row] + gone - H * middle) <= H * width + 10.0 * allowed;
@@ -95,12 +97,12 @@ static bool extrapolated_step(const Law *law, double *s, double *y, double *step
 
 enum { FAILED = -1, ENDED, REACHED };
 
-/* What a step returns whose relaxation has FAILED. */
+/* Return the result of a step whose relaxation has FAILED. */
 static inline bool failed(Model *m, int budget) { return budget <= 0 ? too_much(m) : false; }
 
-/* From (s, y) to `end`, or to the first point where the goal is no longer negative (NULL: there is no goal). `size` is
-   that of y, to which the tolerance is relative; in the first step y changes by no more than `detail`, so that the
-   error estimate sees all of f. */
+/* Integrate from (s, y) to `end`, or to the first point where the goal is no longer negative (NULL: no goal). The
+   tolerance is relative to `size`. In the first step, y changes by at most `detail`, so that the error estimate covers
+   all of f. */
 static int follow(const Model *m, const Law *law, double *s, double *y, double end, double size, double detail)
 {
     Curve *const f = law->rate, *const goal = law->goal;
@@ -113,7 +115,8 @@ static int follow(const Model *m, const Law *law, double *s, double *y, double e
             return FAILED;
         if (!goal || goal(*s, *y, law->data) < 0.0)
             continue;
-        /* between the last point before and the first one behind it: secant, or bisection where that is slow */
+        /* search between the last point before the goal and the first point after it by the secant method, or by
+           bisection where that is slow */
         double low = goal(s_before, y_before, law->data), high = goal(*s, *y, law->data);
         for (int tries = 0; tries < 100 && *s - s_before > 2.0 * DBL_EPSILON * fabs(*s) && high > 0.0; tries++) {
             const double part = tries % 3 == 2 ? 0.5 : clip(-low / (high - low), 1e-3, 1.0 - 1e-3);

@@ -1,13 +1,13 @@
-/* RODAS: six stages, order 4 with an embedded order 3, L-stable and stiffly accurate. A Rosenbrock method: one
-   Jacobian and six linear solves a step, no Newton iteration.
-   Hairer, Wanner: Solving Ordinary Differential Equations II, 2nd ed. 1996, section IV.7; coefficients of METH = 1
-   in the form that needs no product with the Jacobian (equation 7.25).
+/* RODAS: a Rosenbrock method with six stages, order 4 with an embedded order 3, L-stable and stiffly accurate. It needs
+   one Jacobian and six linear solves per step, and no Newton iteration. Hairer, Wanner: Solving Ordinary Differential
+   Equations II, 2nd ed. 1996, section IV.7; coefficients of METH = 1 in the form without products with the Jacobian
+   (equation 7.25).
 
        (1/(gamma h) - J) U_i = f(t + alpha_i h, y + sum_j a_ij U_j) + sum_j c_ij U_j / h + d_i h f_t
        y(t + h) = y + sum_j a_6j U_j + U_6,   error = U_6
 
-   The sums and the control of the step size are here. The system evaluates f and solves for U_i, because it knows its
-   Jacobian: `rodas_step` in solver.h does so by differences for any block, PrandtlTomlinson in closed form.   */
+   This file contains the sums and the step-size control. The caller, which knows its Jacobian, evaluates f and solves
+   for U_i: `rodas_step` in solver.h uses differences for any block, PrandtlTomlinson a closed form. */
 
 #ifndef RODAS_H
 #define RODAS_H
@@ -33,7 +33,7 @@ static const double rodas_c[STAGES][STAGES] = {
     {8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054},
 };
 
-/* The place of a stage: `start` + sum_j a_ij U_j of one variable, whose U_j are `stride` apart. */
+/* Return the argument of f at a stage: `start` + sum_j a_ij U_j of one variable, whose U_j are `stride` apart. */
 static inline double rodas_place(int stage, double start, const double *u, int stride)
 {
     for (int j = 0; j < stage; j++)
@@ -41,7 +41,7 @@ static inline double rodas_place(int stage, double start, const double *u, int s
     return start;
 }
 
-/* The right side of a stage: f + sum_j c_ij U_j / h of one variable. */
+/* Return the right-hand side of a stage: f + sum_j c_ij U_j / h of one variable. */
 static inline double rodas_side(int stage, double f, double h, const double *u, int stride)
 {
     for (int j = 0; j < stage; j++)
@@ -49,7 +49,7 @@ static inline double rodas_side(int stage, double f, double h, const double *u, 
     return f;
 }
 
-/* The size that the next step should have, and the step that is tried: shorter if it ends the interval. */
+/* The recommended step size and the step that is tried, which is shorter at the end of the interval. */
 typedef struct {
     double size, taken;
     bool last;
@@ -61,8 +61,8 @@ static inline void rodas_try(RodasSize *step, double s, double end)
     step->taken = step->last ? end - s : step->size;
 }
 
-/* Whether a step is accepted by its error over the tolerance, which is negative if the step failed. The next size
-   follows from the error, of order 4. */
+/* Return whether a step is accepted, given its error over the tolerance (negative if the step failed). The next size
+   follows from this error, which is of order 4. */
 static inline bool rodas_accepts(RodasSize *step, double error)
 {
     const double factor = error < 0.0 ? 0.2 : clip(0.9 * pow(fmax(error, 1e-12), -0.25), 0.2, 6.0);

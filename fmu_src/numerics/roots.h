@@ -6,17 +6,17 @@
 #include <math.h>
 #include <stdbool.h>
 
-/* A function at a place: its value, its slope and, for `first_zero`, an upper bound of its second derivative from there
-   on. */
+/* A function at a point: its value, its slope and, for `first_zero`, an upper bound of its second derivative from this
+   point on. */
 typedef struct {
     double value, slope, bend;
 } Taylor;
 
 typedef Taylor Function(const void *data, double x);
 
-/* The first x in [0, end) with f(x) >= 0, INFINITY if there is none. Each step goes to where the parabola
-   f + f' s + bend s^2/2, which lies above f, reaches zero: it never passes a zero, and converges quadratically. Each
-   step takes one off `left`. */
+/* Return the first x in [0, end) with f(x) >= 0, or INFINITY if there is none. Each step goes to the zero of the
+   parabola f + f' s + bend s^2/2, which lies above f; therefore it never skips a zero of f, and convergence is
+   quadratic. Each step decreases `left` by one. */
 static inline double first_zero(Function *f, const void *data, double end, double *left)
 {
     double x = 0.0;
@@ -36,14 +36,14 @@ static inline double first_zero(Function *f, const void *data, double end, doubl
     return x;
 }
 
-/* x if it is inside the interval, else the middle. */
+/* Return x if it is inside the interval, else the midpoint. */
 static inline double kept_inside(double x, double low, double high)
 {
     return x > low && x < high ? x : 0.5 * (low + high);
 }
 
-/* The root between low, where f is not positive, and high: Newton's method from `x` on, bisection where that leaves the
-   interval. The interval shrinks around the root, which is returned. */
+/* Return the root between low, where f is not positive, and high, by Newton's method from `x` with bisection if a step
+   leaves the interval. The interval shrinks around the root. */
 static inline double newton_between(Function *f, const void *data, double x, double *low, double *high)
 {
     for (int i = 0; i < 200 && *low < *high; i++) {
@@ -60,17 +60,17 @@ static inline double newton_between(Function *f, const void *data, double x, dou
     return x;
 }
 
-/* Where the line through two points is zero, as a distance from the first. */
+/* Return the zero of the line through two points, as a distance from the first point. */
 static inline double secant(double a, double f_a, double b, double f_b) { return a - f_a * (b - a) / (f_b - f_a); }
 
-/* An interval in which f changes its sign, for false position with halved weights (Illinois; Dowell, Jarratt: BIT 11,
-   1971): the value at an end that stays where it is counts half from the second time on. */
+/* An interval in which f changes its sign, for false position with halved weights (Illinois algorithm; Dowell, Jarratt:
+   BIT 11, 1971): if an end is retained twice in succession, its value is halved. */
 typedef struct {
     double low, high, f_low, f_high;
-    int moved; /* the end that moved last: -1 low, 1 high, 0 none */
+    int moved; /* the end that moved last; -1: low, 1: high, 0: none */
 } Bracket;
 
-/* Moves the high end to x if that is `beyond` the root, else the low one. */
+/* Move the high end to x if x is `beyond` the root, else the low end. */
 static inline void narrow(Bracket *b, double x, double f, bool beyond)
 {
     if (beyond) {

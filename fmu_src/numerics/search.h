@@ -5,11 +5,10 @@
 
 #include <stdint.h>
 
-/* The i-th number of a table in rising order. */
+/* Return the i-th number of a table in ascending order. */
 typedef double Column(const void *table, int64_t i);
 
-/* The last i with column(i) <= x. It is looked for in low ... high - 1; `low` itself, which is not read, is returned if
-   no other one is found. */
+/* Return the last i in low + 1 ... high - 1 with column(i) <= x, or `low` if there is none. */
 static inline int64_t last_not_above(Column *column, const void *table, int64_t low, int64_t high, double x)
 {
     while (high - low > 1) {

@@ -1,4 +1,4 @@
-/* The finaliser of splitmix64 (Steele, Lea, Flood: OOPSLA 2014), which makes random bits of a counter. */
+/* The finaliser of splitmix64 (Steele, Lea, Flood: OOPSLA 2014), which converts a counter to random bits. */
 
 #ifndef SPLITMIX_H
 #define SPLITMIX_H

@@ -1,28 +1,28 @@
-/* An actuator between controller and plant: a pure delay, a limit of the force, and a first-order lag, in this order.
+/* Actuator between controller and plant: a pure delay, a force limit and a first-order lag, in this order.
 
-   The usual model of a current loop with its computing delay and current limit; e.g. Ellis: Control System Design
-   Guide, 4th ed., Elsevier 2012.
+   This is the usual model of a current loop with its computing delay and current limit; see Ellis: Control System
+   Design Guide, 4th ed., Elsevier 2012.
 
        w(t) = clip(u(t - delay), F_min, F_max)
        tau dF_lag/dt = w - F_lag
        F = F_lag,   F = w if tau = 0
 
-   The start values delay = 0 and tau = 0 leave these parts out, and the limits can be put out of reach. Before the run
-   u was F_lag, of which the start value can be set: the delay is filled with it.
+   delay = 0 and tau = 0, the start values, disable these parts. Before the run, u is taken as F_lag, whose start value
+   can be set.
 
-   The step is exact for a u that is held or linear in time: every change of u comes out of the delay at its own
-   time, also within a step, and w reaches its limits at the time where it does. A change that comes out at a
-   communication point shows in F after it: as masters hand over what F is at the end of a step, a delay of n steps
-   is then n steps more than none. What is on its way is kept in a ring of 1024 changes of u, a part of the FMU
-   state; a u that goes on as it was (held, or at the same rate) is no change. `command` is w, what an observer of
-   disturbances should be given in place of u.
+   The step is exact for constant or linear u: every change of u takes effect after exactly the delay, also within a
+   step, and w reaches its limits at the exact time. A change that takes effect at a communication point appears in F in
+   the next step; since masters pass the value of F at the end of a step, a delay of n steps then adds exactly n steps.
+   Delayed changes of u are stored in a ring buffer of 1024 entries, which is part of the FMU state; if u remains
+   constant or keeps its rate, this is not a change. `command` is w; connect it to a disturbance observer instead of u.
 
-   Use it to see what a loop of friction compensation loses to a real drive: lag and delay rob the feedforward of its
-   timing, and the limit winds up integrals.
+   Use it to study how a real drive degrades friction compensation: lag and delay shift the feedforward in time, and the
+   limit causes integrator windup.
 
-   Limits: no limit on the rate of the force, no resonance of the current loop, the same lag up and down. F depends on u
-   at once if tau = 0 and delay = 0. If more than 1024 changes are on their way the oldest are lost, and the delay is
-   shorter than asked for; a warning says so. A change comes out to within 1e-12 of the time and the delay. */
+   Limits: no limit on the rate of the force, no resonance of the current loop, the same lag for rising and falling
+   force. With tau = 0 and delay = 0, F depends directly on u. If more than 1024 changes occur within the delay, the
+   oldest are lost, the delay is shorter than specified, and a warning is logged. Changes take effect to within 1e-12 of
+   the time and the delay. */
 
 #define MODEL    Actuator
 #define SUMMARY  "Delay, force limit and first-order lag of a drive"
@@ -32,15 +32,15 @@
 
 /* clang-format off */
 #define VARIABLES                                                                                       \
-    INPUT    (u,         FORCE, 0.0,              "force that is asked for")                            \
+    INPUT    (u,         FORCE, 0.0,              "commanded force")                                    \
     OUTPUT   (F,         FORCE,                   "force of the actuator")                              \
-    OUTPUT   (command,   FORCE,                   "what the lag follows: u after delay and limits")     \
-    STATE    (F_lag,     FORCE, 0.0,    1.0,      "force of the lag; at the start also what u was before") \
-    FLAG     (limited,                            "u after the delay is beyond a limit")                \
+    OUTPUT   (command,   FORCE,                   "u after delay and limits, the input of the lag")     \
+    STATE    (F_lag,     FORCE, 0.0,    1.0,      "force of the lag; initially also the value of u before the start") \
+    FLAG     (limited,                            "u after the delay exceeds a limit")                  \
     PARAMETER(F_min,     FORCE, -100.0, -INF,INF, "lower limit, not above F_max")                       \
     PARAMETER(F_max,     FORCE, 100.0,  -INF,INF, "upper limit")                                        \
     PARAMETER(tau,       TIME,  0.0,    0.0, INF, "time constant of the lag; 0: none")                  \
-    FIXED    (delay,     TIME,  0.0,    0.0, INF, "time that u takes to have an effect; 0: none")
+    FIXED    (delay,     TIME,  0.0,    0.0, INF, "time until u takes effect; 0: none")
 
 #define IN_LOOP         \
     DRIVE(F_min, F_max) \
@@ -49,23 +49,24 @@
 /* clang-format on */
 
 #define STEPS_BY step
-#define WARNING  "more than 1024 changes of u are on their way, so that the delay is shorter than asked for"
+#define WARNING                                                                                                        \
+    "more than 1024 changes of u within the delay; the oldest are lost, and the delay is shorter than specified"
 #define MEMORY   struct history
 #define VALID_BY is_history
 
 #include <stdbool.h>
 #include <stdint.h>
 
-/* A value of u that is linear in time, from `begin` on. */
+/* A segment of u that is linear in time, from `begin` on. */
 struct piece {
     double begin, u, rate;
 };
 
 enum { LONGEST = 1024 };
 
-/* What u was: piece i is at i modulo LONGEST, and `before` is what it was before the first of them. */
+/* The history of u: segment i is at i modulo LONGEST; `before` is the value before the first segment. */
 struct history {
-    int64_t oldest, end; /* pieces oldest ... end - 1 are kept */
+    int64_t oldest, end; /* segments oldest ... end - 1 are stored */
     double before;
     struct piece pieces[LONGEST];
 };
@@ -79,7 +80,7 @@ static bool is_history(const Model *m)
     const int64_t most = INT64_C(1) << 53;
     if (past->oldest < 0 || past->oldest > most || past->end < 0 || past->end > most || !isfinite(past->before))
         return false;
-    const int64_t kept = past->end - past->oldest; /* cannot overflow, now that both are known */
+    const int64_t kept = past->end - past->oldest; /* cannot overflow, as both have been checked */
     if (kept > LONGEST || kept < (past->end > 0))
         return false;
     for (int64_t i = past->oldest; i < past->end; i++)
@@ -88,19 +89,20 @@ static bool is_history(const Model *m)
     return true;
 }
 
-/* w from now on, for `length` at most. */
+/* The delayed u from now on, valid for `length` at most. */
 typedef struct {
     double u, rate, length;
 } Line;
 
-/* How far apart two times may be that are meant to be the same [s]. */
+/* Return the largest difference [s] between times that are considered equal. */
 static double rounding(const Model *m, double t) { return 1e-12 * (fabs(t) + m->delay); }
 
 static const struct piece *piece_of(const Model *m, int64_t i) { return &m->memory.pieces[i % LONGEST]; }
 
 static double begin_of(const void *m, int64_t i) { return piece_of((const Model *)m, i)->begin; }
 
-/* u at a time t in the past: right before it (side = -1) or from it on (side = 1), also if rounding misses a change. */
+/* Return u at a time t in the past: just before it (side = -1) or from it on (side = 1), also if a change misses t by
+   rounding. */
 static Line past(const Model *m, double t, double side)
 {
     const struct history *const past = &m->memory;
@@ -132,7 +134,7 @@ static void remember(Model *m)
     past->pieces[past->end++ % LONGEST] = (struct piece){t, u, rate};
 }
 
-/* Pieces that nothing will ask for again: the next one has come out, too. */
+/* Discard the segments that are no longer needed because the next segment has also taken effect. */
 static void forget(Model *m, double t)
 {
     struct history *const past = &m->memory;
@@ -143,7 +145,7 @@ static void forget(Model *m, double t)
 static void equations(Model *m)
 {
     GIVEN(m)
-    /* a change that comes out at this very time belongs to the step that follows, as a new u does without delay */
+    /* a change that takes effect at this time belongs to the next step, like a new u without delay */
     const double wanted = delay > 0.0 ? past(m, m->time - delay, -1.0).u : u;
     m->command = clip(wanted, F_min, F_max);
     m->limited = wanted < F_min || wanted > F_max ? 1.0 : 0.0;
@@ -151,13 +153,13 @@ static void equations(Model *m)
     m->F = tau > 0.0 ? F_lag : m->command;
 }
 
-/* The lag over a time in which w = u + rate s. */
+/* Return the force of the lag after h, during which w = u + rate s. */
 static double follow(double F, double tau, double u, double rate, double h)
 {
     return u + rate * h + relax(F - u, -rate * tau, h / tau);
 }
 
-/* The lag over a line, cut where that passes the limits. */
+/* Return the force of the lag after a line, which is divided where it crosses the limits. */
 static double follow_clipped(const Model *m, double F, Line w)
 {
     double cuts[] = {0.0, 0.0, 0.0, w.length};
@@ -190,7 +192,7 @@ static bool step(Model *m, double h)
         const bool last = !(s + w.length < h);
         w.length = last ? h - s : w.length;
         F = follow_clipped(m, F, w);
-        /* a piece may be shorter than the rounding of s */
+        /* a segment may be shorter than the rounding of s */
         s = last ? h : fmax(s + w.length, nextafter(s, h));
     }
     m->F_lag = F;

@@ -1,28 +1,29 @@
-/* A mass on a moving belt, held by a spring and a damper to the wall: the textbook experiment on stick-slip.
+/* Mass on a moving belt, connected to the wall by a spring and a damper: the textbook stick-slip experiment.
 
-   Newton's second law; the experiment is that of Leine, van Campen, de Kraker, van den Steen: Stick-slip vibrations
-   induced by alternate friction models, Nonlinear Dynamics 16, 1998.
+   Newton's second law; experiment as in Leine, van Campen, de Kraker, van den Steen: Stick-slip vibrations induced by
+   alternate friction models, Nonlinear Dynamics 16, 1998.
 
        m dv/dt = F_load - k x - d v - F_friction,   dx/dt = v
        v_rel = v - v_belt
        F_ext = F_load - k x - d v - m a_belt
 
-   v_rel is the velocity of the mass over the belt, the input v of a friction model; its force F_friction opposes v_rel,
-   so a faster belt pulls the mass along. F_ext is all that friction has to balance for the mass to ride with the belt:
-   the forces on it but friction and, if the belt accelerates, its inertia. a_belt serves nothing else; it has to be the
-   derivative of v_belt. A belt of constant speed needs no wire: v_belt is then given as a value.
+   v_rel is the velocity of the mass relative to the belt. Connect it to the input v of a friction model, whose force
+   F_friction opposes v_rel, so that a faster belt pulls the mass along. F_ext is the force that friction must balance
+   for the mass to move with the belt: all other forces on the mass and, if the belt accelerates, its inertia. a_belt is
+   used only for F_ext and must be the derivative of v_belt. For a belt at constant speed, set the value of v_belt
+   without a connection.
 
-   The step is the exact solution for forces that are constant or linear in time over it; v_rel follows v and v_belt.
+   The step is the exact solution for forces that are constant or linear in time over it; v_rel follows from v and
+   v_belt.
 
-   Use it to compare friction models in stick-slip, with the friction as a block of its own; set v0 = v_belt to begin
-   stuck.
+   Use it to compare friction models in stick-slip, with friction as a separate block; set v0 = v_belt to begin stuck.
 
-   Limits: the belt has no inertia and its drive is ideal, the wall does not move. A connected friction model holds its
+   Limits: the belt has no inertia, its drive is ideal, and the wall does not move. A connected friction model holds its
    force over a step: the step must be short compared with the time constants of friction, or the master must
    iterate. */
 
 #define MODEL    Belt
-#define SUMMARY  "Mass on a moving belt, on a spring and a damper to the wall"
+#define SUMMARY  "Mass on a moving belt, with a spring and a damper to the wall"
 #define SOURCE   "Leine, van Campen, de Kraker, van den Steen, Nonlinear Dynamics 16, 1998"
 #define PORTRAIT "ride"
 #define QUOTES   "belt"
@@ -33,12 +34,12 @@
     OPTIONAL    (v_belt,     VELOCITY, 0.1,              "velocity of the belt")                       \
     OPTIONAL    (a_belt,     ACCELERATION, 0.0,          "acceleration of the belt, for F_ext")        \
     OPTIONAL    (F_load,     FORCE,    0.0,              "further applied force")                      \
-    STATE_OUTPUT(x,          LENGTH,   x0,  1.0,         "position, 0: the spring is relaxed")         \
+    STATE_OUTPUT(x,          LENGTH,   x0,  1.0,         "position; 0: the spring is relaxed")         \
     STATE_OUTPUT(v,          VELOCITY, v0,  1.0,         "velocity")                                   \
-    OUTPUT      (v_rel,      VELOCITY,                   "velocity of the mass over the belt")         \
+    OUTPUT      (v_rel,      VELOCITY,                   "velocity of the mass relative to the belt")  \
     OUTPUT      (a,          ACCELERATION,               "acceleration")                               \
     OUTPUT      (F_spring,   FORCE,                      "force of spring and damper on the wall")     \
-    OUTPUT      (F_ext,      FORCE,                      "what friction balances if the mass rides with the belt") \
+    OUTPUT      (F_ext,      FORCE,                      "friction force if the mass moves with the belt") \
     PARAMETER   (m,          MASS,      1.0, 1e-12, INF, "mass")                                       \
     PARAMETER   (k,          STIFFNESS, 2.0, 0.0,   INF, "stiffness of the spring to the wall")        \
     PARAMETER   (d,          DAMPING,   0.0, 0.0,   INF, "damping to the wall")                        \

@@ -1,4 +1,4 @@
-/* A mass, driven by forces, on an optional spring and damper to a support that may move.
+/* Mass driven by forces, with an optional spring and damper to a support that may move.
 
    Newton's second law; the step is its exact solution for forces and a support velocity that are constant or linear
    in time over the communication step.
@@ -6,9 +6,9 @@
        m dv/dt = F_drive + F_load - F_friction
                  - k (x - x_support) - d (v - v_support)
        dx/dt = v,  dx_support/dt = v_support
-       F_ext = all of these forces but F_friction
+       F_ext = sum of these forces except F_friction
 
-   F_ext is what a friction model needs to know at rest. With k = d = 0 the support does not matter. */
+   A friction model needs F_ext at rest. With k = d = 0, the support has no effect. */
 
 #define MODEL    Mass
 #define SUMMARY  "Mass with an optional spring and damper to a moving support"
@@ -73,7 +73,7 @@ static bool step(Model *model, double h)
         model->x_support += path_after(v_support, rate[INPUT_v_support], h);
         return true;
     }
-    /* y = (w x, v, w x_support) with w = sqrt(k/m) makes all rates of one size. */
+    /* y = (w x, v, w x_support) with w = sqrt(k/m) gives all rates the same magnitude. */
     const double w = k > 0.0 ? sqrt(k / m) : 1.0 / h;
     const double A[] = {0.0, w, 0.0, -k / (m * w), -d / m, k / (m * w), 0.0, 0.0, 0.0};
     const double b[] = {0.0, push, w * v_support};

@@ -1,6 +1,6 @@
-/* A flexible drive: motor and load, two masses with a spring and a damper between them, friction on either side.
+/* Flexible drive: motor and load, two masses connected by a spring and a damper, with friction on either side.
 
-   Newton's second law, the usual model of a drive whose transmission or frame gives way, as in Munnig Schmidt,
+   Newton's second law; the usual model of a drive with a flexible transmission or frame, as in Munnig Schmidt,
    Schitter, Rankers, van Eijk: The Design of High Performance Mechatronics, 3rd ed. 2020.
 
        F_spring = k (x1 - x2) + d (v1 - v2)
@@ -8,27 +8,27 @@
        m2 dv2/dt = F_load  + F_spring - F_friction2,   dx2/dt = v2
        F_ext1 = F_drive - F_spring,   F_ext2 = F_load + F_spring
 
-   F_ext1 and F_ext2 are all forces on a side but its friction: what a friction model needs to know at rest. The drive
-   has a double integrator for the centre of mass, and for k > 0 a resonance at w_r and, from F_drive to x1, an
+   F_ext1 and F_ext2 are the sums of all forces on a side except its friction; a friction model needs them at rest. The
+   drive has a double integrator (the centre of mass) and, for k > 0, a resonance at w_r and, from F_drive to x1, an
    antiresonance at w_a:
 
        w_r = sqrt(k / mu),   mu = m1 m2 / (m1 + m2),   w_a = sqrt(k / m2)
 
-   The step is the exact solution for forces that are constant or linear in time over it. The centre of mass and the
-   stretch q = x1 - x2 move by themselves, and so does the stiffest of springs:
+   The step is the exact solution for forces that are constant or linear in time over it. The equations of the centre of
+   mass and of the stretch q = x1 - x2 are decoupled, also for very stiff springs:
 
-       (m1 + m2) d2X/dt2 = F1 + F2,   F1, F2 = the forces from outside
+       (m1 + m2) d2X/dt2 = F1 + F2,   F1, F2 = external forces
        mu d2q/dt2 = mu (F1 / m1 - F2 / m2) - k q - d dq/dt
 
-   Use it for an axis whose motor turns while the load still sticks, for feedback through a resonance, and to see what
-   friction on the load does that friction on the motor does not.
+   Use it for an axis whose motor moves while the load still sticks, for feedback with a resonance in the loop, and to
+   compare the effects of friction on the load and on the motor.
 
-   Limits: the spring is linear, without backlash and of one mode. F_spring carries the rounding of the positions, 1e-16
-   k x1: 1e-8 N for k = 1e8 N/m at 1 m. A connected friction model holds its force over a step: the step must be short
+   Limits: linear spring without backlash, a single mode. F_spring contains the rounding error of the positions, 1e-16 k
+   x1: 1e-8 N for k = 1e8 N/m at 1 m. A connected friction model holds its force over a step: the step must be short
    compared with the time constants of friction, or the master must iterate. */
 
 #define MODEL    TwoMass
-#define SUMMARY  "Flexible drive: motor and load with a spring and a damper between them"
+#define SUMMARY  "Flexible drive: motor and load connected by a spring and a damper"
 #define SOURCE   "Munnig Schmidt, Schitter, Rankers, van Eijk: The Design of High Performance Mechatronics, 2020"
 #define PORTRAIT "resonance"
 #define QUOTES   "loop_poles"

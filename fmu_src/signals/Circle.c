@@ -1,30 +1,31 @@
-/* A circle of two axes at constant feed, started and stopped smoothly: the usual test of contouring. At each end of a
-   quadrant one axis reverses, and friction draws its glitch there.
+/* Circle of two axes at constant feed, with smooth start and stop: the usual contouring test. At each end of a
+   quadrant, one axis reverses, and friction causes a glitch.
 
-   The test is that of ISO 230-4 (circular tests for numerically controlled machine tools); the start is the polynomial
-   of fifth order, at rest up to its second derivative, as in Biagiotti, Melchiorri: Trajectory Planning for Automatic
-   Machines and Robots, Springer 2008.
+   The test follows ISO 230-4 (circular tests for numerically controlled machine tools). The speed starts with a
+   polynomial of fifth order, whose first two derivatives are zero at its ends, as in Biagiotti, Melchiorri: Trajectory
+   Planning for Automatic Machines and Robots, Springer 2008.
 
        angle = start_angle + way p / radius,   way = 1, or -1 if clockwise
        x = x_centre + radius cos(angle),   y = y_centre + radius sin(angle)
        dp/dt = V b(s / T),   b(u) = 10 u^3 - 15 u^4 + 6 u^5
        T = t_ramp, s = time since t_start
 
-   p is the length of the path. Speeding up takes T and V T / 2 of the path, slowing down is the same backwards. Between
-   them the speed is V = feed, for as long as the path of `turns` circles, L = 2 pi radius turns, asks; a path shorter
-   than feed T is gone at the peak V = L / T. The motion takes L / V + T and ends on L. turns = 0 never stops.
+   p is the path length. The acceleration phase takes the time T and the path V T / 2; the deceleration phase is its
+   mirror image. In between, the speed is V = feed, such that the total path has the length of `turns` circles, L = 2 pi
+   radius turns; if L is shorter than feed T, the peak speed is V = L / T. The motion takes L / V + T and ends at p = L.
+   With turns = 0, it never stops.
 
-   x, y and their first two derivatives are continuous, so that position, speed and force of the axes have no jump if
-   they begin at rest at x, y of the start (give the plants these initial positions). Centripetal acceleration is
+   x, y and their first two derivatives are continuous, so that position, speed and force of the axes do not jump if the
+   axes begin at rest at the initial x, y (set these initial positions in the plants). The centripetal acceleration is
    feed^2 / radius.
 
-   Use it for quadrant glitches: each axis passes zero velocity twice in a turn, at the acceleration feed^2 / radius,
-   while the other one runs at the feed. reversals counts them; t_start and turns give whole turns for polar plots over
-   `angle`.
+   Use it for quadrant glitches: each axis passes zero velocity twice per turn, with the acceleration feed^2 / radius,
+   while the other axis moves at the feed. `reversals` counts these events; for polar plots over `angle`, t_start and
+   turns select whole turns.
 
-   Limits: with t_ramp = 0 the speed jumps at the ends, and derivatives there are those that follow. A parameter changed
-   during a motion replaces the whole plan, and x and y may jump. The angle of late times carries the rounding error of
-   feed t / radius, 1e-16 of it. */
+   Limits: with t_ramp = 0, the speed jumps at the ends, where the derivatives have the values after the jump. If a
+   parameter changes during a motion, the whole motion is replanned, and x and y may jump. At late times, the angle
+   contains a rounding error of 1e-16 feed t / radius. */
 
 #define MODEL    Circle
 #define SUMMARY  "Circle of two axes at constant feed with smooth start and stop"
@@ -39,17 +40,17 @@
     OUTPUT   (y,           LENGTH,              "position of the second axis")                               \
     OUTPUT   (yd,          VELOCITY,            "velocity of the second axis")                               \
     OUTPUT   (ydd,         ACCELERATION,        "acceleration of the second axis")                           \
-    OUTPUT   (angle,       ANGLE,               "angle on the circle, grows from turn to turn")              \
+    OUTPUT   (angle,       ANGLE,               "angle on the circle, continuous over all turns")            \
     TALLY    (reversals,                        "ends of quadrants passed since the start")                  \
     PARAMETER(radius,      LENGTH,   0.01,      1e-12, INF, "radius of the circle")                          \
     PARAMETER(feed,        VELOCITY, 0.01,      1e-12, INF, "speed along the path")                          \
-    PARAMETER(turns,       NO_UNIT,  0.0,       0.0,   INF, "number of turns, 0: no end")                    \
-    PARAMETER(start_angle, ANGLE,    0.0,       -INF,  INF, "angle where the motion begins")                 \
-    SWITCH   (clockwise,   0,                               "turn from y to x")                              \
+    PARAMETER(turns,       NO_UNIT,  0.0,       0.0,   INF, "number of turns; 0: unlimited")                 \
+    PARAMETER(start_angle, ANGLE,    0.0,       -INF,  INF, "angle at which the motion begins")              \
+    SWITCH   (clockwise,   0,                               "clockwise rotation, from y to x")               \
     PARAMETER(t_start,     TIME,     0.0,       -INF,  INF, "time at which the motion begins")               \
-    PARAMETER(t_ramp,      TIME,     0.2,       0.0,   INF, "time to reach the feed, and to stop from it")   \
-    PARAMETER(x_centre,    LENGTH,   0.0,       -INF,  INF, "centre, first axis")                            \
-    PARAMETER(y_centre,    LENGTH,   0.0,       -INF,  INF, "centre, second axis")
+    PARAMETER(t_ramp,      TIME,     0.2,       0.0,   INF, "duration of the acceleration and deceleration phases") \
+    PARAMETER(x_centre,    LENGTH,   0.0,       -INF,  INF, "centre of the circle, first axis")              \
+    PARAMETER(y_centre,    LENGTH,   0.0,       -INF,  INF, "centre of the circle, second axis")
 /* clang-format on */
 
 #include "block.h"
@@ -59,7 +60,7 @@ typedef struct {
     double p, v, a; /* path and its derivatives */
 } Motion;
 
-/* Speeding up to V in T, s seconds after the start. */
+/* Return the motion s seconds after the start of the acceleration to V within T. */
 static Motion ramp(double V, double T, double s)
 {
     const double u = s / T;
@@ -70,7 +71,7 @@ static Motion ramp(double V, double T, double s)
     };
 }
 
-/* The way that is gone s seconds after the start. */
+/* Return the motion along the path s seconds after the start. */
 static Motion along(double V, double T, double L, double s)
 {
     const double end = L / V + T;
@@ -86,7 +87,7 @@ static Motion along(double V, double T, double L, double s)
     return (Motion){L - left.p, left.v, -left.a};
 }
 
-/* The quadrant in which an angle lies, 0 for the first one. */
+/* Return the quadrant of an angle, 0 for the first one. */
 static double quadrant(double a) { return floor(a / HALF_PI); }
 
 static void equations(Model *m)

@@ -1,22 +1,22 @@
-/* Velocity from a sampled position, as servo drives estimate it from an encoder: average over the last n samples,
-   then the difference of two averages, then a first-order low-pass.
+/* Velocity from a sampled position, as estimated from an encoder in servo drives: average over the last n samples,
+   difference of two averages, first-order low-pass filter.
 
    Janot, Gautier, Brunot: Data set and reference models of EMPS, Workshop on Nonlinear System Identification
-   Benchmarks, 2019, for n = 2; low-pass: any text on sampled control.
+   Benchmarks, 2019, for n = 2; low-pass filter: any text on sampled control.
 
        x_mean[k] = (x[k] + ... + x[k-n+1]) / n,   n = window
        d[k]      = (x_mean[k] - x_mean[k-1]) / Ts = (x[k] - x[k-n]) / (n Ts)
        v[k]      = v[k-1] + (1 - exp(-Ts/tau)) (d[k] - v[k-1])
        v[k]      = d[k] if tau = 0
 
-   The low-pass is the exact step of tau dv/dt = d - v for a d that is held from sample k-1 to k, the time that d[k]
-   is about. Before the first sample x is taken to have moved at v0, so v starts with v0.
+   The low-pass filter is the exact step of tau dv/dt = d - v, with d constant from sample k-1 to k, the interval that
+   d[k] describes. Before the first sample, x is assumed to have moved at v0, so that v starts at v0.
 
-   Limits: v lags by n Ts/2 + tau (a ramp is followed exactly after n samples, or once the low-pass has settled),
-   x_mean by (n - 1) Ts/2; with a quantised x, v has steps of quantum / (n Ts). */
+   Limits: v lags by n Ts/2 + tau (the slope of a ramp is exact after n samples, or once the low-pass filter has
+   settled), x_mean by (n - 1) Ts/2. With a quantised x, v has steps of quantum / (n Ts). */
 
 #define MODEL    Differentiator
-#define SUMMARY  "Sampled velocity estimate: moving average, difference, low-pass"
+#define SUMMARY  "Sampled velocity estimate: moving average, difference, low-pass filter"
 #define SOURCE   "Janot, Gautier, Brunot: Data set and reference models of EMPS, 2019"
 #define PORTRAIT "differentiation"
 
@@ -26,9 +26,9 @@
     OUTPUT   (v,      VELOCITY,                 "estimated velocity")                                   \
     OUTPUT   (x_mean, LENGTH,                   "moving average of the position")                       \
     FIXED    (Ts,     TIME,   1e-3, 1e-9, INF,  "sample time")                                          \
-    COUNT    (window, 2,      1,    LONGEST,    "samples that are averaged")                            \
+    COUNT    (window, 2,      1,    LONGEST,    "number of samples in the average")                     \
     FIXED    (v0,     VELOCITY, 0.0, -INF, INF, "velocity before the first sample")                     \
-    PARAMETER(tau,    TIME,   0.0,  0.0,  INF,  "time constant of the low-pass; 0: none")
+    PARAMETER(tau,    TIME,   0.0,  0.0,  INF,  "time constant of the low-pass filter; 0: none")
 
 #define IN_LOOP              \
     SENSOR  ()               \
@@ -56,13 +56,13 @@ static void sample(Model *m)
     double *const ring = m->memory.x;
     const size_t n = (size_t)clip(window, 1.0, LONGEST);
 
-    /* as if x had moved at v0 before the first sample */
+    /* x is assumed to have moved at v0 before the first sample */
     if (m->run.tick == 0) {
         for (size_t i = 1; i <= n; i++)
             ring[n - i] = x - (double)i * v0 * Ts;
         m->memory.v = v0;
     }
-    /* x[k] takes the place of x[k-n] */
+    /* x[k] replaces x[k-n] */
     double *const place = &ring[(size_t)m->run.tick % n];
     const double d = (x - *place) / ((double)n * Ts);
     *place = x;

@@ -1,4 +1,4 @@
-/* A sampled position encoder: rounds to whole counts at sample times, and gives the velocity as a difference.
+/* Sampled position encoder: position rounded to whole counts at the sample times, and velocity as a difference.
 
    Quantisation: Widrow, Kollar: Quantization Noise, Cambridge University Press 2008. Velocity by difference and its
    error: Brown, Schneider, Mulligan: Analysis of algorithms for velocity estimation from discrete position versus time
@@ -8,16 +8,16 @@
        v_measured[k] = (x_measured[k] - x_measured[k-1]) / Ts,   v_measured[0] = v0
        delta_k uniform in [-jitter, jitter],   x(t_k + delta_k) = x + v delta_k
 
-   q = 0 does not round; halves go away from zero. jitter = 0, the default, draws no numbers and needs no v. With jitter
-   the samples are taken early or late, but time-stamped as if they were not, which is what makes an error of the
-   velocity at high speed; the numbers are the same for the same seed. What is not sampled is held.
+   q = 0 disables rounding; halves are rounded away from zero. With jitter = 0, the default, no random numbers are drawn
+   and v is not needed. With jitter, samples are taken early or late but have nominal time stamps, which causes velocity
+   errors at high speed; the random numbers are the same for the same seed. Outputs are held between samples.
 
-   Use it between a plant and its controller for the measurement that a drive has; Differentiator has averages and a
-   low-pass for the velocity, from an x_measured that is sampled at the same times.
+   Use it between a plant and its controller to model the measurement of a drive. For averages and a low-pass filter of
+   the velocity, connect x_measured to Differentiator with the same Ts.
 
-   Limits: v_measured is that of half a sample ago, and has steps of q / Ts: 1 mm/s for q = 1 um at 1 kHz. No
-   hysteresis: a position that rests half way between two counts flickers with its last bit. Within the jitter the
-   velocity is taken as constant, an error of a jitter^2 / 2; it has to be short against Ts. */
+   Limits: v_measured lags by half a sample and has steps of q / Ts: 1 mm/s for q = 1 um at 1 kHz. No hysteresis: a
+   position at rest halfway between two counts flickers with its last bit. The velocity is taken as constant within the
+   jitter, with an error of a jitter^2 / 2; the jitter must be short compared with Ts. */
 
 #define MODEL    Encoder
 #define SUMMARY  "Sampled, quantised position with velocity by difference, optionally with jitter"
@@ -28,14 +28,14 @@
 /* clang-format off */
 #define VARIABLES                                                                                      \
     INPUT    (x,          LENGTH,   0.0,               "position")                                     \
-    OPTIONAL (v,          VELOCITY, 0.0,               "velocity, moves x within the jitter")          \
+    OPTIONAL (v,          VELOCITY, 0.0,               "velocity, used with jitter only")              \
     OUTPUT   (x_measured, LENGTH,                      "measured position")                            \
-    OUTPUT   (v_measured, VELOCITY,                    "difference of the last two, over Ts")          \
+    OUTPUT   (v_measured, VELOCITY,                    "difference of the last two measured positions over Ts") \
     FIXED    (Ts,         TIME,     1e-3, 1e-9, INF,   "sample time")                                  \
-    PARAMETER(q,          LENGTH,   1e-6, 0.0,  INF,   "step of the position; 0: none")                \
+    PARAMETER(q,          LENGTH,   1e-6, 0.0,  INF,   "quantisation step of the position; 0: none")   \
     PARAMETER(jitter,     TIME,     0.0,  0.0,  INF,   "largest error of a sample time; 0: none")      \
-    COUNT    (seed,       1,        0,    COUNTS,      "of the jitter")                                \
-    FIXED    (v0,         VELOCITY, 0.0,  -INF, INF,   "v_measured of the first sample")
+    COUNT    (seed,       1,        0,    COUNTS,      "seed of the jitter")                           \
+    FIXED    (v0,         VELOCITY, 0.0,  -INF, INF,   "v_measured at the first sample")
 
 #define IN_LOOP          \
     SENSOR  ()           \
@@ -61,7 +61,7 @@ static void sample(Model *m)
     GIVEN(m)
     double at = x;
     if (jitter > 0.0) {
-        /* by the number of the sample, so that no other sample has a say in it */
+        /* seeded by the sample number, so that samples are independent of each other */
         Random random;
         seed_random(&random, (uint64_t)seed << 32 | (uint64_t)(m->run.tick & UINT32_MAX));
         at += v * jitter * (2.0 * uniform(&random) - 1.0);

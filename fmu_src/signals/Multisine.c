@@ -1,7 +1,8 @@
-/* A multisine of many lines: a periodic signal with power at chosen harmonics of a base frequency and nowhere else.
+/* Multisine with many lines: a periodic signal with power only at selected harmonics of a base frequency.
 
-   Pintelon, Schoukens: System Identification, 2nd ed., Wiley 2012. Phases after Schroeder: Synthesis of low-peak-factor
-   signals, IEEE Transactions on Information Theory 16(1), 1970, which keep the peak low for any amplitudes, or random.
+   Pintelon, Schoukens: System Identification, 2nd ed., Wiley 2012. The phases are random or follow Schroeder: Synthesis
+   of low-peak-factor signals, IEEE Transactions on Information Theory 16(1), 1970, which keeps the peak low for any
+   amplitudes.
 
        r(t) = offset + peak / P s(t)
        s(t) = sum_k A_k cos(2 pi h_k f0 t + phi_k),   k = 1 ... lines
@@ -11,17 +12,17 @@
        random:    phi_k uniform in [0, 2 pi), the same for the same seed
 
    P is the largest |s| over a period, found by Newton's method from a fine grid; r stays within offset -+ peak and
-   touches one of them. crest = P / rms of s: 1.41 for a single sine; for equal amplitudes 1.9 for ten lines and 1.7
-   for a hundred with phases after Schroeder, 2.5 or more with random ones. tilt = 0 has equal amplitudes of the
-   position, 1 of the velocity, 2 of the acceleration. spacing = 2 with an odd `first` leaves out the even harmonics,
-   where an even nonlinearity then shows.
+   reaches one of these limits. crest = P / rms of s: 1.41 for a single sine; for equal amplitudes 1.9 for ten lines and
+   1.7 for a hundred with Schroeder phases, 2.5 or more with random phases. tilt = 0 gives equal amplitudes of the
+   position, 1 of the velocity, 2 of the acceleration. spacing = 2 with an odd `first` omits the even harmonics, which
+   then reveal an even nonlinearity.
 
-   Use it to excite a friction plant at many frequencies at once: frequency responses from whole periods, presliding
-   loops within loops, and inputs of equal spectrum that differ by their seed.
+   Use it to excite a friction plant at many frequencies at once: frequency responses from whole periods, nested
+   presliding loops, and inputs with equal spectra but different seeds.
 
-   Limits: it starts at t = 0 of the simulation, in motion and not at offset. The crest is that of the position;
-   velocity and acceleration have others. Times enter as f0 t modulo 1, so late ones carry 1e-16 f0 t periods of
-   rounding. */
+   Limits: at t = 0 of the simulation, r is in general neither at rest nor at offset. The crest factor is computed for
+   the position; velocity and acceleration have other crest factors. The phase is computed from f0 t modulo 1, which at
+   late times has a rounding error of 1e-16 f0 t periods. */
 
 #define MODEL   Multisine
 #define SUMMARY "Sum of many harmonics with Schroeder or random phases"
@@ -35,25 +36,25 @@
     LOCAL    (crest,   NO_UNIT,                           "crest factor of the position: peak over rms")         \
     PARAMETER(offset,  LENGTH,    0.0,   -INF,   INF,     "mean position")                                       \
     PARAMETER(peak,    LENGTH,    1e-3,  0.0,    INF,     "largest distance from offset")                        \
-    PARAMETER(f0,      FREQUENCY, 0.5,   0.0,    INF,     "base frequency, one over the period")                 \
+    PARAMETER(f0,      FREQUENCY, 0.5,   0.0,    INF,     "base frequency, the inverse of the period")           \
     COUNT    (lines,   20,               1,      LONGEST, "number of sines")                                     \
     COUNT    (first,   1,                1,      HIGHEST, "lowest harmonic")                                     \
-    COUNT    (spacing, 1,                1,      HIGHEST, "from one harmonic to the next, 2: every other one")   \
+    COUNT    (spacing, 1,                1,      HIGHEST, "distance between harmonics; 2: every other harmonic") \
     FIXED    (tilt,    NO_UNIT,   0.0,   -4.0,   4.0,     "amplitudes fall with this power of the frequency")    \
-    COUNT    (seed,    0,                0,      COUNTS,  "of random phases; 0: Schroeder phases")
+    COUNT    (seed,    0,                0,      COUNTS,  "seed of random phases; 0: Schroeder phases")
 /* clang-format on */
 
 enum { LONGEST = 256, HIGHEST = 100 };
 
-/* What the fixed parameters say, worked out once. */
+/* Computed from the fixed parameters once. */
 #define MEMORY   struct plan
 #define STEPS_BY keep_plan
 #define VALID_BY is_plan
 
 struct plan {
-    double lines, first, spacing, tilt, seed; /* that it is for; lines = 0: for none */
-    double crest;                             /* largest |s| over its rms            */
-    double A[LONGEST], phi[LONGEST];          /* amplitudes for P = 1, phases [rad]  */
+    double lines, first, spacing, tilt, seed; /* the parameters it was made for; lines = 0: none yet */
+    double crest;                             /* largest |s| over its rms */
+    double A[LONGEST], phi[LONGEST];          /* amplitudes for P = 1, phases [rad] */
 };
 
 #include "block.h"
@@ -61,12 +62,12 @@ struct plan {
 #include "random.h"
 
 typedef struct {
-    double s, ds, dds; /* a sum of sines and its derivatives over the phase of the first harmonic */
+    double s, ds, dds; /* a sum of sines and its derivatives with respect to the phase of the base frequency */
 } Sum;
 
 static double harmonic(const struct plan *by, int k) { return by->first + k * by->spacing; }
 
-/* At a share u of the period. */
+/* Return the sum at the fraction u of the period. */
 static Sum sum_at(const struct plan *by, double u)
 {
     Sum sum = {0.0, 0.0, 0.0};
@@ -81,13 +82,13 @@ static Sum sum_at(const struct plan *by, double u)
     return sum;
 }
 
-/* The largest |s|. With POINTS on a period of the highest harmonic the grid meets cos(pi / POINTS) = 0.99 of it
-   (Bernstein), from where Newton's method climbs on. */
+/* Return the largest |s|. With POINTS per period of the highest harmonic, the grid reaches at least cos(pi / POINTS) =
+   0.99 of it (Bernstein); Newton's method starts there. */
 static double largest(const struct plan *by)
 {
     enum { POINTS = 24 };
     const int lines = (int)by->lines, n = POINTS * (int)harmonic(by, lines - 1);
-    double c[LONGEST], s[LONGEST], turn_c[LONGEST], turn_s[LONGEST]; /* phasors, and their turn to the next point */
+    double c[LONGEST], s[LONGEST], turn_c[LONGEST], turn_s[LONGEST]; /* phasors and their rotation to the next point */
     for (int k = 0; k < lines; k++) {
         const double turn = TWO_PI * harmonic(by, k) / n;
         c[k] = by->A[k] * cos(by->phi[k]);
@@ -142,7 +143,7 @@ static void make_plan(struct plan *by, int lines)
     by->crest = P / sqrt(0.5 * power);
 }
 
-/* Whether the plan is the one that the parameters ask for. */
+/* Return whether the plan matches the parameters. */
 static bool is_asked_for(const Model *m, const struct plan *by)
 {
     GIVEN(m)
@@ -156,7 +157,7 @@ static bool is_plan(const Model *m)
                                   all_finite(kept->A, (size_t)m->lines) && all_finite(kept->phi, (size_t)m->lines));
 }
 
-/* The plan that the parameters ask for: the one that is kept, or made in `own`. */
+/* Return the plan for the parameters: the stored one, or a new one in `own`. */
 static const struct plan *plan_of(const Model *m, struct plan *own)
 {
     GIVEN(m)

@@ -1,30 +1,29 @@
-/* Point-to-point motion of third order: from rest at r_start to rest at r_end in the shortest time that limits on
-   velocity, acceleration and jerk allow.
+/* Third-order point-to-point motion: from rest at r_start to rest at r_end in the shortest time within limits on
+   velocity, acceleration and jerk.
 
    Lambrechts, Boerlage, Steinbuch: Trajectory planning and feedforward design for electromechanical motion systems,
-   Control Engineering Practice 13(2), 2005; the third-order planner. With symmetric limits the fastest motion is
-   symmetric about its middle: jerk +j, 0, -j, 0 (constant velocity), -j, 0, +j during
+   Control Engineering Practice 13(2), 2005; the third-order planner. With symmetric limits, the fastest motion is
+   symmetric about its middle, with the jerk +j, 0, -j, 0 (constant velocity), -j, 0, +j during
 
        t_j, t_a, t_j, t_v, t_j, t_a, t_j,    j = j_max
 
-   and reaches the acceleration A, the velocity V, and in a distance P the end of speeding up:
+   It reaches the acceleration A and the velocity V, with the acceleration phase ending after the distance P:
 
        A = j t_j,   V = A (t_j + t_a),   P = V (2 t_j + t_a) / 2
 
-   A move over the distance L takes the longest t_j that no limit forbids, then the longest t_a, then the t_v that is
-   left:
+   A move over the distance L uses the longest t_j within the limits, then the longest t_a, and then the remaining t_v:
        t_j = min( (L / 2 j)^(1/3), (v_max / j)^(1/2), a_max / j )
        t_a = min( v_max / A,  sqrt(L / A + t_j^2 / 4) - t_j / 2 ) - t_j
        t_v = L / V - (2 t_j + t_a)
 
-   so that t_v = 0 where v_max is not reached and t_a = 0 where a_max is not. The second half is the first one turned
-   about the middle, r(T - t) = L - r(t), therefore r ends on r_end exactly.
+   so that t_v = 0 where v_max is not reached and t_a = 0 where a_max is not. The second half is the first half rotated
+   about the middle, r(T - t) = L - r(t); therefore, r ends exactly at r_end.
 
-   With `cyclic` the move is followed by a pause `dwell`, the move back and another such pause, for ever.
+   With `cyclic`, the move is followed by a pause `dwell`, the move back and another such pause, and this repeats.
 
-   Limits: the jerk jumps between segments (there it has the value that follows), so a flexible load is excited by it;
-   the limits are the same for both directions and for speeding up and slowing down. A parameter changed during a motion
-   replaces the whole plan, and r may jump. */
+   Limits: the jerk jumps between segments (to the value of the next segment), which excites a flexible load. The limits
+   are the same for both directions and for acceleration and deceleration. If a parameter changes during a motion, the
+   whole motion is replanned, and r may jump. */
 
 #define MODEL   Profile
 #define SUMMARY "Point-to-point motion with limited velocity, acceleration and jerk"
@@ -41,9 +40,9 @@
     PARAMETER(t_start, TIME,         0.0,  -INF, INF, "time at which the motion begins")                \
     PARAMETER(v_max,   VELOCITY,     0.25, 1e-9, INF, "largest velocity")                               \
     PARAMETER(a_max,   ACCELERATION, 2.5,  1e-9, INF, "largest acceleration")                           \
-    PARAMETER(j_max,   JERK,         50.0, 1e-9, INF, "jerk of the segments that have one")             \
-    SWITCH   (cyclic,  0,                             "move back and forth for ever")                   \
-    PARAMETER(dwell,   TIME,         0.2,  0.0,  INF, "pause at either end of a cyclic motion")
+    PARAMETER(j_max,   JERK,         50.0, 1e-9, INF, "jerk of the segments with nonzero jerk")         \
+    SWITCH   (cyclic,  0,                             "repeat the move back and forth")                 \
+    PARAMETER(dwell,   TIME,         0.2,  0.0,  INF, "pause at each end of a cyclic motion")
 /* clang-format on */
 
 #include "block.h"
@@ -68,27 +67,27 @@ static Plan plan(double L, double v_max, double a_max, double j)
     return (Plan){t_j, t_a, t_v, 4.0 * t_j + 2.0 * t_a + t_v};
 }
 
-/* The motion after s seconds, 0 <= s <= T / 2. */
+/* Return the motion after s seconds, 0 <= s <= T / 2. */
 static Motion first_half(Plan by, double L, double j, double s)
 {
     const double t_j = by.t_j, t_a = by.t_a;
     const double A = j * t_j, V = A * (t_j + t_a), P = V * (t_j + 0.5 * t_a);
 
-    /* acceleration rises */
+    /* increasing acceleration */
     if (s < t_j)
         return (Motion){j * s * s * s / 6.0, j * s * s / 2.0, j * s, j};
 
-    /* acceleration stays; u since the rise */
+    /* constant acceleration; u is the time since its beginning */
     if (s < t_j + t_a) {
         const double u = s - t_j, v = A * t_j / 2.0;
         return (Motion){A * t_j * t_j / 6.0 + v * u + A * u * u / 2.0, v + A * u, A, 0.0};
     }
-    /* acceleration falls; u until it is zero */
+    /* decreasing acceleration; u is the time until it is zero */
     if (s < 2.0 * t_j + t_a) {
         const double u = 2.0 * t_j + t_a - s;
         return (Motion){P - V * u + j * u * u * u / 6.0, V - j * u * u / 2.0, j * u, -j};
     }
-    /* velocity stays */
+    /* constant velocity */
     return (Motion){L / 2.0 - V * (by.T / 2.0 - s), V, 0.0, 0.0};
 }
 
@@ -99,7 +98,7 @@ static void equations(Model *m)
     const double L = fabs(to - from);
     const Plan by = plan(L, v_max, a_max, j_max);
 
-    /* the place in the cycle */
+    /* the position in the cycle */
     const double leg = by.T + dwell;
     if (cyclic && s > 0.0 && leg > 0.0) {
         s = fmod(s, 2.0 * leg);
@@ -115,7 +114,7 @@ static void equations(Model *m)
     if (s < 0.0 || s >= by.T)
         return;
 
-    /* under way: the second half is the first one backwards */
+    /* in motion: the second half is the first half backwards */
     const double way = sign(to - from);
     const bool late = s > 0.5 * by.T;
     const Motion now = first_half(by, L, j_max, late ? by.T - s : s);

@@ -1,21 +1,21 @@
-/* Plays a recorded motion: position, velocity and acceleration from a table, linear between its rows.
+/* Recorded motion: position, velocity and acceleration from a table with linear interpolation.
 
-   The table is `series` in "series.h", one row { t [s], r, rd, rdd } a sample, t strictly increasing, at least two
-   rows; uniform sampling makes the look-up fastest but is not needed. The file that comes with this block holds a
-   short triangle motion; a measured motion takes its place when the FMU is packaged.
+   The table is `series` in "series.h", with one row { t [s], r, rd, rdd } per sample, t strictly increasing, and at
+   least two rows; uniform sampling makes the look-up fastest but is not required. The file shipped with this block
+   contains a short triangular motion; packaging the FMU with a measured motion replaces it.
 
        y(t) = (1 - w) y_i + w y_(i+1),   t_i <= t <= t_(i+1),   y in {r, rd, rdd}
        w    = (t - t_i) / (t_(i+1) - t_i)
 
-   At a sample, also where t misses it by rounding, the outputs are the numbers of the table. Before the first row
-   and after the last one r keeps their position, at rest: rd = rdd = 0.
+   At a sample, also if t misses it by rounding, the outputs equal the numbers in the table. Before the first and after
+   the last row, r keeps the position of this row at rest: rd = rdd = 0.
 
-   Limits: each column is interpolated by itself, so rd is not exactly the derivative of r between two rows. The
-   velocity of a record that begins or ends in motion jumps there. */
+   Limits: each column is interpolated separately, so that between two rows rd is not exactly the derivative of r. If a
+   record begins or ends in motion, the velocity jumps there. */
 
 #define MODEL   Record
 #define SUMMARY "Recorded motion, interpolated linearly"
-#define SOURCE  "the table in series.h"
+#define SOURCE  "table in series.h"
 
 /* clang-format off */
 #define VARIABLES                                      \
@@ -39,12 +39,12 @@ static double time_of(const void *table, int64_t i)
     return series[i][0];
 }
 
-/* The i with t_i <= t < t_(i+1), and i < LAST. */
+/* Return the i with t_i <= t < t_(i+1) and i < LAST. */
 static size_t interval_of(double t)
 {
     size_t low = 0, high = LAST;
 
-    /* where uniform sampling would have it, or next to it */
+    /* the interval under uniform sampling, or the one next to it */
     const double place = (t - series[0][0]) / (series[LAST][0] - series[0][0]) * (double)LAST;
     const size_t guess = (size_t)fmin(fmax(place, 1.0), LAST) - 1;
     for (size_t i = guess; i < guess + 4 && i < LAST; i++) {
@@ -57,7 +57,8 @@ static size_t interval_of(double t)
     return (size_t)last_not_above(time_of, NULL, (int64_t)low, (int64_t)high, t);
 }
 
-/* The share of row b at time t between the rows a and b; a row that is missed by rounding counts as met. */
+/* Return the weight of row b at time t between the rows a and b; a row that is missed by rounding is matched
+   exactly. */
 static double share(const double *a, const double *b, double t, double rounding)
 {
     if (fabs(t - a[0]) <= rounding)

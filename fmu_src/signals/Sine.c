@@ -1,13 +1,14 @@
-/* A sum of four sines about an offset, with its exact derivatives. One of them is the usual test of tracking and of
-   frictional lag; several are a multisine, which excites chosen frequencies and no others.
+/* Sum of four sines about an offset, with exact derivatives. A single sine is the usual test of tracking and frictional
+   lag; several sines form a multisine, which excites only selected frequencies.
 
    Pintelon, Schoukens: System Identification, 2nd ed., Wiley 2012 (multisine excitation).
 
        r(t) = offset + sum_k a_k sin(w_k t + phi_k),   w_k = 2 pi f_k
        a = amplitude, f = frequency, phi = phase
 
-   Limits: t is the time of the simulation, not the time since its start. A phase of pi/2 starts at rest but at the
-   amplitude. The phase of late times carries the rounding error of f t, some 1e-16 f t periods. */
+   Limits: t is the simulation time, not the time since the start of the simulation. With a phase of pi/2, the motion
+   starts at rest, but displaced by the amplitude. At late times, the phase has a rounding error of about 1e-16 f t
+   periods. */
 
 #define MODEL   Sine
 #define SUMMARY "Sum of up to four sines with exact derivatives"

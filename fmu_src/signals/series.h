@@ -1,4 +1,4 @@
-/* A short triangle motion for Record: 9 mm there and back at 20 mm/s within 1 s, the corners rounded with 0.4 m/s2.
+/* A short triangular motion for Record: 9 mm forward and back at 20 mm/s within 1 s, with corners rounded at 0.4 m/s2.
    Rows { t [s], r [m], rd [m/s], rdd [m/s2] }, t strictly increasing. */
 /* clang-format off */
 static const double series[][4] = {

@@ -1,4 +1,5 @@
-"""Declarations in a block's file beside its equations, for its page, the doctor, the study and the identification."""
+"""Declarations next to the equations in a block's file, used by its page, the doctor, the study and the
+identification."""
 
 from __future__ import annotations
 

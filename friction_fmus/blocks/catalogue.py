@@ -89,7 +89,7 @@ class Block:
 
 
 class Entry(NamedTuple):
-    """A line in a list of blocks; the names are those of `Block`."""
+    """A line in a list of blocks, with the attribute names of `Block`."""
 
     name: str
     kind: str
@@ -99,13 +99,13 @@ class Entry(NamedTuple):
 
 
 def source_folder() -> Path:
-    """Return the folder of the C sources: inside an installed package, beside it in a checkout."""
+    """Return the folder of the C sources: inside an installed package, next to it in a checkout."""
     inside = PACKAGE / "fmu_src"
     return inside if inside.is_dir() else PACKAGE.parent / "fmu_src"
 
 
 def package_text(name: str) -> str:
-    """Return the text of ``LICENSE`` or ``CHANGELOG.md``: inside an installed package, beside it in a checkout."""
+    """Return the text of ``LICENSE`` or ``CHANGELOG.md``: inside an installed package, next to it in a checkout."""
     inside = PACKAGE / name
     return (inside if inside.is_file() else PACKAGE.parent / name).read_text(encoding="utf-8")
 

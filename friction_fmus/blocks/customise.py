@@ -71,7 +71,7 @@ def with_start_values(code: str, start: Start) -> str:
     Raises
     ------
     UnknownNameError
-        If a variable does not exist or has no start value of its own.
+        If a variable does not exist or has no start value.
     BuildError
         If a value is not finite.
     """

@@ -190,7 +190,7 @@ class _Probe:
     """Search for dependencies: one value is set to NaN and, as comparisons hide NaN, also changed."""
 
     FAR = 1e9
-    LARGE, FEW_POINTS, MOST_POINTS = 500, 60, 400  # with so many values, more points would take minutes
+    LARGE, FEW_POINTS, MOST_POINTS = 500, 60, 400  # for this number of values, more points would take minutes
 
     def __init__(self, handle: ctypes.CDLL, size: int, variables: tuple[Variable, ...], sampled: bool) -> None:
         self._evaluate = handle.block_evaluate

@@ -76,7 +76,7 @@ def make_export(
     start: Mapping[str, float | bool] | None = None,
     prefix: str = "law",
 ) -> Export:
-    """Return the checked data of an export; arguments and errors are those of `export_law`."""
+    """Return the checked data of an export; arguments and errors are the same as for `export_law`."""
     law = _law(model).with_room(start or {})
     check_identifier("codegen", "prefix", prefix)
     if prefix == "main":

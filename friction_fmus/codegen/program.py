@@ -1,6 +1,6 @@
 """A program that runs an exported law with given samples under qemu-arm, in place of the microcontroller.
 
-It needs no C runtime and writes its results by Linux system calls. The counted instructions are those of the law and of
+It needs no C runtime and writes its results by Linux system calls. The counted instructions belong to the law and to
 the library functions that it calls; they are the same on every core with this instruction set.
 """
 

@@ -116,8 +116,8 @@ def _fill(text: str, indent: str = "") -> str:
 
 def _agreement(real: str) -> str:
     if real == "float":
-        return "The results equal those of the FMU within single precision."
-    return "With `-ffp-contract=off` and the same C library, the results are bit-identical to those of the FMU."
+        return "The results equal the results of the FMU within single precision."
+    return "With `-ffp-contract=off` and the same C library, the results are bit-identical to the FMU."
 
 
 def _not_measured() -> str:
@@ -156,8 +156,8 @@ def _table(costs: Sequence[Cost]) -> str:
         f"{PACKAGES[EMULATOR]}`."
     )
     explained = (
-        "Called functions are those of the C library and, if the core has no instructions for them, floating-point "
-        "operations. The stack of the law is that of `-fstack-usage`, summed over the chain of calls. "
+        "Called functions belong to the C library or, if the core has no instructions for them, are floating-point "
+        "operations. The stack of the law is the result of `-fstack-usage`, summed over the chain of calls. "
     )
     cores = "".join(f"* {cost.core.name}: `{' '.join(cost.core.flags)}`\n" for cost in costs)
     return "\n".join(

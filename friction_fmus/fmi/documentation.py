@@ -48,7 +48,7 @@ def index_page(block: Block, description: Description, figures: Sequence[Figure]
     block, description : Block, Description
         The block.
     figures : sequence of Figure
-        Figures, stored beside the page as ``figure1.svg`` and so on.
+        Figures, stored next to the page as ``figure1.svg`` and so on.
     connected : sequence of Terminal
         Terminals of the block.
     """

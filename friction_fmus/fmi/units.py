@@ -100,8 +100,8 @@ def _parsed(text: str, registry: pint.UnitRegistry[float]) -> BaseUnit:
     Raises
     ------
     Exception
-        Several kinds: those of pint, also for syntax errors and units with an offset; ValueError if the text is not a
-        unit name.
+        Several kinds: the exceptions of pint, also for syntax errors and units with an offset; ValueError if the text
+        is not a unit name.
     """
     if not is_unit_text(text):
         raise ValueError("it contains more than symbols, powers, products and quotients")

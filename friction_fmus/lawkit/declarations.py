@@ -213,7 +213,7 @@ _TAKEN = {name: owner for owner, names in _RESERVED.items() for name in names.sp
 
 
 def check_identifier(where: str, what: str, name: str) -> None:
-    """Raise a FrictionError unless the name is a valid C identifier beside math.h and block.h."""
+    """Raise a FrictionError unless the name is a valid C identifier that does not conflict with math.h and block.h."""
     if not re.fullmatch(r"[A-Za-z](_?[A-Za-z0-9])*_?", name):
         raise FrictionError(
             f"{where}: the {what} {name!r} must consist of letters, digits and single underscores, and begin with a "

@@ -55,7 +55,7 @@ from friction_fmus.lawkit.parts.observers import adapted, limited, relaxed
         "u": Output(FORCE, "control force, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
-        "theta": Output(NO_UNIT, "estimated normal force relative to that of the parameters"),
+        "theta": Output(NO_UNIT, "estimated normal force relative to the normal force of the parameters"),
     },
     conditions={
         "theta_min <= theta0 <= theta_max": lambda theta_min, theta0, theta_max: logic_and(

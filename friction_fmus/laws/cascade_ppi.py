@@ -74,7 +74,7 @@ def cascade_ppi(
     sample and in the next one. While enable is false, u, u_sat and the integral are 0. When enable becomes true again,
     u does not jump if the reference starts at the state of the axis (r = x, rd = v, rdd = 0).
 
-    Limits: those of PID. The integral action causes hunting if static friction exceeds Coulomb friction. If f contains
+    Limits: as for PID. The integral action causes hunting if static friction exceeds Coulomb friction. If f contains
     the inertia force, like u of StaticFeedforward, m must be 0. u_min must not exceed u_max.
     """
     start = 0.0

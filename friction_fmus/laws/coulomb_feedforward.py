@@ -51,8 +51,8 @@ def coulomb_feedforward(
         F_hat = Fc sgn(rd),   sgn(0) = 0
         u     = clip(m rdd + gain F_hat, u_min, u_max)
 
-    Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey). The friction is that of the block
-    Coulomb in motion. Fc is half the difference of the forces of two slow motions in opposite directions.
+    Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey). The friction model is the block Coulomb
+    in motion. Fc is half the difference of the forces of two slow motions in opposite directions.
 
     Use it as a first compensation: one parameter, no state, no tuning. StaticFeedforward adds Stribeck and viscous
     friction.

@@ -75,7 +75,7 @@ def dahl_feedforward(
         u     = clip(m rdd + gain F_hat, u_min, u_max)
 
     Dahl friction depends on the path only, so the step over the displacement dr is exact for any motion of the
-    reference without a reversal in between. The friction is that of the block Dahl, with the same parameters. Lampaert,
+    reference without a reversal in between. The friction model is the block Dahl, with the same parameters. Lampaert,
     Swevers, Al-Bender, American Control Conference, 2004, compare it in feedforward with the LuGre, Leuven and GMS
     models (the paper was not read).
 

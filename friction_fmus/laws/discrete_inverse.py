@@ -108,7 +108,7 @@ def discrete_inverse(
     zero z^-1|^2 / (1 - zero)^2, which decreases towards high frequencies for a negative zero.
 
     |zero| > 1 and |pair| > 1 are required unless zero_phase is true: the series of a zero inside the circle diverges
-    with N, and that of a zero on the circle never settles. zero_phase allows zeros anywhere except at 1, where it
+    with N, and the series of a zero on the circle never settles. zero_phase allows zeros anywhere except at 1, where it
     divides by 0. A pair replaces zero and needs two samples of preview.
 
     The start values describe a mass of 1 kg after a hold with a delay of half a sample of 1 ms: zeros -3 -/+ 2 sqrt(2).

@@ -118,9 +118,9 @@ def elasto_plastic_feedforward(
         F_hat = sigma0 z + sigma1(rd) dz/dt + sigma2 rd
         u     = clip(m rdd + gain F_hat, u_min, u_max)
 
-    Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002. alpha, sigma1(v) and the parameters are those of the
-    block ElastoPlastic: alpha is 0 up to the break-away deflection z_ba and for motion against the deflection, 1 beyond
-    S/sigma0, and a half sine in between.
+    Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002. alpha, sigma1(v) and the parameters are the same as in
+    the block ElastoPlastic: alpha is 0 up to the break-away deflection z_ba and for motion against the deflection, 1
+    beyond S/sigma0, and a half sine in between.
 
     z advances by the displacement of the reference since the previous sample, as if the velocity had been constant:
     exactly for an elastic contact, with an error of about 2e-5 (S/sigma0 - z_ba) in the half sine.

@@ -84,10 +84,10 @@ def kalman_friction(
     With use_v, the velocity is a second measurement, processed after the position in the same way with n = v_noise/V.
 
     Ray, Ramasubramanian, Townsend: Adaptive friction compensation using extended Kalman-Bucy filter friction
-    estimation, Control Engineering Practice 9(2), 2001 (only its abstract was read); the equations are those of the
-    Kalman filter, Anderson, Moore: Optimal Filtering, 1979. There is no friction model: the estimate contains all
-    forces on the mass except u_prev. K converges to the gain of the algebraic Riccati equation within about ten to a
-    hundred samples.
+    estimation, Control Engineering Practice 9(2), 2001 (only its abstract was read); the equations are the Kalman
+    filter, Anderson, Moore: Optimal Filtering, 1979. There is no friction model: the estimate contains all forces on
+    the mass except u_prev. K converges to the gain of the algebraic Riccati equation within about ten to a hundred
+    samples.
 
     Use it with an encoder of the resolution q: x_noise = q/sqrt(12). F_step is then the only tuning parameter: a larger
     value is faster and noisier. Connect u to the input f of a position controller; u_prev is the force after all

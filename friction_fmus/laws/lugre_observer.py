@@ -74,8 +74,8 @@ def lugre_observer(
 
     Canudas de Wit, Olsson, Astrom, Lischinsky: A new model for control of systems with friction, IEEE TAC 40(3), 1995.
     Connect u to the input f of a position controller H(s), which gives the law of the paper, u = H(s) (r - x) + F_hat +
-    m rdd. Parameters and start values are those of the block LuGre. Between samples, z follows the exact solution for
-    constant inputs,
+    m rdd. Parameters and start values are the same as in the block LuGre. Between samples, z follows the exact solution
+    for constant inputs,
 
         z_next = z + Ts phi1(q) z',   q = sigma0 |v|/g(v) Ts
         phi1(q) = (1 - exp(-q))/q
@@ -103,7 +103,7 @@ def lugre_observer(
     While enable is false, u, F_hat, u_sat and z are 0; reset sets z to 0 in the same sample.
 
     Limits: the law needs a measured velocity, whose delay and noise are amplified by sigma1. If the parameters exceed
-    those of the axis, the estimate drives the axis; set gain < 1 in this case. u_min must not exceed u_max.
+    the parameters of the axis, the estimate drives the axis; set gain < 1 in this case. u_min must not exceed u_max.
     """
     rate = sigma0 * fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
     injected = k * (r - x)

@@ -72,14 +72,14 @@ def modelled_output_karnopp(
         F_hat   = Fc sgn(v_model) + Fv v_model       otherwise
         u       = clip(CV (Vs - v) + Ka rdd + Kv2 rd + gain F_hat, u_min, u_max)
 
-    The friction is that of Karnopp, ASME Journal of Dynamic Systems, Measurement and Control 107, 1985: inside the
+    The friction model is from Karnopp, ASME Journal of Dynamic Systems, Measurement and Control 107, 1985: inside the
     band, it balances the acting force, which is here the force of the model, m dv_model/dt = CV (Vs - v_model). The
     multi-loop structure follows a summary of a paper that was not found. v_model follows the exact solution for a
     constant Vs, v_model_next = Vs + (v_model - Vs) exp(-CV Ts/m); F_hat uses v_model before that step.
 
     Use it to extend the usual cascade if the velocity signal is too poor for the sign of friction, and the reference
     alone does not suffice because the position loop also moves the axis, as for steps and corrections. With Kv1 = 1 and
-    Ka = mass, the modelled velocity is nearly that of the reference, and the law equals Karnopp friction of the
+    Ka = mass, the modelled velocity nearly equals the reference velocity, and the law equals Karnopp friction of the
     reference; the mass of the model then hardly matters in slow motion. The compensation fails if a load that is not in
     the model moves the axis.
 

@@ -91,7 +91,7 @@ def preview_prefilter(
     In the first sample and in a sample with reset, r is assumed to have been constant. While enable is false, r_now and
     rd_now pass unchanged and d is 0; the line of references continues.
 
-    Limits: those of Prefilter. Noise and rounding errors of r enter rdd_now with the factor 3.5 / Ts^2. Corners of r
+    Limits: as for Prefilter. Noise and rounding errors of r enter rdd_now with the factor 3.5 / Ts^2. Corners of r
     cause ringing over four samples. f must correspond to r_now.
     """
     fresh = logic_or(seen == 0.0, reset)

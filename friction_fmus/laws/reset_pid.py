@@ -96,7 +96,7 @@ def reset_pid(
     integral has grown again. With rho = 1, the integral keeps its magnitude, and the axis may oscillate permanently
     within presliding.
 
-    While reset is true, the integral is 0 and the sign of the error is forgotten; while enable is false, u and u_sat
+    While reset is true, the integral is 0 and the sign of the error is discarded; while enable is false, u and u_sat
     are also 0. jumped is then 0.
 
     Limits: the law is meant for positioning, as zero crossings of the error during tracking or due to noise also cause

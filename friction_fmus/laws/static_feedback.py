@@ -56,7 +56,7 @@ def static_feedback(
         u     = clip(gain F_hat, u_min, u_max)
 
     Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey). Fs = Fc is Coulomb friction alone. The
-    parameters are those of the block Stribeck. Connect u to the input f of a position controller. While enable is
+    parameters are the same as in the block Stribeck. Connect u to the input f of a position controller. While enable is
     false, u, F_hat and u_sat are 0. The law has no state.
 
     Use it if no reference is known in advance, as in hand guiding or force control, and the velocity signal is good. It

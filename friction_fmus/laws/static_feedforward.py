@@ -65,8 +65,8 @@ def static_feedforward(
         u     = clip(m rdd + gain F_hat, u_min, u_max)
 
     Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey of the curve and of its feedforward). Fs
-    = Fc is Coulomb friction alone. With asymmetric, rd < 0 has its own parameters. Parameters and sign are those of the
-    block Stribeck: F_hat is positive for rd > 0.
+    = Fc is Coulomb friction alone. With asymmetric, rd < 0 has its own parameters. The parameters and the sign are as
+    in the block Stribeck: F_hat is positive for rd > 0.
 
     Connect u to the input f of a position controller with the parameter m = 0, or directly to the plant. While enable
     is false, u, F_hat and u_sat are 0. The law has no state.

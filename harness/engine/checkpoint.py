@@ -62,8 +62,7 @@ class Checkpoint:
         Raises
         ------
         HarnessError
-            If the arrays of the master differ from those of this run (nothing is changed then), or if a part rejects
-            its state.
+            If the arrays of the master differ from this run (nothing is changed then), or if a part rejects its state.
         """
         saved = {name: self._array(name, array) for name, array in memory.items()}
         for part in plan.parts:
@@ -77,7 +76,7 @@ class Checkpoint:
             array[...] = saved[name]
 
     def _array(self, name: str, like: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        """Return a saved array after checking that its type and shape are those of this run."""
+        """Return a saved array after checking that its type and shape match this run."""
         kind, shape, content = self.memory.get(name, ("", (), b""))
         if (kind, shape, len(content)) != (like.dtype.str, like.shape, like.nbytes):
             raise ExperimentError(

@@ -1,13 +1,13 @@
 /* Coupling error of an explicit master: inputs are held while their sources change, which generates energy. A jump,
-   such as that of Coulomb friction at a reversal, causes an error in one step only. An error that persists over two
-   steps or alternates in sign shows that the loop is too fast for the communication step. */
+   such as Coulomb friction at a reversal, causes an error in one step only. An error that persists over two steps or
+   alternates in sign shows that the loop is too fast for the communication step. */
 
 #ifndef DEFECT_H
 #define DEFECT_H
 
 #include "part.h"
 
-/* An undamped oscillation, such as that of a mass on a sticking contact, must not grow. It grows if the energy that the
+/* An undamped oscillation, for example of a mass on a sticking contact, must not grow. It grows if the energy that the
    coupling supplies is not small compared with the energy that friction dissipates. An incomplete period at the end of
    the window contributes less than FED times the transferred energy. */
 enum { WINDOW = 2000 };

@@ -48,14 +48,14 @@ class Drive:
     Raises
     ------
     HarnessError
-        If the FMU runs in a process of its own.
+        If the FMU runs in a separate process.
     """
 
     def __init__(self, part: FmuPart) -> None:
         """Reuse the FMU instance in all runs."""
         if part.isolate:
             raise HarnessError(
-                f"part '{part.name}' runs in a process of its own, which a drive cannot use: make it with isolate=False"
+                f"part '{part.name}' runs in a separate process, which a drive cannot use: make it with isolate=False"
             )
         self.part = part
         part.reuse = True
@@ -86,7 +86,7 @@ class Drive:
         between : {"held", "linear"}
             Value of an input between two samples: held at the earlier sample, or interpolated linearly.
         start : mapping of str to value, optional
-            Start values that replace those of the FMU.
+            Start values that replace the start values of the FMU.
         tolerance : float, optional
             Relative tolerance for the FMU's own solver.
 

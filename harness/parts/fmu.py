@@ -250,7 +250,7 @@ class FmuPart(Part):
         return self.instance
 
     def _set_start(self, instance: Instance, port: Port, value: StartValue) -> None:
-        """Set one start value in a call of its own, so that the message can name a rejected value."""
+        """Set one start value in a separate call, so that the message can name a rejected value."""
         reference = (ctypes.c_uint * 1)(self._archive.variables[port.name].valueReference)
         try:
             buffer: Any

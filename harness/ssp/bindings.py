@@ -23,8 +23,8 @@ _LOG = logging.getLogger("harness")
 def bound_values(package: Package, structure: Structure, network: Network) -> dict[str, StartValue]:
     """Return the start values of all parts, in the units of their variables.
 
-    A later binding overrides an earlier one, and a binding of a system overrides those of its elements. An unknown name
-    is ignored with a warning, as SSP 1.0 requires.
+    A later binding overrides an earlier one, and a binding of a system overrides the bindings of its elements. An
+    unknown name is ignored with a warning, as SSP 1.0 requires.
 
     Parameters
     ----------

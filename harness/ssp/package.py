@@ -117,7 +117,7 @@ class Package:
             raise SystemFileError(f"{where} names a file in an FMU, but {fault}") from fault
 
     def _read_fmu(self, member: str, where: str) -> bytes:
-        """Return the content of an FMU; the unpacked size of all FMUs is limited like that of the SSP itself."""
+        """Return the content of an FMU; the unpacked size of all FMUs has the same limit as the SSP itself."""
         data = self.read(member, where)
         try:
             entries, _ = list_zip(io.BytesIO(data))

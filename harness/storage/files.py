@@ -44,7 +44,7 @@ def require_regular(path: Path, largest: int | None = None) -> None:
 
 
 def read_regular(path: Path, largest: int = LARGEST_TEXT) -> bytes:
-    """Return the content of a regular file; arguments and errors are those of `require_regular`."""
+    """Return the content of a regular file; arguments and errors are the same as for `require_regular`."""
     require_regular(path, largest)
     with path.open("rb") as file:
         content = file.read(largest + 1)

@@ -67,8 +67,8 @@ def sweep(
     workers : int or None
         Number of processes or threads; None uses one per processor.
     experiment : Experiment or None
-        Settings of each run; None uses those of the system. Functions in ``measure`` receive the variables that it
-        records.
+        Settings of each run; None uses the settings of the system. Functions in ``measure`` receive the variables that
+        it records.
     keep : sequence of str
         Variables whose trajectories are also stored in the folder; ``*`` and ``?`` match outputs.
     resolve : callable or None

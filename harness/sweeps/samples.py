@@ -178,7 +178,7 @@ def read_samples(paths: Iterable[Path]) -> list[WithUnits]:
     Returns
     -------
     list of mappings
-        Values by name; those of an .ssv file have units.
+        Values by name; values of an .ssv file have units.
 
     Raises
     ------

@@ -185,7 +185,7 @@ class Library:
 
 
 class Instance:
-    """One instance; all calls except those of `status` must succeed.
+    """One instance; all calls except calls of `status` must succeed.
 
     Parameters
     ----------

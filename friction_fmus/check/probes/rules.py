@@ -22,7 +22,7 @@ RULES: Final = {
     "instances-interfere": ("error", "2.1.5", "An instance affects the results of another one."),
     "call-refused": ("error", "4.2.4", "A call is rejected in a state in which the standard allows it."),
     "call-order-accepted": ("warning", "4.2.4", "A call is accepted in a state in which the standard forbids it."),
-    "start-differs": ("error", "2.2.7", "A start value in the XML differs from that of the binary."),
+    "start-differs": ("error", "2.2.7", "A start value in the XML differs from the start value in the binary."),
     "variable-not-readable": ("error", "2.1.7", "A declared variable cannot be read."),
     "variable-not-settable": ("error", "2.1.7", "An input or parameter rejects its own start value."),
     "step-refused": ("error", "4.2.2", "fmi2DoStep rejects a step that the capabilities allow."),

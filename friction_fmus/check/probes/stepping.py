@@ -140,7 +140,7 @@ def instances(library: Library, report: Report) -> None:
                 together += _drive(run, 1, 1, k)
     if found := _difference(trajectories[0], together):
         name, a, b = found
-        message = f"{name} is {a} alone and {b} beside another instance; do not use static variables"
+        message = f"{name} is {a} alone and {b} next to another instance; do not use static variables"
         report("instances-interfere", message, name)
 
 

@@ -28,7 +28,7 @@ COLOURS: Mapping[str, str] = MappingProxyType(
 """Colour of frame and curve for each kind of block."""
 
 SECOND, ASIDE = "#d9730d", "#9aa3ad"
-"""Colours of a loop beside a curve, and of inputs of a block."""
+"""Colours of a loop next to a curve, and of inputs of a block."""
 
 SYMBOLS: Mapping[str, str] = MappingProxyType(
     {

@@ -247,7 +247,7 @@ class _Splitter:
         return self._node(node.operation, *(high for high, _ in parts))
 
     def _difference(self, operation: str, one: Pair, two: Pair) -> int:
-        """Return the difference of two pairs; for close values, that of the upper parts is exact."""
+        """Return the difference of two pairs; for close values, the difference of the upper parts is exact."""
         return self._plus(self._node(operation, one[0], two[0]), self._lower(operation, one[1], two[1]))
 
     def _pair(self, node: Node, parts: Sequence[Pair]) -> Pair:

@@ -61,7 +61,7 @@ class Line:
             self._send(kind, b"" if content is None else json.dumps(content).encode())
 
     def asked(self) -> tuple[int, Any]:
-        """Wait for a message from the harness and return its kind and content; errors are those of `answered`."""
+        """Wait for a message from the harness and return its kind and content; errors as for `answered`."""
         kind, data = self._receive()
         return kind, pickle.loads(data) if data else None
 
