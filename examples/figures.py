@@ -1,4 +1,4 @@
-"""What the effects measure and the bounds it must keep: ``compensation/figures.csv``, one line for each figure."""
+"""The figures that the effects measure, with their bounds: one line each in ``compensation/figures.csv``."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ $ python examples/literature.py docs
 
 
 class Script(NamedTuple):
-    """What is shown of a script.
+    """The parts of a script that a page shows.
 
     Attributes
     ----------

@@ -45,7 +45,7 @@ mean square (rms) tracking errors.
 
 
 class Text(NamedTuple):
-    """What the docstring of a script says: title, what the page shows of it, and the source."""
+    """The parts of a script's docstring that the page shows."""
 
     title: str
     summary: str

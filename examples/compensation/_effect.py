@@ -1,4 +1,4 @@
-"""What an effect shows: figures with the bounds that they keep."""
+"""The result of an effect: measured figures with their bounds."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def small(name: str, value: float, high: float, unit: str = "") -> Check:
 
 @dataclass(frozen=True)
 class Effect:
-    """What a script found.
+    """The result of a script.
 
     Attributes
     ----------

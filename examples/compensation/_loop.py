@@ -1,4 +1,4 @@
-"""What the effects share: an axis under position control, 1 kg with LuGre friction, and the look of the figures."""
+"""Helpers of the effects: an axis of 1 kg with LuGre friction under position control, and the style of the figures."""
 
 from __future__ import annotations
 

@@ -130,7 +130,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         each = [1e6 * rms(row) for row in found[name][FIRST:]]
         each *= LAST - FIRST + 1 if len(each) == 1 else 1
         course.semilogy(range(FIRST, LAST + 1), each, "o-", ms=4, **style)
-    revolution.set(xlabel="angle since the revolution began [°]", ylabel="error [µm]", xticks=range(0, 361, 90))
+    revolution.set(xlabel="angle from the start of the revolution [°]", ylabel="error [µm]", xticks=range(0, 361, 90))
     course.set(xlabel="revolution", ylabel="error, rms [µm]", xticks=range(FIRST, LAST + 1))
     course.legend(fontsize=8.5, loc="center right")
     save(figure, __file__, folder)

@@ -32,7 +32,7 @@ from _loop import BLACK, BLUE, FC, FS, GAINS, GREEN, GREY, RED, panels, save
 from _servo import error, follow, sines
 
 AMPLITUDES = (5e-6, 5e-5, 5e-4, 5e-3)  # [m]
-FREQUENCY, SETTLED, STOP = 1.0, 1.0, 2.0  # of the reference [Hz], begin and end of what is measured [s]
+FREQUENCY, SETTLED, STOP = 1.0, 1.0, 2.0  # of the reference [Hz], start and end of the measurement [s]
 INNER = 5  # steps of the axis in a sample
 STIFFNESS, DAMPING, VISCOUS = 1e5, 1e5**0.5, 0.4  # of LuGre [N/m], [N s/m], [N s/m]
 
@@ -86,7 +86,7 @@ STYLES = {
     "LuGre observer": (BLACK, "--"),
     "LuGre": (BLACK, "-"),
 }
-"""What the figure and the short run show."""
+"""The cases of the figure and of the short run."""
 OFF = ("LuGre, forces 10 % high", "LuGre, forces 10 % low")
 
 

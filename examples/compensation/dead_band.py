@@ -47,7 +47,7 @@ def errors(width: float, ratio: float) -> tuple[Array, Array]:
 
 
 def main(folder: Path, full: bool = False) -> Effect:
-    """Draw the error with dead-bands, check the swings and the rest."""
+    """Draw the error with dead-bands, check the amplitudes and the rest."""
     figure, axes = panels("A dead-band ends hunting if it is wide enough, and otherwise worsens it", 3, 1, (8.0, 6.5))
     checks: list[Check] = []
     swings: dict[tuple[float, float], float] = {}

@@ -26,7 +26,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from _effect import Check, Effect, command_line, small
+from _effect import Check, Effect, command_line
 from _loop import BLUE, GAINS, GREY, RED, Array, panels, save
 from _servo import NOTHING, error, follow, sines
 from friction_fmus import build
@@ -36,9 +36,9 @@ PD = {**GAINS, "Ki": 0.0}
 FINE, COARSE, EVERY = 1e-4, 1e-3, 10  # sample times [s], and their ratio
 ESTIMATOR = {"sigma0": 1e5, "Fc": 1.0, "elastic": 0.7, "Fv": 0.4}
 OBSERVER = {"k": 0.0}  # of LuGre; its other start values are those of the friction
-FREQUENCY, SETTLED, STOP = 1.0, 1.0, 2.0  # of the reference [Hz], begin and end of what is measured [s]
+FREQUENCY, SETTLED, STOP = 1.0, 1.0, 2.0  # of the reference [Hz], start and end of the measurement [s]
 CONTACT = {"friction.Fs": 1.0, "friction.sigma1": 0.0}  # ElastoPlastic as the estimator has it
-RATIOS = {  # error over that of the PD alone, by friction and amplitude [m], at both sample times
+RATIOS = {  # error over that under PD control, by friction and amplitude [m], at both sample times
     ("ElastoPlastic", 5e-6): (0.0015, 0.0142),
     ("ElastoPlastic", 5e-3): (0.0007, 0.0082),
     ("ElastoPlastic", 5e-5): (0.0059, 0.0077),
@@ -68,7 +68,7 @@ def beside(A: float) -> Result:
 
 
 def ratio(friction: str, A: float, Ts: float) -> float:
-    """RMS error with the estimate fed back over that of the PD alone."""
+    """Return the rms error with the estimate fed back over that under PD control."""
     reference, start = sines((A, FREQUENCY, 0.0)), {"mass.v0": 2.0 * pi * FREQUENCY * A}
     start |= CONTACT if friction == "ElastoPlastic" else NOTHING
     errors = [
@@ -112,11 +112,19 @@ def main(folder: Path, full: bool = False) -> Effect:
         same = np.abs(fine - coarse)
         fine_of_observer, coarse_of_observer = pair(result, "LuGreObserver")
         late = np.abs(fine_of_observer - coarse_of_observer)
+        slips = A > 1e-5  # else the estimator is elastic, and the two forces differ by rounding only
         missed = ESTIMATOR["sigma0"] * float(turns.max()) * COARSE**2 / 4.0
         checks += [
-            small(f"{size}, displacements: force at 1 ms against 0.1 ms", 1e3 * same.max(), 1e3 * missed, "mN"),
+            Check(
+                f"{size}, displacements: force at 1 ms against 0.1 ms",
+                1e3 * same.max(),
+                "mN",
+                0.0,
+                1e3 * missed,
+                reproducible=slips,
+            ),
             Check(f"{size}, LuGre observer: force at 1 ms against 0.1 ms", 1e3 * late.max(), "mN", 1.0),
-            Check(f"{size}: observer over displacements", late.max() / same.max(), "", 100.0, reproducible=False),
+            Check(f"{size}: observer over displacements", late.max() / same.max(), "", 100.0, reproducible=slips),
         ]
         if A == 5e-5:
             largest = {"same": 1e3 * missed, "late": 1e3 * late.max()}
@@ -140,7 +148,7 @@ def main(folder: Path, full: bool = False) -> Effect:
             checks.append(Check(name, ratio(friction, A, Ts), "", each - margin, each + margin))
     return Effect(
         "Between sample times of 0.1 ms and 1 ms, the force from displacements differs by less than "
-        f"{largest['same']:.3f} mN, that of the LuGre observer by {largest['late']:.0f} mN.",
+        f"{largest['same']:.3f} mN, the force of the LuGre observer by {largest['late']:.0f} mN.",
         tuple(checks),
     )
 

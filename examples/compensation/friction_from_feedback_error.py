@@ -77,7 +77,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     forward = speeds > 0.0
     table.plot(1e3 * speeds[forward], firm.levels[-1][forward], "o", color=BLUE, label="Kd = 600 N s/m")
     table.plot(1e3 * np.array(slow), soft.levels[-1], "x", color=RED, label="Kd = 20 N s/m")
-    table.set(xlabel="speed [mm/s]", ylabel="friction found [N]", ylim=(0.9, 1.6))
+    table.set(xlabel="speed [mm/s]", ylabel="identified friction [N]", ylim=(0.9, 1.6))
     table.legend(fontsize=9)
     for found, colour in ((firm, BLUE), (soft, RED)):
         for column in range(len(slow)):

@@ -1,6 +1,6 @@
 """Static friction in feedback helps near rest, but can oscillate
 
-StaticFeedforward takes the sign of the reference velocity, StaticFeedback that of the axis, as a straight line up to
+StaticFeedforward takes the sign of the reference velocity, StaticFeedback of the measured one, as a straight line up to
 vt. In sliding (5 mm) both are good. At 50 µm feedback with vt = 2 mm/s leaves a third of the error and feedforward
 nearly all, but this steep line makes the axis oscillate at rest. With vt = 5 mm/s it is stable and helps little.
 
@@ -44,7 +44,7 @@ def run(amplitude: float, case: str | None, encoder: bool = False) -> Result:
 
 
 def trembling(case: str) -> float:
-    """Velocity at rest, half a swing [m/s], 2 s after a start at 1 mm/s."""
+    """Return the velocity amplitude at rest [m/s], 2 s after a start at 1 mm/s."""
     still = ("Sine", {"amplitude[1]": 0.0})
     v = follow(still, ("PID", GAINS), 3.0, added={"law": CASES[case]}, mass={"v0": 1e-3})["mass.v"].to_numpy()
     return float(np.ptp(v[round(2.0 / TS) :])) / 2.0
@@ -56,7 +56,7 @@ def variation(force: Array) -> float:
 
 
 def main(folder: Path, full: bool = False) -> Effect:
-    """Draw ratios and forces, check what trembles and what noise does."""
+    """Draw ratios and forces, check the oscillation at rest and the effect of noise."""
     figure, (ratios, forces) = panels("Static friction in feedback and in feedforward", 1, 2, (9.4, 4.0))
     left: dict[str, list[float]] = {case: [] for case in CASES}
     for amplitude in AMPLITUDES:

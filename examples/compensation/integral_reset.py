@@ -46,7 +46,7 @@ COLOURS = (RED, BLUE, GREEN)
 
 
 def main(folder: Path, full: bool = False) -> Effect:
-    """Draw the error and the integral, check the periods and swings."""
+    """Draw the error and the integral, check the periods and amplitudes."""
     figure, (above, middle, below) = panels(
         "A reset of the integral shortens hunting and does not end it", 3, 1, (8.0, 6.5)
     )

@@ -104,7 +104,7 @@ def main(folder: Path, full: bool = False) -> Effect:
             compensator="KalmanFriction",
             tuned=tuned,
         )
-        # what is recorded after a step is the estimate of the sample at its beginning
+        # the value recorded after a step is the estimate of the sample at its beginning
         late = ramp["friction_x.F"].to_numpy()[-2] - ramp["compensator_x.F_hat"].to_numpy()[-1]
         checks.append(
             near(f"ramp of 20 N/s, {label}: lag of the estimate", 1e3 * late, 1e3 * rate * lag(x_noise), 0.01, "mN")

@@ -100,7 +100,7 @@ def by_the_fmu(amplitude: float, gamma: float) -> Array:
 
 
 def checks_of(amplitude: float, gamma: float, errors: Array) -> list[Check]:
-    """What is known of the errors of the trials."""
+    """Return the checks of the errors over the trials."""
     name = f"{1e6 * amplitude:g} µm, gamma = {gamma:g}"
     ratio = errors[1:] / errors[:-1]
     checks = [near(f"{name}: second error over the first", ratio[0], RATIO[amplitude, gamma], 0.01)]
@@ -116,7 +116,7 @@ def checks_of(amplitude: float, gamma: float, errors: Array) -> list[Check]:
 
 
 def main(folder: Path, full: bool = False) -> Effect:
-    """Draw errors over the trials and the learned force; check the contraction and what is left."""
+    """Draw errors over the trials and the learned force; check the contraction and the remaining error."""
     figure, axes = panels("Iterative learning removes friction errors from a repeated motion", 1, 2, (9.0, 3.8))
     trials, checks = np.arange(TRIALS + 1), []
     found = {amplitude: learn(amplitude, 0.5) for amplitude in (5e-6, 5e-3)}
@@ -135,7 +135,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     for j, colour in ((1, GREY), (3, BLUE), (TRIALS, RED)):
         axes[1].plot(time, found[5e-3].forces[j], color=colour, lw=1.3, label=f"trial {j}")
     axes[1].set(xlabel="time [s]", ylabel="learned force [N]", ylim=(-2.0, 2.0))
-    axes[1].set_title("5 mm: what is learned", fontsize=10)
+    axes[1].set_title("5 mm: learned force", fontsize=10)
     axes[1].legend(loc="upper left", fontsize=9)
     save(figure, __file__, folder)
 

@@ -34,7 +34,7 @@ PD = {"Kp": WC**2, "Kd": 2.0 * WC, "Ki": 0.0, "m": 1.0}
 LAG = 2.5e-3  # that all are tuned to [s]
 WINDOW = 10  # intervals of the polynomial, 2 LAG / TS
 GROWTH, RAMP_END = 20.0, 0.2  # of the load [N/s], [s]
-FREQUENCY, SETTLED, STOP = 1.0, 1.0, 2.0  # of the reference [Hz], begin and end of what is measured [s]
+FREQUENCY, SETTLED, STOP = 1.0, 1.0, 2.0  # of the reference [Hz], start and end of the measurement [s]
 INNER = 2  # steps of the axis in a sample
 STYLES = {
     "observer, order 1": (RED, "-"),
@@ -108,7 +108,7 @@ def run(observer: str | None, A: float, lag: float = LAG, gain: float = 1.0, gro
 
 
 def main(folder: Path, full: bool = False) -> Effect:
-    """Draw what is missed on a ramp and the ratios over the amplitude, check both."""
+    """Draw the error on a ramp and the ratios over the amplitude, check both."""
     figure, (ramp, ratio) = panels("A friction observer is as good as its lag is short", 1, 2, (9.5, 4.2))
     checks: list[Check] = []
     for name, lag in lags().items():

@@ -27,7 +27,7 @@ LEFT = 19.25e-6  # error with the observer after 20 s [m]
 
 
 def main(folder: Path, full: bool = False) -> Effect:
-    """Draw the errors, check the free motion and what is left."""
+    """Draw the errors, check the free motion and the remaining error."""
     figure, axes = panels("A friction observer reaches the goal without hunting", 1, 2, (9.0, 3.8))
     observer: dict[str, Block] = {"observer": ("LuGreObserver", {})}
     cases = {

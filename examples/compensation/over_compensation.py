@@ -36,10 +36,10 @@ from harness import Result
 KP, KD = 400.0, 10.0  # [N/m], [N s/m]
 FC, FV, SIGMA1 = 1.0, 0.4, 316.22776601683796  # of the axis [N], [N s/m], [N s/m]
 VT, NARROW = 5e-3, 1e-3  # up to which the sign is a straight line [m/s]
-V0, SETTLED, STOP = 0.05, 4.0, 6.0  # first velocity [m/s], begin and end of what is measured [s]
+V0, SETTLED, STOP = 0.05, 4.0, 6.0  # first velocity [m/s], start and end of the measurement [s]
 REST = 1e-7  # velocity below which the axis rests [m/s]
 SWINGS = {0.5: 0.0, 0.9: 0.0, 1.0: 0.0, 1.1: 0.0, 1.2: 25.23e-3, 1.3: 38.78e-3, 1.5: 65.66e-3, 2.0: 134.5e-3}
-"""Half the swing of the velocity [m/s] by gain."""
+"""Velocity amplitude [m/s] by gain."""
 TREMBLING = {0.5: 1.494e-3, 0.9: 2.538e-3}  # that with the narrow vt [m/s]
 STILL = {"amplitude[1]": 0.0}
 
@@ -57,7 +57,7 @@ def run(gain: float, vt: float = VT, Kp: float = KP, Kd: float = KD, Fs: float =
 
 
 def swing(result: Result) -> float:
-    """Half the swing of the velocity in the end [m/s]."""
+    """Return the velocity amplitude at the end [m/s]."""
     return float(np.ptp(result["mass.v"].to_numpy()[result["time"].to_numpy() > SETTLED])) / 2.0
 
 
@@ -73,7 +73,7 @@ def balance(gain: float) -> float:
 
 
 def main(folder: Path, full: bool = False) -> Effect:
-    """Draw swings, and their size over the gain; check them against the harmonic balance."""
+    """Draw oscillations and their amplitude over the gain; check them against the harmonic balance."""
     figure, (course, sizes) = panels("Over-compensation causes a limit cycle", 1, 2, (9.5, 4.2))
     colours = {1.1: GREEN, 1.2: BLUE, 1.5: RED}
     checks: list[Check] = []

@@ -71,14 +71,14 @@ def main(folder: Path, full: bool = False) -> Effect:
                 axes[2].plot(t, 1e6 * true, color=GREY, lw=1.4, label="of the axis")
                 largest = 1e6 * np.abs(seen).max(), 1e6 * np.abs(true).max()
     axes[0].set(xlabel="time [s]", ylabel="force [N]", ylim=(-1.9, 1.5))
-    axes[1].set(xlabel="time [s]", ylabel="distance over the largest force", ylim=(1e-17, 1e-9))
+    axes[1].set(xlabel="time [s]", ylabel="difference over the largest force", ylim=(1e-17, 1e-9))
     axes[2].set(xlabel="time [s]", ylabel="error [µm]", ylim=(-90.0, 60.0))
     for axis in (axes[0], axes[2]):
         axis.legend(loc="lower right", fontsize=8)
     save(figure, __file__, folder)
     return Effect(
         f"The forces differ by less than 1e-9 of the largest. The controller behind the prefilter sees an error of "
-        f"{largest[0]:.0f} µm, while that of the axis is {largest[1]:.2f} µm.",
+        f"{largest[0]:.0f} µm, while the axis has {largest[1]:.2f} µm.",
         tuple(checks),
     )
 

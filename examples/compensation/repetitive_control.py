@@ -87,7 +87,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     angle = 360.0 * np.arange(found[0.5].shape[1]) / found[0.5].shape[1]
     axes[0].plot(angle, 1e6 * found[0.5][FIRST], color=BLACK, lw=1.2, label="before")
     axes[0].plot(angle, 1e6 * found[0.5][LEARNT], color=BLUE, lw=1.6, label="16 revolutions later")
-    axes[0].set(xlabel="angle since the revolution began [°]", ylabel="error [µm]", xticks=range(0, 361, 90))
+    axes[0].set(xlabel="angle from the start of the revolution [°]", ylabel="error [µm]", xticks=range(0, 361, 90))
     axes[0].legend(loc="upper right", fontsize=9)
     axes[1].set(xlabel="revolution", ylabel="harmonics below 100 Hz, sum [µm]", xticks=range(2, 19, 4))
     axes[1].legend(fontsize=9)

@@ -54,7 +54,7 @@ def deviation(result: Result) -> Array:
 
 
 def energy(result: Result) -> Array:
-    """V of the loop without friction, over that of the first sample."""
+    """Return V of the loop without friction over its first value."""
     a, b, c = KD, KP, KI
     e = deviation(result)
     integral = result["servo.integral"].to_numpy()
@@ -91,7 +91,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         t, V, e = result["time"].to_numpy(), energy(result), deviation(result)
         below.semilogy(t[::10], np.maximum(V[::10], 1e-12), color=colour, lw=1.0, label=name)
         if rho is not None:
-            checks.append(small(f"no friction, {name}: rise of V over its start, in all", rises(V), 1e-3))
+            checks.append(Check(f"no friction, {name}: rise of V over its start, in all", rises(V), "", 0.0, 1e-3))
         if rho == 1.0:
             stays = 1e3 * np.abs(e[t > 20.0]).max()
             checks.append(near(f"no friction, {name}: error after 20 s", stays, 1e3 * TREMBLING, 0.05, "mm"))

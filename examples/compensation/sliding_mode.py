@@ -33,7 +33,7 @@ from _servo import error, follow, sines
 from harness import CallablePart, Result
 
 LAM, K, RATE = OMEGA, 2.0, 500.0  # [1/s], bound of friction [N], bound of its rate, the L of super-twisting [N/s]
-FREQUENCY, SETTLED, STOP = 1.0, 1.0, 3.0  # of the reference [Hz], begin and end of what is measured [s]
+FREQUENCY, SETTLED, STOP = 1.0, 1.0, 3.0  # of the reference [Hz], start and end of the measurement [s]
 TIMES = (2.0 * TS, TS, 0.5 * TS)
 FIGURES = {  # RMS error [m] and variation of the input per second [N/s], by law, amplitude [m] and sample time [s]
     ("explicit", 5e-3, 5e-4): (5.4495e-6, 4169.3),
@@ -135,7 +135,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         found[case] = error(result, SETTLED), variation(result)
         size = f"{1e6 * A:g} µm" if A < 1e-4 else f"{1e3 * A:g} mm"
         name = f"{size}, Ts = {1e3 * Ts:g} ms, {law}"
-        # a swing between two values is not repeatable to more than this
+        # a switching between two values is not repeatable to more than this
         tolerance = 0.04 if law == "explicit" else 0.005
         checks.append(near(f"{name}: RMS error", 1e9 * found[case][0], 1e9 * expected, tolerance, "nm"))
         checks.append(near(f"{name}: variation of the input", found[case][1], change, tolerance, "N/s"))

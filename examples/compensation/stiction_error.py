@@ -102,7 +102,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         errors.plot(shares, stays, color=colour, marker=marker, ls="", ms=6, label=label)
     ways.set(xlabel="time [s]", ylabel="position / (Fs/Kp)")
     ways.legend(fontsize=9, loc=(0.03, 0.62))
-    errors.set(xlabel="goal / (Fs/Kp)", ylabel="error that stays / (Fs/Kp)", xlim=(0.0, 2.2), ylim=(0.0, 1.1))
+    errors.set(xlabel="goal / (Fs/Kp)", ylabel="remaining error / (Fs/Kp)", xlim=(0.0, 2.2), ylim=(0.0, 1.1))
     errors.legend(fontsize=9, loc="lower right")
     save(figure, __file__, folder)
     return Effect(

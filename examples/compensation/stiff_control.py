@@ -61,7 +61,7 @@ def first_force(Kp: float) -> float:
 
 
 def main(folder: Path, full: bool = False) -> Effect:
-    """Draw velocities and swings, check where the motion is even."""
+    """Draw velocities and amplitudes, check where the motion is steady."""
     figure, axes = panels("High gains end stick-slip", 1, 3, (10.0, 3.8))
     for Kp, Kd, colour in ((KP, 100.0, RED), (KP, 500.0, BLUE)):
         v = at_constant_speed(Kp, Kd)[0][:4000]

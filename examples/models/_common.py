@@ -1,4 +1,4 @@
-"""What the claims share: the friction FMU driven along a path or carrying a mass, and the look of the figures."""
+"""Helpers of the scripts: a friction FMU driven along a path or carrying a mass, and the style of the figures."""
 
 from __future__ import annotations
 

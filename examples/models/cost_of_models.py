@@ -101,9 +101,9 @@ def main(folder: Path) -> str:
     return (
         f"Parameters: Stribeck's curve {len(of_block['Stribeck'])}, LuGre {len(of_block['LuGre'])}, GMS {len(shared)} "
         f"and {len(per_element) // ELEMENTS} per element. GMS with {ELEMENTS} elements takes about {gms / lugre:.0f} "
-        f"times the operations of LuGre, and LuGre {lugre / static:.0f} times those of static friction. A run with "
-        f"1000 asperities takes more than 10 times as long as with LuGre. The friction of {COUNTS[0]} asperities "
-        f"fluctuates by {varies[0]:.0f} %, that of {COUNTS[-1]} by {varies[-1]:.0f} %."
+        f"times the operations of LuGre, and LuGre {lugre / static:.0f} times the operations of static friction. A run "
+        f"with 1000 asperities takes more than 10 times as long as with LuGre. Friction fluctuates by {varies[0]:.0f} "
+        f"% with {COUNTS[0]} asperities and by {varies[-1]:.0f} % with {COUNTS[-1]}."
     )
 
 

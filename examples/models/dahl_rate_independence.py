@@ -57,7 +57,7 @@ def main(folder: Path) -> str:
     undamped = [loop("LuGre", f, UNDAMPED)[1].max() for f in (SLOW, FAST)]
     assert undamped[0] - undamped[1] > 0.1  # N, a fifth of the Fs - Fc by which g may fall
     return (
-        f"The loops of Dahl differ by less than 1e-12 N, those of LuGre by up to {gaps[lugre]:.2f} N. "
+        f"Dahl's loops differ by less than 1e-12 N, LuGre's by up to {gaps[lugre]:.2f} N. "
         f"Their tips are at {tips[dahl]:.3f} N and, at {SLOW:g} Hz, {tips[lugre]:.3f} N."
     )
 

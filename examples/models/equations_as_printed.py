@@ -65,7 +65,7 @@ def main(folder: Path) -> str:
     leuven.plot(1e6 * (jump - slow[-1]), least, color=RED, lw=1.5, label="(1.14), at least")
     leuven.plot(1e6 * (jump - slow[-1]), Fh[slow.size :], color=BLUE, lw=1.5, label="Leuven")
     leuven.axhline(LEVEL, color=GREY, ls="--", lw=1.2, label="S")
-    leuven.set(xlabel="way at 20 mm/s [µm]", ylabel="hysteresis force [N]", ylim=(0.0, 6.0))
+    leuven.set(xlabel="path at 20 mm/s [µm]", ylabel="hysteresis force [N]", ylim=(0.0, 6.0))
     for axis in (slip, stick, element, leuven):
         axis.legend(fontsize=8.5)
     save(figure, __file__, folder)
@@ -74,7 +74,7 @@ def main(folder: Path) -> str:
     forward = along("GMS", -BACK * t, STEP, GMS)["friction.F"].to_numpy()
     assert np.array_equal(forward, -backward)
     assert run_away[-1] < -30.0
-    # (1.23) is solved by what is drawn
+    # the drawn curve solves (1.23)
     rate = np.gradient(run_away, STEP)[1:-1]
     assert np.allclose(rate, -C * (1.0 - run_away[1:-1] / LEVEL), rtol=1e-4)
     # with the signs right an element above the level goes to it at the rate C/s, in either direction
@@ -86,7 +86,7 @@ def main(folder: Path) -> str:
     assert Fb > LEVEL and abs(Fh[-1] - LEVEL) < 1e-9
     return (
         f"At -10 mm/s, (1.23) reaches {run_away[-1]:.0f} N after 30 ms; GMS goes to {backward[-1]:.0f} N at the rate "
-        f"C/s = {C / LEVEL:g} 1/s. The loop of (1.19) dissipates nothing, that of MaxwellSlip {1e6 * area:.0f} µJ. "
+        f"C/s = {C / LEVEL:g} 1/s. The loop of (1.19) dissipates nothing, the loop of MaxwellSlip {1e6 * area:.0f} µJ. "
         f"From {Fb:.2f} N, (1.14) rises to at least {least[-1]:.1f} N, where Leuven falls to {Fh[-1]:.1f} N."
     )
 

@@ -28,7 +28,7 @@ STYLE: dict[str, dict[str, Any]] = {
     "GenericAsperity": {"color": GREEN},
     "LuGre": {"color": GREY, "ls": "--"},
 }
-BEFORE = 5000  # steps before that of the speed
+BEFORE = 5000  # steps before the step of the speed
 SPEEDS = np.array([1e-6, 1e-5, 1e-4, 1e-3, 1e-2])  # of loading [m/s]
 
 

@@ -26,7 +26,7 @@ sigma1, n, Fc, Fs, vs = 1e5**0.5, 2.0, 1.0, 1.5, 1e-3  # start values of Leuven
 
 
 def half_cosines(steps: int) -> Array:
-    """The path [m] with so many steps per leg."""
+    """Return the path [m] with this number of steps per leg."""
     rise = 0.5 * (1.0 - np.cos(np.pi * np.arange(1, steps + 1) / steps))
     legs = [start + (end - start) * rise for start, end in pairwise(CORNERS)]
     return np.concatenate([CORNERS[:1], *legs])
@@ -71,12 +71,12 @@ def main(folder: Path) -> str:
     save(figure, __file__, folder)
 
     assert v > vs  # no reversal
-    for steps in (2000, 4000):  # N; the force goes on by less than 0.2 mN in a step
+    for steps in (2000, 4000):  # N; apart from the jump the force changes by less than 0.2 mN in a step
         assert abs(largest["Leuven", steps] - expected) < 5e-4
     assert largest["ModifiedLeuven", 4000] < 0.6 * largest["ModifiedLeuven", 2000]
     return (
         f"At {1e3 * v:.2f} mm/s Leuven's force jumps by {largest['Leuven', 4000]:.3f} N (closed form: {expected:.3f} "
-        f"N). In a step of 5 µs that of ModifiedLeuven changes by at most {largest['ModifiedLeuven', 4000]:.4f} N."
+        f"N). In a step of 5 µs ModifiedLeuven's force changes by at most {largest['ModifiedLeuven', 4000]:.4f} N."
     )
 
 

@@ -101,7 +101,7 @@ def main(folder: Path) -> str:
 
     swing = float(np.ptp(coulomb[100:]))
     assert abs(swing - FC * STEP) < 1e-12  # for a mass of 1 kg
-    assert 0.0 < creeping[-1] < 1e-3 and np.ptp(creeping[150:]) < 1e-15  # for ever
+    assert 0.0 < creeping[-1] < 1e-3 and np.ptp(creeping[150:]) < 1e-15  # forever
     assert np.ptp(jumping[150:]) > 1e-4
     assert karnopp[-1] == 0.0 and abs(switch[-1]) <= 1e-6  # within SwitchMass's own band
     assert abs(karnopp_way - (V0**2 - 1e-6) / (2.0 * FC)) < 1e-9  # to the edge of the band

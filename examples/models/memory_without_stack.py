@@ -77,7 +77,7 @@ def main(folder: Path) -> str:
         polygon.plot(1e6 * path, 1e3 * (force - curve(path)), color=colour, lw=1.2, label=f"N = {N}")
         bound = (END / N) ** 2 / 8.0 / LENGTH**2
         assert 0.4 * bound < errors[N] < bound
-    polygon.set(xlabel="position [µm]", ylabel="distance from the curve [mN]", title="MaxwellSlip")
+    polygon.set(xlabel="position [µm]", ylabel="error of the curve [mN]", title="MaxwellSlip")
     polygon.legend(fontsize=8.5)
     save(figure, __file__, folder)
 

@@ -112,7 +112,7 @@ def measure(model: str) -> list[float]:
 
 
 def present(values: list[float], per_cycle: float) -> list[bool]:
-    """What counts as present."""
+    """Return which phenomena count as present."""
     elastic = values[1] < 0.5
     large = [value > 0.01 for value in values]
     memory, stays = elastic and not large[5], values[6] < 0.01 * per_cycle

@@ -49,7 +49,7 @@ def released(model: str, parameters: Mapping[str, float]) -> tuple[Array, Array]
     def push(t: float) -> float:
         return max(F_MAX * (1.0 - abs(t / 3.0 - 1.0)), 0.0)
 
-    damped = {"d": 30.0}  # so that a contact without damping of its own does not ring
+    damped = {"d": 30.0}  # so that an undamped contact does not ring
     result = with_mass(model, 7.0, 1e-3, parameters, push=push, mass=damped)
     return result["mass.x"].to_numpy(), np.array([push(t) for t in result["time"].to_numpy()])
 
@@ -92,7 +92,10 @@ def main(folder: Path) -> str:
     for model, level, colour in (("Dahl", FC, BLUE), ("LuGre", FS, GREEN)):
         axes[5].plot(F_MAX / level, stays[model] * SIGMA / level, "o", color=colour, ms=6, label=model)
     axes[5].set(
-        title="what stays", xlabel="force over level", ylabel="displacement, of level/stiffness", ylim=(0.0, 2.0)
+        title="remaining displacement",
+        xlabel="force over level",
+        ylabel="displacement / (level/stiffness)",
+        ylim=(0.0, 2.0),
     )
     axes[5].legend(fontsize=9)
     save(figure, __file__, folder)
@@ -117,7 +120,7 @@ def main(folder: Path) -> str:
         assert abs(stays[model] / (-level / SIGMA * log(1.0 - (F_MAX / level) ** 2)) - 1.0) < 0.01
     assert abs(stays["ElastoPlastic"]) < 1e-9
     return (
-        f"Loops of Dahl and Maxwell slip dissipate {1e6 * dahl:.1f} and {1e6 * maxwell:.1f} µJ, that of the "
+        f"Loops of Dahl and Maxwell slip dissipate {1e6 * dahl:.1f} and {1e6 * maxwell:.1f} µJ, the loop of the "
         f"seven-parameter model 0 µJ; its force jumps by {jump:.3f} N at break-away. After 0.6 N the displacement is "
         f"{1e6 * stays['Dahl']:.2f} µm with Dahl, {1e6 * stays['LuGre']:.2f} µm with LuGre and 0.00 µm with "
         f"ElastoPlastic. The initial stiffness of LuGre is {first / SIGMA:.3f} sigma0; with constant g and nothing "

@@ -25,7 +25,7 @@ G = {"Dahl": 1.0, "LuGre": 1.5}  # of the models that forget [N]
 
 
 def known_miss(g: float) -> float:
-    """By how much the force [N] misses that of the reversal point, from rest."""
+    """Return by how much the force [N] misses that of the reversal point, from rest."""
     q, reached = exp(-(TURN - BACK) * 1e5 / g), g * (1.0 - exp(-TURN * 1e5 / g))
     return (1.0 - q) * ((1.0 + q) * reached - (1.0 - q) * g)
 

@@ -38,7 +38,7 @@ class Messages(logging.Handler):
 
 
 def main(folder: Path) -> str:
-    """Draw the loops and the depth of the stacks, check what is kept."""
+    """Draw the loops and the depth of the stacks, check the points that are kept."""
     messages = Messages()
     logging.getLogger("harness.friction").addHandler(messages)
     x = polyline(CORNERS, SPEED, STEP)

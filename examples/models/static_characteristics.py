@@ -44,7 +44,7 @@ def stribeck(v: Array, Fc: float, Fs: float, Fv: float) -> Array:
 
 
 def even(v: Array) -> Array:
-    """(1.3) with Tustin's term as it is."""
+    """Return (1.3) with Tustin's term as printed."""
     return np.asarray(FC * np.sign(v) + STEEP * v + (FS - FC) * np.exp(-np.abs(v) / VS))
 
 
@@ -69,7 +69,7 @@ def main(folder: Path) -> str:
         for label, force, colour, width in lines:
             for half in (v < 0.0, v > 0.0):
                 axis.plot(1e3 * v[half], force[half], color=colour, lw=width, label=label if half[-1] else None)
-        axis.plot([0.0, 0.0], [-FS, FS], color=RED, lw=1.5, label="at rest: as the other forces")
+        axis.plot([0.0, 0.0], [-FS, FS], color=RED, lw=1.5, label="at rest: any value up to Fs")
         axis.set(xlabel="velocity [mm/s]", xlim=(-10.0, 10.0), ylim=(-2.0, 3.6), yticks=(-1.5, -1.0, 0.0, 1.0, 1.5))
     curve.plot(1e3 * v, bristles, "o", color=GREEN, ms=4, label="LuGre, other levels for v < 0")
     for half in (v < 0.0, v > 0.0):
