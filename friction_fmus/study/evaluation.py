@@ -157,9 +157,12 @@ def judge(trace: Trace, bench: Bench) -> tuple[Metrics | None, Array | None, str
 
 
 def high_frequency(force: Array, bench: Bench) -> Array:
-    """Return the part of a force above `HIGH` times the natural frequency of the position loop, with zero phase."""
+    """Return the part of a force above `HIGH` times the natural frequency of the position loop, with zero phase.
+
+    The frequency is at least one period over the whole signal, and at most half of the Nyquist frequency.
+    """
     natural = (bench.servo.pid[0] / bench.plant.mass) ** 0.5 / (2.0 * pi)
-    corner = min(HIGH * natural, 0.25 / bench.servo.Ts)
+    corner = min(max(HIGH * natural, 1.0 / (len(force) * bench.servo.Ts)), 0.25 / bench.servo.Ts)
     sections = signal.butter(2, corner, "highpass", fs=1.0 / bench.servo.Ts, output="sos")
     return np.asarray(signal.sosfiltfilt(sections, force), dtype=np.float64)
 

@@ -81,6 +81,15 @@ def test_high_frequency_force_is_what_a_butterworth_filter_leaves(tmp_path: Path
     assert sqrt(2.0 * np.mean(left**2)) == pytest.approx(1.0 / (1.0 + warped**4), rel=0.02)
 
 
+def test_high_frequency_force_of_an_axis_that_is_too_heavy_for_its_servo(tmp_path: Path) -> None:
+    """The corner of the filter lies at one period over the signal: 0.5 Hz here, far below 30 Hz."""
+    given = bench(tmp_path)
+    heavy = replace(given, plant=replace(given.plant, mass=1e24))
+    force = np.sin(2.0 * pi * 30.0 * T)
+    left = high_frequency(force, heavy)[300:-300]
+    assert sqrt(2.0 * np.mean(left**2)) == pytest.approx(1.0, rel=0.02)
+
+
 def test_a_thinned_line_keeps_its_peaks() -> None:
     y = np.zeros(100_000)
     y[[31_234, 77_777]] = 5.0, -3.0
