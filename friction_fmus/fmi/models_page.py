@@ -20,8 +20,8 @@ $ friction-fmus show LuGre
 $ friction-fmus cite LuGre
 ```
 
-`show` prints all notes of a model and its parameters; `documentation/index.html` in the FMU has them with figures. `cite`
-prints the BibTeX entry.
+`show` prints all notes of a model and its parameters; `documentation/index.html` in the FMU has them with figures.
+`cite` prints the BibTeX entry.
 
 ![Which model shows which phenomenon](figures/phenomena.png)
 """
