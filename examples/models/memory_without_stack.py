@@ -1,8 +1,9 @@
 """Leuven stores reversal points on stacks; Maxwell slip stores them in its elements
 
 Left: a path with inner loops, the state z and the number of stored points. A reversal adds one point, closing a loop
-removes two (a loop has two ends), and sliding removes all. Middle: with MaxwellSlip, all of 80 nested reversals close
-at the force of their reversal point, although it stores only ten numbers. Right: its price, a piecewise linear curve.
+removes two (a loop has two ends), and sliding removes all. Middle: with MaxwellSlip, the loops of 80 nested reversals
+all close at the force of their reversal point, although it stores only ten numbers. Right: its price, a piecewise
+linear curve.
 
 On the right, the curve of first loading, 1 N (1 - exp(-x/10 µm)), is approximated by N elements that start to slip at
 equal distances d up to 30 µm. Between these points it is a chord, so the error is below d^2/8 max|f''|: twice as many

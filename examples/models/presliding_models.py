@@ -1,8 +1,8 @@
 """Before it slides, a contact is a spring with or without hysteresis
 
-Left: loops on a sine in presliding. The seven-parameter model is a spring without hysteresis; Dahl, LuGre and Maxwell
-slip dissipate energy. Right: what remains after a force of 0.6 N was applied and released. Dahl and LuGre do not
-return to the start; ElastoPlastic does.
+Four panels show loops on a sine in presliding. The seven-parameter model is a spring without hysteresis; Dahl, LuGre
+and Maxwell slip dissipate energy. The last two panels show the displacement that remains after a force of 0.6 N was
+applied and released. Dahl and LuGre do not return to the start; ElastoPlastic does.
 
 The amplitude is 20 µm, 10 µm for the seven-parameter model, which would slide otherwise. That model follows one line,
 kt x, at 20 Hz as well; at break-away its force jumps by as much as the Stribeck curve is lower at that speed. Dahl's
