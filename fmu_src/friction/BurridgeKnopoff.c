@@ -31,7 +31,7 @@
 
    Limits: the motion is chaotic for alpha > 0, so only averages are meaningful after many avalanches. Friction acts
    against positive slip only, so the model is not symmetric: a driver that moves backwards unloads the blocks and then
-   pushes against blocks that never move. Start values are those of the papers, except for the number of blocks. */
+   pushes against blocks that never move. Start values are taken from the papers, except for the number of blocks. */
 
 /* @article{CarlsonLanger1989,
      author  = {Carlson, J. M. and Langer, J. S.},

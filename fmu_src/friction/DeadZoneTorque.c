@@ -26,7 +26,7 @@
 #define MODEL    DeadZoneTorque
 #define SUMMARY  "Coulomb and viscous friction with a torque dead zone at rest (interpretation)"
 #define SOURCE   "Interpretation of a description without an identified source"
-#define STATUS   "own equations, from a description"
+#define STATUS   "equations specific to this library, from a description"
 #define FEATURES "rate dependent, needs force"
 
 /* clang-format off */

@@ -63,7 +63,7 @@
 #define MODEL    GenericAsperity
 #define SUMMARY  "Population of asperities that stick, slip and oscillate freely on a rough profile"
 #define SOURCE   "after Al-Bender, Lampaert, Swevers, Tribology Letters 16, 2004"
-#define STATUS   "own equations, after the paper from memory"
+#define STATUS   "equations specific to this library, after the paper from memory"
 #define FEATURES "presliding, nonlocal memory, drift-free, Stribeck, lag, dwell, rate dependent, random"
 
 /* clang-format off */

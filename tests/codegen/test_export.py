@@ -186,7 +186,7 @@ def test_the_command_says_what_to_install(
         ({"Kp": -1.0}, "Kp = -1 lies outside [0, inf]; choose a value inside"),
         ({"Kp": math.inf}, "Kp = inf lies outside [0, inf]"),
         ({"enable": 0.5}, "enable = 0.5 is not a Boolean"),
-        ({"u_min": 2.0, "u_max": 1.0}, "PID needs u_min <= u_max, which the given values violate"),
+        ({"u_min": 2.0, "u_max": 1.0}, "PID requires u_min <= u_max, which the given values violate"),
         ({"Kp[1]": 1.0}, "PID has no variable 'Kp[1]'"),
     ],
 )

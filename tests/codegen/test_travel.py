@@ -103,7 +103,7 @@ def test_the_readme_says_what_rounds_a_position(tmp_path: Path) -> None:
 def test_the_readme_says_how_a_position_is_given(tmp_path: Path) -> None:
     """Its two pieces of C: from a double to 2^-48 of the position, from a count to 1/2000 of it, by exact fractions."""
     text = readme(make_export("LuGreFeedforward", real="float"), ())
-    assert "about 0, 0.1, 1 and 10 m" in text
+    assert "around 0, 0.1, 1 and 10 m" in text
     assert "less than 0.0001 of their rms value" in " ".join(text.split())
     assert "inputs: `r`. " in " ".join(text.split())
     pieces = re.findall(r"```c\n(.*?)```", text, re.S)

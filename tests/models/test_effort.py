@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from shell.instance import DISCARD, OK, Instance, load
 
-REASON = b"takes more work than one communication step may, so make shorter steps"
+REASON = b"exceeds the limit of work in one communication step; use shorter steps"
 SECONDS = 5.0
 
 COSTLY: tuple[tuple[str, float, dict[str, float]], ...] = (
