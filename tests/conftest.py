@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+
+# more threads than processors only wait for each other; numpy reads this when it is imported
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import math
-import re
 import shutil
 import subprocess
 import sys
@@ -59,25 +58,6 @@ def compiled(folder: Path, compiler: str, *flags: str) -> Path:
     run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     return target
-
-
-@pytest.mark.parametrize("name", LAWS)
-def test_c89_and_c99_without_a_warning_and_the_example_runs(name: str, tmp_path: Path) -> None:
-    for real in ("double", "float"):
-        export_law(name, tmp_path, real=real)
-        extra = ["-Wdouble-promotion"] if real == "float" else []
-        outputs = set()
-        for compiler, standard in product(COMPILERS, ("c89", "c99")):
-            program = compiled(tmp_path, compiler, f"-std={standard}", *extra)
-            outputs.add(subprocess.run([program], capture_output=True, text=True, check=True).stdout)
-        assert len(outputs) == 1
-        lines = outputs.pop().splitlines()
-        assert len(lines) == 10
-        assert "nan" not in "".join(lines)
-        text = (tmp_path / "law.c").read_text(encoding="utf-8")
-        assert not re.search(r"\b(malloc|calloc|free)\b|\bstatic (?!void )", text)
-        if real == "float":
-            assert not re.search(r"\bdouble\b|\b\d+\.\d+(e[-+]?\d+)?(?![\d.ef])", text)
 
 
 def test_a_vector_a_switch_and_no_states(elements: Path, tmp_path: Path) -> None:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import ctypes
-import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import count
 from pathlib import Path
 
@@ -22,7 +21,7 @@ FLAGS = (
     *("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden", "-shared"),
     *("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror", "-DFMI2_OVERRIDE_FUNCTION_PREFIX"),
 )
-COMPILERS = {"zig": [sys.executable, "-m", "ziglang", "cc"]} | ({"gcc": ["gcc"]} if shutil.which("gcc") else {})
+ZIG, GCC = (sys.executable, "-m", "ziglang", "cc"), ("gcc",)
 
 Evaluate = Callable[[np.ndarray], np.ndarray]
 
@@ -30,8 +29,8 @@ Evaluate = Callable[[np.ndarray], np.ndarray]
 class Workshop:
     """One compiler and a folder to work in."""
 
-    def __init__(self, name: str, folder: Path) -> None:
-        self.name = name
+    def __init__(self, compiler: Sequence[str], folder: Path) -> None:
+        self._compiler = compiler
         self._folder = folder
         self._numbers = count()
         self._made: dict[tuple[str, ...], Path] = {}
@@ -47,7 +46,7 @@ class Workshop:
         source.write_text(text, encoding="utf-8")
         target = source.with_suffix(".so")
         folders = [f"-I{folder}" for folder in (source_folder(), source_folder() / "numerics", header_folder())]
-        command = [*COMPILERS[self.name], *FLAGS, *flags, *folders, str(source), "-o", str(target), "-lm"]
+        command = [*self._compiler, *FLAGS, *flags, *folders, str(source), "-o", str(target), "-lm"]
         run = subprocess.run(command, capture_output=True, text=True, check=False)
         assert run.returncode == 0, run.stderr
         return target
@@ -87,9 +86,9 @@ class Workshop:
         return evaluate
 
 
-@pytest.fixture(scope="session", params=COMPILERS)
-def workshop(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Workshop:
-    return Workshop(request.param, tmp_path_factory.mktemp(request.param))
+@pytest.fixture(scope="session")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Workshop:
+    return Workshop(ZIG, tmp_path_factory.mktemp("zig"))
 
 
 def by_casadi(function: Function, rows: np.ndarray) -> np.ndarray:

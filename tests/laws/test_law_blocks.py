@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.blocks.probe import read_rows
+from friction_fmus.blocks.probe import read_variables
 from friction_fmus.fmi.units import base_unit
 from friction_fmus.lawkit.block import block_source
 from friction_fmus.lawkit.files import discover_laws
@@ -50,7 +50,7 @@ def element(variable: Variable, i: int) -> str:
 def check(law: Law, workshop, different_bits) -> None:
     """At random points: the block's values after a sample are what casadi makes of the same point."""
     library = workshop.library(block_source(law))
-    reference = {variable.name: variable.reference for variable in read_rows(library).variables}
+    reference = {variable.name: variable.reference for variable in read_variables(library).variables}
     evaluate = ctypes.CDLL(str(library)).block_evaluate
     evaluate.restype = None
     rng = np.random.default_rng(1)
@@ -81,7 +81,7 @@ def test_vectors_swapped_states_and_awkward_texts(workshop, different_bits, tmp_
     path.write_text(VECTOR_LAW, encoding="utf-8")
     (law,) = discover_laws(path)
     check(law, workshop, different_bits)
-    rows = {variable.name: variable for variable in read_rows(workshop.library(block_source(law))).variables}
+    rows = {variable.name: variable for variable in read_variables(workshop.library(block_source(law))).variables}
     assert [rows[f"k[{i}]"].start for i in (1, 2, 3)] == [5e4, 3e4, 0.1]
     assert rows["line[2]"].start == 3.0
     assert law.evaluate({"k": (1.0, 2.0, 3.0), "x": 1.0, "z": 10.0, "w": 100.0, "line": (5.0, 9.0)}) == {
@@ -106,7 +106,7 @@ def si_name(unit: Unit) -> str:
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 def test_the_table_says_what_the_law_says(law, workshop):
-    rows = read_rows(workshop.library(block_source(law))).variables[1:]
+    rows = read_variables(workshop.library(block_source(law))).variables[1:]
     rows = [row for row in rows if row.name != "fault"]
     variables = [(variable, i) for variable in law.variables for i in range(len(variable.starts))]
     assert [row.name for row in rows] == [element(*pair) for pair in variables]
@@ -122,7 +122,7 @@ def test_the_table_says_what_the_law_says(law, workshop):
 
 @pytest.mark.parametrize("law", LAWS[::3], ids=lambda law: law.name)
 def test_the_rotational_twin_has_its_own_units(law, workshop):
-    rows = read_rows(workshop.library(block_source(law), "-DROTATIONAL")).variables[1:]
+    rows = read_variables(workshop.library(block_source(law), "-DROTATIONAL")).variables[1:]
     units = {row.name: row.unit for row in rows}
     twin = {"u": "N.m", "r": "rad", "rd": "rad/s", "Kp": "N.m/rad", "Ki": "N.m/(rad.s)", "m": "kg.m2", "kp": "1/s"}
     shared = twin.keys() & units.keys()
