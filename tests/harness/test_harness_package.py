@@ -38,5 +38,5 @@ def test_every_argument_of_a_public_function_or_class_is_documented() -> None:
 
 def test_errors_are_harness_errors() -> None:
     errors = [getattr(harness, name) for name in harness.__all__ if name.endswith("Error")]
-    assert len(errors) == 15
+    assert len(errors) == 16
     assert all(issubclass(error, harness.HarnessError) for error in errors)
