@@ -67,7 +67,7 @@ def dahl_feedforward(
 ) -> dict[str, SX]:
     """The force that moves a known mass with Dahl friction along the reference.
 
-        dr = r - last,   last: the reference in the previous sample
+        dr = r - last,   last: reference in the previous sample
         w  = 1 - sgn(dr) sigma z / Fc
         n = 1:   w becomes w exp(-sigma |dr| / Fc)
         n /= 1:  |w|^(1-n) becomes |w|^(1-n) - (1 - n) sigma |dr| / Fc

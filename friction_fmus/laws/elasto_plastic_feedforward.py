@@ -112,7 +112,7 @@ def elasto_plastic_feedforward(
     """The force that moves a known mass with elasto-plastic friction along the reference.
 
         S(v)  = Fc + (Fs - Fc) exp(-|v/vs|^delta)
-        dr    = r - last,   w = dr / Ts,   last: the reference in the previous sample
+        dr    = r - last,   w = dr / Ts,   last: reference in the previous sample
         dz/dr = 1 - alpha(z, sgn(dr)) sgn(dr) sigma0 z / S(w)     over dr
         dz/dt = rd (1 - alpha(z, sgn(rd)) sgn(rd) sigma0 z / S(rd))
         F_hat = sigma0 z + sigma1(rd) dz/dt + sigma2 rd

@@ -85,7 +85,7 @@ def gms_feedforward(
     """The force that moves a known mass with generalised Maxwell slip (GMS) friction along the reference.
 
         S(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta)
-        dr   = r - last,   w = dr / Ts,   last: the reference in the previous sample
+        dr   = r - last,   w = dr / Ts,   last: reference in the previous sample
         dr = 0 or a reversal:  all elements stick
         stick:  Fi becomes Fi + ki dr; if sgn(dr) Fi reaches alpha_i S(w),
                 it is set to that, and the element slips

@@ -73,7 +73,7 @@ def lugre_feedforward(
     """The force that moves a known mass with LuGre friction along the reference.
 
         g(v)  = Fc + (Fs - Fc) exp(-|v/vs|^delta)
-        dr    = r - last,   w = dr / Ts,   last: the reference in the previous sample
+        dr    = r - last,   w = dr / Ts,   last: reference in the previous sample
         t     = sgn(dr) g(w) / sigma0
         z     becomes t + (z - t) exp(-sigma0 |dr| / g(w))
         F_hat = sigma0 z + sigma1(rd) (rd - sigma0 |rd| z/g(rd)) + sigma2 rd

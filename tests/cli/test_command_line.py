@@ -84,8 +84,8 @@ def test_show_says_when_to_use_a_model_and_what_it_cannot_do(
     lines = shown("LuGre", width, monkeypatch, capsys)
     assert max(map(len, lines)) <= width
     for lead in (
-        "Use it     as the first model",
-        "Limits     F jumps with",
+        "Use it     as a first model",
+        "Limits     a jump of v causes a jump of F",
         "Features   presliding: ",
         "Source     Canudas",
     ):
@@ -102,7 +102,7 @@ def test_show_says_when_to_use_a_model_and_what_it_cannot_do(
 def test_show_groups_the_variables(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     lines = shown("GMS", 120, monkeypatch, capsys)
     table = lines[next(i for i, line in enumerate(lines) if line.startswith("Variables")) :]
-    titles = ("Inputs", "Outputs", "Inner values", "Parameters", "Fixed parameters")
+    titles = ("Inputs", "Outputs", "Internal variables", "Parameters", "Fixed parameters")
     assert [line for line in table if line in titles] == list(titles)
     rows = [re.split(r"\s{2,}", line) for line in table]
     assert ["v", "0", "m/s", "relative sliding velocity"] in rows

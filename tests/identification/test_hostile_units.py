@@ -76,7 +76,7 @@ KNOWN = {
 def test_no_unit_is_not_evaluated(text: str) -> None:
     start = process_time()
     assert unit_of(text) is None
-    with pytest.raises(FrictionError, match="is not known") as refused:
+    with pytest.raises(FrictionError, match="is unknown") as refused:
         base_unit(text)
     with pytest.raises(RecordError, match="not a number with a known unit") as no_number:
         parse_quantity(f"1.5 {text}", "The gain")

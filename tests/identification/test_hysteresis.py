@@ -69,7 +69,7 @@ def test_gms_shares_its_elements_and_names_what_the_loop_leaves_open() -> None:
 
 @pytest.mark.parametrize("fixed", [{"N": 0}, {"N": 11}, {"N": 2.5}, {"k[1]": 1e4}])
 def test_elements_cannot_be_given_and_their_number_is_whole(fixed: dict[str, float]) -> None:
-    with pytest.raises(FitError, match=r"N = |outside|cannot be given"):
+    with pytest.raises(FitError, match=r"N = |outside|cannot be fixed"):
         identify("MaxwellSlip", loops(), fixed=fixed)
 
 

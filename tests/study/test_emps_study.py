@@ -83,5 +83,5 @@ def test_it_does_not_take_a_minute(study: Study) -> None:
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
-    with pytest.raises(StudyError, match="Cannot make the folder"):
+    with pytest.raises(StudyError, match="Cannot create the folder"):
         run_study("demo", tmp_path / "file" / "out")
