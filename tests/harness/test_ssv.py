@@ -99,7 +99,7 @@ def test_any_values(values: dict[str, float | int | bool | str]) -> None:
 @pytest.mark.parametrize("character", NOT_IN_XML, ids=ascii)
 def test_characters_that_xml_cannot_carry_are_refused(character: str) -> None:
     for values in ({"x": Parameter(f"a{character}b")}, {f"a{character}b": Parameter(1.0)}):
-        with pytest.raises(SystemFileError, match="take out its control characters"):
+        with pytest.raises(SystemFileError, match="remove its control characters"):
             ssv_bytes(ParameterSet("set", values))
 
 

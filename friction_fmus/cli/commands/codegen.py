@@ -34,6 +34,6 @@ def run(options: argparse.Namespace) -> None:
     if lacking := missing():
         packages = " ".join(PACKAGES[tool] for tool in lacking)
         console.print(
-            f"Some costs were not measured, because {' and '.join(lacking)} is missing; apt-get install {packages}",
+            f"Some costs were not measured without {' and '.join(lacking)}; run apt-get install {packages}",
             soft_wrap=True,
         )
