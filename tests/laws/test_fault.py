@@ -190,7 +190,7 @@ def test_conditions_with_a_vector_and_the_sample_time(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("conditions", "message"),
     [
-        ('conditions={"w > 1": lambda W: W > 1}', "the condition 'w > 1' reads W, which is not a parameter; did you"),
+        ('conditions={"w > 1": lambda W: W > 1}', "the condition 'w > 1' reads W, which is not a parameter (did you"),
         ('conditions={"x > 1": lambda x: x > 1}', "the condition 'x > 1' reads x, which is not a parameter"),
         ('conditions={"w > 30": lambda w: w > 30}', "its start values violate the condition w > 30"),
         ('conditions={"k > 0": lambda k: k > 0}', "the condition 'k > 0' has the shape (2, 1); return one truth value"),

@@ -68,3 +68,23 @@ def test_no_test_returns_early_and_counts_as_passed() -> None:
                 returns = [each.lineno for each in own_statements(node) if isinstance(each, ast.Return)]
                 found += [f"{path.name}:{line} in {node.name}" for line in returns]
     assert found == []
+
+
+def test_mypy_knows_the_lazy_names(tmp_path: Path) -> None:
+    program = (
+        "from friction_fmus import build, harness\n"
+        "from friction_fmus.harness import System\n"
+        "import friction_fmus.harness\n"
+        "a: int = System\n"
+        "b: int = harness.Experiment\n"
+        "c: int = build\n"
+        "friction_fmus.harness.Sistem\n"
+        "friction_fmus.bild\n"
+    )
+    (tmp_path / "program.py").write_text(program, encoding="utf-8")
+    command = [str(Path(sys.executable).parent / "mypy"), str(tmp_path / "program.py")]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    errors = [line.partition("error: ")[2] for line in run.stdout.splitlines()[:-1]]
+    assert len(errors) == 5, run.stdout
+    for error, text in zip(errors, ("System", "Experiment", "out_dir", "Sistem", "bild"), strict=True):
+        assert text in error

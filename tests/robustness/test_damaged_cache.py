@@ -183,8 +183,8 @@ def test_a_truncated_library_in_an_fmu_is_refused(build_fmu: Callable[..., Path]
     said = done.stdout.splitlines()
     assert len(said) == len(lengths)
     assert all(s.startswith("cannot load ") and s.endswith("export it again for this platform") for s in said[:-1])
-    assert f"its library Coulomb.so is truncated, {needed - 1000} bytes are missing at the end" in said[5]
-    assert "is truncated, 1 bytes are missing" in said[-2]
+    assert f"its library Coulomb.so is truncated: {needed - 1000} bytes are missing at the end" in said[5]
+    assert "is truncated: 1 bytes are missing" in said[-2]
     assert said[-1] == "ran"
 
 

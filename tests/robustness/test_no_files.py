@@ -76,7 +76,7 @@ def test_a_text_that_unpacks_to_too_much(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(text_table, "LARGEST_DATA", 1 << 20)
     with gzip.open(tmp_path / "large.txt.gz", "wb") as file:
         file.write(bytes((1 << 20) + 1))
-    with pytest.raises(RecordError, match=r"large\.txt\.gz holds more than 1048576 bytes of text"):
+    with pytest.raises(RecordError, match=r"large\.txt\.gz has more than 1048576 bytes of text"):
         read_table(tmp_path / "large.txt.gz")
 
 

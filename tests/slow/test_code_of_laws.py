@@ -1,4 +1,4 @@
-"""C of all laws by gcc as well, as C89 and C99 for a microcontroller, and with the longest preview."""
+"""C of all laws: by gcc as well, as C89 and C99, over long runs, and with the longest preview."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from codegen.test_export import COMPILERS, LAWS, compiled, without_target  # noqa: F401
+from codegen.test_numbers import check_double, check_float
 from laws.conftest import GCC, Workshop, by_casadi_fixture, different_bits_fixture  # noqa: F401
 from laws.test_emit import (  # noqa: F401
     test_every_law_has_casadis_bits,
@@ -54,3 +55,13 @@ def test_c89_and_c99_without_a_warning_and_the_example_runs(name: str, tmp_path:
         assert not re.search(r"\b(malloc|calloc|free)\b|\bstatic (?!void )", text)
         if real == "float":
             assert not re.search(r"\bdouble\b|\b\d+\.\d+(e[-+]?\d+)?(?![\d.ef])", text)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_double_has_the_bits_of_the_fmu_and_of_casadi_over_a_long_run(name: str, tmp_path: Path) -> None:
+    check_double(name, 100_000, tmp_path)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_float_is_near_casadi_over_a_long_run(name: str, tmp_path: Path) -> None:
+    check_float(name, 100_000, tmp_path)

@@ -1,18 +1,42 @@
-"""Steps so long that a block may refuse them: it says so within five seconds."""
+"""Steps so long that they may take too much work: they are discarded within seconds, with the reason."""
 
 from __future__ import annotations
 
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 
 import pytest
-from shell.instance import DISCARD, OK, WARNING, Instance, Library, signals
+from shell.instance import DISCARD, OK, WARNING, Instance, Library, load, signals
 
 from friction_fmus import catalogue
 
 COUNTING = tuple(name for name, block in catalogue().items() if re.search(r"\bCOUNT\s*\(", block.code))
 """Blocks with parameters that are numbers of something."""
+
+REASON = b"takes more work than one communication step may, so make shorter steps"
+SECONDS = 5.0
+
+COSTLY: tuple[tuple[str, float, dict[str, float]], ...] = (
+    ("FrenkelKontorova", 1e6, {}),
+    ("FrenkelKontorova", 1e6, {"N": 1000, "F_drive": 0.3}),
+    ("FrenkelKontorova", 1e3, {"damping": 1e4}),
+    ("FrenkelKontorova", 1e300, {"damping": 0.0, "amplitude": 0.3}),
+    ("FrenkelKontorovaTomlinson", 1e6, {"v": 1e-3}),
+    ("FrenkelKontorovaTomlinson", 1e6, {"N": 1000, "v": 1.0}),
+    ("BurridgeKnopoff", 1e6, {}),
+    ("BurridgeKnopoff", 1e6, {"N": 1000, "v": 1.0}),
+    ("BurridgeKnopoff", 1e6, {"sigma": 0.999, "nu": 1.0}),
+    ("PrandtlTomlinson", 1e6, {"v": 1e-2}),
+    ("PrandtlTomlinson", 1e9, {"v": 1.0}),
+    ("PrandtlTomlinson", 1e5, {"kT": 0.1}),
+    ("PrandtlTomlinson", 1e6, {"kT": 0.1, "damping": 0.0}),
+    ("Bristle", 1e6, {"v": 1e-2}),
+    ("Bristle", 1e6, {"v": 1e-2, "N": 1000}),
+    ("GenericAsperity", 1e6, {"v": 1e-2}),
+    ("GenericAsperity", 1e3, {"v": 1e-3, "height": 0.0}),
+)
 
 
 def largest_counts(library: Library) -> dict[str, float]:
@@ -31,7 +55,7 @@ def long_step(library: Library, h: float, counts: Mapping[str, float]) -> None:
         run.set(signals(library, 1, 1)[0])
         before, begin = run.everything(), time.process_time()
         status = run.call("DoStep", 0.0, h, 1)
-        assert time.process_time() - begin < 5.0
+        assert time.process_time() - begin < SECONDS
         assert status in (OK, WARNING, DISCARD)
         if status == DISCARD:
             assert b"step" in run.messages[-1][-1]
@@ -47,3 +71,20 @@ def test_no_step_takes_longer_than_five_seconds(library: Library, h: float) -> N
 @pytest.mark.parametrize("library", COUNTING, indirect=True)
 def test_no_step_with_the_largest_counts_takes_longer_than_five_seconds(library: Library, h: float) -> None:
     long_step(library, h, largest_counts(library))
+
+
+@pytest.mark.parametrize(("name", "h", "values"), COSTLY, ids=lambda value: str(value))
+def test_a_step_that_takes_too_long_is_discarded_with_the_reason(
+    build_fmu: Callable[..., Path], name: str, h: float, values: dict[str, float]
+) -> None:
+    with Instance(load(build_fmu(name))) as run:
+        run.initialise(**values)
+        run.step(0.0, 0.01)
+        before, state = run.everything(), run.serialised()
+        begin = time.process_time()
+        assert run.call("DoStep", 0.01, h, 1) == DISCARD
+        assert time.process_time() - begin < SECONDS
+        assert REASON in run.messages[-1][-1]
+        assert run.everything() == before
+        run.restore(state)
+        run.step(0.01, 0.01)
