@@ -7,51 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-<<<<<<< HEAD
-from shell.instance import DISCARD, OK, Instance, load
-
-REASON = b"exceeds the limit of work in one communication step; use shorter steps"
-SECONDS = 5.0
-
-COSTLY: tuple[tuple[str, float, dict[str, float]], ...] = (
-    ("FrenkelKontorova", 1e6, {}),
-    ("FrenkelKontorova", 1e6, {"N": 1000, "F_drive": 0.3}),
-    ("FrenkelKontorova", 1e3, {"damping": 1e4}),
-    ("FrenkelKontorova", 1e300, {"damping": 0.0, "amplitude": 0.3}),
-    ("FrenkelKontorovaTomlinson", 1e6, {"v": 1e-3}),
-    ("FrenkelKontorovaTomlinson", 1e6, {"N": 1000, "v": 1.0}),
-    ("BurridgeKnopoff", 1e6, {}),
-    ("BurridgeKnopoff", 1e6, {"N": 1000, "v": 1.0}),
-    ("BurridgeKnopoff", 1e6, {"sigma": 0.999, "nu": 1.0}),
-    ("PrandtlTomlinson", 1e6, {"v": 1e-2}),
-    ("PrandtlTomlinson", 1e9, {"v": 1.0}),
-    ("PrandtlTomlinson", 1e5, {"kT": 0.1}),
-    ("PrandtlTomlinson", 1e6, {"kT": 0.1, "damping": 0.0}),
-    ("Bristle", 1e6, {"v": 1e-2}),
-    ("Bristle", 1e6, {"v": 1e-2, "N": 1000}),
-    ("GenericAsperity", 1e6, {"v": 1e-2}),
-    ("GenericAsperity", 1e3, {"v": 1e-3, "height": 0.0}),
-)
-
-
-@pytest.mark.parametrize(("name", "h", "values"), COSTLY, ids=lambda value: str(value))
-def test_a_step_that_takes_too_long_is_discarded_with_the_reason(
-    build_fmu: Callable[..., Path], name: str, h: float, values: dict[str, float]
-) -> None:
-    with Instance(load(build_fmu(name))) as run:
-        run.initialise(**values)
-        run.step(0.0, 0.01)
-        before, state = run.everything(), run.serialised()
-        begin = time.process_time()
-        assert run.call("DoStep", 0.01, h, 1) == DISCARD
-        assert time.process_time() - begin < SECONDS
-        assert REASON in run.messages[-1][-1]
-        assert run.everything() == before
-        run.restore(state)
-        run.step(0.01, 0.01)
-=======
 from shell.instance import OK, Instance, load
->>>>>>> refs/heads/tests
 
 
 def test_a_fault_that_is_loaded_slowly_is_followed_over_years(build_fmu: Callable[..., Path]) -> None:

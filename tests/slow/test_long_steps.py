@@ -15,7 +15,7 @@ from friction_fmus import catalogue
 COUNTING = tuple(name for name, block in catalogue().items() if re.search(r"\bCOUNT\s*\(", block.code))
 """Blocks with parameters that are numbers of something."""
 
-REASON = b"takes more work than one communication step may, so make shorter steps"
+REASON = b"exceeds the limit of work in one communication step; use shorter steps"
 SECONDS = 5.0
 
 COSTLY: tuple[tuple[str, float, dict[str, float]], ...] = (
