@@ -9,7 +9,7 @@
        dz/dt = v (1 - sgn(r) |r|^n),   r = Fd(z) / (S(v) - Fb)
        F     = (Fh + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 v
 
-       reversal of v:  push Fh on the stack of maxima or minima;  Fb = Fh, z = 0
+       reversal of v:  Fh is stored as maximum or minimum;  Fb = Fh, z = 0
        loop closed:    Fh, rising, reaches the last maximum (falling: minimum):
                        this point and the one at which the inner loop began
                        are removed;  Fb = the reversal before, 0 if none;
