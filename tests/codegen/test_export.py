@@ -6,7 +6,6 @@ import ctypes
 import math
 import shutil
 import subprocess
-import sys
 from itertools import product
 from pathlib import Path
 
@@ -18,10 +17,11 @@ from friction_fmus.codegen import CORES, cost, export, export_law, measure
 from friction_fmus.codegen.export import make_export
 from friction_fmus.errors import FrictionError, UnknownNameError
 from friction_fmus.lawkit.files import discover_laws
+from harness.compiling import toolchain
 
 LAWS = [law.name for law in discover_laws(laws_folder())]
 WARNINGS = ["-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Wstrict-prototypes", "-Wmissing-prototypes"]
-COMPILERS = {"zig": [sys.executable, "-m", "ziglang", "cc"]} | ({"gcc": ["gcc"]} if shutil.which("gcc") else {})
+COMPILERS = {"zig": toolchain.compiler()} | ({"gcc": ["gcc"]} if shutil.which("gcc") else {})
 
 ELEMENTS = """
 from casadi import SX

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-import os
-import shlex
-import shutil
 import subprocess
-import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -16,16 +11,10 @@ import fmpy
 import pytest
 from foreign_fmus import in_c, in_python
 
+from harness.compiling.toolchain import compiler
+
 SOURCES = Path(__file__).parent / "probe"
 BINARY = f"binaries/{fmpy.platform}/probe{fmpy.sharedLibraryExtension}"
-
-
-def compiler() -> list[str]:
-    if "CC" in os.environ:
-        return shlex.split(os.environ["CC"])
-    if importlib.util.find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "cc"]
-    return [shutil.which("cc") or pytest.skip("there is no C compiler: install ziglang or set CC")]
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from itertools import count
 from pathlib import Path
@@ -15,13 +14,13 @@ from casadi import Function
 
 from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.lawkit.emit.c_text import DOUBLE, Real, kernel
-from harness.compiling.toolchain import header_folder
+from harness.compiling.toolchain import compiler, header_folder
 
 FLAGS = (
     *("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden", "-shared"),
     *("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror", "-DFMI2_OVERRIDE_FUNCTION_PREFIX"),
 )
-ZIG, GCC = (sys.executable, "-m", "ziglang", "cc"), ("gcc",)
+GCC = ("gcc",)
 
 Evaluate = Callable[[np.ndarray], np.ndarray]
 
@@ -88,7 +87,7 @@ class Workshop:
 
 @pytest.fixture(scope="session")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Workshop:
-    return Workshop(ZIG, tmp_path_factory.mktemp("zig"))
+    return Workshop(compiler(), tmp_path_factory.mktemp("zig"))
 
 
 def by_casadi(function: Function, rows: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ import lief
 import numpy as np
 import pytest
 from foreign import RUNNERS, drive, missing
+from robustness.test_damaged_cache import check_end_of_library
 
 from friction_fmus import BuildError, build, catalogue
 from harness.compiling.platforms import PLATFORMS, select
@@ -186,3 +187,8 @@ def test_fmu_with_one_platform_has_no_other(build_fmu: Callable[..., Path], tmp_
     with zipfile.ZipFile(build_fmu("Coulomb")) as native, zipfile.ZipFile(fmu) as foreign:
         name = "modelDescription.xml"
         assert native.read(name) == foreign.read(name)
+
+
+@pytest.mark.parametrize("platform", ["win64", "darwin64", "aarch64-linux"])
+def test_the_end_of_a_library_is_where_lief_sees_it(platform: str, tmp_path: Path) -> None:
+    check_end_of_library(PLATFORMS[platform], tmp_path)
