@@ -132,7 +132,11 @@ def _shipped(model: str | Path) -> Path | None:
     return path if str(model) in listing() and path.is_file() else None
 
 
-def fmu(name: str | Path, domain: Literal["translational", "rotational"] = "translational") -> Path:
+def fmu(
+    name: str | Path,
+    domain: Literal["translational", "rotational"] = "translational",
+    files: Mapping[str, str] | None = None,
+) -> Path:
     """Return the FMU of a block with its default start values.
 
     An installed package contains the FMUs of its blocks for all platforms. For a user's file, or in a checkout, the FMU
@@ -143,6 +147,8 @@ def fmu(name: str | Path, domain: Literal["translational", "rotational"] = "tran
     name : str or Path
         Name or file of the block, see `build`.
     domain : {"translational", "rotational"}
+        See `build`.
+    files : mapping of str to str, optional
         See `build`.
 
     Returns
@@ -155,9 +161,9 @@ def fmu(name: str | Path, domain: Literal["translational", "rotational"] = "tran
     UnknownNameError, BuildError
         If the model is unknown; if it cannot be built.
     """
-    if domain == "translational" and (shipped := _shipped(name)):
+    if domain == "translational" and not files and (shipped := _shipped(name)):
         return shipped
-    file, content = _built(name, None, None, None, domain, ("native",))
+    file, content = _built(name, None, None, files, domain, ("native",))
     # one folder per content, as another version of this package may use the same cache
     return _write(content, toolchain.cache_folder() / "models" / hashlib.sha256(content).hexdigest()[:16] / file)
 
@@ -222,62 +228,6 @@ def build_record(
     rows = "".join("    {" + ", ".join(repr(float(value)) for value in row) + "},\n" for row in table)
     text = f"/* t [s], r [m], rd [m/s], rdd [m/s2] */\nstatic const double series[][4] = {{\n{rows}}};\n"
     return build("Record", out_dir, name=name, files={"series.h": text}, domain=domain)
-
-
-def build_position_map(
-    begin: float,
-    spacing: float,
-    cogging: ArrayLike,
-    friction: ArrayLike,
-    out_dir: str | Path,
-    name: str = "PositionMap",
-    *,
-    periodic: bool = False,
-    start: Start | None = None,
-    domain: Literal["translational", "rotational"] = "translational",
-) -> Path:
-    """Build a `PositionMap` FMU with a table of its own.
-
-    Parameters
-    ----------
-    begin, spacing : float
-        Position of the first node and distance of the nodes [m].
-    cogging, friction : array_like, shape (nodes,)
-        Cogging, positive forward, and friction in addition to the average, at the nodes [N].
-    out_dir : path-like
-        Folder for the FMU.
-    name : str
-        Model identifier.
-    periodic : bool
-        Whether the first node follows the last one.
-    start : mapping of str to value, optional
-        Start values of the parameters.
-    domain : {"translational", "rotational"}
-        The rotational twin uses rad in place of m.
-
-    Returns
-    -------
-    Path
-        The FMU.
-
-    Raises
-    ------
-    BuildError
-        If lengths differ, there are fewer than 4 nodes, values are not finite or the spacing is not positive.
-    """
-    table = [np.asarray(column, dtype=float) for column in (cogging, friction)]
-    if table[0].shape != table[1].shape or table[0].ndim != 1 or table[0].size < 4:
-        raise BuildError("A position map needs cogging and friction as vectors of the same length, at least 4")
-    if not np.isfinite([begin, spacing, *table[0], *table[1]]).all() or spacing <= 0.0:
-        raise BuildError("A position map needs finite values and a positive spacing; correct them")
-    rows = "".join(f"    {{{float(c)!r}, {float(d)!r}}},\n" for c, d in zip(*table, strict=True))
-    text = (
-        "/* begin and spacing of the nodes [m]; cogging [N], friction [N] */\n"
-        f"static const double map_begin = {float(begin)!r}, map_spacing = {float(spacing)!r};\n"
-        f"static const bool map_periodic = {'true' if periodic else 'false'};\n"
-        f"static const double map[][2] = {{\n{rows}}};\n"
-    )
-    return build("PositionMap", out_dir, start, name, {"map.h": text}, domain=domain)
 
 
 def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:
