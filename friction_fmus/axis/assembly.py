@@ -147,11 +147,6 @@ class LoopAssembly:
         own = {"m": plant.mass, "x0": trajectory.x0, "v0": trajectory.v0}
         self.add("axis", "Mass", own, sampled=False)
         self.start |= constant_force(plant, trajectory.load - plant.offset)
-        if plant.position is not None:
-            part = FmuPart("position", self.fmus.get("position") or plant.position.fmu(trajectory.rotary))
-            self.parts.append(part)
-            self.start |= {f"position.{name}": value for name, value in plant.position.start.items()}
-            self.wires += ["axis.x -> position.x", "axis.v -> position.v", "position.F_position -> axis.F_load"]
         contact = self.add("friction", plant.friction, plant.values, sampled=False)
         self.wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
         if "Fn0" in plant.values:  # the friction was identified at this normal force, which is constant
@@ -159,6 +154,13 @@ class LoopAssembly:
             self.start |= {f"{part.name}.Fn": plant.values["Fn0"] for part in loaded}
         if _has_input(contact, "F_ext"):
             self.wires.append("axis.F_ext -> friction.F_ext")
+        if plant.position is not None:
+            part = FmuPart("position", self.fmus.get("position") or plant.position.fmu(trajectory.rotary))
+            self.parts.append(part)
+            self.start |= {f"position.{name}": value for name, value in plant.position.start.items()}
+            self.wires += ["axis.x -> position.x", "axis.v -> position.v"]
+            # a step late, so that only mass and friction are solved jointly: the force hardly changes in a step
+            self.wires.append(Wire("position.F_position", "axis.F_load", delay=1))
 
 
 def constant_force(plant: Plant, force: float) -> dict[str, StartValue]:
