@@ -130,7 +130,9 @@ class PositionMap:
     @property
     def _files(self) -> Mapping[str, str]:
         """The header with the table."""
-        rows = "".join(f"    {{{float(c)!r}, {float(d)!r}}},\n" for c, d in zip(self.cogging, self.friction, strict=True))
+        rows = "".join(
+            f"    {{{float(c)!r}, {float(d)!r}}},\n" for c, d in zip(self.cogging, self.friction, strict=True)
+        )
         begin, spacing = float(self.grid.begin), float(self.grid.spacing)
         return {
             "map.h": "/* begin and spacing of the nodes [m]; rows { cogging [N], friction [N] } */\n"

@@ -132,9 +132,7 @@ def identify(
         if with_table is not None:
             fit, position = with_table
             position = replace(position, train_without=result.train, validation_without=checked)
-            result = replace(
-                _result(model, contact, name, fit, signal, unit, records, settings), position=position
-            )
+            result = replace(_result(model, contact, name, fit, signal, unit, records, settings), position=position)
             checked = None if validation is None else _validated(result, validation)
     return result.timed(time.perf_counter() - begin, checked)
 

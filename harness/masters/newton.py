@@ -143,9 +143,7 @@ class Loops(Algorithm):
         self._rows: list[tuple[int, ...]] = []
         first = 0
         inner = [
-            wire
-            for wire in wires
-            if group_of[wire.source] == group_of[wire.target] and not plan.delays[wire.input]
+            wire for wire in wires if group_of[wire.source] == group_of[wire.target] and not plan.delays[wire.input]
         ]
         for number, group in enumerate(groups):
             mine = [wire for wire in inner if group_of[wire.source] == number]

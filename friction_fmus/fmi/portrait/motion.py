@@ -81,7 +81,9 @@ def over_position(bench: Bench) -> tuple[Panel, ...]:
         (force,) = bench.run(times, {"x": x, "v": speed}, ["F_position"])
         # the output after a step belongs to the position before it
         curves.append(Curve(x[:-1], force[1:], label))
-    return (Panel(tuple(curves), bench.axis("x"), bench.axis("F_position"), "Force over position, in both directions."),)
+    return (
+        Panel(tuple(curves), bench.axis("x"), bench.axis("F_position"), "Force over position, in both directions."),
+    )
 
 
 def push(bench: Bench) -> tuple[Panel, ...]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.fft
 import scipy.linalg
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from friction_fmus.axis.position_map import Grid, PositionMap
@@ -20,7 +21,7 @@ from friction_fmus.identification.data.record import ROTARY, Array
 from friction_fmus.identification.fit.fitting import Fit, FitData
 from friction_fmus.identification.fit.problem import Problem
 from friction_fmus.identification.fit.scores import Score
-from friction_fmus.identification.fit.search import Loss, SearchResult, search
+from friction_fmus.identification.fit.search import NEAR, Loss, SearchResult, search
 from friction_fmus.identification.fit.simulation_data import PreparedSegment
 
 #: Numbers of nodes to try.
@@ -72,8 +73,8 @@ class Regressor:
     """Linear regression of the residual of a model on the values of a table.
 
     The values at the nodes add up to zero for cogging and for friction, because their means belong to the offset and to
-    the Coulomb friction of the model. Each value counts as one more sample, with a measured force of 0: where the record
-    has few samples, the table is flat.
+    the Coulomb friction of the model. Each value counts as one more sample, with a measured force of 0, so that the
+    table is flat where the record has few samples.
 
     Attributes
     ----------
@@ -109,7 +110,9 @@ class Regressor:
         """Return the table for coefficients in the unit of the force."""
         cogging, friction = np.split(coefficients, 2)
         basis = _basis(self.grid.nodes)
-        return PositionMap(self.grid, tuple((basis @ cogging).tolist()), tuple((basis @ friction).tolist()), self.v_sign)
+        return PositionMap(
+            self.grid, tuple((basis @ cogging).tolist()), tuple((basis @ friction).tolist()), self.v_sign
+        )
 
 
 def fit_with_table(fit: Fit, data: FitData, loss: Loss) -> tuple[Fit, PositionFit] | None:
@@ -128,7 +131,7 @@ def fit_with_table(fit: Fit, data: FitData, loss: Loss) -> tuple[Fit, PositionFi
     -----
     The number of nodes is the one with the smallest error in a cross-validation over blocks of the training data
     (`NODES`, `BLOCKS`, `ALIKE`), in which the effect of the parameters is linearised. A table helps if it reduces this
-    error by a tenth (`HELPS`).
+    error by a tenth (`HELPS`). Parameters that the record does not determine keep the values of `fit` (`Problem.anchor`).
     """
     if any(segment.record.q is None for segment in data.segments):
         return None
@@ -142,9 +145,10 @@ def fit_with_table(fit: Fit, data: FitData, loss: Loss) -> tuple[Fit, PositionFi
     setup = replace(fit.setup, coordinates=coordinates)
     problem = data.problem(setup)
     problem.simulations = fit.problem.simulations
-    problem.regressor = regressor
-    found = search(problem, loss, 1)
-    table = regressor.table(found.residual[problem.count :] * problem.size)
+    problem.regressor, problem.anchor = regressor, x
+    found = search(problem, loss, 1, NEAR)
+    coefficients = found.residual[problem.count : problem.count + regressor.columns.shape[1]]
+    table = regressor.table(coefficients * problem.size)
     return Fit(setup, problem, _of_samples(found, problem)), PositionFit(table, crossed, without)
 
 
@@ -157,17 +161,17 @@ def force_on_axis(table: PositionMap | None, segment: PreparedSegment) -> Array:
 
 def _choose(fit: Fit, segments: Sequence[PreparedSegment]) -> tuple[Regressor, float, float] | None:
     """Return the regression with the best number of nodes, and the cross-validation error with and without it."""
-    found, size = fit.found, fit.problem.size
-    scale = np.linalg.norm(found.J, axis=0)
-    J = found.J / np.where(scale > 0.0, scale, 1.0)
-    block = np.arange(len(found.residual)) * BLOCKS // len(found.residual)
-    without = _crossed(J, np.zeros((len(J), 0)), found.residual, block)
+    size, residual = fit.problem.size, fit.found.residual
+    scale = np.linalg.norm(fit.found.J, axis=0)
+    J = fit.found.J / np.where(scale > 0.0, scale, 1.0)
+    block = np.arange(len(J)) * BLOCKS // len(J)
+    without = _crossed(J, np.zeros((len(J), 0)), residual, block)
     tried: list[tuple[float, Regressor]] = []
     for nodes in NODES:
         if nodes * ROWS_PER_NODE > len(J):
             break
         regressor = _regressor(segments, nodes)
-        tried.append((_crossed(J, regressor.columns, found.residual, block), regressor))
+        tried.append((_crossed(J, regressor.columns, residual, block), regressor))
     least = min((error for error, _ in tried), default=np.inf)
     if least > HELPS * without:
         return None
@@ -198,7 +202,7 @@ def _basis(nodes: int) -> Array:
     return cosines[:, 1:]
 
 
-def _crossed(J: Array, columns: Array, residual: Array, block: Array) -> float:
+def _crossed(J: Array, columns: Array, residual: Array, block: NDArray[np.int64]) -> float:
     """Return the rms error of the residual in blocks that are left out of its regression on both matrices."""
     A = np.hstack([J, columns])
     weight = np.concatenate([np.full(J.shape[1], REGULAR), np.ones(columns.shape[1])])

@@ -19,6 +19,9 @@ DIFFERENCE = 1e-4
 #: Stride of the samples in a preliminary search, and number of samples from which on it is used.
 STRIDE, LONG = 4, 2000
 
+#: Residual for a distance of 1 from the anchor, over the magnitude of the signal.
+TIE = 0.01
+
 #: Tolerance of the solvers of the blocks; it must be much smaller than the step of the finite differences.
 TOLERANCE = 1e-7
 
@@ -95,6 +98,8 @@ class Problem:
         Number of simulations so far.
     regressor : Regressor or None
         Linear unknowns, which are eliminated from the residual (variable projection).
+    anchor : array, shape (p,), or None
+        Point to which weak springs tie the coordinates, so that those which the record does not determine stay there.
     """
 
     drive: Drive
@@ -105,6 +110,7 @@ class Problem:
     constants: Mapping[str, float | int | bool]
     simulations: int = field(default=0)
     regressor: Regressor | None = None
+    anchor: Array | None = None
 
     def __post_init__(self) -> None:
         """Compute the magnitude of the signal."""
@@ -153,8 +159,9 @@ class Problem:
             return np.full(len(measured), np.inf)
 
     def residual(self, x: Array) -> Array:
-        """Return the errors of all segments, concatenated, or what remains of them after the regression."""
-        return self._projected(self._errors(x))
+        """Return the errors of all segments, what remains of them after the regression, and the pull of the anchor."""
+        pull = np.zeros(0) if self.anchor is None else TIE * (x - self.anchor)
+        return np.concatenate([self._projected(self._errors(x)), pull])
 
     def _errors(self, x: Array) -> Array:
         return np.concatenate([self.error(x, index) for index in range(len(self.segments))])
@@ -180,7 +187,9 @@ class Problem:
                 rows = slice(ends[index], ends[index + 1])
                 change = (self.error(moved, index) - centre[rows]) / step
                 J[rows, i] = change if np.all(np.isfinite(change)) else 0.0
-        return self._projected(J)
+        return np.concatenate(
+            [self._projected(J), np.zeros((0, len(x))) if self.anchor is None else TIE * np.eye(len(x))]
+        )
 
     def start(self) -> Array:
         """Return the start point of the search."""
