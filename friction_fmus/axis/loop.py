@@ -156,7 +156,9 @@ def closed_loop(
         return FmuPart(name, path, every=every if sampled else 1)
 
     limits = {"u_min": -servo.force_limit, "u_max": servo.force_limit}
-    start: dict[str, float | int | bool | str] = {"servo.m": plant.mass if trajectory.motion else 0.0}
+    start: dict[str, float | int | bool | str] = {
+        "servo.m": plant.mass if trajectory.motion else servo.inertia_feedforward
+    }
     start |= {f"servo.{name}": value for name, value in {**servo.gains, **limits, "Ts": servo.Ts}.items()}
     start |= {"velocity.Ts": servo.Ts, "velocity.window": servo.window, "velocity.v0": trajectory.v0}
     start |= {"axis.m": plant.mass, "axis.x0": trajectory.x0, "axis.v0": trajectory.v0, "axis.F_load": -plant.offset}
@@ -171,7 +173,7 @@ def closed_loop(
         wires.append("reference.rd -> servo.rd")
     else:
         start["servo.rd"] = 0.0
-    if trajectory.motion:
+    if trajectory.motion or servo.inertia_feedforward:
         wires.append("reference.rdd -> servo.rdd")
     else:
         start["servo.rdd"] = 0.0

@@ -171,7 +171,7 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
 def _servo(table: _Table) -> Servo:
     law = table.text("law", choices=tuple(GAINS))
     names = GAINS[law]
-    other = ("law", "Ts", "force_limit", "window", "quantum", "velocity_feedforward", "mass")
+    other = ("law", "Ts", "force_limit", "window", "quantum", "velocity_feedforward", "inertia_feedforward", "mass")
     table.known((*names, *other))
     gains = {name: table.number(name, low=0.0, above=True) for name in names[:-1]}
     window = table.number("window", 2.0, low=1.0, high=LONGEST_WINDOW)
@@ -184,6 +184,7 @@ def _servo(table: _Table) -> Servo:
         window=int(window),
         quantum=table.number("quantum", 0.0, low=0.0),
         velocity_feedforward=table.flag("velocity_feedforward", False),
+        inertia_feedforward=table.number("inertia_feedforward", 0.0, low=0.0),
         mass=table.number("mass", low=0.0, above=True) if "mass" in table.content else None,
         gains={**gains, names[-1]: table.number(names[-1], OPTIONAL_GAINS.get(names[-1]), low=0.0)},
     )
