@@ -37,6 +37,10 @@ class Servo:
         Mass with which the measured servo multiplied the reference acceleration [kg]; 0 for none.
     mass : float or None
         Moved mass [kg]; needed if the record has no drive force to identify it from.
+    delay : int
+        Number of samples by which the force of the drive lags the command.
+    noise : float
+        Standard deviation of the noise of the measured position, in addition to its resolution [m].
     """
 
     law: str
@@ -48,6 +52,8 @@ class Servo:
     velocity_feedforward: bool = False
     inertia_feedforward: float = 0.0
     mass: float | None = None
+    delay: int = 0
+    noise: float = 0.0
 
     @property
     def pid(self) -> tuple[float, float, float]:

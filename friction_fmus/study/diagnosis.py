@@ -1,8 +1,8 @@
 """Reasons why a servo does not reproduce the recorded drive force, and what to change.
 
-Each explanation is a small model of the recorded force; the first one in order of simplicity that leaves `EXPLAINED` of
-the residual, or less, is reported. A residual that none of them explains and that lies in pulses or at a few frequencies is a force that
-was added from outside.
+Each explanation is a small model of the recorded force. The simplest one that leaves at most `EXPLAINED` of the
+residual, and not much more than the best one, is reported. A residual that none of them explains and that lies in
+pulses or at a few frequencies is a force that was added from outside.
 """
 
 from __future__ import annotations
@@ -15,9 +15,19 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from friction_fmus.axis.servo import GAINS, Servo
-from friction_fmus.identification import Array, Record
-from friction_fmus.identification.fit.scores import independent_samples
+from friction_fmus.identification import Array
 from friction_fmus.study.records import IdentifiedParameter
+from friction_fmus.study.regression import (
+    Comparison,
+    LinearFit,
+    fitted,
+    gains_of,
+    references,
+    regressors,
+    rms,
+    shifted,
+    velocity,
+)
 
 EXPLAINED: Final = 0.2
 """Largest part of the residual that an explanation leaves."""
@@ -46,51 +56,6 @@ FACTORS: Final[Mapping[str, float]] = {
     "the ratio of minutes and seconds": 60.0,
 }
 """Factors between units that are often confused, besides powers of ten."""
-
-UNITS: Final[Mapping[str, str]] = {"kp": "1/s", "kv": "N.s/m", "ki": "N/m", "Kp": "N/m", "Kd": "N.s/m", "Ki": "N/(m.s)"}
-"""Units of the gains of a linear axis."""
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """Recorded force and the force that the servo commands.
-
-    Attributes
-    ----------
-    force, command, unlimited : array, shape (n,)
-        Recorded force, command within the force limit, and command without this limit.
-    used : array of bool, shape (n,)
-        Samples that are compared.
-    servo : Servo
-        Servo as configured.
-    record : Record
-        Record with reference and position.
-    included : bool
-        Whether a declared injected force was subtracted from the recorded force.
-    """
-
-    force: Array
-    command: Array
-    unlimited: Array
-    used: Array
-    servo: Servo
-    record: Record
-    included: bool = False
-
-    @property
-    def level(self) -> float:
-        """Rms value of the recorded force."""
-        return _rms(self.force[self.used])
-
-    @property
-    def residual(self) -> float:
-        """Rms difference of force and command; without its mean if the servo has an integral of unknown start value."""
-        return self.left(self.force - self.command)
-
-    def left(self, difference: Array) -> float:
-        """Return the rms value of a difference of shape (n,) over the compared samples."""
-        values = difference[self.used]
-        return _rms(values - np.mean(values)) if self.servo.pid[2] else _rms(values)
 
 
 @dataclass(frozen=True)
@@ -177,7 +142,7 @@ def _factor(compared: Comparison, allowed: float) -> Attempt:
         force, command = force - np.mean(force), command - np.mean(command)
     power = float(command @ command)
     factor = float(command @ force) / power if power else 0.0
-    left = _rms(force - factor * command)
+    left = rms(force - factor * command)
     law, gains = compared.servo.law, compared.servo.gains
     scaled = ("kv", "ki") if law == "CascadePPI" else GAINS[law]
     values = " and ".join(f"{name} = {factor * gains[name]:.5g}" for name in scaled if gains[name])
@@ -211,7 +176,7 @@ def _unit(factor: float) -> str:
 
 def _delay(compared: Comparison, allowed: float) -> Attempt:
     """Explain the difference by a command that is recorded some samples later or earlier."""
-    trials = {n: compared.left(compared.force - _shifted(compared.command, n)) for n in range(-LATEST // 2, LATEST + 1)}
+    trials = {n: compared.left(compared.force - shifted(compared.command, n)) for n in range(-LATEST // 2, LATEST + 1)}
     n = min(trials, key=lambda n: trials[n])
     late = "later" if n > 0 else "earlier"
     samples = "1 sample" if abs(n) == 1 else f"{abs(n)} samples"
@@ -223,12 +188,12 @@ def _delay(compared: Comparison, allowed: float) -> Attempt:
 def _feedforward(compared: Comparison, allowed: float) -> Attempt:
     """Explain the difference by a feedforward of the reference that the configuration does not contain."""
     difference = compared.force - compared.command
-    columns = _references(compared.record, compared.servo.Ts)
+    columns = references(compared.record, compared.servo.Ts)
     kept: dict[str, Array] = {}
-    fit = _fitted(compared, kept, difference)
+    fit = fitted(compared, kept, difference)
     while len(kept) < len(columns) and fit.left > allowed:
         trials = {
-            name: _fitted(compared, {**kept, name: column}, difference)
+            name: fitted(compared, {**kept, name: column}, difference)
             for name, column in columns.items()
             if name not in kept
         }
@@ -243,10 +208,10 @@ def _window(compared: Comparison, allowed: float) -> Attempt:
     """Explain the difference by another number of samples over which the servo computes the velocity."""
     servo = compared.servo
     Kd = servo.pid[1]
-    v = _velocity(compared.record, servo.Ts, servo.window)
+    v = velocity(compared.record, servo.Ts, servo.window)
     trials = {}
     for window in range(1, WIDEST + 1):
-        command = compared.command + Kd * (v - _velocity(compared.record, servo.Ts, window))
+        command = compared.command + Kd * (v - velocity(compared.record, servo.Ts, window))
         trials[window] = compared.left(compared.force - command)
     window = min(trials, key=lambda n: trials[n])
     what = f"it fits a velocity computed over {window} samples instead of {servo.window}."
@@ -255,115 +220,40 @@ def _window(compared: Comparison, allowed: float) -> Attempt:
 
 def _gains(compared: Comparison, allowed: float) -> Attempt:
     """Explain the difference by other gains of the law: without an integral, and with one if that explains more."""
-    fit = _fitted(compared, _regressors(compared, integral=False), compared.force)
+    fit = fitted(compared, regressors(compared, integral=False), compared.force)
     if fit.left > allowed:
-        with_integral = _fitted(compared, _regressors(compared, integral=True), compared.force)
+        with_integral = fitted(compared, regressors(compared, integral=True), compared.force)
         fit = with_integral if with_integral.left < 0.5 * fit.left else fit
-    gains = _as_gains(compared, fit)
+    gains = gains_of(compared, fit)
     return Diagnosis((_of_gains(compared.servo, gains),), gains), fit.left
 
 
 def _gains_and_feedforward(compared: Comparison, allowed: float) -> Attempt:
     """Explain the difference by other gains and a feedforward together."""
     servo = compared.servo
-    columns = {**_regressors(compared, integral=bool(servo.pid[2])), **_references(compared.record, servo.Ts)}
-    fit = _fitted(compared, columns, compared.force)
-    gains = _as_gains(compared, fit)
-    sizes = {name: abs(fit.values[name]) * _rms(column[compared.used]) for name, column in columns.items()}
+    columns = {**regressors(compared, integral=bool(servo.pid[2])), **references(compared.record, servo.Ts)}
+    fit = fitted(compared, columns, compared.force)
+    gains = gains_of(compared, fit)
+    sizes = {name: abs(fit.values[name]) * rms(column[compared.used]) for name, column in columns.items()}
     shown = {name for name, size in sizes.items() if size > allowed}
     return Diagnosis((_of_gains(servo, gains), *_added(compared, fit, shown)), gains), fit.left
 
 
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """Linear least squares: coefficients by column, their covariance, and the rms residual."""
-
-    values: Mapping[str, float]
-    covariance: Array
-    left: float
-
-
-def _fitted(compared: Comparison, columns: Mapping[str, Array], target: Array) -> _Fit:
-    """Fit a target of shape (n,) by columns over the compared samples.
-
-    The covariance is that of least squares with as many samples as the residual has independent ones.
-    """
-    y = target[compared.used]
-    if not columns:
-        return _Fit({}, np.zeros((0, 0)), compared.left(target))
-    X = np.column_stack([column[compared.used] for column in columns.values()])
-    lengths = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
-    solution = np.linalg.lstsq(X / lengths, y, rcond=None)[0] / lengths
-    rest = y - X @ solution
-    samples = max(independent_samples([rest]) - len(lengths), 1.0)
-    inverse = np.linalg.pinv((X / lengths).T @ (X / lengths)) / np.outer(lengths, lengths)
-    covariance = inverse * float(rest @ rest) / samples
-    return _Fit(dict(zip(columns, solution.tolist(), strict=True)), covariance, _rms(rest))
-
-
-def _regressors(compared: Comparison, integral: bool) -> dict[str, Array]:
-    """Return the signals that the gains of the law multiply: errors of position and velocity, and their integrals."""
-    servo, record = compared.servo, compared.record
-    assert record.reference is not None
-    assert record.q is not None
-    e = record.reference - record.q
-    d = -_velocity(record, servo.Ts, servo.window)
-    if servo.velocity_feedforward:
-        d = d + np.gradient(record.reference, servo.Ts)
-    columns = {"e": e, "d": d}
-    if integral:
-        columns["integral of e"] = servo.Ts * (np.cumsum(e) - e)
-        if servo.law == "CascadePPI" and not servo.velocity_feedforward:  # with it, the integral of d is e
-            columns["integral of d"] = servo.Ts * (np.cumsum(d) - d)
-        columns["1"] = np.ones_like(e)
-    return columns
-
-
-def _references(record: Record, Ts: float) -> dict[str, Array]:
-    """Return the signals of a feedforward of the reference."""
-    assert record.reference is not None
-    rd = np.gradient(record.reference, Ts)
-    return {"rd": rd, "rdd": np.gradient(rd, Ts), "sign": np.sign(rd), "constant": np.ones_like(rd)}
-
-
-def _as_gains(compared: Comparison, fit: _Fit) -> tuple[IdentifiedParameter, ...]:
-    """Return the gains of the law, with standard errors, from the coefficients of `_regressors`."""
-    servo, names = compared.servo, list(fit.values)
-
-    def gain(name: str, value: float, slopes: Mapping[str, float]) -> IdentifiedParameter:
-        slope = np.array([slopes.get(column, 0.0) for column in names])
-        error = float(np.sqrt(max(slope @ fit.covariance @ slope, 0.0)))
-        unit = UNITS[name]
-        if compared.record.units.position == "rad":
-            unit = unit.replace("N", "N.m").replace("/m", "/rad").replace("(m.s)", "(rad.s)")
-        return IdentifiedParameter(name, value, error, unit, "gain of the servo")
-
-    a, b = fit.values["e"], fit.values["d"]
-    slow = fit.values.get("integral of e", 0.0)
-    if servo.law == "PID":
-        gains = [gain("Kp", a, {"e": 1.0}), gain("Kd", b, {"d": 1.0})]
-        return (*gains, gain("Ki", slow, {"integral of e": 1.0})) if "integral of e" in names else tuple(gains)
-    if "integral of d" in names:
-        ki, of_ki = fit.values["integral of d"], {"integral of d": 1.0}
-        kp, of_kp = a / b, {"e": 1.0 / b, "d": -a / b**2}
-    elif "integral of e" in names:  # a = kv kp + ki and slow = ki kp, of which the smaller ki is the one of a servo
-        root = sqrt(max(a**2 - 4.0 * b * slow, 0.0))
-        ki, kp = 0.5 * (a - root), 0.5 * (a + root) / b
-        of_ki, of_kp = {"integral of e": 1.0 / kp}, {"e": 1.0 / b, "d": -a / b**2}
-    else:
-        return gain("kp", a / b, {"e": 1.0 / b, "d": -a / b**2}), gain("kv", b, {"d": 1.0})
-    return gain("kp", kp, of_kp), gain("kv", b, {"d": 1.0}), gain("ki", ki, of_ki)
-
-
 def _of_gains(servo: Servo, gains: Sequence[IdentifiedParameter]) -> Explanation:
-    shown = ", ".join(f"{gain.name} = {gain.value:.5g} ± {gain.standard_error:.2g}" for gain in gains)
-    given = ", ".join(f"{gain.name} = {servo.gains[gain.name]:.5g}" for gain in gains)
-    lines = ", ".join(f"{gain.name} = {gain.value:.6g}" for gain in gains)
-    return Explanation("wrong-gains", f"it fits {shown} instead of {given}.", f"Set {lines} in [servo].")
+    shown = [f"{gain.name} = {gain.value:.5g} ± {gain.standard_error:.2g}" for gain in gains]
+    given = [f"{gain.name} = {servo.gains[gain.name]:.5g}" for gain in gains]
+    lines = [f"{gain.name} = {gain.value:.6g}" for gain in gains]
+    integral = GAINS[servo.law][-1]
+    if servo.gains[integral] and len(gains) < len(GAINS[servo.law]):  # the record fits a law without integral
+        shown.append(f"{integral} = 0")
+        given.append(f"{integral} = {servo.gains[integral]:.5g}")
+        lines.append(f"{integral} = 0")
+    what = f"it fits {', '.join(shown)} instead of {', '.join(given)}."
+    return Explanation("wrong-gains", what, f"Set {', '.join(lines)} in [servo].")
 
 
-def _added(compared: Comparison, fit: _Fit, shown: set[str] | None = None) -> tuple[Explanation, ...]:
-    """Return a sentence for each signal of `_references` that the recorded force contains."""
+def _added(compared: Comparison, fit: LinearFit, shown: set[str] | None = None) -> tuple[Explanation, ...]:
+    """Return a sentence for each signal of `references` that the recorded force contains."""
     units, servo = compared.record.units, compared.servo
     Kd = servo.pid[1]
     declare = "Log this force and declare its column as injected."
@@ -438,7 +328,7 @@ def _lines(compared: Comparison, difference: Array) -> str:
     """Return the description of a periodic force; empty if its frequency is one of the reference, or it is not one."""
     power, reference = (
         np.abs(np.fft.rfft((values - np.mean(values)) * np.hanning(len(values)))) ** 2
-        for values in (np.where(compared.used, difference, 0.0), _references(compared.record, compared.servo.Ts)["rd"])
+        for values in (np.where(compared.used, difference, 0.0), references(compared.record, compared.servo.Ts)["rd"])
     )
     left, places = power.copy(), np.zeros(len(power), dtype=bool)
     for _ in range(3):
@@ -448,22 +338,5 @@ def _lines(compared: Comparison, difference: Array) -> str:
     if np.sum(power[places]) < LINES * np.sum(power) or np.sum(reference[places]) > 0.05 * np.sum(reference):
         return ""
     frequency = float(np.argmax(power)) / (len(difference) * compared.servo.Ts)
-    amplitude = sqrt(2.0) * _rms(difference[compared.used])
+    amplitude = sqrt(2.0) * rms(difference[compared.used])
     return f"periodic, mainly at {frequency:.4g} Hz, with an amplitude of {amplitude:.3g} {compared.record.units.force}"
-
-
-def _velocity(record: Record, Ts: float, window: int) -> Array:
-    """Return the velocity over a window of samples; before the first sample the axis moves as in the first interval."""
-    q = record.column("q")
-    before = q[0] - (q[1] - q[0]) * np.arange(float(window), 0.0, -1.0)
-    return np.asarray((q - np.concatenate([before, q])[: len(q)]) / (window * Ts), dtype=np.float64)
-
-
-def _shifted(values: Array, samples: int) -> Array:
-    """Return values that appear some samples later; the ends hold."""
-    places = np.clip(np.arange(len(values)) - samples, 0, len(values) - 1)
-    return values[places]
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))

@@ -36,6 +36,12 @@ from harness import HarnessError
 ALIKE: Final = 0.05
 """Relative difference below which errors count as equal; the information criterion then decides."""
 
+REPRODUCED: Final = 0.5
+"""Largest position error of a simulated servo that reproduces the record, over the recorded tracking error."""
+
+QUANTA: Final = 10.0
+"""Smallest tracking error for this comparison, in steps of the encoder: rounding is not reproduced."""
+
 INVERSE: Final = "Coulomb + viscous"
 """Name of the inverse model in the results."""
 
@@ -93,8 +99,8 @@ class Measured:
         Feedback and sensors.
     trajectory : Trajectory
         Reference and initial state of the whole record.
-    q, force : array, shape (samples,)
-        Measured position and force.
+    q, force, r : array, shape (samples,)
+        Measured position and force, and the reference; the force contains an injected one.
     train, validation : (int, int)
         First and one past the last sample of the data for the fit and for the ranking.
     """
@@ -103,6 +109,7 @@ class Measured:
     trajectory: Trajectory
     q: Array
     force: Array | None
+    r: Array
     train: tuple[int, int]
     validation: tuple[int, int]
 
@@ -148,8 +155,8 @@ def identify_model(
     try:
         return in_closed_loop(found, measured)
     except (FrictionError, HarnessError) as error:
-        warnings = (*found.row.warnings, f"The servo could not be co-simulated with this model: {error}")
-        return replace(found, row=replace(found.row, warnings=warnings), error=None)
+        reason = f"the servo could not be co-simulated with this model: {error}"
+        return replace(found, row=replace(found.row, reason=reason), error=None)
 
 
 def inverse_model(record: Record, published: Mapping[str, float], measured: Measured | None) -> IdentifiedModel:
@@ -229,13 +236,28 @@ def in_closed_loop(found: IdentifiedModel, measured: Measured) -> IdentifiedMode
         fits.append(
             Fit(_rms(trace.force - force), 100.0 * _rms(trace.force - force) / _rms(force), "force", units.force)
         )
+    reason = _unlike(measured, fits)
     return replace(
         found,
-        row=replace(found.row, closed_loop=tuple(fits)),
-        error=_rms((trace.q - q)[slice(*measured.validation)]),
+        row=replace(found.row, closed_loop=tuple(fits), reason=reason),
+        error=None if reason else _rms((trace.q - q)[slice(*measured.validation)]),
         position=thinned(t, trace.q - q),
         force=thinned(t, trace.force),
     )
+
+
+def _unlike(measured: Measured, fits: Sequence[Fit]) -> str:
+    """Return why a simulated servo does not reproduce the record; empty if it does."""
+    position = fits[0]
+    tracking = max(_rms(measured.r - measured.q), QUANTA * measured.servo.quantum)
+    if position.rms > REPRODUCED * tracking:
+        return (
+            f"the position of the simulated servo differs from the record by {position.rms:.3g} {position.unit} rms, "
+            f"more than {100.0 * REPRODUCED:.0f} % of the tracking error of {tracking:.3g} {position.unit}."
+        )
+    if len(fits) > 1 and fits[1].percent > 100.0:
+        return f"the force of the simulated servo differs from the record by {fits[1].percent:.3g} % of its rms value."
+    return ""
 
 
 def refine(found: IdentifiedModel, measured: Measured) -> IdentifiedModel:
