@@ -333,6 +333,8 @@ def _lines(compared: Comparison, difference: Array) -> str:
     left, places = power.copy(), np.zeros(len(power), dtype=bool)
     for _ in range(3):
         place = int(np.argmax(left))
+        if np.sum(left[max(0, place - 3) : place + 4]) < 0.05 * np.sum(power):
+            break
         places[max(0, place - 3) : place + 4] = True
         left[places] = 0.0
     if np.sum(power[places]) < LINES * np.sum(power) or np.sum(reference[places]) > 0.05 * np.sum(reference):

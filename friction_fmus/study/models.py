@@ -20,14 +20,10 @@ from friction_fmus.identification import (
     Identification,
     Record,
     Score,
-    Target,
-    Unknown,
-    fit_output_error,
     identify,
     identify_inverse_model,
 )
 from friction_fmus.identification.fit.models import contact_model
-from friction_fmus.identification.fit.scores import weak_parameters
 from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.evaluation import thinned
 from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult
@@ -47,9 +43,6 @@ INVERSE: Final = "Coulomb + viscous"
 
 MEANING: Final = {"M": "moved mass", "OF": "offset of the drive"}
 
-_STEPS: Final = {"M": 0.02, "vs": 0.2, "Fs": 0.1}
-"""Relative step of a parameter for differences, 4 % by default: its effect must exceed the encoder resolution."""
-
 
 @dataclass(frozen=True)
 class IdentifiedModel:
@@ -67,6 +60,8 @@ class IdentifiedModel:
         Mass [kg] and constant force [N] of the axis; 0 if the record has no drive force.
     error : float or None
         Error by which the models are ranked; None if it is infinite or the model failed.
+    force_error : float or None
+        Rms force error of the simulated servo over the same samples; None if it was not simulated.
     predicted : Curve or None
         Fitted signal over time as simulated by the model.
     position, force : Curve or None
@@ -79,6 +74,7 @@ class IdentifiedModel:
     mass: float = 0.0
     offset: float = 0.0
     error: float | None = None
+    force_error: float | None = None
     predicted: Curve | None = None
     position: Curve | None = None
     force: Curve | None = None
@@ -148,7 +144,7 @@ def identify_model(
         result.values().get("M", 0.0),
         result.values().get("OF", 0.0),
         (result.validation or result.train).rms,
-        thinned(result.t, result.predicted),
+        predicted=thinned(result.t, result.predicted),
     )
     if measured is None or found.mass <= 0.0:
         return found
@@ -241,6 +237,7 @@ def in_closed_loop(found: IdentifiedModel, measured: Measured) -> IdentifiedMode
         found,
         row=replace(found.row, closed_loop=tuple(fits), reason=reason),
         error=None if reason else _rms((trace.q - q)[slice(*measured.validation)]),
+        force_error=None if force is None else _rms((trace.force - force)[slice(*measured.validation)]),
         position=thinned(t, trace.q - q),
         force=thinned(t, trace.force),
     )
@@ -258,77 +255,6 @@ def _unlike(measured: Measured, fits: Sequence[Fit]) -> str:
     if len(fits) > 1 and fits[1].percent > 100.0:
         return f"the force of the simulated servo differs from the record by {fits[1].percent:.3g} % of its rms value."
     return ""
-
-
-def refine(found: IdentifiedModel, measured: Measured) -> IdentifiedModel:
-    """Fit the well-determined parameters so that the co-simulated servo follows the measured motion.
-
-    Only positions are compared: the force follows from the position through the known controller and would count the
-    same error twice. If the fit does not reduce the error, the model is returned unchanged.
-    """
-    rows = {p.name: p for p in found.row.parameters}
-    free = [p for p in rows.values() if p.standard_error is not None and p.standard_error < abs(p.value)]
-    free = [p for p in free if p.value > 0.0 or p.name == "OF"]
-    level = max((found.values.get(name, 0.0) for name in ("Fc", "Fs", "f1")), default=0.0)
-    if "M" not in {p.name for p in free} or not level:
-        return found
-
-    def step(p: IdentifiedParameter) -> float:
-        return 0.02 * level if p.name == "OF" else _STEPS.get(p.name, 0.04) * p.value
-
-    contact = contact_model(found.block, ROTARY if measured.trajectory.rotary else LINEAR)
-    known = contact.parameters
-
-    def unknown(p: IdentifiedParameter) -> Unknown:
-        lower = -np.inf if p.name == "OF" else 1e-3 * p.value
-        if p.name in known:
-            return Unknown(p.name, p.value, step(p), p.unit, max(lower, known[p.name].lower), known[p.name].upper)
-        return Unknown(p.name, p.value, step(p), p.unit, lower)
-
-    unknowns = [unknown(p) for p in free]
-    first, last = measured.train
-    trajectory = replace(measured.trajectory, samples=last)
-    with closed_loop(measured.servo, found.plant, trajectory) as system:
-
-        def simulate(values: Mapping[str, float]) -> dict[str, Array]:
-            own = {f"friction.{name}": value for name, value in values.items() if name not in MEANING}
-            moved = {"axis.m": values["M"], "axis.F_load": -values.get("OF", found.offset)}
-            return {"q": run_loop(system.with_start({**own, **moved})).q}
-
-        target = Target(measured.q[:last], 1e-6 if found.error is None else max(found.error, 1e-12), first)
-        try:
-            fit = fit_output_error(
-                simulate, unknowns, {"q": target}, correlation=max(1, round(0.2 / measured.servo.Ts))
-            )
-        except (FrictionError, HarnessError):
-            return found
-    values = fit.values()
-    errors = {name: estimate.standard_error for name, estimate in fit.parameters.items()}
-    weak = weak_parameters(contact, list(values), values, errors, fit.correlation, {}, ())
-
-    def replaced(p: IdentifiedParameter) -> IdentifiedParameter:
-        if p.name not in values:
-            return p
-        error = errors[p.name] if np.isfinite(errors[p.name]) else None
-        return replace(p, value=values[p.name], standard_error=error, weak=weak.get(p.name, ""))
-
-    refined = IdentifiedModel(
-        replace(
-            found.row,
-            method=f"{found.row.method}, then closed-loop",
-            parameters=tuple(replaced(p) for p in rows.values()),
-            simulations=found.row.simulations + fit.simulations,
-        ),
-        found.block,
-        {name: values.get(name, value) for name, value in found.values.items()},
-        values["M"],
-        values.get("OF", found.offset),
-        found.error,
-        found.predicted,
-    )
-    refined = in_closed_loop(refined, measured)
-    better = found.error is None or (refined.error is not None and refined.error < found.error)
-    return refined if better else found
 
 
 def ranked(models: Sequence[IdentifiedModel]) -> list[IdentifiedModel]:

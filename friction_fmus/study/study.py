@@ -24,7 +24,7 @@ from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_confi
 from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
 from friction_fmus.study.evaluation import Bench, Cost, Evaluation, cost_of, evaluate_compensator
 from friction_fmus.study.export import OWN, export_models, export_recommended
-from friction_fmus.study.models import INVERSE, IdentifiedModel, identify_model, inverse_model, ranked, refine
+from friction_fmus.study.models import INVERSE, IdentifiedModel, identify_model, inverse_model, ranked
 from friction_fmus.study.pictures import over_position, over_velocity, series
 from friction_fmus.study.ranking import extremes, rank, recommend
 from friction_fmus.study.records import (
@@ -35,6 +35,7 @@ from friction_fmus.study.records import (
     StudyFinding,
     WrittenFile,
 )
+from friction_fmus.study.refinement import refine
 from friction_fmus.study.result import StudyResult
 from friction_fmus.study.servo_check import CheckedServo, check_servo
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
@@ -254,7 +255,9 @@ class _Study:
         smallest = min((each.error for each in found if each.error is not None), default=0.0)
         close = [each.error is not None and each.error <= CLOSE * smallest for each in found]
         chosen = [each for each, is_close in zip(found, close, strict=True) if is_close and each.row.name != INVERSE]
-        steps = [Step(f"loop-{each.row.name}", refine, (each, measured), IdentifiedModel) for each in chosen]
+        steps = [
+            Step(f"loop-{each.row.name}", refine, (each, measured, data.validation), IdentifiedModel) for each in chosen
+        ]
         refined = self._run(steps, 0.4, 0.6)
         better = {each.row.name: each for each in refined}
         return ranked([better.get(each.row.name, each) for each in found])

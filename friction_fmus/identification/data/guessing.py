@@ -20,6 +20,7 @@ NAMES = {
     "force": ("force", "torque", "drive_force", "motor_torque", "tau"),
     "friction": ("friction", "friction_force", "friction_torque"),
     "normal": ("normal", "normal_force", "fn"),
+    "injected": ("injected", "injected_force", "injected_torque", "excitation_force"),
 }
 
 
