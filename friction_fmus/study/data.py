@@ -154,7 +154,11 @@ def tribometer() -> tuple[Record, ...]:
 
 
 def build_reference(t: Array, r: Array, folder: Path, name: str, rotary: bool = False) -> Path:
-    """Return an FMU that outputs a reference and its derivatives, computed by central differences."""
+    """Return an FMU that outputs a reference and its derivatives, computed by central differences.
+
+    The reference continues for one sample with its last velocity, as a run ends one sample after the last of the record.
+    """
+    t, r = np.append(t, 2.0 * t[-1] - t[-2]), np.append(r, 2.0 * r[-1] - r[-2])
     rd = np.gradient(r, t)
     domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
     return build_record(t, r, rd, np.gradient(rd, t), folder, name=name, domain=domain)

@@ -41,6 +41,7 @@ from friction_fmus.study.servo_check import CheckedServo, check_servo
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.summary import ProgressReporter, compensator_row, identifier, overview
 from friction_fmus.study.trust import loop_findings, not_trusted, without_loop
+from friction_fmus.study.wiring import Figures
 from friction_fmus.version import VERSION
 from harness import Progress, System
 from harness.compiling import toolchain
@@ -194,9 +195,10 @@ class _Study:
             recommendation = recommend(rows[0], rows[1:], data.longest.units.position)
             chosen = next((candidate for candidate in all_candidates if candidate.name == recommendation.name), None)
             name = data.longest.name
-            files += export_recommended(
-                self.out, bench, chosen, recommendation.gain or 0.0, name, data.longest.citation
-            )
+            metrics = next((row.metrics for row in rows if row.name == recommendation.name), None)
+            figures = None if metrics is None else Figures(metrics.rms, data.longest.units.position)
+            gain, citation = recommendation.gain or 0.0, data.longest.citation
+            files += export_recommended(self.out, bench, chosen, gain, name, citation, figures)
             doctor = self._doctor()
         self.progress(0.97)
         record = data.longest

@@ -69,9 +69,7 @@ def run(options: argparse.Namespace) -> int:
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt("interrupted; run the same command again to resume") from error
     show_study(console, result)
-    for name in ("report.html", "recommended"):
-        path = options.output / name
-        if path.exists():
-            what = "Report" if name == "report.html" else "Recommended compensator"
-            console.print(f"{what}: {path}", soft_wrap=True)
+    console.print(f"Report: {options.output / 'report.html'}", soft_wrap=True)
+    if any(file.path.startswith("recommended/") for file in result.files):
+        console.print(f"Recommended compensator: {options.output / 'recommended'}", soft_wrap=True)
     return 0 if result.trusted else 1
