@@ -156,7 +156,7 @@ def tribometer() -> tuple[Record, ...]:
 def build_reference(t: Array, r: Array, folder: Path, name: str, rotary: bool = False) -> Path:
     """Return an FMU that outputs a reference and its derivatives, computed by central differences.
 
-    The reference continues for one sample with its last velocity, as a run ends one sample after the last of the record.
+    A run ends one sample after the last of the record: for this sample the reference keeps its last velocity.
     """
     t, r = np.append(t, 2.0 * t[-1] - t[-2]), np.append(r, 2.0 * r[-1] - r[-2])
     rd = np.gradient(r, t)

@@ -151,8 +151,7 @@ def identify_model(
     try:
         return in_closed_loop(found, measured)
     except (FrictionError, HarnessError) as error:
-        reason = f"the servo could not be co-simulated with this model: {error}"
-        return replace(found, row=replace(found.row, reason=reason), error=None)
+        return _without_loop(found, error)
 
 
 def inverse_model(record: Record, published: Mapping[str, float], measured: Measured | None) -> IdentifiedModel:
@@ -180,7 +179,18 @@ def inverse_model(record: Record, published: Mapping[str, float], measured: Meas
         fit.parameters["OF"].value,
         train.rms,
     )
-    return found if measured is None else in_closed_loop(found, measured)
+    if measured is None or found.mass <= 0.0:
+        return found
+    try:
+        return in_closed_loop(found, measured)
+    except (FrictionError, HarnessError) as error:
+        return _without_loop(found, error)
+
+
+def _without_loop(found: IdentifiedModel, error: Exception) -> IdentifiedModel:
+    """Return a model with which the servo could not be co-simulated, with the reason."""
+    reason = f"the servo could not be co-simulated with this model: {error}"
+    return replace(found, row=replace(found.row, reason=reason), error=None)
 
 
 def row_of(result: Identification, summary: str, published: Mapping[str, float]) -> ModelResult:

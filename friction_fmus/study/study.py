@@ -40,7 +40,7 @@ from friction_fmus.study.result import StudyResult
 from friction_fmus.study.servo_check import CheckedServo, check_servo
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.summary import ProgressReporter, compensator_row, identifier, overview
-from friction_fmus.study.trust import loop_findings, not_trusted, without_loop
+from friction_fmus.study.trust import force_findings, loop_findings, mass_findings, not_trusted, without_loop
 from friction_fmus.study.wiring import Figures
 from friction_fmus.version import VERSION
 from harness import Progress, System
@@ -172,11 +172,14 @@ class _Study:
         checked = check_servo(data.longest, self.config.servo)
         data = data.with_total_force(checked.included)
         findings = list(checked.result.findings)
+        named = {finding.name for finding in findings}
+        findings += [each for each in force_findings(data.records, self.config.servo) if each.name not in named]
         models = self._models(data, checked, self._goes_on(findings))
         findings += loop_findings(models, any(found.row.closed_loop for found in models))
         if models[0].row.rank is None:
             models = ranked(without_loop(models))
         best = models[0]
+        findings += mass_findings(self.config.servo, best, data.longest.units.inertia)
         if best.row.rank is None:
             raise StudyError(
                 f"No friction model could be identified from {data.longest.name!r}; reason of the first one: "

@@ -85,8 +85,8 @@ def _paragraphs(
     if any(wire.source == "servo.u" for wire in wires):
         yield "`servo.u` is the force of the drive after all limits; a delay of 1 stands for the previous sample."
     yield (
-        "Start all parts together, with the axis at rest on the reference, as in the run of the report: only then do the "
-        "start values of the laws fit the motion."
+        "Start all parts together, with the axis at rest on the reference, as in the run of the report: only then do "
+        "the start values of the laws fit the motion."
     )
     if has_code:
         yield (
