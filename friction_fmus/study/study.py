@@ -29,6 +29,7 @@ from friction_fmus.study.pictures import over_position, over_velocity, series
 from friction_fmus.study.ranking import extremes, rank, recommend
 from friction_fmus.study.records import CompensatorResult, ConditionResult, Metrics, Recommendation, WrittenFile
 from friction_fmus.study.result import StudyResult
+from friction_fmus.study.settings_file import settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.summary import ProgressReporter, compensator_row, identifier, overview
 from friction_fmus.version import VERSION
@@ -62,7 +63,7 @@ def run_study(
     Parameters
     ----------
     what : str, Path or StudyConfig
-        "emps", "tribometer", "demo", the path of a configuration, or a configuration.
+        "emps", "tribometer", "demo", the path of a configuration or of a data file, or a configuration.
     out : path-like
         Folder for the results; created if needed. Files of an earlier study are replaced, other files are kept.
     executor : Executor, optional
@@ -179,6 +180,7 @@ class _Study:
             doctor = self._doctor()
         self.progress(0.97)
         record = data.longest
+        files += settings_of(self.config, data, self.out)
         files += [
             WrittenFile("report.html", "Report of the study"),
             WrittenFile("study.json", "Result of the study for other programs"),
