@@ -35,6 +35,10 @@ class Servo:
         Whether the measured servo received the reference velocity.
     mass : float or None
         Moved mass [kg]; needed if the record has no drive force to identify it from.
+    delay : int
+        Number of samples by which the force of the drive lags the command.
+    noise : float
+        Standard deviation of the noise of the measured position, in addition to its resolution [m].
     """
 
     law: str
@@ -45,6 +49,8 @@ class Servo:
     quantum: float = 0.0
     velocity_feedforward: bool = False
     mass: float | None = None
+    delay: int = 0
+    noise: float = 0.0
 
     @property
     def pid(self) -> tuple[float, float, float]:

@@ -1,0 +1,160 @@
+"""Assembly of the closed loop of an axis from FMUs.
+
+This module connects FMUs. Control laws, plants and friction forces are computed inside them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from friction_fmus.axis.elements import Compensator, Plant, Trajectory
+from friction_fmus.axis.servo import Servo
+from friction_fmus.fmi.package import fmu
+from harness import FmuPart, Part, Wire
+from harness.parts.part import StartValue
+
+
+def block(name: str, rotary: bool = False) -> Path:
+    """Return the FMU of a block with its default start values."""
+    return fmu(name, "rotational" if rotary else "translational")
+
+
+def typed(part: Part, values: Mapping[str, float]) -> dict[str, float | int | bool]:
+    """Return the values that are parameters of a part, converted to the parameter's type."""
+    kinds: dict[str, type[float | int | bool]] = {"Real": float, "Integer": int, "Boolean": bool}
+    types = {port.name: kinds[port.type] for port in part.parameters if port.type in kinds}
+    return {name: types[name](value) for name, value in values.items() if name in types}
+
+
+@dataclass
+class LoopAssembly:
+    """Parts, connections and start values of the loop of an axis, added one after the other.
+
+    Attributes
+    ----------
+    servo, trajectory : Servo, Trajectory
+        Feedback and sensors; reference, initial state and disturbances.
+    every : int
+        Number of communication steps between mass and friction in a sample of the servo.
+    fmus : mapping of str to Path
+        FMUs to use instead of those of the library, by name of the part.
+    parts, wires, start : list of Part, list of Wire, dict of str to StartValue
+        What has been added.
+    """
+
+    servo: Servo
+    trajectory: Trajectory
+    every: int
+    fmus: Mapping[str, Path]
+    parts: list[Part] = field(default_factory=list)
+    wires: list[str | Wire] = field(default_factory=list)
+    start: dict[str, StartValue] = field(default_factory=dict)
+
+    def add(self, name: str, model: str, values: Mapping[str, float], *, sampled: bool = True) -> FmuPart:
+        """Add a block with these parameters; those that it does not have are ignored."""
+        path = self.fmus.get(name) or block(model, self.trajectory.rotary)
+        part = FmuPart(name, path, every=self.every if sampled else 1)
+        self.parts.append(part)
+        self.start |= {f"{name}.{key}": value for key, value in typed(part, values).items()}
+        return part
+
+    @property
+    def position(self) -> str:
+        """Output with the measured position."""
+        return "encoder.y" if self.servo.quantum else self._exact
+
+    @property
+    def _exact(self) -> str:
+        """Output with the measured position before it is rounded."""
+        return "measured.y" if self.servo.noise else "axis.x"
+
+    def add_sensors(self) -> None:
+        """Add the reference, and the measurement of position and velocity."""
+        servo, trajectory = self.servo, self.trajectory
+        self.parts.append(FmuPart("reference", trajectory.reference, every=self.every))
+        self.add("velocity", "Differentiator", {"Ts": servo.Ts, "window": servo.window, "v0": trajectory.v0})
+        self.wires.append(f"{self.position} -> velocity.x")
+        if servo.noise:
+            if trajectory.noise is None:
+                raise ValueError("a servo with noise needs an FMU that outputs the noise")
+            self.parts.append(FmuPart("noise", trajectory.noise, every=self.every))
+            self.add("measured", "Sum", {"gain[2]": servo.noise})
+            self.wires += ["axis.x -> measured.u1", "noise.r -> measured.u2"]
+        if servo.quantum:
+            self.add("encoder", "Quantiser", {"q": servo.quantum})
+            self.wires.append(f"{self._exact} -> encoder.x")
+
+    def add_servo(self, mass: float) -> None:
+        """Add the feedback law; `mass` is the mass of its inertia feedforward."""
+        servo, motion = self.servo, self.trajectory.motion
+        values = {**servo.gains, **self.limits, "Ts": servo.Ts, "m": mass if motion else 0.0}
+        self.add("servo", servo.law, values)
+        self.wires += ["reference.r -> servo.r", f"{self.position} -> servo.x", "velocity.v -> servo.v"]
+        self.wires.append(Wire("servo.u", "axis.F_drive", delay=self.every * servo.delay))
+        for name, known in (("rd", motion or servo.velocity_feedforward), ("rdd", motion)):
+            if known:
+                self.wires.append(f"reference.{name} -> servo.{name}")
+            else:
+                self.start[f"servo.{name}"] = 0.0
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """Limits of the force."""
+        return {"u_min": -self.servo.force_limit, "u_max": self.servo.force_limit}
+
+    def add_compensation(self, compensator: Compensator | None, feedforward: Compensator | None) -> None:
+        """Add the forces of feedforward and compensator and the constant force to the output of the servo."""
+        offset = self.trajectory.offset
+        if compensator is None:
+            self.start["servo.f"] = offset
+            return
+        if feedforward is None:
+            self.wires.append(Wire(f"compensator.{compensator.output}", "servo.f", offset=offset))
+        else:
+            self._add_law("feedforward", feedforward)
+            self.add("force", "Sum", {})
+            self.wires += [
+                f"compensator.{compensator.output} -> force.u1",
+                f"feedforward.{feedforward.output} -> force.u2",
+            ]
+            self.wires.append(Wire("force.y", "servo.f", offset=offset))
+        part = self._add_law("compensator", compensator)
+        if "u_prev" not in {port.name for port in part.inputs}:
+            return
+        # without the known forces, so that an estimator does not see them: the constant one and the feedforward
+        fed_back = Wire("servo.u", "compensator.u_prev", offset=-offset, delay=self.every)
+        if feedforward is None:
+            self.wires.append(fed_back)
+        else:
+            self.add("unexplained", "Sum", {"gain[2]": -1.0})
+            self.wires.append(replace(fed_back, target="unexplained.u1"))
+            self.wires.append(Wire(f"feedforward.{feedforward.output}", "unexplained.u2", delay=self.every))
+            self.wires.append("unexplained.y -> compensator.u_prev")
+
+    def _add_law(self, name: str, law: Compensator) -> FmuPart:
+        part = self.add(name, law.model, {**self.limits, "Ts": self.servo.Ts, **law.values})
+        """Add a law with its limits, and connect the signals that it uses."""
+        known = {"x": self.position, "v": "velocity.v", **{port: f"reference.{port}" for port in ("r", "rd", "rdd")}}
+        taken = {port.name for port in part.inputs}
+        self.wires += [f"{source} -> {name}.{port}" for port, source in known.items() if port in taken]
+        return part
+
+    def add_plant(self, plant: Plant) -> None:
+        """Add mass and friction."""
+        trajectory = self.trajectory
+        own = {"m": plant.mass, "x0": trajectory.x0, "v0": trajectory.v0}
+        self.add("axis", "Mass", own, sampled=False)
+        self.start["axis.F_load"] = trajectory.load - plant.offset
+        contact = self.add("friction", plant.friction, plant.values, sampled=False)
+        self.wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
+        if "Fn0" in plant.values:  # the friction was identified at this normal force, which is constant
+            loaded = [part for part in self.parts if isinstance(part, FmuPart) and _has_input(part, "Fn")]
+            self.start |= {f"{part.name}.Fn": plant.values["Fn0"] for part in loaded}
+        if _has_input(contact, "F_ext"):
+            self.wires.append("axis.F_ext -> friction.F_ext")
+
+
+def _has_input(part: Part, name: str) -> bool:
+    return name in {port.name for port in part.inputs}

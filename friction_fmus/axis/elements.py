@@ -1,0 +1,80 @@
+"""What the closed loop of an axis is made of: plant, compensator, and the reference with its disturbances."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Plant:
+    """Identified mass and friction of an axis.
+
+    Attributes
+    ----------
+    friction : str
+        Friction block.
+    values : mapping of str to float
+        Parameters of the friction block.
+    mass : float
+        Moved mass [kg].
+    offset : float
+        Constant force that the drive needs in addition to friction [N].
+    """
+
+    friction: str
+    values: Mapping[str, float]
+    mass: float
+    offset: float = 0.0
+
+    @property
+    def stiffness(self) -> float:
+        """Contact stiffness at rest [N/m]; 0 if rigid."""
+        elements = sum(value for name, value in self.values.items() if name.startswith("k["))
+        return max(self.values.get("sigma0", 0.0), self.values.get("sigma", 0.0), self.values.get("kt", 0.0), elements)
+
+
+@dataclass(frozen=True)
+class Compensator:
+    """Compensator in the servo: block, name of its force output, and parameters of the block."""
+
+    model: str
+    output: str = "u"
+    values: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Reference that the axis follows, its initial state, and disturbances.
+
+    Attributes
+    ----------
+    reference : Path
+        FMU that outputs the reference.
+    samples : int
+        Length in samples of the servo.
+    x0, v0 : float
+        Initial position and velocity of the axis [m, m/s].
+    motion : bool
+        Whether the servo receives the reference velocity and acceleration.
+    offset : float
+        Constant force added to the output of the servo [N].
+    rotary : bool
+        Whether the axis is rotary.
+    load : float
+        Constant force on the axis that the servo does not know [N].
+    noise : Path or None
+        FMU whose output r is noise of standard deviation 1 at the samples of the servo; needed if the position of the
+        servo is noisy.
+    """
+
+    reference: Path
+    samples: int
+    x0: float
+    v0: float
+    motion: bool = False
+    offset: float = 0.0
+    rotary: bool = False
+    load: float = 0.0
+    noise: Path | None = None
