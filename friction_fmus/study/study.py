@@ -250,7 +250,12 @@ class _Study:
         records = data.train, data.validation
         known = data.published
         steps = [
-            Step(f"model-{name}", identify_model, (name, *records, known.get(name, {}), measured), IdentifiedModel)
+            Step(
+                f"model-{name}",
+                identify_model,
+                (name, *records, known.get(name, {}), measured, config.position_map),
+                IdentifiedModel,
+            )
             for name in names
         ]
         if data.longest.force is not None and data.longest.q is not None:

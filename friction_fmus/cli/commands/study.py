@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
         from friction_fmus.cli.study_questions import write_configuration
 
         write_configuration(Path(options.config), options.output or Path())
-        return
+        return 0
     require("plotly")
     from friction_fmus.cli.cluster import connect
     from friction_fmus.cli.console import RunBar, console, progress_bar
