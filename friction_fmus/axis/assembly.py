@@ -9,10 +9,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from friction_fmus.axis.elements import Compensator, Plant, Trajectory
 from friction_fmus.axis.servo import Servo
 from friction_fmus.fmi.package import fmu
-from harness import FmuPart, Part, Wire
+from harness import FmuPart, Part, SeriesPart, Wire
 from harness.parts.part import StartValue
 
 
@@ -89,11 +91,12 @@ class LoopAssembly:
     def add_servo(self, mass: float) -> None:
         """Add the feedback law; `mass` is the mass of its inertia feedforward."""
         servo, motion = self.servo, self.trajectory.motion
-        values = {**servo.gains, **self.limits, "Ts": servo.Ts, "m": mass if motion else 0.0}
+        inertia = mass if motion else servo.inertia_feedforward
+        values = {**servo.gains, **self.limits, "Ts": servo.Ts, "m": inertia}
         self.add("servo", servo.law, values)
         self.wires += ["reference.r -> servo.r", f"{self.position} -> servo.x", "velocity.v -> servo.v"]
         self.wires.append(Wire("servo.u", "axis.F_drive", delay=self.every * servo.delay))
-        for name, known in (("rd", motion or servo.velocity_feedforward), ("rdd", motion)):
+        for name, known in (("rd", motion or servo.velocity_feedforward), ("rdd", inertia > 0.0)):
             if known:
                 self.wires.append(f"reference.{name} -> servo.{name}")
             else:
@@ -106,7 +109,15 @@ class LoopAssembly:
 
     def add_compensation(self, compensator: Compensator | None, feedforward: Compensator | None) -> None:
         """Add the forces of feedforward and compensator and the constant force to the output of the servo."""
-        offset = self.trajectory.offset
+        offset, injected = self.trajectory.offset, self.trajectory.injected
+        if injected is not None:
+            if compensator is not None:
+                raise ValueError("a loop with a compensator has no injected force")
+            t = self.servo.Ts * np.arange(float(len(injected)))
+            unit = {"F": "N.m" if self.trajectory.rotary else "N"}
+            self.parts.append(SeriesPart("injected", t, {"F": injected}, unit, interpolation="previous", beyond="hold"))
+            self.wires.append(Wire("injected.F", "servo.f", offset=offset))
+            return
         if compensator is None:
             self.start["servo.f"] = offset
             return

@@ -307,6 +307,57 @@ class ConditionResult:
 
 
 @dataclass(frozen=True)
+class StudyFinding:
+    """Finding that limits how far the result of a study can be trusted.
+
+    Attributes
+    ----------
+    name : str
+        Stable name, such as ``wrong-gains``.
+    what : str
+        Description with numbers, in one sentence.
+    change : str
+        Proposed change, in one sentence.
+    stops : bool
+        Whether the result must not be used: nothing is ranked that depends on the finding, and no FMU is written.
+    """
+
+    name: str
+    what: str
+    change: str
+    stops: bool
+
+
+@dataclass(frozen=True)
+class ServoCheck:
+    """Comparison of the servo as configured with the recorded drive force.
+
+    Attributes
+    ----------
+    residual : Fit or None
+        Recorded force minus command of the servo for the recorded reference and position; None if not compared.
+    allowed : float
+        Residual up to which the servo reproduces the record, in percent of the rms force.
+    findings : tuple of StudyFinding
+        Reasons for a larger residual.
+    gains : tuple of IdentifiedParameter
+        Gains estimated from the record; empty if those of the configuration reproduce it.
+    recorded, commanded : Curve or None
+        Force over time: as recorded, and as the servo commands it.
+    reason : str
+        Reason why the servo was not compared; empty if it was.
+    """
+
+    residual: Fit | None = None
+    allowed: float = 0.0
+    findings: tuple[StudyFinding, ...] = ()
+    gains: tuple[IdentifiedParameter, ...] = ()
+    recorded: Curve | None = None
+    commanded: Curve | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True)
 class WrittenFile:
     """File written by a study: path relative to its folder, separated by /, and description."""
 

@@ -150,6 +150,7 @@ def prepare(
     RecordError
         If the normal force is not positive, or the record is too short for the filter.
     """
+    record = record.with_total_force()
     filter_ = settings if settings is not None else default_settings(record)
     inputs: dict[str, Array] = {}
     a: Array | None = None
