@@ -169,6 +169,11 @@ def inverse_model(record: Record, published: Mapping[str, float], measured: Meas
         for p in fit.parameters.values()
     )
     Fc = fit.parameters["Fc"].value
+    negative = [p for p in fit.parameters.values() if p.name != "OF" and p.value < 0.0]
+    if negative:
+        listed = ", ".join(f"{p.name} = {p.value:.4g} {p.unit}" for p in negative)
+        reason = f"the force fits negative parameters ({listed})."
+        return IdentifiedModel(ModelResult(INVERSE, summary, "inverse", rows, reason=reason, simulations=0))
     force = record.column("force")
     train = Fit(fit.relative_residual * _rms(force), 100.0 * fit.relative_residual, "force", record.units.force)
     found = IdentifiedModel(
@@ -179,7 +184,7 @@ def inverse_model(record: Record, published: Mapping[str, float], measured: Meas
         fit.parameters["OF"].value,
         train.rms,
     )
-    if measured is None or found.mass <= 0.0:
+    if measured is None:
         return found
     try:
         return in_closed_loop(found, measured)

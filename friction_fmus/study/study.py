@@ -179,7 +179,8 @@ class _Study:
         if models[0].row.rank is None:
             models = ranked(without_loop(models))
         best = models[0]
-        findings += mass_findings(self.config.servo, best, data.longest.units.inertia)
+        if not any(finding.stops for finding in findings):  # otherwise the mass is a consequence
+            findings += mass_findings(self.config.servo, best, data.longest.units.inertia)
         if best.row.rank is None:
             raise StudyError(
                 f"No friction model could be identified from {data.longest.name!r}; reason of the first one: "
