@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from friction_fmus.axis.position_map import PositionMap
+
 
 @dataclass(frozen=True)
 class Plant:
@@ -24,12 +26,15 @@ class Plant:
         Moved mass [kg].
     offset : float
         Constant force that the drive needs in addition to friction [N].
+    position : PositionMap or None
+        Force that depends on position.
     """
 
     friction: str
     values: Mapping[str, float]
     mass: float
     offset: float = 0.0
+    position: PositionMap | None = None
 
     @property
     def stiffness(self) -> float:

@@ -15,13 +15,19 @@ from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
 from friction_fmus.axis.servo import Servo
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.fmi.package import build_record
-from friction_fmus.identification import ROTARY, Array, Record, filtered_motion, read_mapping, read_measurement
+from friction_fmus.identification import (
+    ROTARY,
+    Array,
+    Measurement,
+    Record,
+    filtered_motion,
+    read_mapping,
+    read_measurement,
+)
+from friction_fmus.identification.data.windows import default_windows
 from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.config import ConfigError, StudyConfig
 from friction_fmus.study.models import Measured
-
-TRAIN: Final = 0.6
-"""Fraction of the record used for the fit if no windows are given; the rest is validation data."""
 
 LUGRE: Final[Mapping[str, float]] = {
     "sigma0": 1e5,
@@ -52,6 +58,8 @@ class Data:
         Known parameter values, by name of the model.
     findings : tuple of str
         Problems found in the data.
+    measurement : Measurement or None
+        The data file; None for a record of the package.
     """
 
     records: tuple[Record, ...]
@@ -59,6 +67,7 @@ class Data:
     validation: tuple[Record, ...]
     published: Mapping[str, Mapping[str, float]]
     findings: tuple[str, ...] = ()
+    measurement: Measurement | None = None
 
     @property
     def longest(self) -> Record:
@@ -103,6 +112,7 @@ def load_data(config: StudyConfig, scratch: Path) -> Data:
     published: Mapping[str, Mapping[str, float]] = {}
     findings: tuple[str, ...] = ()
     windows = dict(config.data.get("windows", {}))
+    measurement = None
     if config.record == "emps":
         records: tuple[Record, ...] = (load_emps().record,)
         published = {"inverse": dict(EMPS_PUBLISHED)}
@@ -114,10 +124,10 @@ def load_data(config: StudyConfig, scratch: Path) -> Data:
     else:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = read_measurement(read_mapping(config.data, config.folder, config.name))
-        records, findings = found.records, tuple(str(finding) for finding in found.findings)
-        windows = dict(found.mapping.windows)
-    return Data(records, *_windows(records, windows, config.name), published, findings)
+            measurement = read_measurement(read_mapping(config.data, config.folder, config.name))
+        records, findings = measurement.records, tuple(str(finding) for finding in measurement.findings)
+        windows = dict(measurement.mapping.windows)
+    return Data(records, *_windows(records, windows, config.name), published, findings, measurement)
 
 
 def demo(servo: Servo, scratch: Path) -> Record:
@@ -222,9 +232,7 @@ def _windows(
 ) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
     """Return the data for the fit and for validation."""
     begin, end = records[0].t[0], records[-1].t[-1]
-    if not windows:
-        middle = begin + TRAIN * (end - begin)
-        windows = {"train": (begin, middle), "validation": (middle, end)}
+    windows = windows or default_windows(records)
 
     def cut(name: str) -> tuple[Record, ...]:
         if name not in windows:

@@ -113,6 +113,9 @@ def export_models(out: Path, models: Sequence[IdentifiedModel], rotary: bool, ci
         if found.row.rank == 1:
             own = build(found.block, folder, values, identifier, domain=domain)
             written.append(WrittenFile(_path(out, own), f"FMU of the best friction model, {found.row.name}"))
+            if found.position_map is not None:
+                own = found.position_map.to_fmu(folder, f"{identifier}PositionMap", rotary)
+                written.append(WrittenFile(_path(out, own), "FMU of its cogging and position-dependent friction"))
         file = folder / f"{identifier}.ssv"
         write_ssv(ParameterSet(identifier, _parameters(path, values), _cited(citation)), file)
         written.append(WrittenFile(_path(out, file), f"Parameters of {found.row.name}, SSP 1.0"))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
 from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
+from friction_fmus.axis.position_map import PositionMap
 from friction_fmus.axis.servo import Servo
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import FrictionError
@@ -24,9 +25,10 @@ from friction_fmus.identification import (
     identify_inverse_model,
 )
 from friction_fmus.identification.fit.models import contact_model
+from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.evaluation import thinned
-from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult
+from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult, PositionPart
 from harness import HarnessError
 
 ALIKE: Final = 0.05
@@ -66,6 +68,8 @@ class IdentifiedModel:
         Fitted signal over time as simulated by the model.
     position, force : Curve or None
         Simulated minus measured position, and simulated force, of the servo over time.
+    position_map : PositionMap or None
+        Cogging and position-dependent friction.
     """
 
     row: ModelResult
@@ -78,11 +82,12 @@ class IdentifiedModel:
     predicted: Curve | None = None
     position: Curve | None = None
     force: Curve | None = None
+    position_map: PositionMap | None = None
 
     @property
     def plant(self) -> Plant:
         """Axis with this friction."""
-        return Plant(self.block, self.values, self.mass, self.offset)
+        return Plant(self.block, self.values, self.mass, self.offset, self.position_map)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +121,7 @@ def identify_model(
     validation: Sequence[Record],
     published: Mapping[str, float],
     measured: Measured | None,
+    position_map: bool = True,
 ) -> IdentifiedModel:
     """Identify a friction model; if the identification fails, the result states the reason.
 
@@ -129,12 +135,16 @@ def identify_model(
         Known parameter values.
     measured : Measured or None
         Measured servo, to be co-simulated with the identified model.
+    position_map : bool
+        Whether cogging and position-dependent friction are identified with the model, if this helps.
     """
     summary = find(name).summary
     try:
         # a model without state is fast to simulate and its cost may have several local minima
         starts = 3 if contact_model(name, train[0].units).static else 1
-        result = identify(name, list(train), validation=list(validation) or None, starts=starts)
+        result = identify(
+            name, list(train), validation=list(validation) or None, starts=starts, position_map=position_map
+        )
     except (FrictionError, HarnessError, ArithmeticError, np.linalg.LinAlgError) as error:
         return IdentifiedModel(ModelResult(name, summary, reason=str(error)))
     found = IdentifiedModel(
@@ -145,6 +155,7 @@ def identify_model(
         result.values().get("OF", 0.0),
         (result.validation or result.train).rms,
         predicted=thinned(result.t, result.predicted),
+        position_map=None if result.position is None else result.position.table,
     )
     if measured is None or found.mass <= 0.0:
         return found
@@ -230,6 +241,19 @@ def row_of(result: Identification, summary: str, published: Mapping[str, float])
         warnings=tuple(result.warnings),
         seconds=result.seconds,
         simulations=result.simulations,
+        position=None if result.position is None else _position_part(result.position, fit),
+    )
+
+
+def _position_part(found: PositionFit, fit: Callable[[Score | None], Fit | None]) -> PositionPart:
+    table = found.table
+    return PositionPart(
+        table.grid.nodes,
+        table.grid.spacing,
+        _rms(np.array(table.cogging)),
+        _rms(np.array(table.friction)),
+        fit(found.train_without),
+        fit(found.validation_without),
     )
 
 

@@ -65,6 +65,28 @@ class Fit:
 
 
 @dataclass(frozen=True)
+class PositionPart:
+    """Force over position that was identified together with a friction model.
+
+    Attributes
+    ----------
+    nodes, spacing : int, float
+        Number of nodes of the table and their distance.
+    cogging, friction : float
+        Rms values of cogging and position-dependent friction over the table.
+    train_without, validation_without : Fit or None
+        Residuals of the model without this force.
+    """
+
+    nodes: int
+    spacing: float
+    cogging: float
+    friction: float
+    train_without: Fit | None
+    validation_without: Fit | None
+
+
+@dataclass(frozen=True)
 class ModelResult:
     """Result of one friction model.
 
@@ -92,6 +114,8 @@ class ModelResult:
         Elapsed time of the identification [s].
     simulations : int
         Number of simulations of the model.
+    position : PositionPart or None
+        Force over position; None if it does not improve the prediction.
     """
 
     name: str
@@ -108,6 +132,7 @@ class ModelResult:
     reason: str = ""
     seconds: float = 0.0
     simulations: int = 0
+    position: PositionPart | None = None
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from friction_fmus.axis.assembly import constant_force
 from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import LINEAR, ROTARY, Array, Record, Target, Unknown, fit_output_error
@@ -81,7 +82,7 @@ def refine(
 
         def simulate(values: Mapping[str, float]) -> dict[str, Array]:
             own = {f"friction.{name}": value for name, value in values.items() if name not in MEANING}
-            moved = {"axis.m": values["M"], "axis.F_load": -values.get("OF", found.offset)}
+            moved = {"axis.m": values["M"], **constant_force(found.plant, -values.get("OF", found.offset))}
             return {"q": run_loop(system.with_start({**own, **moved})).q}
 
         target = Target(measured.q[:last], 1e-6 if found.error is None else max(found.error, 1e-12), first)
@@ -114,6 +115,7 @@ def refine(
         values.get("OF", found.offset),
         found.error,
         predicted=found.predicted,
+        position_map=found.position_map,
     )
     return _better(found, in_closed_loop(refined, measured), train, unfitted)
 
@@ -164,6 +166,8 @@ def _prediction_error(found: IdentifiedModel, records: Sequence[Record]) -> floa
             segment = prepare(record, contact, "force")
             values = {name: contact.parameters[name].typed(value) for name, value in found.values.items()}
             F = segment.run(drive, ["F"], values)[:, 0]
+            if found.position_map is not None:
+                F = F - found.position_map.force(record.column("q"), segment.inputs["v"])
             error = segment.predicted(F, found.mass, found.offset) - segment.measured
             errors.append(error[round(UNLOADED * len(error)) :])
     return rms(np.concatenate(errors))

@@ -38,6 +38,7 @@ from friction_fmus.study.records import (
 from friction_fmus.study.refinement import refine
 from friction_fmus.study.result import StudyResult
 from friction_fmus.study.servo_check import CheckedServo, check_servo
+from friction_fmus.study.settings_file import settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.summary import ProgressReporter, compensator_row, identifier, overview
 from friction_fmus.study.trust import force_findings, loop_findings, mass_findings, not_trusted, without_loop
@@ -74,7 +75,7 @@ def run_study(
     Parameters
     ----------
     what : str, Path or StudyConfig
-        "emps", "tribometer", "demo", the path of a configuration, or a configuration.
+        "emps", "tribometer", "demo", the path of a configuration or of a data file, or a configuration.
     out : path-like
         Folder for the results; created if needed. Files of an earlier study are replaced, other files are kept.
     executor : Executor, optional
@@ -206,6 +207,7 @@ class _Study:
             doctor = self._doctor()
         self.progress(0.97)
         record = data.longest
+        files += settings_of(self.config, data, self.out)
         files += [
             WrittenFile("report.html", "Report of the study"),
             WrittenFile("study.json", "Result of the study for other programs"),
@@ -249,7 +251,12 @@ class _Study:
         records = data.train, data.validation
         known = data.published
         steps = [
-            Step(f"model-{name}", identify_model, (name, *records, known.get(name, {}), measured), IdentifiedModel)
+            Step(
+                f"model-{name}",
+                identify_model,
+                (name, *records, known.get(name, {}), measured, config.position_map),
+                IdentifiedModel,
+            )
             for name in names
         ]
         if data.longest.force is not None and data.longest.q is not None:
