@@ -53,11 +53,9 @@ def from_rest(r: NDArray[np.float64], Ts: float) -> NDArray[np.float64]:
     samples = max(SHORTEST, ceil(1.5 * abs(v0) / (strongest * Ts))) if strongest > 0.0 else SHORTEST
     samples = min(samples, len(r))
     duration = samples * Ts
-    s = np.arange(float(samples)) / samples
+    s = np.arange(samples + 1.0) / samples
 
-    def path(s: NDArray[np.float64] | float) -> NDArray[np.float64] | float:
-        """Return the integral of v0 (3 s^2 - 2 s^3) + a0 T (s^3 - s^2) from 0 to s, times T."""
-        return duration * (v0 * (s**3 - s**4 / 2.0) + a0 * duration * (s**4 / 4.0 - s**3 / 3.0))
-
-    run_up = r[0] - path(1.0) + path(s)
+    # integral of the velocity v0 (3 s^2 - 2 s^3) + a0 T (s^3 - s^2)
+    path = duration * (v0 * (s**3 - s**4 / 2.0) + a0 * duration * (s**4 / 4.0 - s**3 / 3.0))
+    run_up = r[0] + path[:-1] - path[-1]
     return np.concatenate([np.full(REST, run_up[0]), run_up, r])

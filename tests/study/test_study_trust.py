@@ -149,7 +149,7 @@ def test_the_study_of_pulses_uses_them(folder: Path, tmp_path: Path, capsys: pyt
 
 
 def test_balance_of_the_drive_force() -> None:
-    log = axis.simulate(4.0)
+    log = axis.simulate(8.0)
     record = Record("axis", log.t, q=log.q, force=log.force)
     balance = drive_balance([record])
     assert balance is not None
@@ -161,7 +161,7 @@ def test_balance_of_the_drive_force() -> None:
         "wrong-sign": -log.force,
         "implausible-mass": 1e20 * log.force,
         "negative-mass": log.force + 2e4 * log.q,
-        "mass-not-identified": log.force + 500.0 * np.random.default_rng(0).standard_normal(len(log.t)),
+        "mass-not-identified": log.force + 3e3 * np.random.default_rng(0).standard_normal(len(log.t)),
     }
     for name, force in cases.items():
         (finding,) = contradictions([replace(record, force=force)])
@@ -187,3 +187,14 @@ def test_growth_of_a_loop_in_closed_form() -> None:
     # viscous friction alone: exp(-Fv Ts/m) is within the unit circle, and the position stays
     free = replace(position, gains={"Kp": 0.0, "Kd": 0.0, "Ki": 0.0})
     assert loop_growth(free, 0.1, 50.0) == pytest.approx(1.0)
+
+
+def test_identify_writes_no_fmu_of_a_wrong_sign(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["identify", str(folder / "minus.csv"), "--model", "Coulomb", "--workers", "1", "-o"]
+    assert main([*command, str(tmp_path / "out")]) == 1
+    assert "wrong-sign" in capsys.readouterr().out
+    assert not list((tmp_path / "out").glob("*.fmu"))
+    assert main([*command, str(tmp_path / "forced"), "--force"]) == 1
+    assert list((tmp_path / "forced").glob("*.fmu"))
