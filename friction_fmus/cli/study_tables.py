@@ -5,13 +5,13 @@ from __future__ import annotations
 from rich.console import Console
 from rich.table import Table
 
-from friction_fmus.cli.console import styled
+from friction_fmus.cli.console import RotaryConsole, styled
 from friction_fmus.study.ranking import shown, worst_case
 from friction_fmus.study.records import CompensatorResult, Fit, ModelResult
 from friction_fmus.study.result import StudyResult
 
 
-def show_study(console: Console, result: StudyResult) -> None:
+def show_study(console: Console | RotaryConsole, result: StudyResult) -> None:
     """Print models, compensators, recommendation and violated conditions."""
     console.print(model_table(result))
     failed = [f"{row.name} ({row.reason})" for row in result.models if row.rank is None]

@@ -17,7 +17,7 @@ from friction_fmus.axis.loop import Trajectory
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
-from friction_fmus.identification import filtered_motion, identifiable
+from friction_fmus.identification import ROTARY, filtered_motion, identifiable
 from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.compensators import AxisKnowledge, Candidate, candidates, check_names, period_of
 from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
@@ -32,6 +32,7 @@ from friction_fmus.study.result import StudyResult
 from friction_fmus.study.settings_file import settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.summary import ProgressReporter, compensator_row, identifier, overview
+from friction_fmus.study.words import result_in_rotary_words
 from friction_fmus.version import VERSION
 from harness import Progress, System
 from harness.compiling import toolchain
@@ -106,6 +107,7 @@ def run_study(
         study = _Study(config, folder, StepCache(folder / CACHE), executor or own, reporter)
         result = study.run()
     result = replace(result, seconds=time.perf_counter() - begin)
+    result = result_in_rotary_words(result) if result.units == ROTARY else result
     from friction_fmus.report import write_report
 
     write_report(result, folder / "report.html")
