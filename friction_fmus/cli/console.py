@@ -11,6 +11,9 @@ from rich.text import Text
 
 from friction_fmus.fmi.rotary import in_rotary_words
 
+LITERAL: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}
+"""Options of a console that prints strings as they are."""
+
 
 def literal_console(**options: Any) -> Console:
     """Return a console that prints strings literally: ``o[/b].csv`` is not markup, and ``:x:`` is not an emoji.
@@ -22,7 +25,7 @@ def literal_console(**options: Any) -> Console:
     **options
         Options of `rich.console.Console`.
     """
-    return Console(markup=False, emoji=False, highlight=False, **options)
+    return Console(**LITERAL, **options)
 
 
 def styled(*parts: str | tuple[str, str]) -> Text:
@@ -33,21 +36,17 @@ def styled(*parts: str | tuple[str, str]) -> Text:
 console = literal_console()
 
 
-class RotaryConsole:
+class RotaryConsole(Console):
     """Console that prints texts and headings about a linear axis with the words and units of a rotary one."""
 
-    def __init__(self, screen: Console) -> None:
-        """Print on this console."""
-        self._screen = screen
-
-    def print(self, *objects: RenderableType, **options: Any) -> None:
+    def print(self, *objects: Any, **options: Any) -> None:
         """Print strings, styled texts and tables."""
-        self._screen.print(*map(_in_rotary_words, objects), **options)
+        super().print(*map(_in_rotary_words, objects), **options)
 
 
-def console_for(rotary: bool) -> Console | RotaryConsole:
+def console_for(rotary: bool) -> Console:
     """Return the console for texts about an axis."""
-    return RotaryConsole(console) if rotary else console
+    return RotaryConsole(**LITERAL) if rotary else console
 
 
 def _in_rotary_words(shown: RenderableType) -> RenderableType:

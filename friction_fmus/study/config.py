@@ -78,6 +78,8 @@ class StudyConfig:
         Servo of the axis; None for a contact without an axis.
     models : tuple of str or "all"
         Friction models to identify.
+    position_map : bool
+        Whether cogging and position-dependent friction are identified with each model, if this improves the prediction.
     compensation : Compensation
         Settings of the comparison of compensators.
     bare : bool
@@ -90,6 +92,7 @@ class StudyConfig:
     folder: Path
     servo: Servo | None = None
     models: tuple[str, ...] | str = ALL
+    position_map: bool = True
     compensation: Compensation = field(default_factory=Compensation)
     bare: bool = False
 
@@ -163,7 +166,7 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
         raise ConfigError(f'{origin}, [data], has no file; give the path of the data file as file = "...".')
     mapping = {name: content[name] for name in ("data", "columns", "windows") if name in content}
     models = tables["identify"]
-    models.known(("models",))
+    models.known(("models", "position_map"))
     return StudyConfig(
         origin,
         record,
@@ -171,6 +174,7 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
         folder,
         _servo(tables["servo"]) if "servo" in content else None,
         models.names("models"),
+        models.flag("position_map", True),
         _compensation(tables["compensation"]),
     )
 
@@ -196,7 +200,7 @@ def read_models(path: Path) -> list[str]:
 def _servo(table: _Table) -> Servo:
     law = table.text("law", choices=tuple(GAINS))
     names = GAINS[law]
-    other = ("law", "Ts", "force_limit", "window", "quantum", "velocity_feedforward", "mass")
+    other = ("law", "Ts", "force_limit", "window", "quantum", "velocity_feedforward", "inertia_feedforward", "mass")
     table.known((*names, *other))
     gains = {name: table.number(name, low=0.0, above=True) for name in names[:-1]}
     window = table.number("window", 2.0, low=1.0, high=LONGEST_WINDOW)
@@ -209,6 +213,7 @@ def _servo(table: _Table) -> Servo:
         window=int(window),
         quantum=table.number("quantum", 0.0, low=0.0),
         velocity_feedforward=table.flag("velocity_feedforward", False),
+        inertia_feedforward=table.number("inertia_feedforward", 0.0, low=0.0),
         mass=table.number("mass", low=0.0, above=True) if "mass" in table.content else None,
         gains={**gains, names[-1]: table.number(names[-1], OPTIONAL_GAINS.get(names[-1]), low=0.0)},
     )

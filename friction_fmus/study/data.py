@@ -74,6 +74,20 @@ class Data:
         """Longest segment."""
         return max(self.records, key=len)
 
+    def with_total_force(self, included: bool) -> Data:
+        """Return the data with drive forces that contain the injected force.
+
+        Parameters
+        ----------
+        included : bool
+            Whether the recorded forces contain it already.
+        """
+
+        def total(records: tuple[Record, ...]) -> tuple[Record, ...]:
+            return tuple(replace(r, injected=None) if included else r.with_total_force() for r in records)
+
+        return replace(self, records=total(self.records), train=total(self.train), validation=total(self.validation))
+
     @property
     def rotary(self) -> bool:
         """Whether the position is an angle."""
@@ -150,14 +164,31 @@ def tribometer() -> tuple[Record, ...]:
 
 
 def build_reference(t: Array, r: Array, folder: Path, name: str, rotary: bool = False) -> Path:
-    """Return an FMU that outputs a reference and its derivatives, computed by central differences."""
+    """Return an FMU that outputs a reference and its derivatives, computed by central differences.
+
+    A run ends one sample after the last of the record: for this sample the reference keeps its last velocity.
+    """
+    t, r = np.append(t, 2.0 * t[-1] - t[-2]), np.append(r, 2.0 * r[-1] - r[-2])
     rd = np.gradient(r, t)
     domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
     return build_record(t, r, rd, np.gradient(rd, t), folder, name=name, domain=domain)
 
 
-def measured_servo(data: Data, servo: Servo, folder: Path, name: str) -> Measured | None:
+def measured_servo(data: Data, servo: Servo, folder: Path, name: str, injected: Array | None = None) -> Measured | None:
     """Return the measured servo; None if the record has no position or no reference.
+
+    Parameters
+    ----------
+    data : Data
+        Data whose forces contain the injected force.
+    servo : Servo
+        Feedback and sensors.
+    folder : Path
+        Folder for the FMU of the reference.
+    name : str
+        Model identifier of the axis.
+    injected : array, shape (n,), optional
+        Force that was added to that of the servo in the longest record.
 
     Raises
     ------
@@ -176,7 +207,7 @@ def measured_servo(data: Data, servo: Servo, folder: Path, name: str) -> Measure
     reference = build_reference(t, record.reference, folder, f"{name}Reference", data.rotary)
     # the axis may be in motion at the start of the record
     v0 = float(filtered_motion(record, default_settings(record)).v[0])
-    trajectory = Trajectory(reference, len(record), float(record.q[0]), v0, rotary=data.rotary)
+    trajectory = Trajectory(reference, len(record), float(record.q[0]), v0, rotary=data.rotary, injected=injected)
 
     def samples(records: tuple[Record, ...]) -> tuple[int, int]:
         if not records:
@@ -186,7 +217,13 @@ def measured_servo(data: Data, servo: Servo, folder: Path, name: str) -> Measure
         return max(0, first), min(len(record), last + 1)
 
     return Measured(
-        servo, trajectory, record.q, record.force, samples(data.train), samples(data.validation or data.train)
+        servo,
+        trajectory,
+        record.q,
+        record.force,
+        record.reference,
+        samples(data.train),
+        samples(data.validation or data.train),
     )
 
 

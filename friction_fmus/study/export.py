@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, Literal
 
-from friction_fmus.axis.loop import block, closed_loop, typed, with_gain
+from friction_fmus.axis.loop import RECORDED, block, closed_loop, typed, with_gain
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.export import export_law
 from friction_fmus.fmi.package import build
@@ -14,14 +15,25 @@ from friction_fmus.study.compensators import Candidate
 from friction_fmus.study.evaluation import Bench
 from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.records import WrittenFile
-from harness import FmuPart, Parameter, ParameterSet, open_archive, write_ssv
+from friction_fmus.study.wiring import Figures, wiring
+from harness import FmuPart, Parameter, ParameterSet, System, open_archive, write_ssv
+from harness.storage.atomic import atomic_path
 
 OWN: Final = "recommended"
 """Folder of the files of the recommendation."""
 
+REFERENCE: Final = "reference.r"
+"""Recorded in `axis.ssp` in addition to the variables of `RECORDED`."""
+
 
 def export_recommended(
-    out: Path, bench: Bench, candidate: Candidate | None, gain: float, name: str, citation: str
+    out: Path,
+    bench: Bench,
+    candidate: Candidate | None,
+    gain: float,
+    name: str,
+    citation: str,
+    figures: Figures | None = None,
 ) -> tuple[WrittenFile, ...]:
     """Write the files needed to use the recommended compensator.
 
@@ -39,18 +51,21 @@ def export_recommended(
         Name of the axis.
     citation : str
         Citation of the data.
+    figures : Figures, optional
+        Figures of the report that the files reproduce, for the README.
 
     Returns
     -------
     tuple of WrittenFile
         Written files. `axis.ssp` contains all FMUs and parameters of the axis. The gain is set in the compensator's
-        parameter `gain`; its connection to the servo has the gain 1.
+        parameter `gain` if its output `u` is used; otherwise it is the gain of the connection to the servo.
     """
     folder = out / OWN
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     compensator = candidate.compensator if candidate is not None else None
     fmus = {}
+    values: Mapping[str, float | int | bool] = {}
     if candidate is not None and compensator is not None:
         limits = {"u_min": -bench.servo.force_limit, "u_max": bench.servo.force_limit}
         given = {**limits, "gain": gain, **compensator.values, "Ts": bench.servo.Ts}
@@ -67,10 +82,19 @@ def export_recommended(
             for file in export_law(compensator.model, folder / "c", start=values):
                 written.append(WrittenFile(_path(out, file), f"C code of {compensator.model} for an embedded target"))
     with closed_loop(bench.servo, bench.plant, bench.trajectory, compensator, fmus) as system:
-        whole = with_gain(system, gain) if compensator is not None and compensator.output != "u" else system
+        inside = compensator is not None and compensator.output == "u" and "gain" in values
+        whole = system if compensator is None or inside else with_gain(system, gain)
+        assert whole.experiment is not None
+        experiment = replace(whole.experiment, record=(REFERENCE, *RECORDED))
+        whole = System(whole.parts.values(), whole.wires, whole.start, experiment, whole.name)
         whole.to_ssp(folder / "axis.ssp")
         title = "SSP archive of the whole axis: reference, compensator, servo, mass, friction"
         written.append(WrittenFile(f"{OWN}/axis.ssp", title))
+        has_code = any(file.path.startswith(f"{OWN}/c/") for file in written)
+        with atomic_path(folder / "README.md") as temporary:
+            text = wiring(whole, bench.servo, figures, has_code)
+            temporary.write_text(text, encoding="utf-8", newline="\n")
+        written.append(WrittenFile(f"{OWN}/README.md", "Connections of the compensator, as co-simulated"))
     return tuple(written)
 
 
@@ -89,6 +113,9 @@ def export_models(out: Path, models: Sequence[IdentifiedModel], rotary: bool, ci
         if found.row.rank == 1:
             own = build(found.block, folder, values, identifier, domain=domain)
             written.append(WrittenFile(_path(out, own), f"FMU of the best friction model, {found.row.name}"))
+            if found.position_map is not None:
+                own = found.position_map.to_fmu(folder, f"{identifier}PositionMap", rotary)
+                written.append(WrittenFile(_path(out, own), "FMU of its cogging and position-dependent friction"))
         file = folder / f"{identifier}.ssv"
         write_ssv(ParameterSet(identifier, _parameters(path, values), _cited(citation)), file)
         written.append(WrittenFile(_path(out, file), f"Parameters of {found.row.name}, SSP 1.0"))

@@ -50,6 +50,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="loss function; all except linear are robust against outliers",
     )
     parser.add_argument(
+        "--position-map",
+        action="store_true",
+        help="identify cogging and position-dependent friction with each model, if this improves the prediction",
+    )
+    parser.add_argument(
         "--workers",
         type=int,
         default=available(),
@@ -86,7 +91,7 @@ def run(options: argparse.Namespace) -> None:
         train,
         validation,
         {name: float(value) for name, value in map(parse_fixed, options.fixed or ())},
-        {"method": options.method, "loss": options.loss},
+        {"method": options.method, "loss": options.loss, "position_map": options.position_map},
     )
     with progress_bar() as bar:
         found = compare_models(models, task, max(1, options.workers), RunBar(bar, "identifying").update)

@@ -1,6 +1,7 @@
 """Identify a measured axis, co-simulate it, and recommend a compensator.
 
 The study ranks friction models and compensators. It writes a report, and the recommended compensator as FMU and C code.
+The exit status is 1 if the result cannot be trusted: then no compensator is ranked and no FMU is written.
 """
 
 from __future__ import annotations
@@ -33,11 +34,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
     add_workers(where)
     add_scheduler(where)
+    parser.add_argument(
+        "--force", action="store_true", help="simulate and write FMUs although the result cannot be trusted"
+    )
     parser.add_argument("--fresh", action="store_true", help="ignore cached steps and start from the beginning")
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> int:
     """Run the study and print its results.
+
+    Returns
+    -------
+    int
+        1 if a finding forbids to use the result, otherwise 0.
 
     Raises
     ------
@@ -48,7 +57,7 @@ def run(options: argparse.Namespace) -> None:
         from friction_fmus.cli.study_questions import write_configuration
 
         write_configuration(Path(options.config), options.output or Path())
-        return
+        return 0
     require("plotly")
     from friction_fmus.cli.cluster import connect
     from friction_fmus.cli.console import RunBar, console, console_for, progress_bar
@@ -73,6 +82,7 @@ def run(options: argparse.Namespace) -> None:
                 executor=executor,
                 processes=options.workers,
                 progress=RunBar(bar, "study"),
+                force=options.force,
             )
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt("interrupted; run the same command again to resume") from error
@@ -85,3 +95,4 @@ def run(options: argparse.Namespace) -> None:
     for name, text in what.items():
         if any(file.path.partition("/")[0] == name for file in result.files):
             console.print(f"{text}: {output / name}", soft_wrap=True)
+    return 0 if result.trusted else 1

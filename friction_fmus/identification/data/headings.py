@@ -48,6 +48,7 @@ NAMES = {
         *("friction", "friction force", "friction torque", "reibung", "reib kraft", "reibungs kraft", "reib moment"),
     ),
     "normal": ("normal", "normal force", "fn", "normal kraft"),
+    "injected": ("injected", "injected force", "injected torque", "excitation force", "excitation torque"),
 }
 """Names of each role, in lower case; a space matches any separator, or none."""
 

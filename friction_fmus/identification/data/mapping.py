@@ -59,7 +59,7 @@ class DataMapping:
     name, citation : str
         Name of the record, and citation of the data.
     columns : mapping of str to Column
-        Columns by role: time, position, velocity, reference, force, friction, normal.
+        Columns by role: time, position, velocity, reference, force, friction, normal, injected.
     windows : mapping of str to (float, float)
         Start and end of the windows ``train`` and ``validation``, in the time of the file [s].
     """
@@ -265,5 +265,6 @@ EXAMPLE = {
     "force": "N",
     "friction": "N",
     "normal": "N",
+    "injected": "N",
 }
 """Example unit of each role, for error messages and templates."""

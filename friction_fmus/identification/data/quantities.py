@@ -18,6 +18,7 @@ QUANTITY = {
     "force": "force",
     "friction": "force",
     "normal": "normal",
+    "injected": "force",
 }
 """Physical quantity of each role of a column."""
 

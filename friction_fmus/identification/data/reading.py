@@ -30,6 +30,7 @@ FIELD = {
     "force": "force",
     "friction": "friction",
     "normal": "normal",
+    "injected": "injected",
 }
 
 #: Largest value of a measurement in SI units, and one over the smallest, so that computations do not overflow.
