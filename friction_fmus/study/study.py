@@ -269,9 +269,8 @@ class _Study:
         smallest = min((each.error for each in found if each.error is not None), default=0.0)
         close = [each.error is not None and each.error <= CLOSE * smallest for each in found]
         chosen = [each for each, is_close in zip(found, close, strict=True) if is_close and each.row.name != INVERSE]
-        steps = [
-            Step(f"loop-{each.row.name}", refine, (each, measured, data.validation), IdentifiedModel) for each in chosen
-        ]
+        windows = data.train, data.validation
+        steps = [Step(f"loop-{each.row.name}", refine, (each, measured, *windows), IdentifiedModel) for each in chosen]
         refined = self._run(steps, 0.4, 0.6)
         better = {each.row.name: each for each in refined}
         return ranked([better.get(each.row.name, each) for each in found])

@@ -32,9 +32,9 @@ Ts = 1e-3
 force_limit = 5.0
 quantum = {SERVO.quantum!r}
 [identify]
-models = ["Coulomb", "LuGre", "MaxwellSlip"]
+models = ["Coulomb", "MaxwellSlip"]
 [compensation]
-compensators = ["LuGreFeedforward", "DisturbanceObserver"]
+compensators = ["StaticFeedforward", "DisturbanceObserver"]
 gains = [1.0]
 duration = 1.0
 """
