@@ -38,7 +38,7 @@ from friction_fmus.study.records import (
 from friction_fmus.study.refinement import refine
 from friction_fmus.study.result import StudyResult
 from friction_fmus.study.servo_check import CheckedServo, check_servo
-from friction_fmus.study.settings_file import settings_of
+from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.summary import ProgressReporter, compensator_row, identifier, overview
 from friction_fmus.study.trust import force_findings, loop_findings, mass_findings, not_trusted, without_loop
@@ -261,7 +261,7 @@ class _Study:
             for name in names
         ]
         if data.longest.force is not None and data.longest.q is not None:
-            arguments = (data.longest, known.get("inverse", {}), measured)
+            arguments = (data.longest, data.validation, known.get("inverse", {}), measured)
             steps.append(Step("model-inverse", inverse_model, arguments, IdentifiedModel))
         found: list[IdentifiedModel] = self._run(steps, 0.02, 0.4)
         if measured is None:
@@ -269,8 +269,7 @@ class _Study:
         smallest = min((each.error for each in found if each.error is not None), default=0.0)
         close = [each.error is not None and each.error <= CLOSE * smallest for each in found]
         chosen = [each for each, is_close in zip(found, close, strict=True) if is_close and each.row.name != INVERSE]
-        windows = data.train, data.validation
-        steps = [Step(f"loop-{each.row.name}", refine, (each, measured, *windows), IdentifiedModel) for each in chosen]
+        steps = [Step(f"loop-{each.row.name}", refine, (each, measured, *records), IdentifiedModel) for each in chosen]
         refined = self._run(steps, 0.4, 0.6)
         better = {each.row.name: each for each in refined}
         return ranked([better.get(each.row.name, each) for each in found])
@@ -279,9 +278,11 @@ class _Study:
         """Return the reason why no compensator can be simulated; empty if they can."""
         servo = self.config.servo
         if servo is None:
+            where = f" to {SETTINGS_FILE}" if self.config.bare else ""
+            entries = "law, gains, Ts and force_limit" if best.mass > 0.0 else "law, gains, Ts, force_limit and mass"
             return (
-                "No compensator was compared, because the configuration has no servo. To compare compensators on an "
-                "axis, add [servo] with its law, gains, Ts, force_limit and mass."
+                "No compensator was compared, because the configuration has no servo. To compare compensators on the "
+                f"axis, add [servo] with {entries}{where}."
             )
         if best.mass <= 0.0 and servo.mass is None:
             return "No compensator was compared, because the moved mass is unknown. Add mass = ... to [servo]."
