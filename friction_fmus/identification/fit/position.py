@@ -131,7 +131,8 @@ def fit_with_table(fit: Fit, data: FitData, loss: Loss) -> tuple[Fit, PositionFi
     -----
     The number of nodes is the one with the smallest error in a cross-validation over blocks of the training data
     (`NODES`, `BLOCKS`, `ALIKE`), in which the effect of the parameters is linearised. A table helps if it reduces this
-    error by a tenth (`HELPS`). Parameters that the record does not determine keep the values of `fit` (`Problem.anchor`).
+    error by a tenth (`HELPS`). Parameters that the record does not determine keep the values of `fit`
+    (`Problem.anchor`).
     """
     if any(segment.record.q is None for segment in data.segments):
         return None
