@@ -139,8 +139,8 @@ def fit_with_table(fit: Fit, data: FitData, loss: Loss) -> tuple[Fit, PositionFi
     -----
     The number of nodes is the one with the smallest error in a cross-validation over blocks of the training data
     (`NODES`, `BLOCKS`, `ALIKE`), in which the effect of the parameters is linearised and friction may be any function
-    of the speed (`SPEEDS`). A table helps if it reduces this error by a third (`HELPS`). Parameters that the record does
-    not determine keep the values of `fit`, see `Problem.anchor`.
+    of the speed (`SPEEDS`). A table helps if it reduces this error by a third (`HELPS`). Parameters that the record
+    does not determine keep the values of `fit`, see `Problem.anchor`.
     """
     if any(segment.record.q is None for segment in data.segments):
         return None
