@@ -26,7 +26,7 @@ from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.scores import Score
 from friction_fmus.identification.parameter_files import Parameter, toml_text
-from friction_fmus.identification.plot import NAMES
+from friction_fmus.identification.plot import name_of
 from friction_fmus.identification.result import Identification
 from friction_fmus.identification.survey import ModelComparison
 from harness.compiling import toolchain
@@ -129,9 +129,7 @@ def comparison(found: ModelComparison) -> Figure:
         signals.plot(result.t[inside], result.predicted[inside], label=result.model, **style)
         errors.plot(result.t[inside], result.residuals[inside], **style)
     unit = "" if best.unit == "1" else f" [{best.unit}]"
-    signals.set(
-        ylabel=f"{NAMES.get(best.signal, best.signal)}{unit}", title="The best models in a part of the training data"
-    )
+    signals.set(ylabel=f"{name_of(best)}{unit}", title="The best models in a part of the training data")
     signals.tick_params(labelbottom=False)
     errors.set(xlabel="time [s]", ylabel=f"predicted −\nmeasured{unit}")
     signals.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)

@@ -18,7 +18,7 @@ from friction_fmus.axis.start import from_rest
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
-from friction_fmus.identification import filtered_motion, identifiable
+from friction_fmus.identification import ROTARY, filtered_motion, identifiable
 from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.compensators import AxisKnowledge, Candidate, candidates, check_names, period_of
 from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
@@ -39,11 +39,12 @@ from friction_fmus.study.records import (
 from friction_fmus.study.refinement import refine
 from friction_fmus.study.result import StudyResult
 from friction_fmus.study.servo_check import CheckedServo, check_servo
-from friction_fmus.study.settings_file import settings_of
+from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.summary import ProgressReporter, compensator_row, identifier, overview
 from friction_fmus.study.trust import force_findings, loop_findings, mass_findings, not_trusted, without_loop
 from friction_fmus.study.wiring import Figures
+from friction_fmus.study.words import result_in_rotary_words
 from friction_fmus.version import VERSION
 from harness import Progress, System
 from harness.compiling import toolchain
@@ -121,6 +122,7 @@ def run_study(
         study = _Study(config, folder, StepCache(folder / CACHE), executor or own, reporter, force)
         result = study.run()
     result = replace(result, seconds=time.perf_counter() - begin)
+    result = result_in_rotary_words(result) if result.units == ROTARY else result
     from friction_fmus.report import write_report
 
     write_report(result, folder / "report.html")
@@ -261,7 +263,7 @@ class _Study:
             for name in names
         ]
         if data.longest.force is not None and data.longest.q is not None:
-            arguments = (data.longest, known.get("inverse", {}), measured)
+            arguments = (data.longest, data.validation, known.get("inverse", {}), measured)
             steps.append(Step("model-inverse", inverse_model, arguments, IdentifiedModel))
         found: list[IdentifiedModel] = self._run(steps, 0.02, 0.4)
         if measured is None:
@@ -278,9 +280,11 @@ class _Study:
         """Return the reason why no compensator can be simulated; empty if they can."""
         servo = self.config.servo
         if servo is None:
+            where = f" to {SETTINGS_FILE}" if self.config.bare else ""
+            entries = "law, gains, Ts and force_limit" if best.mass > 0.0 else "law, gains, Ts, force_limit and mass"
             return (
-                "No compensator was compared, because the configuration has no servo. To compare compensators on an "
-                "axis, add [servo] with its law, gains, Ts, force_limit and mass."
+                "No compensator was compared, because the configuration has no servo. To compare compensators on the "
+                f"axis, add [servo] with {entries}{where}."
             )
         if best.mass <= 0.0 and servo.mass is None:
             return "No compensator was compared, because the moved mass is unknown. Add mass = ... to [servo]."

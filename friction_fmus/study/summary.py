@@ -10,6 +10,7 @@ from friction_fmus.study.compensators import Candidate
 from friction_fmus.study.config import StudyConfig
 from friction_fmus.study.data import Data
 from friction_fmus.study.evaluation import Evaluation
+from friction_fmus.study.ranking import shown
 from friction_fmus.study.records import CompensatorResult
 from friction_fmus.study.steps import Step
 from harness import Progress
@@ -60,7 +61,7 @@ def overview(config: StudyConfig, data: Data) -> dict[str, str]:
         overview["servo"] = (
             f"{servo.law} with {gains}; sample time {1e3 * servo.Ts:g} ms, force limit ±{servo.force_limit:.4g} "
             f"{record.units.force}, velocity over {servo.window} samples, encoder resolution "
-            + (f"{1e9 * servo.quantum:g} n{record.units.position}" if servo.quantum else "unlimited")
+            + (shown(servo.quantum, record.units.position) if servo.quantum else "unlimited")
         )
         overview["compensation"] = (
             f"gains {', '.join(f'{gain:g}' for gain in wanted.gains)}; worst case with friction and mass "
