@@ -11,7 +11,7 @@ from friction_fmus.axis.servo import Servo
 from harness import FmuPart, System, Wire
 from harness.system.wire import parse_wire, split_name
 
-PLANT: Final = ("axis", "friction", "encoder", "measured", "noise")
+PLANT: Final = ("axis", "friction", "position", "encoder", "measured", "noise")
 """Parts that stand for the machine; the README describes the connections of all others."""
 
 SUMS: Final = ("force", "unexplained")
