@@ -39,7 +39,13 @@ DASHES = ("solid", "dashed", "dotted")
 
 
 def write_results(
-    found: ModelComparison, measurement: Measurement, findings: Sequence[Finding], windows: Mapping[str, Any], out: Path
+    found: ModelComparison,
+    measurement: Measurement,
+    findings: Sequence[Finding],
+    windows: Mapping[str, Any],
+    out: Path,
+    *,
+    fmus: bool = True,
 ) -> list[Path]:
     """Write all files of a comparison of models; if that fails, the folder is left unchanged.
 
@@ -57,6 +63,8 @@ def write_results(
         Windows ``train`` and ``validation``, if given.
     out : Path
         Folder; created if needed.
+    fmus : bool
+        Whether the FMUs are written.
 
     Returns
     -------
@@ -78,10 +86,10 @@ def write_results(
         with tempfile.TemporaryDirectory(prefix=".identify-", dir=out) as scratch:
             stage = Path(scratch)
             lacking = toolchain.lacking()
-            if lacking is not None:
+            if fmus and lacking is not None:
                 _LOG.warning("the results are written without FMUs: %s", lacking)
             for result in found.results:
-                if lacking is None:
+                if fmus and lacking is None:
                     result.to_fmu(stage)
                     if result.position is not None:
                         rotary = result.records[0].units == ROTARY

@@ -52,12 +52,15 @@ class Bench:
         Reference FMU and initial state.
     r : array, shape (samples,)
         Reference [m].
+    run_up : int
+        Number of samples before the first one of the record, in which the axis starts from rest.
     """
 
     servo: Servo
     plant: Plant
     trajectory: Trajectory
     r: Array
+    run_up: int = 0
 
 
 @dataclass(frozen=True)

@@ -184,6 +184,11 @@ def inverse_model(
         for p in fit.parameters.values()
     )
     Fc = fit.parameters["Fc"].value
+    negative = [p for p in fit.parameters.values() if p.name != "OF" and p.value < 0.0]
+    if negative:
+        listed = ", ".join(f"{p.name} = {p.value:.4g} {p.unit}" for p in negative)
+        reason = f"the force fits negative parameters ({listed})."
+        return IdentifiedModel(ModelResult(INVERSE, summary, "inverse", rows, reason=reason, simulations=0))
     force = record.column("force")
     train = Fit(fit.relative_residual * _rms(force), 100.0 * fit.relative_residual, "force", record.units.force)
     validated = inverse_residual(fit, validation)
@@ -195,7 +200,7 @@ def inverse_model(
         fit.parameters["OF"].value,
         (validated or train).rms,
     )
-    if measured is None or found.mass <= 0.0:
+    if measured is None:
         return found
     try:
         return in_closed_loop(found, measured)

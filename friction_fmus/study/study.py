@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from friction_fmus.axis.loop import Trajectory
+from friction_fmus.axis.start import from_rest
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
@@ -182,7 +183,8 @@ class _Study:
         if models[0].row.rank is None:
             models = ranked(without_loop(models))
         best = models[0]
-        findings += mass_findings(self.config.servo, best, data.longest.units.inertia)
+        if not any(finding.stops for finding in findings):  # otherwise the mass is a consequence
+            findings += mass_findings(self.config.servo, best, data.longest.units.inertia)
         if best.row.rank is None:
             raise StudyError(
                 f"No friction model could be identified from {data.longest.name!r}; reason of the first one: "
@@ -299,15 +301,16 @@ class _Study:
             motion = filtered_motion(record, default_settings(record))
             r = record.column("q")[0] + np.concatenate([[0.0], np.cumsum(motion.v[:-1]) * record.Ts])
         last = min(t[-1], wanted.duration or t[-1])
-        at = servo.Ts * np.arange(float(round(last / servo.Ts) + 1))
-        r = np.interp(at, t, r)
+        recorded = np.interp(servo.Ts * np.arange(float(round(last / servo.Ts) + 1)), t, r)
+        r = from_rest(recorded, servo.Ts)
+        at = servo.Ts * np.arange(float(len(r)))
         reference = build_reference(at, r, self.out / CACHE, f"{identifier(record.name)}Path", data.rotary)
         plant = best.plant if best.mass > 0.0 else replace(best.plant, mass=servo.mass or 0.0)
         v0 = float((r[1] - r[0]) / servo.Ts)
         trajectory = Trajectory(
             reference, len(at), float(r[0]), v0, wanted.motion_feedforward, plant.offset, rotary=data.rotary
         )
-        return Bench(servo, plant, trajectory, r)
+        return Bench(servo, plant, trajectory, r, len(r) - len(recorded))
 
     def _compensators(
         self, data: Data, models: Sequence[IdentifiedModel], bench: Bench
@@ -318,7 +321,7 @@ class _Study:
             bench.servo,
             bench.plant,
             {found.block: found.values for found in reversed(models) if found.row.rank is not None},
-            period_of(bench.r, 100),
+            period_of(bench.r[bench.run_up :], 100),
             float(np.max(np.abs(np.diff(bench.r)))) / bench.servo.Ts,
             data.rotary,
         )
