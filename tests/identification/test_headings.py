@@ -110,6 +110,13 @@ def test_lines_above_the_table_are_skipped(tmp_path: Path) -> None:
     assert_is_the_axis(saved(tmp_path, head + body[0] + "\n" + units + "REAL;LREAL;LREAL\n" + body[1] + "EOF\n"))
 
 
+def test_a_recorder_whose_first_line_is_a_name(tmp_path: Path) -> None:
+    head = "Name;Trace_1\nKommentar;\nAufzeichnung;01.02.2024 12:00:00\nAbtasttakt;2 ms\n\n"
+    rows = table("Zeit [ms];Lageistwert [mm];Kraftistwert [N]").splitlines()
+    numbered = [f"{i};{row}" if i else f"Nr.;{row}" for i, row in enumerate(rows)]
+    assert_is_the_axis(saved(tmp_path, head + "\n".join(numbered)))
+
+
 def test_a_trace_with_blanks_of_codesys_2(tmp_path: Path) -> None:
     r"""`Trace in ASCII file`: a title, the project, the names, then rows."""
     body = table("Cycle PLC_PRG.ActPos PLC_PRG.Kraft", " ").replace("Cycle", "Time[ms]")
