@@ -81,6 +81,9 @@ def test_headings_of_drives_in_english_and_german(heading: str, unit: str, role:
         ("Axis 1.LagError", "mm"),
         ("Schleppfehler.Position", "mm"),
         ("u", "V"),
+        ("x_d", "mm"),  # the desired position of some, the velocity of others
+        ("x_d", ""),
+        ("Position_min", ""),  # no position in minutes
         ("temperature", "K"),
     ],
 )
