@@ -10,8 +10,8 @@ from friction_fmus.axis.loop import block, closed_loop, typed, with_gain
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.export import export_law
 from friction_fmus.fmi.package import build
-from friction_fmus.study.compensators import Candidate
-from friction_fmus.study.evaluation import Bench
+from friction_fmus.study.evaluation import Scheme
+from friction_fmus.study.metrics import Bench
 from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.records import WrittenFile
 from harness import FmuPart, Parameter, ParameterSet, open_archive, write_ssv
@@ -20,9 +20,7 @@ OWN: Final = "recommended"
 """Folder of the files of the recommendation."""
 
 
-def export_recommended(
-    out: Path, bench: Bench, candidate: Candidate | None, gain: float, name: str, citation: str
-) -> tuple[WrittenFile, ...]:
+def export_recommended(out: Path, bench: Bench, scheme: Scheme, name: str, citation: str) -> tuple[WrittenFile, ...]:
     """Write the files needed to use the recommended compensator.
 
     Parameters
@@ -31,10 +29,8 @@ def export_recommended(
         Folder of the results.
     bench : Bench
         Axis and reference.
-    candidate : Candidate or None
-        Compensator; None for the axis without one.
-    gain : float
-        Gain of the compensation.
+    scheme : Scheme
+        What is added to the axis.
     name : str
         Name of the axis.
     citation : str
@@ -43,31 +39,37 @@ def export_recommended(
     Returns
     -------
     tuple of WrittenFile
-        Written files. `axis.ssp` contains all FMUs and parameters of the axis. The gain is set in the compensator's
-        parameter `gain`; its connection to the servo has the gain 1.
+        Written files. `axis.ssp` contains all FMUs and parameters of the axis. Gains are set in the parameter `gain` of
+        the laws; their connections to the servo have the gain 1.
     """
     folder = out / OWN
     folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    compensator = candidate.compensator if candidate is not None else None
+    written: list[WrittenFile] = []
+    laws = {"feedforward": scheme.feedforward, "compensator": scheme.compensator}
+    if scheme.compensator is None:
+        laws = {"compensator": scheme.feedforward}
     fmus = {}
-    if candidate is not None and compensator is not None:
+    for part, law in laws.items():
+        if law is None:
+            continue
         limits = {"u_min": -bench.servo.force_limit, "u_max": bench.servo.force_limit}
-        given = {**limits, "gain": gain, **compensator.values, "Ts": bench.servo.Ts}
-        values = typed(FmuPart("law", block(compensator.model, bench.trajectory.rotary)), given)
+        gain = {"gain": scheme.gain} if law is scheme.compensator else {}
+        given = {**limits, **gain, **law.values, "Ts": bench.servo.Ts}
+        values = typed(FmuPart("law", block(law.model, bench.trajectory.rotary)), given)
         domain: Literal["translational", "rotational"] = "rotational" if bench.trajectory.rotary else "translational"
-        fmus["compensator"] = build(compensator.model, folder, values, domain=domain)
-        written.append(
-            WrittenFile(_path(out, fmus["compensator"]), f"{compensator.model} with the parameters of the axis")
-        )
-        parameters = _parameters(fmus["compensator"], values)
-        write_ssv(ParameterSet(f"{name} {compensator.model}", parameters, _cited(citation)), folder / "compensator.ssv")
-        written.append(WrittenFile(f"{OWN}/compensator.ssv", f"Parameters of {compensator.model}, SSP 1.0"))
-        if find(compensator.model).kind == "law" and not bench.trajectory.rotary:
-            for file in export_law(compensator.model, folder / "c", start=values):
-                written.append(WrittenFile(_path(out, file), f"C code of {compensator.model} for an embedded target"))
-    with closed_loop(bench.servo, bench.plant, bench.trajectory, compensator, fmus) as system:
-        whole = with_gain(system, gain) if compensator is not None and compensator.output != "u" else system
+        fmus[part] = build(law.model, folder, values, domain=domain)
+        written.append(WrittenFile(_path(out, fmus[part]), f"{law.model} with the parameters of the axis"))
+        parameters = _parameters(fmus[part], values)
+        write_ssv(ParameterSet(f"{name} {law.model}", parameters, _cited(citation)), folder / f"{part}.ssv")
+        written.append(WrittenFile(f"{OWN}/{part}.ssv", f"Parameters of {law.model}, SSP 1.0"))
+        if find(law.model).kind == "law" and not bench.trajectory.rotary:
+            for file in export_law(law.model, folder / "c", start=values):
+                written.append(WrittenFile(_path(out, file), f"C code of {law.model} for an embedded target"))
+    first, second = (laws.get(part) for part in ("compensator", "feedforward"))
+    with closed_loop(scheme.servo, bench.plant, bench.trajectory, first, fmus, feedforward=second) as system:
+        # an output other than u does not contain the parameter gain
+        outside = first is not None and first.output != "u"
+        whole = with_gain(system, scheme.gain) if outside else system
         whole.to_ssp(folder / "axis.ssp")
         title = "SSP archive of the whole axis: reference, compensator, servo, mass, friction"
         written.append(WrittenFile(f"{OWN}/axis.ssp", title))

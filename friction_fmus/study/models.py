@@ -29,8 +29,8 @@ from friction_fmus.identification import (
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.scores import weak_parameters
 from friction_fmus.identification.fit.simulation_data import default_settings
-from friction_fmus.study.evaluation import thinned
 from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult
+from friction_fmus.study.thinning import thinned
 from harness import HarnessError
 
 ALIKE: Final = 0.05

@@ -10,9 +10,9 @@ import numpy as np
 from friction_fmus.axis.loop import block, typed
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion
 from friction_fmus.identification.fit.simulation_data import default_settings
-from friction_fmus.study.evaluation import thinned
 from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.records import Curve, Picture
+from friction_fmus.study.thinning import thinned
 from harness import Experiment, FmuPart, SeriesPart, System
 
 DRAWN: Final = 4

@@ -10,18 +10,22 @@ from typing import Any
 
 from friction_fmus.identification import AxisUnits
 from friction_fmus.notebook import study_html, study_text
+from friction_fmus.study.ranking import Weights
 from friction_fmus.study.records import (
     CompensatorResult,
     ConditionResult,
     Corner,
     Curve,
     Fit,
-    GainPoint,
     IdentifiedParameter,
+    Limits,
+    LoopMargins,
     Metrics,
     ModelResult,
     Picture,
     Recommendation,
+    Rung,
+    Trial,
     WrittenFile,
 )
 
@@ -55,8 +59,12 @@ class StudyResult:
         Friction model of the axis in the co-simulation; empty if no compensator was simulated.
     no_compensation : str
         Reason why no compensator was simulated; empty otherwise.
-    servos : mapping of str to Metrics
-        Servo without friction compensation: "as measured" and, if used in the comparison, "with motion feedforward".
+    ladder : tuple of Rung
+        Rungs from the axis as measured to the best compensation.
+    limits : Limits or None
+        Limits on the margins of the compared loops; None if no compensator was simulated.
+    weights : Weights
+        Weights of the figures in the ranking.
     compensators : tuple of CompensatorResult
         "none" first, then compensators by rank, then those that do not apply.
     recommendation : Recommendation
@@ -83,7 +91,9 @@ class StudyResult:
     models: tuple[ModelResult, ...]
     plant: str
     no_compensation: str
-    servos: Mapping[str, Metrics]
+    ladder: tuple[Rung, ...]
+    limits: Limits | None
+    weights: Weights
     compensators: tuple[CompensatorResult, ...]
     recommendation: Recommendation
     doctor: tuple[ConditionResult, ...]
@@ -174,13 +184,16 @@ __all__ = [
     "Corner",
     "Curve",
     "Fit",
-    "GainPoint",
     "IdentifiedParameter",
+    "Limits",
+    "LoopMargins",
     "Metrics",
     "ModelResult",
     "Picture",
     "Recommendation",
+    "Rung",
     "StudyResult",
+    "Trial",
     "WrittenFile",
     "plain",
 ]

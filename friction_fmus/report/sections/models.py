@@ -10,7 +10,7 @@ from friction_fmus.report.numbers import number, quantity
 from friction_fmus.study.models import ALIKE
 from friction_fmus.study.result import Fit, ModelResult, StudyResult
 
-PLACE = 30
+PLACE = 40
 TITLE = "Models"
 
 

@@ -9,7 +9,7 @@ from friction_fmus.report.figures import Plot, lines
 from friction_fmus.report.views import axes, reversal
 from friction_fmus.study.result import Picture, StudyResult
 
-PLACE = 20
+PLACE = 30
 TITLE = "Record"
 
 
