@@ -38,7 +38,8 @@
     FRICTION(F_friction)      \
     MASS    (m)               \
     DAMPER  (d)               \
-    SPRING  (k)
+    SPRING  (k)               \
+    SUPPORT (v_support)
 /* clang-format on */
 
 #define STEPS_BY step

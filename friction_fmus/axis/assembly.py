@@ -9,10 +9,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from friction_fmus.axis.elements import Compensator, Plant, Trajectory
 from friction_fmus.axis.servo import Servo
 from friction_fmus.fmi.package import fmu
-from harness import FmuPart, Part, Wire
+from harness import FmuPart, Part, SeriesPart, Wire
 from harness.parts.part import StartValue
 
 
@@ -99,11 +101,12 @@ class LoopAssembly:
     def add_servo(self, mass: float) -> None:
         """Add the feedback law; `mass` is the mass of its inertia feedforward."""
         servo, motion = self.servo, self.trajectory.motion
-        values = {**servo.gains, **self.limits, "Ts": servo.Ts, "m": mass if motion else 0.0}
+        inertia = mass if motion else servo.inertia_feedforward
+        values = {**servo.gains, **self.limits, "Ts": servo.Ts, "m": inertia}
         self.add("servo", servo.law, values)
         self.wires += ["reference.r -> servo.r", f"{self.position} -> servo.x", "velocity.v -> servo.v"]
         self.wires.append(Wire("servo.u", "axis.F_drive", delay=self.every * servo.delay))
-        for name, known in (("rd", motion or servo.velocity_feedforward), ("rdd", motion)):
+        for name, known in (("rd", motion or servo.velocity_feedforward), ("rdd", inertia > 0.0)):
             if known:
                 self.wires.append(f"reference.{name} -> servo.{name}")
             else:
@@ -116,7 +119,15 @@ class LoopAssembly:
 
     def add_compensation(self, compensator: Compensator | None, feedforward: Compensator | None) -> None:
         """Add the forces of feedforward and compensator and the constant force to the output of the servo."""
-        offset = self.trajectory.offset
+        offset, injected = self.trajectory.offset, self.trajectory.injected
+        if injected is not None:
+            if compensator is not None:
+                raise ValueError("a loop with a compensator has no injected force")
+            t = self.servo.Ts * np.arange(float(len(injected)))
+            unit = {"F": "N.m" if self.trajectory.rotary else "N"}
+            self.parts.append(SeriesPart("injected", t, {"F": injected}, unit, interpolation="previous", beyond="hold"))
+            self.wires.append(Wire("injected.F", "servo.f", offset=offset))
+            return
         if compensator is None:
             self.start["servo.f"] = offset
             return
@@ -144,19 +155,19 @@ class LoopAssembly:
             self.wires.append("unexplained.y -> compensator.u_prev")
 
     def _add_law(self, name: str, law: Compensator) -> FmuPart:
-        part = self.add(name, law.model, {**self.limits, "Ts": self.servo.Ts, **law.values})
         """Add a law with its limits, and connect the signals that it uses."""
+        part = self.add(name, law.model, {**self.limits, "Ts": self.servo.Ts, **law.values})
         known = {"x": self.position, "v": "velocity.v", **{port: f"reference.{port}" for port in ("r", "rd", "rdd")}}
         taken = {port.name for port in part.inputs}
         self.wires += [f"{source} -> {name}.{port}" for port, source in known.items() if port in taken]
         return part
 
     def add_plant(self, plant: Plant) -> None:
-        """Add mass and friction."""
+        """Add mass, friction, and the force over position."""
         trajectory = self.trajectory
         own = {"m": plant.mass, "x0": trajectory.x0, "v0": trajectory.v0}
         self.add("axis", "Mass", own, sampled=False)
-        self.start["axis.F_load"] = trajectory.load - plant.offset
+        self.start |= constant_force(plant, trajectory.load - plant.offset)
         contact = self.add("friction", plant.friction, plant.values, sampled=False)
         self.wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
         if "Fn0" in plant.values:  # the friction was identified at this normal force, which is constant
@@ -164,6 +175,18 @@ class LoopAssembly:
             self.start |= {f"{part.name}.Fn": plant.values["Fn0"] for part in loaded}
         if _has_input(contact, "F_ext"):
             self.wires.append("axis.F_ext -> friction.F_ext")
+        if plant.position is not None:
+            part = FmuPart("position", self.fmus.get("position") or plant.position.fmu(trajectory.rotary))
+            self.parts.append(part)
+            self.start |= {f"position.{name}": value for name, value in plant.position.start.items()}
+            self.wires += ["axis.x -> position.x", "axis.v -> position.v"]
+            # a step late, so that only mass and friction are solved jointly: the force hardly changes in a step
+            self.wires.append(Wire("position.F_position", "axis.F_load", delay=1))
+
+
+def constant_force(plant: Plant, force: float) -> dict[str, StartValue]:
+    """Return the start value that applies a constant force to the axis."""
+    return {"axis.F_load" if plant.position is None else "position.F0": force}
 
 
 def _has_input(part: Part, name: str) -> bool:

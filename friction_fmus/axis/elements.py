@@ -6,6 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from friction_fmus.axis.position_map import PositionMap
+
 
 @dataclass(frozen=True)
 class Plant:
@@ -21,12 +26,15 @@ class Plant:
         Moved mass [kg].
     offset : float
         Constant force that the drive needs in addition to friction [N].
+    position : PositionMap or None
+        Force that depends on position.
     """
 
     friction: str
     values: Mapping[str, float]
     mass: float
     offset: float = 0.0
+    position: PositionMap | None = None
 
     @property
     def stiffness(self) -> float:
@@ -67,6 +75,8 @@ class Trajectory:
     noise : Path or None
         FMU whose output r is noise of standard deviation 1 at the samples of the servo; needed if the position of the
         servo is noisy.
+    injected : array, shape (samples,), or None
+        Force added to the output of the servo from outside, for a loop without compensator [N].
     """
 
     reference: Path
@@ -78,3 +88,4 @@ class Trajectory:
     rotary: bool = False
     load: float = 0.0
     noise: Path | None = None
+    injected: NDArray[np.float64] | None = field(default=None, compare=False)

@@ -33,6 +33,8 @@ class Servo:
         Resolution of the position measurement [m]; 0 if it is exact.
     velocity_feedforward : bool
         Whether the measured servo received the reference velocity.
+    inertia_feedforward : float
+        Mass with which the measured servo multiplied the reference acceleration [kg]; 0 for none.
     mass : float or None
         Moved mass [kg]; needed if the record has no drive force to identify it from.
     delay : int
@@ -48,6 +50,7 @@ class Servo:
     window: int = 2
     quantum: float = 0.0
     velocity_feedforward: bool = False
+    inertia_feedforward: float = 0.0
     mass: float | None = None
     delay: int = 0
     noise: float = 0.0

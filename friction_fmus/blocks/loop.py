@@ -30,6 +30,8 @@ class Plant:
         For a motor and a load connected by a spring: both masses, stiffness and damping; else empty.
     belt : str
         Parameter with the speed of the ground; empty if the ground is at rest.
+    support : str
+        Input with the speed of the other end of spring and damper; empty if it is at rest.
     """
 
     forces: tuple[str, ...]
@@ -39,6 +41,7 @@ class Plant:
     stiffness: str = ""
     flexible: tuple[str, ...] = ()
     belt: str = ""
+    support: str = ""
 
 
 @dataclass(frozen=True)
@@ -162,7 +165,7 @@ class InLoop:
 
 
 _KINDS = (
-    *("FORCES", "FRICTION", "MASS", "DAMPER", "SPRING", "FLEXIBLE", "BELT"),
+    *("FORCES", "FRICTION", "MASS", "DAMPER", "SPRING", "FLEXIBLE", "BELT", "SUPPORT"),
     *("SENSOR", "QUANTUM", "VELOCITY", "DRIVE", "LAG", "DELAY", "COGGING"),
     *("LAW", "INERTIA", "FILTER", "RULES"),
 )
@@ -202,8 +205,10 @@ Rows = Mapping[str, tuple[str, ...]]
 
 
 def _plant(rows: Rows) -> Plant:
-    (mass,), (damper,), (spring,), (belt,) = (rows.get(key, ("",)) for key in ("MASS", "DAMPER", "SPRING", "BELT"))
-    return Plant(rows["FORCES"], rows.get("FRICTION", ()), mass, damper, spring, rows.get("FLEXIBLE", ()), belt)
+    keys = ("MASS", "DAMPER", "SPRING", "BELT", "SUPPORT")
+    (mass,), (damper,), (spring,), (belt,), (support,) = (rows.get(key, ("",)) for key in keys)
+    flexible = rows.get("FLEXIBLE", ())
+    return Plant(rows["FORCES"], rows.get("FRICTION", ()), mass, damper, spring, flexible, belt, support)
 
 
 def _law(rows: Rows, friction: Friction | None) -> Loop:

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from friction_fmus.cli.console import console, styled
-from friction_fmus.identification import Finding, Identification, Measurement, Record
+from friction_fmus.identification import AxisUnits, Finding, Identification, Measurement, Record
+from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.plot import NAMES
 from friction_fmus.identification.survey import ModelComparison
 
@@ -72,10 +73,25 @@ def show_parameters(result: Identification) -> None:
         mark = styled(("poorly identifiable", "yellow")) if name in result.weak else ""
         table.add_row(name, value, error, _unit(estimate.unit), mark)
     console.print(table)
+    if result.position is not None:
+        console.print(_position_text(result.position, result.records[0].units), soft_wrap=True)
     for name, reason in result.weak.items():
         console.print(styled((name, "yellow"), f" is poorly identifiable: {reason}"), soft_wrap=True)
     for warning in result.warnings:
         console.print(styled(("warning", "yellow"), f" {warning}"), soft_wrap=True)
+
+
+def _position_text(found: PositionFit, units: AxisUnits) -> str:
+    grid = found.table.grid
+    cogging, friction = (
+        math.sqrt(sum(value**2 for value in column) / grid.nodes)
+        for column in (found.table.cogging, found.table.friction)
+    )
+    return (
+        f"force over position: {grid.nodes} nodes every {grid.spacing:.3g} {units.position}, cogging {cogging:.3g} and "
+        f"friction {friction:.3g} {units.force} rms; error in cross-validation {found.crossed:.4g} {units.force}, "
+        f"without it {found.crossed_without:.4g} {units.force}"
+    )
 
 
 def _digits(value: float, error: float) -> str:

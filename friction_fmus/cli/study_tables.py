@@ -13,6 +13,7 @@ from friction_fmus.study.result import StudyResult
 
 def show_study(console: Console, result: StudyResult) -> None:
     """Print models, compensators, recommendation and violated conditions."""
+    show_servo(console, result)
     console.print(model_table(result))
     failed = [f"{row.name} ({row.reason})" for row in result.models if row.rank is None]
     if failed:
@@ -46,6 +47,22 @@ def show_study(console: Console, result: StudyResult) -> None:
         console.print(styled("Doctor: ", (row.name, "bold red"), f", {row.wrong}; {row.change}"))
     if result.doctor and not wrong:
         console.print(f"Doctor: all {len(result.doctor)} conditions of the recommended loop hold.")
+    console.print()
+
+
+def show_servo(console: Console, result: StudyResult) -> None:
+    """Print how well the servo as configured reproduces the record, and the findings."""
+    check = result.servo_check
+    if check.residual is not None:
+        within = "reproduces" if check.residual.percent <= check.allowed else "does not reproduce"
+        console.print(
+            f"The servo as configured {within} the recorded drive force: residual {check.residual.percent:.3g} % of "
+            f"its rms value, {check.allowed:.3g} % allowed."
+        )
+    elif check.reason:
+        console.print(check.reason)
+    for finding in result.findings:
+        console.print(styled((finding.name, "bold red"), f": {finding.what} {finding.change}"))
     console.print()
 
 

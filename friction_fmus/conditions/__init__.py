@@ -37,6 +37,7 @@ from .position_loop import (
     steepest_fall,
     stick_slip_free,
 )
+from .pulled import critical_speed, pulled_mass
 from .quoted import quotes
 from .shaking import dither_frequency, dither_stroke, pulses, slide, slide_in_loop
 
@@ -54,6 +55,7 @@ __all__ = [
     "cogging_slope",
     "contact_step",
     "contraction",
+    "critical_speed",
     "dead_band",
     "disturbance_loop",
     "disturbance_observer",
@@ -77,6 +79,7 @@ __all__ = [
     "prefilter_match",
     "preview",
     "process_sensitivity",
+    "pulled_mass",
     "pulses",
     "quotes",
     "routh",

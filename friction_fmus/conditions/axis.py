@@ -91,6 +91,15 @@ def cogging(Kp: float, slope: float) -> Condition:
     )
 
 
+def fall_at(Fc: float, Fs: float, vs: float, delta: float, v: float) -> float:
+    """Return how steeply the Stribeck curve falls at a speed, -g'(v) [N.s/m]; 0 at rest, see `steepest_fall`."""
+    speed = abs(v)
+    if speed == 0.0 or at_most(Fs, Fc) or steepest_fall(Fc, Fs, vs, delta) == 0.0:
+        return 0.0
+    power = min(delta * math.log(speed / vs), 700.0)
+    return (Fs - Fc) * delta / speed * math.exp(power - math.exp(min(power, 6.5)))
+
+
 def belt(damping: float, Fc: float, Fs: float, vs: float, delta: float, v: float) -> Condition:
     """Check that a mass on a belt slides steadily at the belt speed v: d + s2 + g'(v) > 0.
 
@@ -108,12 +117,7 @@ def belt(damping: float, Fc: float, Fs: float, vs: float, delta: float, v: float
     Condition
         Its value is the damping, its bound the fall of friction -g'(v) [N.s/m].
     """
-    speed = abs(v)
-    if speed == 0.0 or at_most(Fs, Fc) or steepest_fall(Fc, Fs, vs, delta) == 0.0:
-        fall = 0.0
-    else:
-        power = min(delta * math.log(speed / vs), 700.0)
-        fall = (Fs - Fc) * delta / speed * math.exp(power - math.exp(min(power, 6.5)))
+    speed, fall = abs(v), fall_at(Fc, Fs, vs, delta, v)
     return Condition(
         name="belt",
         ok=above(damping, fall),

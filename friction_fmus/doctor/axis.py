@@ -188,6 +188,8 @@ class Axis:
         Part and largest slope [N/m] of a position-dependent force.
     belt : float or None
         Speed of the belt under the mass [m/s].
+    support : float or None
+        Speed of the other end of spring and damper [m/s].
     shapers : tuple of Shaper
         Prefilters of the references.
     """
@@ -203,6 +205,7 @@ class Axis:
     at_load: bool = False
     cogging: tuple[str, float] | None = None
     belt: float | None = None
+    support: float | None = None
     shapers: tuple[Shaper, ...] = ()
 
     def driven(self, damping: float, stiffness: float, measured: tuple[bool, bool] = (False, False)) -> DrivenPlant:

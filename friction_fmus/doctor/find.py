@@ -154,6 +154,7 @@ def _axis(system: System, parts: Parts, drivers: Drivers, name: str, plant: Plan
         at_load=at_load,
         cogging=_cogging(system, parts, drivers, name, plant),
         belt=p.get(plant.belt),
+        support=p.get(plant.support),
         shapers=tuple(_shapers(system, parts, drivers, laws)),
     )
 

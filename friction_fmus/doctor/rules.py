@@ -27,6 +27,7 @@ def examine_axis(axis: Axis) -> Iterator[Finding]:
         yield from _around(axis, servo, gains)
         yield from _inertia(axis, servo, gains)
     yield from _on_a_belt(axis)
+    yield from _pulled(axis)
     yield from _compensated(axis)
     for used in axis.laws:
         for rule in used.law.rules:
@@ -119,6 +120,17 @@ def _on_a_belt(axis: Axis) -> Iterator[Finding]:
     if at.vs:
         damping = axis.damping + at.viscous
         yield Finding(_plant(axis), conditions.belt(damping, at.Fc, at.Fs, at.vs, at.delta, axis.belt))
+
+
+def _pulled(axis: Axis) -> Iterator[Finding]:
+    """Yield the stick-slip cycle of a mass that a spring pulls, without a controller."""
+    if not axis.support or axis.contact is None or axis.servo is not None or not axis.stiffness > 0.0:
+        return
+    at = axis.contact.levels[0 if axis.support > 0.0 else 1]
+    if above(at.Fs, at.Fc):
+        spring = (axis.m, axis.stiffness, axis.damping + at.viscous)
+        found = conditions.pulled_mass(*spring, at.Fc, at.Fs, at.vs, at.delta, axis.support)
+        yield Finding(_plant(axis), found)
 
 
 def _compensated(axis: Axis) -> Iterator[Finding]:

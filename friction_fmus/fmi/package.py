@@ -132,7 +132,11 @@ def _shipped(model: str | Path) -> Path | None:
     return path if str(model) in listing() and path.is_file() else None
 
 
-def fmu(name: str | Path, domain: Literal["translational", "rotational"] = "translational") -> Path:
+def fmu(
+    name: str | Path,
+    domain: Literal["translational", "rotational"] = "translational",
+    files: Mapping[str, str] | None = None,
+) -> Path:
     """Return the FMU of a block with its default start values.
 
     An installed package contains the FMUs of its blocks for all platforms. For a user's file, or in a checkout, the FMU
@@ -143,6 +147,8 @@ def fmu(name: str | Path, domain: Literal["translational", "rotational"] = "tran
     name : str or Path
         Name or file of the block, see `build`.
     domain : {"translational", "rotational"}
+        See `build`.
+    files : mapping of str to str, optional
         See `build`.
 
     Returns
@@ -155,9 +161,9 @@ def fmu(name: str | Path, domain: Literal["translational", "rotational"] = "tran
     UnknownNameError, BuildError
         If the model is unknown; if it cannot be built.
     """
-    if domain == "translational" and (shipped := _shipped(name)):
+    if domain == "translational" and not files and (shipped := _shipped(name)):
         return shipped
-    file, content = _built(name, None, None, None, domain, ("native",))
+    file, content = _built(name, None, None, files, domain, ("native",))
     # one folder per content, as another version of this package may use the same cache
     return _write(content, toolchain.cache_folder() / "models" / hashlib.sha256(content).hexdigest()[:16] / file)
 

@@ -19,9 +19,11 @@ from matplotlib.figure import Figure
 
 from friction_fmus.identification.data.findings import Finding
 from friction_fmus.identification.data.reading import Measurement
+from friction_fmus.identification.data.record import ROTARY
 from friction_fmus.identification.errors import IdentificationError
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.models import contact_model
+from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.scores import Score
 from friction_fmus.identification.parameter_files import Parameter, toml_text
 from friction_fmus.identification.plot import NAMES
@@ -81,6 +83,9 @@ def write_results(
             for result in found.results:
                 if lacking is None:
                     result.to_fmu(stage)
+                    if result.position is not None:
+                        rotary = result.records[0].units == ROTARY
+                        result.position.table.to_fmu(stage, f"{result.model}PositionMap", rotary)
                 result.to_ssv(stage / f"{result.model}.ssv")
                 result.plot(stage / f"{result.model}.png")
             (stage / "parameters.toml").write_text(_toml(found, measurement), encoding="utf-8")
@@ -228,9 +233,20 @@ def _result(result: Identification) -> dict[str, Any]:
         "aic": _finite(result.aic),
         "bic": _finite(result.bic),
         "standard_errors": result.errors,
+        "position": _position(result.position) if result.position else None,
         "warnings": list(result.warnings),
         "seconds": result.seconds,
         "simulations": result.simulations,
+    }
+
+
+def _position(found: PositionFit) -> dict[str, Any]:
+    return {
+        **asdict(found.table),
+        "cross_validation": found.crossed,
+        "cross_validation_without": found.crossed_without,
+        "train_without": _score(found.train_without) if found.train_without else None,
+        "validation_without": _score(found.validation_without) if found.validation_without else None,
     }
 
 

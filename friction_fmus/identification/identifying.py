@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.fitting import Fit, FitData
 from friction_fmus.identification.fit.idim import InverseModelSettings
 from friction_fmus.identification.fit.models import ContactModel, contact_model
+from friction_fmus.identification.fit.position import fit_with_table
 from friction_fmus.identification.fit.problem import Problem
 from friction_fmus.identification.fit.scores import Score, criteria, independent_samples, score, weak_parameters
 from friction_fmus.identification.fit.search import Loss, covariance
@@ -41,6 +43,7 @@ def identify(
     validation: Record | Sequence[Record] | None = None,
     starts: int | None = None,
     settings: InverseModelSettings | None = None,
+    position_map: bool = False,
 ) -> Identification:
     """Identify the parameters of a friction model from measured data.
 
@@ -71,6 +74,9 @@ def identify(
         contains all parameters, for models with elements, and in closed loop.
     settings : InverseModelSettings, optional
         Filter of the position and, for a drive force, of both sides of the equation; by default `default_settings`.
+    position_map : bool
+        Whether to identify cogging and position-dependent friction together with the friction model, if the record has
+        position and drive force and this improves the prediction, see `fit_with_table`.
 
     Returns
     -------
@@ -119,8 +125,15 @@ def identify(
     Fn0 = _reference_load(constraints, segments)
     with driven(contact.path) as drive:
         given = FitData(contact, drive, segments, traits(segments, Fn0 or 1.0), constraints, records[0].units, Fn0)
-        result = _result(model, contact, name, chosen.fit(given, loss, starts), signal, unit, records, settings)
-    checked = None if validation is None else _validated(result, validation)
+        fit = chosen.fit(given, loss, starts)
+        result = _result(model, contact, name, fit, signal, unit, records, settings)
+        with_table = fit_with_table(fit, given, loss) if position_map and signal == "force" else None
+        checked = None if validation is None else _validated(result, validation)
+        if with_table is not None:
+            fit, position = with_table
+            position = replace(position, train_without=result.train, validation_without=checked)
+            result = replace(_result(model, contact, name, fit, signal, unit, records, settings), position=position)
+            checked = None if validation is None else _validated(result, validation)
     return result.timed(time.perf_counter() - begin, checked)
 
 

@@ -11,6 +11,7 @@ from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.files import build_identified, write_parameters
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import InverseModelSettings
+from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.prediction import compare, predict
 from friction_fmus.identification.fit.scores import Score
 from friction_fmus.identification.plot import draw
@@ -69,6 +70,8 @@ class Identification:
         Filter as passed by the user.
     servo : ServoSettings or None
         Servo of an identification in closed loop.
+    position : PositionFit or None
+        Force over position identified together with the model.
     """
 
     model: str
@@ -95,6 +98,7 @@ class Identification:
     records: tuple[Record, ...] = field(default=(), repr=False)
     settings: InverseModelSettings | None = None
     servo: ServoSettings | None = None
+    position: PositionFit | None = None
 
     def __repr__(self) -> str:
         """Return a summary in one line."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from friction_fmus.identification import Array
-from friction_fmus.report.figures import FAINT, INK, STYLES, escaped, finished
+from friction_fmus.report.figures import FAINT, INK, STYLES, escaped, finished, thinned
+from friction_fmus.study.records import Curve
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,47 @@ def ladder_bars(rungs: Sequence[tuple[str, str]], errors: Array, title: str) -> 
     figure.update_xaxes(title=escaped(title), type="log", range=[float(low), float(high)], dtick=1)
     figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, range=[-len(rungs) + 0.45, 0.8])
     return finished(figure, 90 + 52 * len(rungs))
+
+
+def panels(
+    curves: Mapping[str, Curve], titles: tuple[str, str], factors: tuple[float, float], dots: bool = False
+) -> go.Figure:
+    """Draw one curve in each of several panels, one above the other, with the same axes.
+
+    Parameters
+    ----------
+    curves : mapping of str to Curve
+        Curves, by name.
+    titles : tuple of str
+        Titles of the axes, with units.
+    factors : tuple of float
+        Factors that convert x and y to the displayed units.
+    dots : bool
+        Whether the points are drawn; otherwise lines.
+    """
+    count = len(curves)
+    names = [escaped(name) for name in curves]
+    figure = make_subplots(rows=count, shared_xaxes=True, vertical_spacing=0.24 / count, subplot_titles=names)
+    for row, (name, curve) in enumerate(curves.items(), start=1):
+        x, y = thinned(curve, factors)
+        figure.add_scatter(
+            x=np.asarray(x, dtype=np.float32),
+            y=np.asarray(y, dtype=np.float32),
+            name=escaped(name),
+            meta=name,
+            mode="markers" if dots else "lines",
+            line={"color": "#0072B2", "width": 1.4},
+            marker={"color": "#0072B2", "size": 3, "opacity": 0.6},
+            row=row,
+            col=1,
+        )
+    figure.update_annotations(x=0.0, xanchor="left", font={"size": 13})
+    finished(figure, 90 + 130 * count)
+    figure.update_yaxes(matches="y", nticks=4)
+    figure.update_xaxes(title=escaped(titles[0]), row=count)
+    figure.update_yaxes(title=escaped(titles[1]), row=(count + 1) // 2)
+    figure.update_layout(margin={"t": 30})
+    return figure
 
 
 def tradeoffs(points: Sequence[Point], error: str, effort: str, limit: float | None) -> go.Figure:

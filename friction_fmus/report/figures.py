@@ -53,7 +53,9 @@ class Plot:
     label : str
         Label for screen readers.
     curves : bool
-        Whether the plot consists of curves; the page then has a legend and buttons to zoom.
+        Whether the plot consists of curves; the page then has buttons to zoom.
+    legend : bool
+        Whether the page has a legend for the curves.
     views : mapping of str to (float, float)
         Ranges of the horizontal axis, by label of the button that shows them.
     """
@@ -63,6 +65,7 @@ class Plot:
     caption: str
     label: str
     curves: bool = True
+    legend: bool = True
     views: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property

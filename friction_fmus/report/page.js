@@ -44,8 +44,11 @@
   function legend(box, light) {
     const list = document.getElementById(box.id + "-legend");
     if (!list) return;
+    const names = [...new Set(box.data.map((trace) => trace.meta))]; // a curve may be in two panels
     list.replaceChildren(
-      ...box.data.map((trace, i) => {
+      ...names.map((name) => {
+        const places = box.data.flatMap((trace, i) => (trace.meta === name ? [i] : []));
+        const trace = box.data[places[0]];
         const button = document.createElement("button");
         const sample = document.createElement("span");
         button.type = "button";
@@ -53,8 +56,8 @@
         sample.innerHTML = swatch(trace, light);
         button.append(sample, trace.meta);
         button.addEventListener("click", () => {
-          const seen = box.data[i].visible !== "legendonly";
-          Plotly.restyle(box, { visible: seen ? "legendonly" : true }, [i]);
+          const seen = box.data[places[0]].visible !== "legendonly";
+          Plotly.restyle(box, { visible: seen ? "legendonly" : true }, places);
           button.setAttribute("aria-pressed", String(!seen));
         });
         return button;
@@ -100,6 +103,30 @@
     return show(box, centre - half, centre + half);
   }
 
+  // rank the compensators with the weights of the reader, by the rule of the study
+  function weigh() {
+    const controls = document.querySelector(".weights");
+    const rows = [...document.querySelectorAll(".ranked tr[data-figures]")].slice(1); // the first one is without compensation
+    if (!controls || rows.length < 2) return;
+    const inputs = [...controls.querySelectorAll("input")];
+    const update = () => {
+      const weights = inputs.map((input) => Math.max(0, input.valueAsNumber || 0));
+      const score = (row) => row.dataset.figures.split(" ").reduce((sum, figure, i) => sum + weights[i] * Number(figure), 0);
+      const order = [...rows].sort((a, b) => b.dataset.improves - a.dataset.improves || score(a) - score(b));
+      order.forEach((row, i) => {
+        row.cells[0].textContent = String(i + 1);
+        row.cells[row.cells.length - 2].textContent = score(row).toFixed(2).replace("-", "−");
+        rows[0].parentElement.insertBefore(row, order[i - 1]?.nextSibling ?? rows[0].parentElement.rows[1] ?? null);
+      });
+    };
+    inputs.forEach((input) => input.addEventListener("input", update));
+    controls.querySelector("button").addEventListener("click", () => {
+      for (const input of inputs) input.value = input.dataset.default;
+      update();
+    });
+    controls.hidden = false;
+  }
+
   for (const box of boxes) {
     const { data, layout } = figure(box, false);
     await Plotly.newPlot(box, data, layout, {
@@ -114,6 +141,7 @@
     button.disabled = false;
     button.addEventListener("click", () => press(button));
   }
+  weigh();
   dark.addEventListener("change", () => boxes.forEach((box) => redraw(box, false)));
 
   window.addEventListener("beforeprint", () => {

@@ -55,6 +55,11 @@ class Comparison:
     chosen: Scheme
     limits: Limits
 
+    @property
+    def recommended(self) -> CompensatorResult:
+        """Recommended compensator, or the servo without compensation."""
+        return next((row for row in self.rows if row.name == self.recommendation.name), self.rows[0])
+
 
 def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, unit: str, run: RunSteps) -> Comparison:
     """Compare the compensators on an axis.

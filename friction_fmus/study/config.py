@@ -92,8 +92,12 @@ class StudyConfig:
         Servo of the axis; None for a contact without an axis.
     models : tuple of str or "all"
         Friction models to identify.
+    position_map : bool
+        Whether cogging and position-dependent friction are identified with each model, if this improves the prediction.
     compensation : Compensation
         Settings of the comparison of compensators.
+    bare : bool
+        Whether the study was started with a data file instead of its configuration, which it then writes.
     """
 
     name: str
@@ -102,7 +106,9 @@ class StudyConfig:
     folder: Path
     servo: Servo | None = None
     models: tuple[str, ...] | str = ALL
+    position_map: bool = True
     compensation: Compensation = field(default_factory=Compensation)
+    bare: bool = False
 
 
 def load_config(what: str | Path) -> StudyConfig:
@@ -111,7 +117,7 @@ def load_config(what: str | Path) -> StudyConfig:
     Parameters
     ----------
     what : str or Path
-        One of `RECORDS`, or the path of a TOML file.
+        One of `RECORDS`, the path of a TOML file, or the path of a data file whose headings name its columns.
 
     Returns
     -------
@@ -128,7 +134,11 @@ def load_config(what: str | Path) -> StudyConfig:
     if not path.is_file():
         hint = nearest(str(what), RECORDS)
         choice = ", ".join(RECORDS)
-        raise ConfigError(f"There is no file {what}{hint}; give the path of a configuration, or one of {choice}.")
+        raise ConfigError(
+            f"There is no file {what}{hint}; give the path of a data file or of a configuration, or one of {choice}."
+        )
+    if path.suffix.lower() != ".toml":
+        return StudyConfig(str(what), "", {"data": {"file": path.name}}, path.parent, bare=True)
     try:
         table = read_toml(path)
     except (OSError, ValueError) as error:
@@ -170,7 +180,7 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
         raise ConfigError(f'{origin}, [data], has no file; give the path of the data file as file = "...".')
     mapping = {name: content[name] for name in ("data", "columns", "windows") if name in content}
     models = tables["identify"]
-    models.known(("models",))
+    models.known(("models", "position_map"))
     return StudyConfig(
         origin,
         record,
@@ -178,15 +188,34 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
         folder,
         _servo(tables["servo"]) if "servo" in content else None,
         models.names("models"),
+        models.flag("position_map", True),
         _compensation(tables["compensation"]),
     )
+
+
+def read_models(path: Path) -> list[str]:
+    """Return the names of the models in the table ``[identify]`` of a TOML file; ``["all"]`` without one.
+
+    Raises
+    ------
+    ConfigError
+        If the file is not valid TOML, or this table has an invalid or unknown entry.
+    """
+    try:
+        content = read_toml(path)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path} cannot be read as TOML ({reason(error)}); correct it.") from error
+    models = _Table(content.get("identify", {}), f"{path}, [identify],", "identify")
+    models.known(("models",))
+    names = models.names("models")
+    return [names] if isinstance(names, str) else list(names)
 
 
 def _servo(table: _Table) -> Servo:
     law = table.text("law", choices=tuple(GAINS))
     names = GAINS[law]
-    other = ("law", "Ts", "force_limit", "window", "quantum", "velocity_feedforward", "mass", "delay", "noise")
-    table.known((*names, *other))
+    other = ("law", "Ts", "force_limit", "window", "quantum", "velocity_feedforward", "inertia_feedforward", "mass")
+    table.known((*names, *other, "delay", "noise"))
     gains = {name: table.number(name, low=0.0, above=True) for name in names[:-1]}
     return Servo(
         law,
@@ -195,6 +224,7 @@ def _servo(table: _Table) -> Servo:
         window=table.whole("window", 2, low=1, high=LONGEST_WINDOW),
         quantum=table.number("quantum", 0.0, low=0.0),
         velocity_feedforward=table.flag("velocity_feedforward", False),
+        inertia_feedforward=table.number("inertia_feedforward", 0.0, low=0.0),
         mass=table.number("mass", low=0.0, above=True) if "mass" in table.content else None,
         gains={**gains, names[-1]: table.number(names[-1], OPTIONAL_GAINS.get(names[-1]), low=0.0)},
         delay=table.whole("delay", 0, low=0, high=LONGEST_DELAY),

@@ -15,13 +15,19 @@ from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
 from friction_fmus.axis.servo import Servo
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.fmi.package import build_record
-from friction_fmus.identification import ROTARY, Array, Record, filtered_motion, read_mapping, read_measurement
+from friction_fmus.identification import (
+    ROTARY,
+    Array,
+    Measurement,
+    Record,
+    filtered_motion,
+    read_mapping,
+    read_measurement,
+)
+from friction_fmus.identification.data.windows import default_windows
 from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.config import ConfigError, StudyConfig
 from friction_fmus.study.models import Measured
-
-TRAIN: Final = 0.6
-"""Fraction of the record used for the fit if no windows are given; the rest is validation data."""
 
 LUGRE: Final[Mapping[str, float]] = {
     "sigma0": 1e5,
@@ -52,6 +58,8 @@ class Data:
         Known parameter values, by name of the model.
     findings : tuple of str
         Problems found in the data.
+    measurement : Measurement or None
+        The data file; None for a record of the package.
     """
 
     records: tuple[Record, ...]
@@ -59,11 +67,26 @@ class Data:
     validation: tuple[Record, ...]
     published: Mapping[str, Mapping[str, float]]
     findings: tuple[str, ...] = ()
+    measurement: Measurement | None = None
 
     @property
     def longest(self) -> Record:
         """Longest segment."""
         return max(self.records, key=len)
+
+    def with_total_force(self, included: bool) -> Data:
+        """Return the data with drive forces that contain the injected force.
+
+        Parameters
+        ----------
+        included : bool
+            Whether the recorded forces contain it already.
+        """
+
+        def total(records: tuple[Record, ...]) -> tuple[Record, ...]:
+            return tuple(replace(r, injected=None) if included else r.with_total_force() for r in records)
+
+        return replace(self, records=total(self.records), train=total(self.train), validation=total(self.validation))
 
     @property
     def rotary(self) -> bool:
@@ -89,6 +112,7 @@ def load_data(config: StudyConfig, scratch: Path) -> Data:
     published: Mapping[str, Mapping[str, float]] = {}
     findings: tuple[str, ...] = ()
     windows = dict(config.data.get("windows", {}))
+    measurement = None
     if config.record == "emps":
         records: tuple[Record, ...] = (load_emps().record,)
         published = {"inverse": dict(EMPS_PUBLISHED)}
@@ -100,10 +124,10 @@ def load_data(config: StudyConfig, scratch: Path) -> Data:
     else:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = read_measurement(read_mapping(config.data, config.folder, config.name))
-        records, findings = found.records, tuple(str(finding) for finding in found.findings)
-        windows = dict(found.mapping.windows)
-    return Data(records, *_windows(records, windows, config.name), published, findings)
+            measurement = read_measurement(read_mapping(config.data, config.folder, config.name))
+        records, findings = measurement.records, tuple(str(finding) for finding in measurement.findings)
+        windows = dict(measurement.mapping.windows)
+    return Data(records, *_windows(records, windows, config.name), published, findings, measurement)
 
 
 def demo(servo: Servo, scratch: Path) -> Record:
@@ -140,14 +164,31 @@ def tribometer() -> tuple[Record, ...]:
 
 
 def build_reference(t: Array, r: Array, folder: Path, name: str, rotary: bool = False) -> Path:
-    """Return an FMU that outputs a reference and its derivatives, computed by central differences."""
+    """Return an FMU that outputs a reference and its derivatives, computed by central differences.
+
+    A run ends one sample after the last of the record: for this sample the reference keeps its last velocity.
+    """
+    t, r = np.append(t, 2.0 * t[-1] - t[-2]), np.append(r, 2.0 * r[-1] - r[-2])
     rd = np.gradient(r, t)
     domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
     return build_record(t, r, rd, np.gradient(rd, t), folder, name=name, domain=domain)
 
 
-def measured_servo(data: Data, servo: Servo, folder: Path, name: str) -> Measured | None:
+def measured_servo(data: Data, servo: Servo, folder: Path, name: str, injected: Array | None = None) -> Measured | None:
     """Return the measured servo; None if the record has no position or no reference.
+
+    Parameters
+    ----------
+    data : Data
+        Data whose forces contain the injected force.
+    servo : Servo
+        Feedback and sensors.
+    folder : Path
+        Folder for the FMU of the reference.
+    name : str
+        Model identifier of the axis.
+    injected : array, shape (n,), optional
+        Force that was added to that of the servo in the longest record.
 
     Raises
     ------
@@ -166,7 +207,7 @@ def measured_servo(data: Data, servo: Servo, folder: Path, name: str) -> Measure
     reference = build_reference(t, record.reference, folder, f"{name}Reference", data.rotary)
     # the axis may be in motion at the start of the record
     v0 = float(filtered_motion(record, default_settings(record)).v[0])
-    trajectory = Trajectory(reference, len(record), float(record.q[0]), v0, rotary=data.rotary)
+    trajectory = Trajectory(reference, len(record), float(record.q[0]), v0, rotary=data.rotary, injected=injected)
 
     def samples(records: tuple[Record, ...]) -> tuple[int, int]:
         if not records:
@@ -176,7 +217,13 @@ def measured_servo(data: Data, servo: Servo, folder: Path, name: str) -> Measure
         return max(0, first), min(len(record), last + 1)
 
     return Measured(
-        servo, trajectory, record.q, record.force, samples(data.train), samples(data.validation or data.train)
+        servo,
+        trajectory,
+        record.q,
+        record.force,
+        record.reference,
+        samples(data.train),
+        samples(data.validation or data.train),
     )
 
 
@@ -185,9 +232,7 @@ def _windows(
 ) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
     """Return the data for the fit and for validation."""
     begin, end = records[0].t[0], records[-1].t[-1]
-    if not windows:
-        middle = begin + TRAIN * (end - begin)
-        windows = {"train": (begin, middle), "validation": (middle, end)}
+    windows = windows or default_windows(records)
 
     def cut(name: str) -> tuple[Record, ...]:
         if name not in windows:

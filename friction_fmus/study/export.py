@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, Literal
 
-from friction_fmus.axis.loop import block, closed_loop, typed, with_gain
+from friction_fmus.axis.loop import RECORDED, block, closed_loop, typed, with_gain
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.export import export_law
 from friction_fmus.fmi.package import build
@@ -14,13 +15,20 @@ from friction_fmus.study.evaluation import Scheme
 from friction_fmus.study.metrics import Bench
 from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.records import WrittenFile
-from harness import FmuPart, Parameter, ParameterSet, open_archive, write_ssv
+from friction_fmus.study.wiring import Figures, wiring
+from harness import FmuPart, Parameter, ParameterSet, System, open_archive, write_ssv
+from harness.storage.atomic import atomic_path
 
 OWN: Final = "recommended"
 """Folder of the files of the recommendation."""
 
+REFERENCE: Final = "reference.r"
+"""Recorded in `axis.ssp` in addition to the variables of `RECORDED`."""
 
-def export_recommended(out: Path, bench: Bench, scheme: Scheme, name: str, citation: str) -> tuple[WrittenFile, ...]:
+
+def export_recommended(
+    out: Path, bench: Bench, scheme: Scheme, name: str, citation: str, figures: Figures | None = None
+) -> tuple[WrittenFile, ...]:
     """Write the files needed to use the recommended compensator.
 
     Parameters
@@ -35,27 +43,31 @@ def export_recommended(out: Path, bench: Bench, scheme: Scheme, name: str, citat
         Name of the axis.
     citation : str
         Citation of the data.
+    figures : Figures, optional
+        Figures of the report that the files reproduce, for the README.
 
     Returns
     -------
     tuple of WrittenFile
-        Written files. `axis.ssp` contains all FMUs and parameters of the axis. Gains are set in the parameter `gain` of
-        the laws; their connections to the servo have the gain 1.
+        Written files. `axis.ssp` contains all FMUs and parameters of the axis. The gain is set in the parameter `gain`
+        of a law if its output `u` is used; otherwise it is the gain of the connection to the servo.
     """
     folder = out / OWN
     folder.mkdir(parents=True, exist_ok=True)
     written: list[WrittenFile] = []
-    laws = {"feedforward": scheme.feedforward, "compensator": scheme.compensator}
+    both = {"feedforward": scheme.feedforward, "compensator": scheme.compensator}
     if scheme.compensator is None:
-        laws = {"compensator": scheme.feedforward}
-    fmus = {}
+        both = {"compensator": scheme.feedforward}
+    laws = {part: law for part, law in both.items() if law is not None}
+    fmus: dict[str, Path] = {}
+    has_gain = True
     for part, law in laws.items():
-        if law is None:
-            continue
         limits = {"u_min": -bench.servo.force_limit, "u_max": bench.servo.force_limit}
         gain = {"gain": scheme.gain} if law is scheme.compensator else {}
         given = {**limits, **gain, **law.values, "Ts": bench.servo.Ts}
         values = typed(FmuPart("law", block(law.model, bench.trajectory.rotary)), given)
+        if part == "compensator":
+            has_gain = "gain" in values
         domain: Literal["translational", "rotational"] = "rotational" if bench.trajectory.rotary else "translational"
         fmus[part] = build(law.model, folder, values, domain=domain)
         written.append(WrittenFile(_path(out, fmus[part]), f"{law.model} with the parameters of the axis"))
@@ -63,16 +75,25 @@ def export_recommended(out: Path, bench: Bench, scheme: Scheme, name: str, citat
         write_ssv(ParameterSet(f"{name} {law.model}", parameters, _cited(citation)), folder / f"{part}.ssv")
         written.append(WrittenFile(f"{OWN}/{part}.ssv", f"Parameters of {law.model}, SSP 1.0"))
         if find(law.model).kind == "law" and not bench.trajectory.rotary:
-            for file in export_law(law.model, folder / "c", start=values):
+            code, prefix = (folder / "c" / part, part) if len(laws) > 1 else (folder / "c", "law")
+            for file in export_law(law.model, code, start=values, prefix=prefix):
                 written.append(WrittenFile(_path(out, file), f"C code of {law.model} for an embedded target"))
-    first, second = (laws.get(part) for part in ("compensator", "feedforward"))
-    with closed_loop(scheme.servo, bench.plant, bench.trajectory, first, fmus, feedforward=second) as system:
-        # an output other than u does not contain the parameter gain
-        outside = first is not None and first.output != "u"
-        whole = with_gain(system, scheme.gain) if outside else system
+    compensator = laws.get("compensator")
+    second = laws.get("feedforward")
+    with closed_loop(scheme.servo, bench.plant, bench.trajectory, compensator, fmus, feedforward=second) as system:
+        inside = compensator is None or (compensator.output == "u" and has_gain)
+        whole = system if inside else with_gain(system, scheme.gain)
+        assert whole.experiment is not None
+        experiment = replace(whole.experiment, record=(REFERENCE, *RECORDED))
+        whole = System(whole.parts.values(), whole.wires, whole.start, experiment, whole.name)
         whole.to_ssp(folder / "axis.ssp")
         title = "SSP archive of the whole axis: reference, compensator, servo, mass, friction"
         written.append(WrittenFile(f"{OWN}/axis.ssp", title))
+        has_code = any(file.path.startswith(f"{OWN}/c/") for file in written)
+        with atomic_path(folder / "README.md") as temporary:
+            text = wiring(whole, scheme.servo, figures, has_code)
+            temporary.write_text(text, encoding="utf-8", newline="\n")
+        written.append(WrittenFile(f"{OWN}/README.md", "Connections of the compensator, as co-simulated"))
     return tuple(written)
 
 
@@ -91,6 +112,9 @@ def export_models(out: Path, models: Sequence[IdentifiedModel], rotary: bool, ci
         if found.row.rank == 1:
             own = build(found.block, folder, values, identifier, domain=domain)
             written.append(WrittenFile(_path(out, own), f"FMU of the best friction model, {found.row.name}"))
+            if found.position_map is not None:
+                own = found.position_map.to_fmu(folder, f"{identifier}PositionMap", rotary)
+                written.append(WrittenFile(_path(out, own), "FMU of its cogging and position-dependent friction"))
         file = folder / f"{identifier}.ssv"
         write_ssv(ParameterSet(identifier, _parameters(path, values), _cited(citation)), file)
         written.append(WrittenFile(_path(out, file), f"Parameters of {found.row.name}, SSP 1.0"))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
 from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
+from friction_fmus.axis.position_map import PositionMap
 from friction_fmus.axis.servo import Servo
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import FrictionError
@@ -20,29 +21,29 @@ from friction_fmus.identification import (
     Identification,
     Record,
     Score,
-    Target,
-    Unknown,
-    fit_output_error,
     identify,
     identify_inverse_model,
 )
 from friction_fmus.identification.fit.models import contact_model
-from friction_fmus.identification.fit.scores import weak_parameters
+from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.simulation_data import default_settings
-from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult
+from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult, PositionPart
 from friction_fmus.study.thinning import thinned
 from harness import HarnessError
 
 ALIKE: Final = 0.05
 """Relative difference below which errors count as equal; the information criterion then decides."""
 
+REPRODUCED: Final = 0.5
+"""Largest position error of a simulated servo that reproduces the record, over the recorded tracking error."""
+
+QUANTA: Final = 10.0
+"""Smallest tracking error for this comparison, in steps of the encoder: rounding is not reproduced."""
+
 INVERSE: Final = "Coulomb + viscous"
 """Name of the inverse model in the results."""
 
 MEANING: Final = {"M": "moved mass", "OF": "offset of the drive"}
-
-_STEPS: Final = {"M": 0.02, "vs": 0.2, "Fs": 0.1}
-"""Relative step of a parameter for differences, 4 % by default: its effect must exceed the encoder resolution."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +62,14 @@ class IdentifiedModel:
         Mass [kg] and constant force [N] of the axis; 0 if the record has no drive force.
     error : float or None
         Error by which the models are ranked; None if it is infinite or the model failed.
+    force_error : float or None
+        Rms force error of the simulated servo over the same samples; None if it was not simulated.
     predicted : Curve or None
         Fitted signal over time as simulated by the model.
     position, force : Curve or None
         Simulated minus measured position, and simulated force, of the servo over time.
+    position_map : PositionMap or None
+        Cogging and position-dependent friction.
     """
 
     row: ModelResult
@@ -73,14 +78,16 @@ class IdentifiedModel:
     mass: float = 0.0
     offset: float = 0.0
     error: float | None = None
+    force_error: float | None = None
     predicted: Curve | None = None
     position: Curve | None = None
     force: Curve | None = None
+    position_map: PositionMap | None = None
 
     @property
     def plant(self) -> Plant:
         """Axis with this friction."""
-        return Plant(self.block, self.values, self.mass, self.offset)
+        return Plant(self.block, self.values, self.mass, self.offset, self.position_map)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +100,8 @@ class Measured:
         Feedback and sensors.
     trajectory : Trajectory
         Reference and initial state of the whole record.
-    q, force : array, shape (samples,)
-        Measured position and force.
+    q, force, r : array, shape (samples,)
+        Measured position and force, and the reference; the force contains an injected one.
     train, validation : (int, int)
         First and one past the last sample of the data for the fit and for the ranking.
     """
@@ -103,6 +110,7 @@ class Measured:
     trajectory: Trajectory
     q: Array
     force: Array | None
+    r: Array
     train: tuple[int, int]
     validation: tuple[int, int]
 
@@ -113,6 +121,7 @@ def identify_model(
     validation: Sequence[Record],
     published: Mapping[str, float],
     measured: Measured | None,
+    position_map: bool = True,
 ) -> IdentifiedModel:
     """Identify a friction model; if the identification fails, the result states the reason.
 
@@ -126,12 +135,16 @@ def identify_model(
         Known parameter values.
     measured : Measured or None
         Measured servo, to be co-simulated with the identified model.
+    position_map : bool
+        Whether cogging and position-dependent friction are identified with the model, if this helps.
     """
     summary = find(name).summary
     try:
         # a model without state is fast to simulate and its cost may have several local minima
         starts = 3 if contact_model(name, train[0].units).static else 1
-        result = identify(name, list(train), validation=list(validation) or None, starts=starts)
+        result = identify(
+            name, list(train), validation=list(validation) or None, starts=starts, position_map=position_map
+        )
     except (FrictionError, HarnessError, ArithmeticError, np.linalg.LinAlgError) as error:
         return IdentifiedModel(ModelResult(name, summary, reason=str(error)))
     found = IdentifiedModel(
@@ -141,15 +154,15 @@ def identify_model(
         result.values().get("M", 0.0),
         result.values().get("OF", 0.0),
         (result.validation or result.train).rms,
-        thinned(result.t, result.predicted),
+        predicted=thinned(result.t, result.predicted),
+        position_map=None if result.position is None else result.position.table,
     )
     if measured is None or found.mass <= 0.0:
         return found
     try:
         return in_closed_loop(found, measured)
     except (FrictionError, HarnessError) as error:
-        warnings = (*found.row.warnings, f"The servo could not be co-simulated with this model: {error}")
-        return replace(found, row=replace(found.row, warnings=warnings), error=None)
+        return _without_loop(found, error)
 
 
 def inverse_model(record: Record, published: Mapping[str, float], measured: Measured | None) -> IdentifiedModel:
@@ -177,7 +190,18 @@ def inverse_model(record: Record, published: Mapping[str, float], measured: Meas
         fit.parameters["OF"].value,
         train.rms,
     )
-    return found if measured is None else in_closed_loop(found, measured)
+    if measured is None or found.mass <= 0.0:
+        return found
+    try:
+        return in_closed_loop(found, measured)
+    except (FrictionError, HarnessError) as error:
+        return _without_loop(found, error)
+
+
+def _without_loop(found: IdentifiedModel, error: Exception) -> IdentifiedModel:
+    """Return a model with which the servo could not be co-simulated, with the reason."""
+    reason = f"the servo could not be co-simulated with this model: {error}"
+    return replace(found, row=replace(found.row, reason=reason), error=None)
 
 
 def row_of(result: Identification, summary: str, published: Mapping[str, float]) -> ModelResult:
@@ -212,6 +236,19 @@ def row_of(result: Identification, summary: str, published: Mapping[str, float])
         warnings=tuple(result.warnings),
         seconds=result.seconds,
         simulations=result.simulations,
+        position=None if result.position is None else _position_part(result.position, fit),
+    )
+
+
+def _position_part(found: PositionFit, fit: Callable[[Score | None], Fit | None]) -> PositionPart:
+    table = found.table
+    return PositionPart(
+        table.grid.nodes,
+        table.grid.spacing,
+        _rms(np.array(table.cogging)),
+        _rms(np.array(table.friction)),
+        fit(found.train_without),
+        fit(found.validation_without),
     )
 
 
@@ -229,84 +266,29 @@ def in_closed_loop(found: IdentifiedModel, measured: Measured) -> IdentifiedMode
         fits.append(
             Fit(_rms(trace.force - force), 100.0 * _rms(trace.force - force) / _rms(force), "force", units.force)
         )
+    reason = _unlike(measured, fits)
     return replace(
         found,
-        row=replace(found.row, closed_loop=tuple(fits)),
-        error=_rms((trace.q - q)[slice(*measured.validation)]),
+        row=replace(found.row, closed_loop=tuple(fits), reason=reason),
+        error=None if reason else _rms((trace.q - q)[slice(*measured.validation)]),
+        force_error=None if force is None else _rms((trace.force - force)[slice(*measured.validation)]),
         position=thinned(t, trace.q - q),
         force=thinned(t, trace.force),
     )
 
 
-def refine(found: IdentifiedModel, measured: Measured) -> IdentifiedModel:
-    """Fit the well-determined parameters so that the co-simulated servo follows the measured motion.
-
-    Only positions are compared: the force follows from the position through the known controller and would count the
-    same error twice. If the fit does not reduce the error, the model is returned unchanged.
-    """
-    rows = {p.name: p for p in found.row.parameters}
-    free = [p for p in rows.values() if p.standard_error is not None and p.standard_error < abs(p.value)]
-    free = [p for p in free if p.value > 0.0 or p.name == "OF"]
-    level = max((found.values.get(name, 0.0) for name in ("Fc", "Fs", "f1")), default=0.0)
-    if "M" not in {p.name for p in free} or not level:
-        return found
-
-    def step(p: IdentifiedParameter) -> float:
-        return 0.02 * level if p.name == "OF" else _STEPS.get(p.name, 0.04) * p.value
-
-    contact = contact_model(found.block, ROTARY if measured.trajectory.rotary else LINEAR)
-    known = contact.parameters
-
-    def unknown(p: IdentifiedParameter) -> Unknown:
-        lower = -np.inf if p.name == "OF" else 1e-3 * p.value
-        if p.name in known:
-            return Unknown(p.name, p.value, step(p), p.unit, max(lower, known[p.name].lower), known[p.name].upper)
-        return Unknown(p.name, p.value, step(p), p.unit, lower)
-
-    unknowns = [unknown(p) for p in free]
-    first, last = measured.train
-    trajectory = replace(measured.trajectory, samples=last)
-    with closed_loop(measured.servo, found.plant, trajectory) as system:
-
-        def simulate(values: Mapping[str, float]) -> dict[str, Array]:
-            own = {f"friction.{name}": value for name, value in values.items() if name not in MEANING}
-            moved = {"axis.m": values["M"], "axis.F_load": -values.get("OF", found.offset)}
-            return {"q": run_loop(system.with_start({**own, **moved})).q}
-
-        target = Target(measured.q[:last], 1e-6 if found.error is None else max(found.error, 1e-12), first)
-        try:
-            fit = fit_output_error(
-                simulate, unknowns, {"q": target}, correlation=max(1, round(0.2 / measured.servo.Ts))
-            )
-        except (FrictionError, HarnessError):
-            return found
-    values = fit.values()
-    errors = {name: estimate.standard_error for name, estimate in fit.parameters.items()}
-    weak = weak_parameters(contact, list(values), values, errors, fit.correlation, {}, ())
-
-    def replaced(p: IdentifiedParameter) -> IdentifiedParameter:
-        if p.name not in values:
-            return p
-        error = errors[p.name] if np.isfinite(errors[p.name]) else None
-        return replace(p, value=values[p.name], standard_error=error, weak=weak.get(p.name, ""))
-
-    refined = IdentifiedModel(
-        replace(
-            found.row,
-            method=f"{found.row.method}, then closed-loop",
-            parameters=tuple(replaced(p) for p in rows.values()),
-            simulations=found.row.simulations + fit.simulations,
-        ),
-        found.block,
-        {name: values.get(name, value) for name, value in found.values.items()},
-        values["M"],
-        values.get("OF", found.offset),
-        found.error,
-        found.predicted,
-    )
-    refined = in_closed_loop(refined, measured)
-    better = found.error is None or (refined.error is not None and refined.error < found.error)
-    return refined if better else found
+def _unlike(measured: Measured, fits: Sequence[Fit]) -> str:
+    """Return why a simulated servo does not reproduce the record; empty if it does."""
+    position = fits[0]
+    tracking = max(_rms(measured.r - measured.q), QUANTA * measured.servo.quantum)
+    if position.rms > REPRODUCED * tracking:
+        return (
+            f"the position of the simulated servo differs from the record by {position.rms:.3g} {position.unit} rms, "
+            f"more than {100.0 * REPRODUCED:.0f} % of the tracking error of {tracking:.3g} {position.unit}."
+        )
+    if len(fits) > 1 and fits[1].percent > 100.0:
+        return f"the force of the simulated servo differs from the record by {fits[1].percent:.3g} % of its rms value."
+    return ""
 
 
 def ranked(models: Sequence[IdentifiedModel]) -> list[IdentifiedModel]:

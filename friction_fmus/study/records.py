@@ -66,6 +66,28 @@ class Fit:
 
 
 @dataclass(frozen=True)
+class PositionPart:
+    """Force over position that was identified together with a friction model.
+
+    Attributes
+    ----------
+    nodes, spacing : int, float
+        Number of nodes of the table and their distance.
+    cogging, friction : float
+        Rms values of cogging and position-dependent friction over the table.
+    train_without, validation_without : Fit or None
+        Residuals of the model without this force.
+    """
+
+    nodes: int
+    spacing: float
+    cogging: float
+    friction: float
+    train_without: Fit | None
+    validation_without: Fit | None
+
+
+@dataclass(frozen=True)
 class ModelResult:
     """Result of one friction model.
 
@@ -93,6 +115,8 @@ class ModelResult:
         Elapsed time of the identification [s].
     simulations : int
         Number of simulations of the model.
+    position : PositionPart or None
+        Force over position; None if it does not improve the prediction.
     """
 
     name: str
@@ -109,6 +133,7 @@ class ModelResult:
     reason: str = ""
     seconds: float = 0.0
     simulations: int = 0
+    position: PositionPart | None = None
 
 
 @dataclass(frozen=True)
@@ -402,6 +427,57 @@ class ConditionResult:
     source: str = ""
     value: float | None = None
     bound: float | None = None
+
+
+@dataclass(frozen=True)
+class StudyFinding:
+    """Finding that limits how far the result of a study can be trusted.
+
+    Attributes
+    ----------
+    name : str
+        Stable name, such as ``wrong-gains``.
+    what : str
+        Description with numbers, in one sentence.
+    change : str
+        Proposed change, in one sentence.
+    stops : bool
+        Whether the result must not be used: nothing is ranked that depends on the finding, and no FMU is written.
+    """
+
+    name: str
+    what: str
+    change: str
+    stops: bool
+
+
+@dataclass(frozen=True)
+class ServoCheck:
+    """Comparison of the servo as configured with the recorded drive force.
+
+    Attributes
+    ----------
+    residual : Fit or None
+        Recorded force minus command of the servo for the recorded reference and position; None if not compared.
+    allowed : float
+        Residual up to which the servo reproduces the record, in percent of the rms force.
+    findings : tuple of StudyFinding
+        Reasons for a larger residual.
+    gains : tuple of IdentifiedParameter
+        Gains estimated from the record; empty if those of the configuration reproduce it.
+    recorded, commanded : Curve or None
+        Force over time: as recorded, and as the servo commands it.
+    reason : str
+        Reason why the servo was not compared; empty if it was.
+    """
+
+    residual: Fit | None = None
+    allowed: float = 0.0
+    findings: tuple[StudyFinding, ...] = ()
+    gains: tuple[IdentifiedParameter, ...] = ()
+    recorded: Curve | None = None
+    commanded: Curve | None = None
+    reason: str = ""
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from friction_fmus.identification import AxisUnits
@@ -25,6 +25,8 @@ from friction_fmus.study.records import (
     Picture,
     Recommendation,
     Rung,
+    ServoCheck,
+    StudyFinding,
     Trial,
     WrittenFile,
 )
@@ -79,6 +81,10 @@ class StudyResult:
         Versions, by name of the program or library.
     seconds : float
         Elapsed time of the study [s].
+    servo_check : ServoCheck
+        Comparison of the servo as configured with the recorded drive force.
+    findings : tuple of StudyFinding
+        All findings that limit how far the result can be trusted, those of `servo_check` first.
     """
 
     name: str
@@ -101,6 +107,13 @@ class StudyResult:
     command: str
     versions: Mapping[str, str]
     seconds: float
+    servo_check: ServoCheck = field(default_factory=ServoCheck)
+    findings: tuple[StudyFinding, ...] = ()
+
+    @property
+    def trusted(self) -> bool:
+        """Whether no finding forbids to use the result."""
+        return not any(finding.stops for finding in self.findings)
 
     def __repr__(self) -> str:
         """Return a summary in one line."""
@@ -192,6 +205,8 @@ __all__ = [
     "Picture",
     "Recommendation",
     "Rung",
+    "ServoCheck",
+    "StudyFinding",
     "StudyResult",
     "Trial",
     "WrittenFile",

@@ -25,13 +25,18 @@ from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_confi
 from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
 from friction_fmus.study.export import OWN, export_models, export_recommended
 from friction_fmus.study.metrics import Bench
-from friction_fmus.study.models import INVERSE, IdentifiedModel, identify_model, inverse_model, ranked, refine
+from friction_fmus.study.models import INVERSE, IdentifiedModel, identify_model, inverse_model, ranked
 from friction_fmus.study.next_steps import next_steps
 from friction_fmus.study.pictures import over_position, over_velocity, series
-from friction_fmus.study.records import ConditionResult, Recommendation, WrittenFile
+from friction_fmus.study.records import ConditionResult, Recommendation, StudyFinding, WrittenFile
+from friction_fmus.study.refinement import refine
 from friction_fmus.study.result import StudyResult
+from friction_fmus.study.servo_check import CheckedServo, check_servo
+from friction_fmus.study.settings_file import settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.summary import ProgressReporter, identifier, overview
+from friction_fmus.study.trust import force_findings, loop_findings, mass_findings, not_trusted, without_loop
+from friction_fmus.study.wiring import Figures
 from friction_fmus.version import VERSION
 from harness import Progress, System
 from harness.compiling import toolchain
@@ -60,13 +65,14 @@ def run_study(
     executor: Executor | None = None,
     processes: int | None = None,
     progress: Progress | None = None,
+    force: bool = False,
 ) -> StudyResult:
     """Run a study, or resume an interrupted one.
 
     Parameters
     ----------
     what : str, Path or StudyConfig
-        "emps", "tribometer", "demo", the path of a configuration, or a configuration.
+        "emps", "tribometer", "demo", the path of a configuration or of a data file, or a configuration.
     out : path-like
         Folder for the results; created if needed. Files of an earlier study are replaced, other files are kept.
     executor : Executor, optional
@@ -75,6 +81,8 @@ def run_study(
         Number of local processes; by default one for each processor.
     progress : Progress, optional
         Updated with the progress of the study in percent.
+    force : bool
+        Whether the servo is simulated and FMUs are written even if a finding forbids to use the result.
 
     Returns
     -------
@@ -106,7 +114,7 @@ def run_study(
         raise StudyError(f"Cannot create the folder {folder} ({error.strerror}); choose another one.") from error
     reporter = ProgressReporter(progress)
     with workers(0 if executor is not None else processes or available()) as own:
-        study = _Study(config, folder, StepCache(folder / CACHE), executor or own, reporter)
+        study = _Study(config, folder, StepCache(folder / CACHE), executor or own, reporter, force)
         result = study.run()
     result = replace(result, seconds=time.perf_counter() - begin)
     from friction_fmus.report import write_report
@@ -153,29 +161,44 @@ class _Study:
     store: StepCache
     executor: Executor | None
     progress: ProgressReporter
+    force: bool
 
     def run(self) -> StudyResult:
         self.progress(0.0)
         data = load_data(self.config, self.out / CACHE)
         _check_duration(self.config, data)
-        models = self._models(data)
+        checked = check_servo(data.longest, self.config.servo)
+        data = data.with_total_force(checked.included)
+        findings = list(checked.result.findings)
+        named = {finding.name for finding in findings}
+        findings += [each for each in force_findings(data.records, self.config.servo) if each.name not in named]
+        models = self._models(data, checked, self._goes_on(findings))
+        findings += loop_findings(models, any(found.row.closed_loop for found in models))
+        if models[0].row.rank is None:
+            models = ranked(without_loop(models))
         best = models[0]
+        findings += mass_findings(self.config.servo, best, data.longest.units.inertia)
         if best.row.rank is None:
             raise StudyError(
                 f"No friction model could be identified from {data.longest.name!r}; reason of the first one: "
                 f"{best.row.reason}"
             )
-        missing = self._missing(data, best)
+        goes_on = self._goes_on(findings)
+        missing = self._missing(data, best) if goes_on else not_trusted(findings)
         comparison: Comparison | None = None
         doctor: tuple[ConditionResult, ...] = ()
-        files = list(export_models(self.out, models, data.rotary, data.longest.citation))
+        files = list(export_models(self.out, models, data.rotary, data.longest.citation)) if goes_on else []
         if not missing:
             bench = self._bench(data, best)
             comparison = self._comparison(data, models, bench)
-            files += export_recommended(self.out, bench, comparison.chosen, data.longest.name, data.longest.citation)
+            metrics = comparison.recommended.metrics
+            figures = None if metrics is None else Figures(metrics.rms, data.longest.units.position)
+            name, citation = data.longest.name, data.longest.citation
+            files += export_recommended(self.out, bench, comparison.chosen, name, citation, figures)
             doctor = self._doctor()
         self.progress(0.97)
         record = data.longest
+        files += settings_of(self.config, data, self.out)
         files += [
             WrittenFile("report.html", "Report of the study"),
             WrittenFile("study.json", "Result of the study for other programs"),
@@ -201,20 +224,32 @@ class _Study:
             command=f"friction-fmus study {self.config.name} -o out",
             versions={"friction-fmus": VERSION, "Python": platform.python_version(), "numpy": np.__version__},
             seconds=0.0,
+            servo_check=checked.result,
+            findings=tuple(findings),
         )
 
-    def _models(self, data: Data) -> list[IdentifiedModel]:
-        """Identify all models, fit the best ones to the closed loop, and rank them."""
+    def _goes_on(self, findings: Sequence[StudyFinding]) -> bool:
+        """Return whether the servo is simulated and files are written."""
+        return self.force or not any(finding.stops for finding in findings)
+
+    def _models(self, data: Data, checked: CheckedServo, in_loop: bool) -> list[IdentifiedModel]:
+        """Identify all models, fit the best ones to the closed loop unless the servo is wrong, and rank them."""
         config = self.config
         measured = None
-        if config.servo is not None:
-            measured = measured_servo(data, config.servo, self.out / CACHE, identifier(data.longest.name))
+        if config.servo is not None and in_loop:
+            name = identifier(data.longest.name)
+            measured = measured_servo(data, config.servo, self.out / CACHE, name, checked.injected)
         names = list(identifiable()) if config.models == ALL else list(config.models)
         names.sort(key=lambda name: "presliding" not in catalogue()[name].features)  # the slowest first
         records = data.train, data.validation
         known = data.published
         steps = [
-            Step(f"model-{name}", identify_model, (name, *records, known.get(name, {}), measured), IdentifiedModel)
+            Step(
+                f"model-{name}",
+                identify_model,
+                (name, *records, known.get(name, {}), measured, config.position_map),
+                IdentifiedModel,
+            )
             for name in names
         ]
         if data.longest.force is not None and data.longest.q is not None:
@@ -226,7 +261,7 @@ class _Study:
         smallest = min((each.error for each in found if each.error is not None), default=0.0)
         close = [each.error is not None and each.error <= CLOSE * smallest for each in found]
         chosen = [each for each, is_close in zip(found, close, strict=True) if is_close and each.row.name != INVERSE]
-        steps = [Step(f"loop-{each.row.name}", refine, (each, measured), IdentifiedModel) for each in chosen]
+        steps = [Step(f"loop-{each.row.name}", refine, (each, measured, *records), IdentifiedModel) for each in chosen]
         refined = self._run(steps, 0.4, 0.6)
         better = {each.row.name: each for each in refined}
         return ranked([better.get(each.row.name, each) for each in found])
@@ -295,8 +330,7 @@ class _Study:
 
         units = data.longest.units
         found = compare(bench, known, self.config.compensation, units.position, run)
-        row = next((row for row in found.rows if row.name == found.recommendation.name), found.rows[0])
-        steps = next_steps(bench, found.chosen, row, [model.row for model in models], units)
+        steps = next_steps(bench, found.chosen, found.recommended, [model.row for model in models], units)
         return replace(found, recommendation=replace(found.recommendation, next_steps=steps))
 
     def _doctor(self) -> tuple[ConditionResult, ...]:

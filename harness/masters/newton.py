@@ -91,9 +91,10 @@ class NewtonData(ctypes.Structure):
 
 
 def groups_of(plan: Plan, wires: Sequence[MovingWire]) -> list[list[int]]:
-    """Return the parts in stepping order, grouped by loop."""
+    """Return the parts in stepping order, grouped by loop; a connection with a delay closes none."""
     n = len(plan.parts)
-    links = np.array([(wire.source, wire.target) for wire in wires], dtype=np.int64).reshape(-1, 2)
+    prompt = [(wire.source, wire.target) for wire in wires if not plan.delays[wire.input]]
+    links = np.array(prompt, dtype=np.int64).reshape(-1, 2)
     graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(n, n))
     _, label = connected_components(graph, directed=True, connection="strong")
     before: dict[int, set[int]] = {}
@@ -141,7 +142,9 @@ class Loops(Algorithm):
         numbers: dict[int, int] = {}
         self._rows: list[tuple[int, ...]] = []
         first = 0
-        inner = [wire for wire in wires if group_of[wire.source] == group_of[wire.target]]
+        inner = [
+            wire for wire in wires if group_of[wire.source] == group_of[wire.target] and not plan.delays[wire.input]
+        ]
         for number, group in enumerate(groups):
             mine = [wire for wire in inner if group_of[wire.source] == number]
             begin = len(unknowns)

@@ -353,14 +353,19 @@ def test_archives_are_examined_like_system_files(
 
 def test_command_on_the_example(capsys: pytest.CaptureFixture[str]) -> None:
     example = str(ROOT / "examples" / "stick_slip.toml")
-    assert main(["doctor", example]) == 0
-    assert "1 condition evaluated, no findings" in capsys.readouterr().out
-    assert main(["doctor", example, "--step", "5e-3"]) == 1
+    assert main(["doctor", example]) == 1
+    out = capsys.readouterr().out
+    assert "stick-slip cycle (mass, friction)" in out
+    assert "2 conditions evaluated, 1 finding" in out
+    fast = ["--set", "mass.v_support=0.3"]  # above the critical speed
+    assert main(["doctor", example, *fast]) == 0
+    assert "2 conditions evaluated, no findings" in capsys.readouterr().out
+    assert main(["doctor", example, *fast, "--step", "5e-3"]) == 1
     out = capsys.readouterr().out
     assert "contact stiffness (mass, friction)" in out
     assert "use the master newton" in out
-    assert main(["doctor", example, "--step", "5e-3", "--master", "newton", "--all", "--json"]) == 0
-    (held,) = json.loads(capsys.readouterr().out)
+    assert main(["doctor", example, *fast, "--step", "5e-3", "--master", "newton", "--all", "--json"]) == 0
+    _, held = json.loads(capsys.readouterr().out)
     assert (held["ok"], held["bound"]) == (True, None)
     assert main(["doctor", example, "--set", "friction.sigma0=1e7", "--set", "friction.sigma1=3162.3"]) == 1
     assert "gauss-seidel is stable below 0.0003909 s" in capsys.readouterr().out

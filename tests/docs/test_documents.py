@@ -41,7 +41,8 @@ def run(command: str, folder: Path) -> str:
     result = subprocess.run(
         shlex.split(command), cwd=folder, env=os.environ | {"PATH": path}, capture_output=True, text=True, check=False
     )
-    assert result.returncode == 0, f"{command}: {result.stderr}"
+    sticks = "doctor examples/stick_slip.toml" in command  # the doctor finds the stick-slip of the example
+    assert result.returncode == int(sticks), f"{command}: {result.stderr}"
     return result.stdout
 
 

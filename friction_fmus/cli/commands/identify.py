@@ -30,11 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "data",
         type=Path,
         metavar="DATA",
-        help="data file (.csv, .parquet, .mat, ...), or mapping (.toml) that names one",
+        help="data file (.csv, .parquet, .mat, ...), or its mapping or the configuration of a study (.toml)",
     )
     parser.add_argument("--mapping", type=Path, metavar="FILE", help="mapping of the columns of DATA (.toml)")
     parser.add_argument(
-        "--model", action="append", required=True, metavar="NAME", help="friction model, or all; may be repeated"
+        "--model", action="append", metavar="NAME", help="friction model, or all (default); may be repeated"
     )
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the results")
     window = {"nargs": 2, "type": float, "metavar": ("A", "B")}
@@ -48,6 +48,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=LOSSES,
         default="linear",
         help="loss function; all except linear are robust against outliers",
+    )
+    parser.add_argument(
+        "--position-map",
+        action="store_true",
+        help="identify cogging and position-dependent friction with each model, if this improves the prediction",
     )
     parser.add_argument(
         "--workers",
@@ -69,23 +74,24 @@ def run(options: argparse.Namespace) -> None:
     from friction_fmus.cli.console import RunBar, console, progress_bar, styled
     from friction_fmus.cli.identification_tables import show_data, show_parameters, show_ranking
     from friction_fmus.identification import examine_segments, read_measurement
+    from friction_fmus.identification.data.windows import default_windows
     from friction_fmus.identification.export import write_results
     from friction_fmus.identification.survey import IdentificationTask, compare_models
 
-    models = _models(options.model)
+    models = _models(options.model or _configured(options.data))
     if options.output.exists() and not options.output.is_dir():
         raise FrictionError(f"{options.output} is a file; choose a folder for the results")
     measurement = read_measurement(options.data, options.mapping)
-    windows = _windows(options, measurement)
-    train, validation = (measurement.window(*windows[w]) if w in windows else () for w in ("train", "validation"))
-    train = train or measurement.records
+    windows = _windows(options, measurement) or default_windows(measurement.records)
+    train = measurement.window(*windows["train"])
+    validation = measurement.window(*windows["validation"]) if "validation" in windows else ()
     findings = (*measurement.findings, *examine_segments(train))
     show_data(measurement, train, validation, findings)
     task = IdentificationTask(
         train,
         validation,
         {name: float(value) for name, value in map(parse_fixed, options.fixed or ())},
-        {"method": options.method, "loss": options.loss},
+        {"method": options.method, "loss": options.loss, "position_map": options.position_map},
     )
     with progress_bar() as bar:
         found = compare_models(models, task, max(1, options.workers), RunBar(bar, "identifying").update)
@@ -117,6 +123,15 @@ def parse_fixed(text: str) -> tuple[str, float | bool]:
     if not math.isfinite(value):
         raise FrictionError(f"--fixed {text!r} is not finite; use a finite number")
     return name, value
+
+
+def _configured(path: Path) -> list[str]:
+    """Return the models in the table ``[identify]`` of a configuration; all without one."""
+    if path.suffix.lower() != ".toml" or not path.is_file():
+        return ["all"]
+    from friction_fmus.study.config import read_models
+
+    return read_models(path)
 
 
 def _models(names: Sequence[str]) -> list[str]:

@@ -1,6 +1,7 @@
 """Identify a measured axis, co-simulate it, and recommend a compensator.
 
 The study ranks friction models and compensators. It writes a report, and the recommended compensator as FMU and C code.
+The exit status is 1 if the result cannot be trusted: then no compensator is ranked and no FMU is written.
 """
 
 from __future__ import annotations
@@ -16,33 +17,58 @@ from harness.extras import require
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("config", metavar="CONFIG", help="configuration (.toml), or one of emps, tribometer, demo")
     parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="DIR", help="output folder; resumes an interrupted study"
+        "config",
+        metavar="CONFIG",
+        help="configuration (.toml), data file (.csv, .mat, ...) with units in its headings, or one of emps, "
+        "tribometer, demo",
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="output folder; resumes an interrupted study (default: out)"
+    )
+    parser.add_argument(
+        "--init",
+        action="store_true",
+        help="only write the configuration study.toml for a data file; asks for what the headings do not say",
     )
     where = parser.add_mutually_exclusive_group()
     add_workers(where)
     add_scheduler(where)
+    parser.add_argument(
+        "--force", action="store_true", help="simulate and write FMUs although the result cannot be trusted"
+    )
     parser.add_argument("--fresh", action="store_true", help="ignore cached steps and start from the beginning")
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> int:
     """Run the study and print its results.
+
+    Returns
+    -------
+    int
+        1 if a finding forbids to use the result, otherwise 0.
 
     Raises
     ------
     KeyboardInterrupt
         If the study is interrupted; the message states that it can be resumed.
     """
+    if options.init:
+        from friction_fmus.cli.study_questions import write_configuration
+
+        write_configuration(Path(options.config), options.output or Path())
+        return 0
     require("plotly")
     from friction_fmus.cli.cluster import connect
     from friction_fmus.cli.console import RunBar, console, progress_bar
     from friction_fmus.cli.study_tables import show_study
+    from friction_fmus.study.settings_file import SETTINGS_FILE
     from friction_fmus.study.steps import clear_cache
     from friction_fmus.study.study import run_study
 
+    output = options.output or Path("out")
     if options.fresh:
-        clear_cache(options.output)
+        clear_cache(output)
     with ExitStack() as stack:
         executor: Any = None
         if options.scheduler:
@@ -51,16 +77,21 @@ def run(options: argparse.Namespace) -> None:
         try:
             result = run_study(
                 options.config,
-                options.output,
+                output,
                 executor=executor,
                 processes=options.workers,
                 progress=RunBar(bar, "study"),
+                force=options.force,
             )
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt("interrupted; run the same command again to resume") from error
     show_study(console, result)
-    for name in ("report.html", "recommended"):
-        path = options.output / name
-        if path.exists():
-            what = "Report" if name == "report.html" else "Recommended compensator"
-            console.print(f"{what}: {path}", soft_wrap=True)
+    what = {
+        "report.html": "Report",
+        "recommended": "Recommended compensator",
+        SETTINGS_FILE: "Settings; add the controller to [servo] there to compare compensators",
+    }
+    for name, text in what.items():
+        if any(file.path.partition("/")[0] == name for file in result.files):
+            console.print(f"{text}: {output / name}", soft_wrap=True)
+    return 0 if result.trusted else 1

@@ -24,6 +24,7 @@ EXPERIMENTS: Final[Mapping[str, Experiment]] = {
         motion.saturation,
         motion.ride,
         motion.ripple,
+        motion.over_position,
         motion.push,
         motion.resonance,
         control.alternating_error,

@@ -70,6 +70,22 @@ def ripple(bench: Bench) -> tuple[Panel, ...]:
     return (Panel((Curve(x[:-1], force[1:]),), bench.axis("x"), bench.axis("F"), "Force over position."),)
 
 
+def over_position(bench: Bench) -> tuple[Panel, ...]:
+    """Return the force over the whole table of positions, forward and back."""
+    times = 1e-3 * np.arange(501)
+    begin, end = (float(bench.run(times[:2], {}, [name])[0][0]) for name in ("x_begin", "x_end"))
+    x = np.linspace(begin, end, times.size)
+    curves = []
+    for direction, label in ((1.0, "forward"), (-1.0, "back")):
+        speed = np.full(x.size, direction * 1e3 * bench.start("v_sign", 1e-3))
+        (force,) = bench.run(times, {"x": x, "v": speed}, ["F_position"])
+        # the output after a step belongs to the position before it
+        curves.append(Curve(x[:-1], force[1:], label))
+    return (
+        Panel(tuple(curves), bench.axis("x"), bench.axis("F_position"), "Force over position, in both directions."),
+    )
+
+
 def push(bench: Bench) -> tuple[Panel, ...]:
     """Return the velocity of a mass that is pushed forward and back."""
     times = np.linspace(0.0, 1.0, 401)

@@ -16,6 +16,12 @@ from harness.values import is_line, number, shown
 ROLES = tuple(QUANTITY)
 WINDOWS = ("train", "validation")
 
+STUDY_TABLES = ("servo", "identify", "compensation")
+"""Tables of the settings of a study, which `load_mapping` ignores, so that one file serves both."""
+
+MISSING = "?"
+"""Mark of a missing entry in a file that was written for completion."""
+
 
 @dataclass(frozen=True)
 class Column:
@@ -53,7 +59,7 @@ class DataMapping:
     name, citation : str
         Name of the record, and citation of the data.
     columns : mapping of str to Column
-        Columns by role: time, position, velocity, reference, force, friction, normal.
+        Columns by role: time, position, velocity, reference, force, friction, normal, injected.
     windows : mapping of str to (float, float)
         Start and end of the windows ``train`` and ``validation``, in the time of the file [s].
     """
@@ -71,7 +77,8 @@ def load_mapping(path: Path) -> DataMapping:
     Parameters
     ----------
     path : Path
-        Path of the TOML file. The path of the data file is relative to its folder.
+        Path of the TOML file. The path of the data file is relative to its folder. The tables that only a study needs
+        are ignored.
 
     Returns
     -------
@@ -89,7 +96,8 @@ def load_mapping(path: Path) -> DataMapping:
         raise RecordError(f"There is no file {path}; give the path of a data file or of its mapping.") from error
     except (OSError, ValueError) as error:
         raise RecordError(f"{path} cannot be read as TOML ({reason(error)}); correct it.") from error
-    return read_mapping(table, path.parent, str(path))
+    about_data = {name: value for name, value in table.items() if name not in STUDY_TABLES}
+    return read_mapping(about_data, path.parent, str(path))
 
 
 def read_mapping(table: Mapping[str, Any], folder: Path, origin: str = "The mapping") -> DataMapping:
@@ -203,6 +211,8 @@ def _column(role: str, value: Any, origin: str) -> Column:
     if not isinstance(gain := value.get("gain", ""), str) and number(gain) is None:
         raise RecordError(f"{where} has gain = {shown(gain)}; use a number with a unit, such as '35.15 N/V'.")
     found = Column(value.get("column", ""), value.get("unit", ""), str(gain), int(sign), value.get("period", ""))
+    if MISSING in (found.column, found.unit, found.gain):
+        raise RecordError(f"{where} has a {MISSING} for a missing entry; replace it.")
     _check_units(role, found, where)
     return found
 
@@ -255,5 +265,6 @@ EXAMPLE = {
     "force": "N",
     "friction": "N",
     "normal": "N",
+    "injected": "N",
 }
 """Example unit of each role, for error messages and templates."""

@@ -34,7 +34,7 @@ def plausible(records: Sequence[Record], columns: Mapping[str, Column]) -> Itera
         ``position-and-velocity-disagree``, ``position-and-reference-disagree``, ``implausible-motion``,
         ``position-jumps``, ``force-of-other-sign``, ``friction-of-other-sign``.
     """
-    longest = max(records, key=len)
+    longest = max(records, key=len).with_total_force()
     yield from _velocity(longest)
     yield from _reference(longest)
     yield from _size(longest)

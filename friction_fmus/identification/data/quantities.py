@@ -18,21 +18,32 @@ QUANTITY = {
     "force": "force",
     "friction": "force",
     "normal": "normal",
+    "injected": "force",
 }
 """Physical quantity of each role of a column."""
 
 _LONGEST = 2 * LONGEST_UNIT
 """Largest number of characters of a number with a unit."""
 
+DRIVE_UNITS = {
+    **{"Ncm": "cN.m", "Nmm": "mN.m"},
+    **dict.fromkeys(("1/min", "min-1", "min^-1", "U/min", "Upm", "UPM", "r/min", "rev/min"), "rpm"),
+    **dict.fromkeys(("Sek", "sek", "Sekunden", "Sekunde"), "s"),
+    **dict.fromkeys(("Grad", "grad", "degree", "degrees"), "deg"),
+    **{"Grad/s": "deg/s", "mm/sec": "mm/s", "m/sec": "m/s", "rad/sec": "rad/s"},
+}
+"""Units as drives write them, which other tables of units read differently or not at all."""
+
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
 
 
 def unit_of(text: str) -> BaseUnit | None:
     """Return the base unit of a unit such as ``mm``, ``N.m``, ``rpm``; None if the unit is unknown."""
-    known = parse_unit(text)
-    if known is not None or not text.strip():
+    symbol = re.sub(r"(?<![A-Za-z])([mkM]?)Nm(?![A-Za-z])", r"(\1N.m)", DRIVE_UNITS.get(text.strip(), text))
+    known = parse_unit(symbol)
+    if known is not None or not symbol.strip():
         return known
-    rare = everyday_unit(text)
+    rare = everyday_unit(symbol)
     return None if rare is None else BaseUnit(tuple(rare.exponents.get(s, 0) for s in BASE_SYMBOLS), rare.factor)
 
 

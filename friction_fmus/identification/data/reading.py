@@ -30,10 +30,15 @@ FIELD = {
     "force": "force",
     "friction": "friction",
     "normal": "normal",
+    "injected": "injected",
 }
 
 #: Largest value of a measurement in SI units, and one over the smallest, so that computations do not overflow.
 LARGEST = 1e50
+
+
+EPOCH = 1e8
+"""Start of a time that is counted from the first sample on, because it is a date [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,10 +150,17 @@ def read_measurement(
     if not known.columns:
         known = replace(guess_mapping(table, path), name=known.name, citation=known.citation, windows=known.windows)
     known = replace(known, file=path, name=known.name or path.stem)
-    columns, units = _converted(table, known, path)
     findings = list(table.findings)
+    columns, units = _converted(table, known, path, findings)
     t, columns = _complete(table, columns, findings, path)
     _check_time(table, t, columns.pop("row"), known.columns["time"], path)
+    if t[0] > EPOCH:
+        shift = float(t[0])
+        t = t - shift
+        windows = {w: (a - shift, b - shift) if a > EPOCH else (a, b) for w, (a, b) in known.windows.items()}
+        known = replace(known, windows=windows)
+        what = f"The time starts at {shift:.0f} s."
+        findings.append(Finding("absolute-time", what, "It is counted from the first sample on."))
     quantum = _quantum(columns["q"]) if "q" in columns else 0.0
     segments, about_time = equally_spaced(t, columns)
     findings += about_time
@@ -184,7 +196,9 @@ def _located(
     return load_mapping(Path(mapping)), path
 
 
-def _converted(table: Table, known: DataMapping, path: Path) -> tuple[dict[str, Array], AxisUnits]:
+def _converted(
+    table: Table, known: DataMapping, path: Path, findings: list[Finding]
+) -> tuple[dict[str, Array], AxisUnits]:
     """Return the columns converted to the units of the record, with all rows of the file."""
     units: AxisUnits | None = None
     scales = {}
@@ -209,6 +223,7 @@ def _converted(table: Table, known: DataMapping, path: Path) -> tuple[dict[str, 
                 f"{path}, column {column.column!r} for the {role}, has a unit that is not valid for an axis with the "
                 f"position in {units.position}; use a unit such as {wanted_unit(role, units)}, or correct the position."
             )
+        findings += [note for name, note in table.notes.items() if name == column.column]
         columns[FIELD[role]] = column.sign * gain * scale * table.columns[column.column]
     period = known.columns["time"].period
     if period:

@@ -38,7 +38,7 @@ ROTARY = AxisUnits("rad", "rad/s", "N.m", "kg.m2", "N.m.s/rad")
 
 
 #: Columns of a record; all except the time are optional.
-COLUMNS = ("t", "q", "v", "reference", "force", "friction", "normal")
+COLUMNS = ("t", "q", "v", "reference", "force", "friction", "normal", "injected")
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +69,9 @@ class Record:
         Citation of the data.
     quantum : float
         Resolution of the position measurement, in `units.position`; 0 if unknown.
+    injected : array, shape (n,), optional
+        Force added to that of the servo from outside, in `units.force`; `force` does not contain it, see
+        `with_total_force`.
 
     Raises
     ------
@@ -88,6 +91,7 @@ class Record:
     units: AxisUnits = LINEAR
     citation: str = ""
     quantum: float = 0.0
+    injected: Array | None = None
 
     def __post_init__(self) -> None:
         """Convert the columns to read-only arrays and validate them."""
@@ -167,6 +171,18 @@ class Record:
         if values is None:
             raise RecordError(f"The record {self.name!r} has no column {name!r}, which is required; add it.")
         return values
+
+    def with_total_force(self) -> Record:
+        """Return the record with the injected force added to the drive force, and without the column for it.
+
+        Returns
+        -------
+        Record
+            This record if it has no drive force or no injected force.
+        """
+        if self.force is None or self.injected is None:
+            return self
+        return replace(self, force=self.force + self.injected, injected=None)
 
     def window(self, begin: float, end: float) -> Record:
         """Return the samples with begin <= t <= end.

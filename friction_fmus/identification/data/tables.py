@@ -32,6 +32,8 @@ class Table:
         Line number of each row in the file.
     findings : tuple of Finding
         Problems found in the file.
+    notes : mapping of str to Finding
+        Problems that concern one column only, by heading.
     """
 
     file: Path
@@ -40,6 +42,7 @@ class Table:
     texts: Mapping[str, str] = field(default_factory=dict)
     lines: NDArray[np.int64] | None = None
     findings: tuple[Finding, ...] = ()
+    notes: Mapping[str, Finding] = field(default_factory=dict)
 
     def place(self, row: int) -> str:
         """Return the location of a row in the file, for messages."""

@@ -302,7 +302,7 @@ def _linear_fit(
     _require_length(record, settings.border + max(25, (len(columns) + 1) * settings.decimation))
     names = list(columns)
     W = decimate(np.column_stack(list(columns.values()))[settings.border :], settings.decimation)
-    force = decimate(record.column("force")[settings.border :], settings.decimation)
+    force = decimate(record.with_total_force().column("force")[settings.border :], settings.decimation)
 
     length = np.linalg.norm(W, axis=0)
     if np.any(length == 0.0):

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from friction_fmus.axis.position_map import PositionMap
 from friction_fmus.identification.closed_loop import axis_response
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.drives import driven
 from friction_fmus.identification.fit.models import ContactModel, contact_model, state_sizes
+from friction_fmus.identification.fit.position import force_on_axis
 from friction_fmus.identification.fit.problem import Coordinate, Problem
 from friction_fmus.identification.fit.search import search
 from friction_fmus.identification.fit.setup import INITIAL_LIMIT
@@ -33,7 +35,7 @@ def predict(result: Identification, record: Record) -> Array:
     values = result.values()
     if segment.a is None:
         return segment.predicted(F, 0.0, values.get("OF", 0.0))
-    return F + values.get("M", 0.0) * segment.a + values.get("OF", 0.0)
+    return F + values.get("M", 0.0) * segment.a + values.get("OF", 0.0) - force_on_axis(_table(result), segment)
 
 
 def compare(result: Identification, record: Record) -> tuple[Array, Array]:
@@ -42,7 +44,12 @@ def compare(result: Identification, record: Record) -> tuple[Array, Array]:
         return record.column("q"), predict(result, record)
     segment, F = _simulated(result, record, fit=True)
     values = result.values()
-    return segment.measured, segment.predicted(F, values.get("M", 0.0), values.get("OF", 0.0))
+    known = segment.rows(force_on_axis(_table(result), segment))
+    return segment.measured, segment.predicted(F, values.get("M", 0.0), values.get("OF", 0.0)) - known
+
+
+def _table(result: Identification) -> PositionMap | None:
+    return None if result.position is None else result.position.table
 
 
 def _simulated(result: Identification, record: Record, fit: bool) -> tuple[PreparedSegment, Array]:
@@ -59,7 +66,8 @@ def _simulated(result: Identification, record: Record, fit: bool) -> tuple[Prepa
         return {name: part * sizes[name] for name, part in parts.items()}
 
     with driven(contact.path) as drive:
-        problem = Problem(drive, [segment], coordinates, lambda _: {}, states, values)
+        remaining = segment.measured + segment.rows(force_on_axis(_table(result), segment))
+        problem = Problem(drive, [replace(segment, measured=remaining)], coordinates, lambda _: {}, states, values)
         x = problem.start()
         if coordinates:
             x = search(problem, "linear", 1).x if fit else 0.0 * x

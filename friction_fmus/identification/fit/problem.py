@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -17,6 +18,9 @@ DIFFERENCE = 1e-4
 
 #: Stride of the samples in a preliminary search, and number of samples from which on it is used.
 STRIDE, LONG = 4, 2000
+
+#: Residual for a distance of 1 from the anchor, over the magnitude of the signal.
+TIE = 0.01
 
 #: Tolerance of the solvers of the blocks; it must be much smaller than the step of the finite differences.
 TOLERANCE = 1e-7
@@ -60,6 +64,13 @@ class Coordinate:
         return math.log(value / self.scale) if value > 0.0 else -math.inf
 
 
+class Regressor(Protocol):
+    """Regression of the residual on further, linear unknowns."""
+
+    def project(self, residual: Array, /) -> Array:
+        """Return what remains of a residual of shape (n,) or (n, columns), followed by the unknowns."""
+
+
 #: Function of the coordinates' values that returns the parameters of the block, including M and OF.
 Assemble = Callable[[Mapping[str, float]], dict[str, float]]
 
@@ -85,6 +96,10 @@ class Problem:
         Other start values.
     simulations : int
         Number of simulations so far.
+    regressor : Regressor or None
+        Linear unknowns, which are eliminated from the residual (variable projection).
+    anchor : array, shape (p,), or None
+        Point to which weak springs tie the coordinates, so that those which the record does not determine stay there.
     """
 
     drive: Drive
@@ -94,6 +109,8 @@ class Problem:
     states: States
     constants: Mapping[str, float | int | bool]
     simulations: int = field(default=0)
+    regressor: Regressor | None = None
+    anchor: Array | None = None
 
     def __post_init__(self) -> None:
         """Compute the magnitude of the signal."""
@@ -142,12 +159,24 @@ class Problem:
             return np.full(len(measured), np.inf)
 
     def residual(self, x: Array) -> Array:
-        """Return the errors of all segments, concatenated."""
+        """Return the errors of all segments, what remains of them after the regression, and the pull of the anchor."""
+        pull = np.zeros(0) if self.anchor is None else TIE * (x - self.anchor)
+        return np.concatenate([self._projected(self._errors(x)), pull])
+
+    def _errors(self, x: Array) -> Array:
         return np.concatenate([self.error(x, index) for index in range(len(self.segments))])
+
+    def _projected(self, errors: Array) -> Array:
+        if self.regressor is None:
+            return errors
+        if not np.all(np.isfinite(errors)):
+            return np.full_like(self.regressor.project(np.zeros_like(errors)), np.inf)
+        return self.regressor.project(errors)
 
     def jacobian(self, x: Array, centre: Array | None = None) -> Array:
         """Return the Jacobian by forward differences, or backward differences at an upper bound."""
-        centre = self.residual(x) if centre is None else centre
+        # a projected residual does not tell the errors
+        centre = self._errors(x) if centre is None or self.regressor is not None else centre
         ends = np.cumsum([0, *(len(segment.measured) for segment in self.segments)])
         J = np.zeros((len(centre), len(x)))
         for i, c in enumerate(self.coordinates):
@@ -158,7 +187,9 @@ class Problem:
                 rows = slice(ends[index], ends[index + 1])
                 change = (self.error(moved, index) - centre[rows]) / step
                 J[rows, i] = change if np.all(np.isfinite(change)) else 0.0
-        return J
+        return np.concatenate(
+            [self._projected(J), np.zeros((0, len(x))) if self.anchor is None else TIE * np.eye(len(x))]
+        )
 
     def start(self) -> Array:
         """Return the start point of the search."""

@@ -68,7 +68,7 @@ class SearchResult:
         return float(np.mean(np.square(self.residual)))
 
 
-def search(problem: Problem, loss: Loss, starts: int) -> SearchResult:
+def search(problem: Problem, loss: Loss, starts: int, tolerance: float = CLOSE) -> SearchResult:
     """Minimise the residuals from the start point of the problem and from random points around it.
 
     Parameters
@@ -80,6 +80,8 @@ def search(problem: Problem, loss: Loss, starts: int) -> SearchResult:
     starts : int
         Number of searches; each one after the first starts at the best of several random points. For long records, all
         searches use a part of the samples, and the best result is refined on all samples.
+    tolerance : float
+        Relative change of the cost at which the search on all samples ends.
 
     Raises
     ------
@@ -105,7 +107,7 @@ def search(problem: Problem, loss: Loss, starts: int) -> SearchResult:
             near = [_one(thin, point, lower, upper, loss, NEAR) for point in points]
             points = [f.x for f in sorted((f for f in near if f is not None), key=lambda f: f.cost)[:1]] or [first]
             problem.simulations += thin.simulations
-        found = [_one(problem, point, lower, upper, loss, CLOSE) for point in points]
+        found = [_one(problem, point, lower, upper, loss, tolerance) for point in points]
     best = min((f for f in found if f is not None), key=lambda f: f.cost, default=None)
     if best is None:
         # repeat the simulation: the error of the block states why it rejects the start values

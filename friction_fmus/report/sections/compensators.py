@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from friction_fmus.report.comparing import Point, tradeoffs
-from friction_fmus.report.figures import ROWS, STYLES, Bar, Plot, bars, lines, sweep
+from friction_fmus.report.comparing import Point, panels, tradeoffs
+from friction_fmus.report.figures import ROWS, STYLES, Bar, Plot, bars, sweep
 from friction_fmus.report.numbers import multiple
 from friction_fmus.report.views import NO_COMPENSATION, NONE, label, reversal
 from friction_fmus.study.ranking import figures
 from friction_fmus.study.result import CompensatorResult, Curve, StudyResult, Trial
 
-#: Number of compensators whose errors are initially visible, in addition to the servo without compensation.
-FIRST = 2
+#: Number of compensators whose errors are shown, in addition to the servo without compensation.
+FIRST = 4
 
 #: Plots of the tuning: name, title of the axis, tuned parameter of a trial, caption.
 SWEEPS: tuple[tuple[str, str, Callable[[Trial], float | None], str], ...] = (
@@ -83,18 +83,12 @@ def compensator_plots(study: StudyResult) -> dict[str, Plot]:
 
     errors = {label(row.name): row.error for row in rows if row.error is not None}
     if errors:
-        without = {name: curve for name, curve in errors.items() if name == NO_COMPENSATION}
-        laws = _drawn({name: curve for name, curve in errors.items() if name != NO_COMPENSATION})
-        caption = (
-            "Tracking error over time of the best compensators at their best gain. Click a name in the legend to show "
-            "or hide its curve."
-        )
-        figure = lines(
-            without, laws, ("time [s]", f"reference − position [{unit}]"), (1.0, factor), seen=list(laws)[:FIRST]
-        )
+        drawn = dict(list(errors.items())[: FIRST + 1])
+        caption = "Tracking error over time without compensation and of the best compensators, with the same axes."
+        figure = panels(drawn, ("time [s]", f"reference − position [{unit}]"), (1.0, factor))
         turn = reversal(study.record)
         views = {} if turn is None else {"around a reversal": turn}
-        plots["errors"] = Plot("errors-plot", figure, caption, f"Plot. {caption}", views=views)
+        plots["errors"] = Plot("errors-plot", figure, caption, f"Plot. {caption}", views=views, legend=False)
 
     for name, title, value, caption in SWEEPS:
         sweeps = _drawn({label(row.name): curve for row in rows if len((curve := _tuning(row, value)).x) > 1})
@@ -131,7 +125,7 @@ def _bars(study: StudyResult, rows: Sequence[CompensatorResult], unit: str, fact
         "count. Blue: recommended; hatched: runner-up."
     ) + (f" Only the first {ROWS} are shown." if len(rows) > ROWS else "")
     figure = bars(shown, f"tracking error, rms [{unit}]")
-    return Plot("bars-plot", figure, caption, f"Bar chart. {caption} The table below has the values.", False)
+    return Plot("bars-plot", figure, caption, f"Bar chart. {caption} The table below has the values.", False, False)
 
 
 def _tradeoffs(study: StudyResult, rows: Sequence[CompensatorResult], unit: str, factor: float) -> Plot:

@@ -31,4 +31,6 @@ def content(study: StudyResult) -> Mapping[str, Any]:
     figure = ladder_bars(
         [(rung.title, rung.name) for rung in study.ladder], factor * errors, f"tracking error, rms [{unit}]"
     )
-    return {"plot": Plot("ladder-plot", figure, caption, f"Bar chart. {caption} The table has the values.", False)}
+    return {
+        "plot": Plot("ladder-plot", figure, caption, f"Bar chart. {caption} The table has the values.", False, False)
+    }

@@ -1,0 +1,222 @@
+"""Force over position beside a friction model: choice of the table, and its fit together with the parameters.
+
+The force of a table is linear in its values at the nodes. For given parameters of the friction model, the values follow
+from linear least squares, so that the search runs over the parameters only (variable projection; G. Golub, V. Pereyra,
+1973).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.fft
+import scipy.linalg
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from friction_fmus.axis.position_map import Grid, PositionMap
+from friction_fmus.identification.data.record import ROTARY, Array
+from friction_fmus.identification.fit.fitting import Fit, FitData
+from friction_fmus.identification.fit.problem import Problem
+from friction_fmus.identification.fit.scores import Score
+from friction_fmus.identification.fit.search import NEAR, Loss, SearchResult, search
+from friction_fmus.identification.fit.simulation_data import PreparedSegment
+
+#: Numbers of nodes to try.
+NODES = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
+
+#: Smallest number of rows of the regression for each node.
+ROWS_PER_NODE = 4
+
+#: Number of blocks of the cross-validation.
+BLOCKS = 6
+
+#: Largest cross-validation error, relative to that without a table, at which a table is used.
+HELPS = 0.9
+
+#: Cross-validation errors within this factor of the smallest count as equal; the table with fewer nodes is then used.
+ALIKE = 1.05
+
+#: Velocity over which the sign is smoothed, over the largest velocity.
+SIGN = 0.01
+
+#: Weight of the parameters in the regression with their linearised effect, which keeps it regular.
+REGULAR = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class PositionFit:
+    """Force over position that was identified together with a friction model.
+
+    Attributes
+    ----------
+    table : PositionMap
+        Cogging and position-dependent friction.
+    crossed, crossed_without : float
+        Rms error of the cross-validation over blocks of the training data, with and without the table, in the unit of
+        the signal.
+    train_without, validation_without : Score or None
+        Scores of the model without the table.
+    """
+
+    table: PositionMap
+    crossed: float
+    crossed_without: float
+    train_without: Score | None = None
+    validation_without: Score | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Regressor:
+    """Linear regression of the residual of a model on the values of a table.
+
+    The values at the nodes add up to zero for cogging and for friction, because their means belong to the offset and to
+    the Coulomb friction of the model. Each value counts as one more sample, with a measured force of 0, so that the
+    table is flat where the record has few samples.
+
+    Attributes
+    ----------
+    grid : Grid
+        Nodes.
+    v_sign : float
+        Velocity over which the sign is smoothed [m/s].
+    columns : array, shape (n, 2 (nodes - 1))
+        Drive force for a unit of each coefficient, at the rows of the residual.
+    """
+
+    grid: Grid
+    v_sign: float
+    columns: Array
+
+    def __post_init__(self) -> None:
+        """Factorise the normal equations."""
+        normal = self.columns.T @ self.columns + np.eye(self.columns.shape[1])
+        object.__setattr__(self, "_factor", scipy.linalg.cho_factor(normal, overwrite_a=True))
+
+    def coefficients(self, residual: Array) -> Array:
+        """Return the coefficients that reduce a residual of shape (n,) or (n, columns) most."""
+        factor = object.__getattribute__(self, "_factor")
+        found: Array = -scipy.linalg.cho_solve(factor, self.columns.T @ residual)
+        return found
+
+    def project(self, residual: Array) -> Array:
+        """Return the residual that remains, followed by the coefficients, so that their squares add up to the cost."""
+        coefficients = self.coefficients(residual)
+        return np.concatenate([residual + self.columns @ coefficients, coefficients])
+
+    def table(self, coefficients: Array) -> PositionMap:
+        """Return the table for coefficients in the unit of the force."""
+        cogging, friction = np.split(coefficients, 2)
+        basis = _basis(self.grid.nodes)
+        return PositionMap(
+            self.grid, tuple((basis @ cogging).tolist()), tuple((basis @ friction).tolist()), self.v_sign
+        )
+
+
+def fit_with_table(fit: Fit, data: FitData, loss: Loss) -> tuple[Fit, PositionFit] | None:
+    """Fit a table together with the parameters of a friction model; None if the table does not help.
+
+    Parameters
+    ----------
+    fit : Fit
+        Fit of the friction model alone.
+    data : FitData
+        Block and records, whose signal is a drive force.
+    loss : str
+        Loss function of the search; the table itself is always fitted by least squares.
+
+    Notes
+    -----
+    The number of nodes is the one with the smallest error in a cross-validation over blocks of the training data
+    (`NODES`, `BLOCKS`, `ALIKE`), in which the effect of the parameters is linearised. A table helps if it reduces this
+    error by a tenth (`HELPS`). Parameters that the record does not determine keep the values of `fit`
+    (`Problem.anchor`).
+    """
+    if any(segment.record.q is None for segment in data.segments):
+        return None
+    with threadpool_limits(1):  # several models may be identified in parallel
+        chosen = _choose(fit, data.segments)
+    if chosen is None:
+        return None
+    regressor, crossed, without = chosen
+    x = fit.found.x
+    coordinates = tuple(replace(c, start=c.value(float(at))) for c, at in zip(fit.setup.coordinates, x, strict=True))
+    setup = replace(fit.setup, coordinates=coordinates)
+    problem = data.problem(setup)
+    problem.simulations = fit.problem.simulations
+    problem.regressor, problem.anchor = regressor, x
+    found = search(problem, loss, 1, NEAR)
+    coefficients = found.residual[problem.count : problem.count + regressor.columns.shape[1]]
+    table = regressor.table(coefficients * problem.size)
+    return Fit(setup, problem, _of_samples(found, problem)), PositionFit(table, crossed, without)
+
+
+def force_on_axis(table: PositionMap | None, segment: PreparedSegment) -> Array:
+    """Return the force of a table along a prepared record, shape (n,); 0 without a table."""
+    if table is None:
+        return np.zeros(len(segment.record))
+    return table.force(segment.record.column("q"), segment.inputs["v"])
+
+
+def _choose(fit: Fit, segments: Sequence[PreparedSegment]) -> tuple[Regressor, float, float] | None:
+    """Return the regression with the best number of nodes, and the cross-validation error with and without it."""
+    size, residual = fit.problem.size, fit.found.residual
+    scale = np.linalg.norm(fit.found.J, axis=0)
+    J = fit.found.J / np.where(scale > 0.0, scale, 1.0)
+    block = np.arange(len(J)) * BLOCKS // len(J)
+    without = _crossed(J, np.zeros((len(J), 0)), residual, block)
+    tried: list[tuple[float, Regressor]] = []
+    for nodes in NODES:
+        if nodes * ROWS_PER_NODE > len(J):
+            break
+        regressor = _regressor(segments, nodes)
+        tried.append((_crossed(J, regressor.columns, residual, block), regressor))
+    least = min((error for error, _ in tried), default=np.inf)
+    if least > HELPS * without:
+        return None
+    error, regressor = next(each for each in tried if each[0] <= ALIKE * least)
+    return regressor, error * size, without * size
+
+
+def _regressor(segments: Sequence[PreparedSegment], nodes: int) -> Regressor:
+    """Return the regression on a table over the whole travel, or over a turn of an axis that turns further."""
+    q = np.concatenate([segment.record.column("q") for segment in segments])
+    v_sign = SIGN * max(float(np.max(np.abs(segment.inputs["v"]))) for segment in segments)
+    begin, travel = float(np.min(q)), float(np.ptp(q))
+    turns = segments[0].record.units == ROTARY and travel > 2.0 * np.pi
+    grid = Grid(0.0, 2.0 * np.pi / nodes, nodes, True) if turns else Grid(begin, travel / (nodes - 1), nodes)
+    basis = _basis(nodes)
+    rows = []
+    for segment in segments:
+        weights = grid.weights(segment.record.column("q")) @ basis
+        direction = np.tanh(segment.inputs["v"] / v_sign)
+        # the drive works against both
+        rows.append(segment.rows(np.column_stack([-weights, direction[:, None] * weights])))
+    return Regressor(grid, v_sign, np.concatenate(rows))
+
+
+def _basis(nodes: int) -> Array:
+    """Return an orthonormal basis of the vectors that add up to zero, shape (nodes, nodes - 1)."""
+    cosines: Array = scipy.fft.idct(np.eye(nodes), axis=0, norm="ortho")
+    return cosines[:, 1:]
+
+
+def _crossed(J: Array, columns: Array, residual: Array, block: NDArray[np.int64]) -> float:
+    """Return the rms error of the residual in blocks that are left out of its regression on both matrices."""
+    A = np.hstack([J, columns])
+    weight = np.concatenate([np.full(J.shape[1], REGULAR), np.ones(columns.shape[1])])
+    parts = [(A[block == b], residual[block == b]) for b in range(BLOCKS)]
+    normal = [(a.T @ a, a.T @ r) for a, r in parts]
+    total = sum(n for n, _ in normal) + np.diag(weight), sum(g for _, g in normal)
+    errors = [
+        r - a @ scipy.linalg.solve(total[0] - n, total[1] - g, assume_a="pos")
+        for (a, r), (n, g) in zip(parts, normal, strict=True)
+    ]
+    return float(np.sqrt(np.mean(np.square(np.concatenate(errors)))))
+
+
+def _of_samples(found: SearchResult, problem: Problem) -> SearchResult:
+    """Return the result of a search with the rows of the samples only."""
+    return replace(found, residual=found.residual[: problem.count], J=found.J[: problem.count])

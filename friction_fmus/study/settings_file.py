@@ -1,0 +1,175 @@
+"""The file of settings that a study of a bare data file writes for the next step."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from friction_fmus.axis.servo import GAINS
+from friction_fmus.identification import ROTARY, Measurement
+from friction_fmus.identification.data.guessing import columns_text, quoted
+from friction_fmus.identification.data.mapping import MISSING, Column
+from friction_fmus.identification.data.table_files import read_table
+from friction_fmus.identification.data.tables import Table
+from friction_fmus.identification.data.windows import default_windows
+from friction_fmus.study.config import StudyConfig
+from friction_fmus.study.data import Data
+from friction_fmus.study.records import WrittenFile
+from harness.storage.atomic import atomic_path
+
+SETTINGS_FILE: Final = "study.toml"
+
+GAIN_UNITS: Final[Mapping[str, tuple[str, str]]] = {
+    "kp": ("1/s", "1/s"),
+    "kv": ("N.s/m", "N.m.s/rad"),
+    "ki": ("N/m", "N.m/rad"),
+    "Kp": ("N/m", "N.m/rad"),
+    "Kd": ("N.s/m", "N.m.s/rad"),
+    "Ki": ("N/(m.s)", "N.m/(rad.s)"),
+}
+"""Units of the gains of a servo, on a linear and on a rotary axis."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of an axis when its file of settings is written.
+
+    Attributes
+    ----------
+    columns, suggestions : mapping of str to Column
+        Columns by role, and those of which an entry is missing.
+    servo : mapping of str to str
+        Entries of ``[servo]`` as TOML; empty if it is unknown.
+    measurement : Measurement or None
+        The record; None if entries of its columns are missing.
+    """
+
+    columns: Mapping[str, Column]
+    suggestions: Mapping[str, Column] = field(default_factory=dict)
+    servo: Mapping[str, str] = field(default_factory=dict)
+    measurement: Measurement | None = None
+
+
+def write_settings(folder: Path, table: Table, known: Known) -> Path:
+    """Write the settings of a study, complete as far as they are known, with comments on the rest.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the file `SETTINGS_FILE`.
+    table : Table
+        Columns of the data file.
+    known : Known
+        What is known of the axis.
+
+    Returns
+    -------
+    Path
+        The file.
+    """
+    path = folder / SETTINGS_FILE
+    with atomic_path(path) as temporary:
+        temporary.write_text(settings_text(table, known, _relative(table.file, folder)), encoding="utf-8")
+    return path
+
+
+def settings_of(config: StudyConfig, data: Data, out: Path) -> tuple[WrittenFile, ...]:
+    """Write the settings of a study that was started with a data file; an existing file is kept.
+
+    Parameters
+    ----------
+    config : StudyConfig
+        Configuration of the study.
+    data : Data
+        Its data.
+    out : Path
+        Folder of the results.
+
+    Returns
+    -------
+    tuple of WrittenFile
+        The file; empty if the study was started with its configuration.
+    """
+    if not config.bare or data.measurement is None or data.measurement.mapping.file is None:
+        return ()
+    if not (out / SETTINGS_FILE).exists():
+        known = Known(data.measurement.mapping.columns, measurement=data.measurement)
+        write_settings(out, read_table(data.measurement.mapping.file), known)
+    return (WrittenFile(SETTINGS_FILE, "Settings of the study, to add the controller of the axis"),)
+
+
+def settings_text(table: Table, known: Known, file: str) -> str:
+    """Return the settings of a study as TOML; see `write_settings`."""
+    name = table.file.name.partition(".")[0]
+    return "\n".join(
+        [
+            "# Settings of a study, for the commands",
+            f"#   friction-fmus study {SETTINGS_FILE} -o out       models, and compensators if there is [servo]",
+            f"#   friction-fmus identify {SETTINGS_FILE} -o out    models with figures and FMUs",
+            "",
+            "[data]",
+            f"file = {quoted(file)}",
+            f"name = {quoted(name)}",
+            "",
+            columns_text(table, known.columns, known.suggestions),
+            "",
+            *_windows(known.measurement),
+            "",
+            "[identify]",
+            'models = "all"  # or a list, such as ["Stribeck", "LuGre"]',
+            "",
+            *_servo(known),
+            "",
+            "# [compensation]",
+            '# compensators = "all"  # or a list, such as ["StaticFeedforward", "DisturbanceObserver"]',
+            "",
+        ]
+    )
+
+
+def _relative(file: Path, folder: Path) -> str:
+    try:
+        return Path(os.path.relpath(file, folder)).as_posix()
+    except ValueError:  # another drive of Windows
+        return file.resolve().as_posix()
+
+
+def _windows(measurement: Measurement | None) -> list[str]:
+    """Return the windows; they are written so that they can be changed, and are the default."""
+    if measurement is None:
+        return ["# [windows]  # fitted data and validation data, in s; default: the first 60 %, and the rest"]
+    windows = {**default_windows(measurement.records), **measurement.mapping.windows}
+    pairs = [f"{name} = [{begin:.9g}, {end:.9g}]" for name, (begin, end) in windows.items()]
+    return ["[windows]  # fitted data and validation data [s]", *pairs]
+
+
+def _servo(known: Known) -> list[str]:
+    record = known.measurement.records[0] if known.measurement is not None else None
+    rotary = record is not None and record.units == ROTARY
+    force, length, mass = ("N.m", "rad", "kg.m2") if rotary else ("N", "m", "kg")
+    law = known.servo.get("law", '"CascadePPI"').strip('"')
+    units = {name: GAIN_UNITS[name][rotary] for name in GAINS[law]}
+    blank = f'"{MISSING}"'
+    entries = {name: (known.servo.get(name, blank), unit) for name, unit in units.items()}
+    entries |= {
+        "Ts": (known.servo.get("Ts", f"{record.Ts:.6g}" if record else blank), "s, sample time of the controller"),
+        "force_limit": (known.servo.get("force_limit", blank), f"{force}, largest force"),
+        "window": (known.servo.get("window", "2"), "samples over which the velocity is computed"),
+        "quantum": (
+            known.servo.get("quantum", f"{record.quantum:.6g}" if record else "0.0"),
+            f"{length}, step of the encoder; 0: exact",
+        ),
+    }
+    if record is not None and record.force is None:
+        entries["mass"] = (known.servo.get("mass", blank), f"{mass}, because the record has no drive force")
+    lines = ["[servo]", f'law = "{law}"  # "CascadePPI" with kp, kv, ki, or "PID" with Kp, Kd, Ki']
+    lines += [f"{name} = {value}  # {unit}" for name, (value, unit) in entries.items()]
+    if known.servo:
+        return lines
+    return [
+        f"# To compare compensators, describe the controller of the axis: remove the # and replace each {MISSING}.",
+        *(f"# {line}" for line in lines),
+    ]

@@ -1,0 +1,140 @@
+"""Findings about the models of a study that limit how far its result can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from friction_fmus.axis.servo import Servo
+from friction_fmus.identification import Record
+from friction_fmus.identification.physics import contradictions
+from friction_fmus.study.models import IdentifiedModel
+from friction_fmus.study.records import StudyFinding
+
+BEYOND: Final = 1.2
+"""Recorded force over the force limit above which one of them has a wrong unit."""
+
+GROWTH: Final = 1.1
+"""Factor per sample by which an oscillation grows in a loop that cannot be that of a recorded axis."""
+
+
+def force_findings(records: Sequence[Record], servo: Servo | None) -> tuple[StudyFinding, ...]:
+    """Return findings about a drive force that contradicts the recorded motion, or the limit of the servo.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Motion and drive force.
+    servo : Servo or None
+        Servo as configured.
+    """
+    needs_mass = servo is not None and servo.mass is None
+    found = [
+        StudyFinding(each.name, each.what, each.measure, each.name != "mass-not-identified" or needs_mass)
+        for each in contradictions(records)
+    ]
+    peak = max((float(np.max(np.abs(record.force))) for record in records if record.force is not None), default=0.0)
+    if servo is not None and peak > BEYOND * servo.force_limit:
+        unit = records[0].units.force
+        what = f"The recorded drive force reaches {peak:.3g} {unit}; the force limit is {servo.force_limit:.3g} {unit}."
+        change = "Correct the unit of the force in [columns] or force_limit in [servo]."
+        found.append(StudyFinding("force-beyond-limit", what, change, stops=True))
+    return tuple(found)
+
+
+def mass_findings(servo: Servo | None, model: IdentifiedModel, unit: str) -> tuple[StudyFinding, ...]:
+    """Return a finding if the loop of servo and identified mass is so unstable that no record can come from it.
+
+    Friction is left out, except for its viscous part: a loop whose oscillation grows by more than `GROWTH` in every
+    sample exceeds any friction within a few samples.
+
+    Parameters
+    ----------
+    servo : Servo or None
+        Servo as configured.
+    model : IdentifiedModel
+        Best model.
+    unit : str
+        Unit of the mass.
+    """
+    if servo is None or model.mass <= 0.0:
+        return ()
+    growth = loop_growth(servo, model.mass, max(model.values.get("Fv", model.values.get("sigma2", 0.0)), 0.0))
+    if growth <= GROWTH:
+        return ()
+    what = (
+        f"With the identified mass of {model.mass:.3g} {unit}, the servo is unstable: an oscillation grows by a factor "
+        f"of {growth:.3g} in every sample, so the record cannot come from this axis."
+    )
+    change = "Correct the unit of force or position, or the gains and Ts of the servo."
+    return (StudyFinding("mass-contradicts-servo", what, change, stops=True),)
+
+
+def loop_growth(servo: Servo, mass: float, viscous: float) -> float:
+    """Return the largest magnitude of the poles of the sampled loop of a mass without Coulomb friction.
+
+    The states are the velocity and the positions of the last samples; the force is held over a sample. Integral action
+    is left out, as it is slow.
+    """
+    Ts, n = servo.Ts, servo.window
+    Kp, Kd, _ = servo.pid
+    rate = viscous * Ts / mass
+    held = -np.expm1(-rate) / rate if rate > 1e-9 else 1.0  # mean decay of the velocity over a sample
+    drift = (1.0 - held) / rate if rate > 1e-9 else 0.5
+    law = np.zeros(n + 2 + servo.delay)  # force over velocity, positions and commands that are on their way
+    law[1] -= Kp + Kd / (n * Ts)
+    law[1 + n] += Kd / (n * Ts)
+    A = np.zeros((len(law), len(law)))
+    force = law if servo.delay == 0 else np.eye(len(law))[-1]
+    A[0] = Ts / mass * held * force
+    A[0, 0] += np.exp(-rate)
+    A[1] = Ts**2 / mass * drift * force
+    A[1, 0] += Ts * held
+    A[1, 1] += 1.0
+    for i in range(2, n + 2):
+        A[i, i - 1] = 1.0
+    for i in range(n + 2, len(law)):
+        A[i] = law if i == n + 2 else np.eye(len(law))[i - 1]
+    return float(np.max(np.abs(np.linalg.eigvals(A))))
+
+
+def loop_findings(models: Sequence[IdentifiedModel], simulated: bool) -> tuple[StudyFinding, ...]:
+    """Return a finding if the servo was simulated, but with none of the models it follows the record.
+
+    Parameters
+    ----------
+    models : sequence of IdentifiedModel
+        Models after `ranked`.
+    simulated : bool
+        Whether the servo was co-simulated with the models.
+    """
+    if not simulated or not models or models[0].row.rank is not None:
+        return ()
+    failed = next((found.row.reason for found in models if found.row.train is not None), "")
+    if not failed:
+        return ()
+    change = (
+        "Check Ts, window, quantum and force limit of the servo, and whether a force acts on the axis that the record "
+        "does not contain; such a force can be declared as column injected."
+    )
+    what = f"The simulated servo does not follow the record with any friction model. {models[0].row.name}: {failed}"
+    return (StudyFinding("loop-not-reproduced", what, change, stops=True),)
+
+
+def without_loop(models: Sequence[IdentifiedModel]) -> list[IdentifiedModel]:
+    """Return the models with the error of their predicted signal, so that they can be ranked without a servo."""
+    found = []
+    for each in models:
+        fit = each.row.validation or each.row.train
+        row = each.row if fit is None else replace(each.row, reason="")
+        found.append(replace(each, error=None if fit is None else fit.rms, row=row))
+    return found
+
+
+def not_trusted(findings: Sequence[StudyFinding]) -> str:
+    """Return why no compensator is compared, in one sentence."""
+    names = ", ".join(finding.name for finding in findings if finding.stops)
+    return f"No compensator was compared, because the result cannot be trusted ({names}). Correct this first."

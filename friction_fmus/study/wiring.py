@@ -1,0 +1,120 @@
+"""The README of the recommended compensator: every connection of its parts, as in the co-simulated axis."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from friction_fmus.axis.servo import Servo
+from harness import FmuPart, System, Wire
+from harness.system.wire import parse_wire, split_name
+
+PLANT: Final = ("axis", "friction", "encoder", "measured", "noise")
+"""Parts that stand for the machine; the README describes the connections of all others."""
+
+SUMS: Final = ("force", "unexplained")
+"""Parts that add their inputs u1 and u2, multiplied by gain[1] and gain[2] (1 if not in the table)."""
+
+LAWS: Final = ("compensator", "feedforward")
+"""Parts that are added to the servo."""
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Figures of the report that the files reproduce.
+
+    Attributes
+    ----------
+    rms : float
+        Tracking error [m or rad].
+    unit : str
+        Unit of the position.
+    """
+
+    rms: float
+    unit: str
+
+
+def wiring(system: System, servo: Servo, figures: Figures | None, has_code: bool) -> str:
+    """Return the README of the folder of the recommendation.
+
+    Parameters
+    ----------
+    system : System
+        Axis as it is exported.
+    servo : Servo
+        Feedback and sensors.
+    figures : Figures or None
+        Figures of the report; None if the axis has no compensator.
+    has_code : bool
+        Whether the folder contains the compensator as C code.
+    """
+    assert system.experiment is not None
+    every = round(servo.Ts / system.experiment.step)
+    wires = [wire for wire in map(parse_wire, system.wires) if split_name(wire.target)[0] not in PLANT]
+    lines = ["# Recommended compensator"]
+    for text in _paragraphs(system, servo, wires, figures, has_code):
+        lines += ["", textwrap.fill(text, 120, break_on_hyphens=False, break_long_words=False)]
+    lines += ["", "| input | value | delay [samples] |", "|---|---|--:|"]
+    lines += [f"| `{wire.target}` | {_value(wire)} | {wire.delay // every} |" for wire in wires]
+    for target, value in sorted(_constants(system)):
+        lines.append(f"| `{target}` | {value!r} | 0 |")
+    return "\n".join(lines) + "\n"
+
+
+def _paragraphs(
+    system: System, servo: Servo, wires: list[Wire], figures: Figures | None, has_code: bool
+) -> Iterator[str]:
+    """Yield the paragraphs above the table."""
+    if not any(name in system.parts for name in LAWS):
+        yield "No compensator is recommended: `axis.ssp` contains the servo without one."
+        return
+    yield (
+        f"The laws are sampled every {servo.Ts:g} s, together with the servo. The table lists every input of the "
+        "sampled parts of `axis.ssp`, in the units of the axis."
+    )
+    for wire in wires:
+        part, output = split_name(wire.source)
+        if part in LAWS and output != "u" and split_name(wire.target)[0] in ("servo", *SUMS):
+            yield f"Use the output `{output}` of `{part}`. Its output `u` is the force of a whole controller."
+    sums = [f"`{name}.y`" for name in SUMS if name in system.parts]
+    if sums:
+        yield f"{' and '.join(sums)} = gain[1] u1 + gain[2] u2, where a gain that is not in the table is 1."
+    if any(wire.source == "servo.u" for wire in wires):
+        yield "`servo.u` is the force of the drive after all limits; a delay of 1 stands for the previous sample."
+    yield (
+        "Start all parts together, with the axis at rest on the reference, as in the run of the report: only then do "
+        "the start values of the laws fit the motion."
+    )
+    if has_code:
+        laws = "both laws" if "feedforward" in system.parts else "the compensator"
+        yield (
+            f"`c/` contains {laws} with these parameters. Once per sample, assign the inputs of a law, call its "
+            "function `step`, and use its output in place of the output of the part."
+        )
+    if figures is not None:
+        yield (
+            f"The tracking error of the report is {figures.rms:.4g} {figures.unit} rms; `friction-fmus run axis.ssp` "
+            "repeats its run."
+        )
+
+
+def _value(wire: Wire) -> str:
+    """Return gain, source and offset as a formula with all digits."""
+    gain = "" if wire.gain == 1.0 else f"{wire.gain!r} × "
+    sign = "+" if wire.offset >= 0.0 else "-"
+    offset = "" if wire.offset == 0.0 else f" {sign} {abs(wire.offset)!r}"
+    return f"{gain}`{wire.source}`{offset}"
+
+
+def _constants(system: System) -> Iterator[tuple[str, float]]:
+    """Yield the inputs of sampled parts that are constant, with their values."""
+    for name, part in system.parts.items():
+        if name in PLANT or not isinstance(part, FmuPart):
+            continue
+        inputs = {port.name for port in part.inputs} | {f"gain[{i}]" for i in (1, 2) if name in SUMS}
+        for target, value in system.start.items():
+            if split_name(target)[0] == name and split_name(target)[1] in inputs and not isinstance(value, str):
+                yield target, float(value)

@@ -1,0 +1,220 @@
+"""The servo as configured against the recorded drive force, and what is named if they differ.
+
+The recorded forces are computed here from the equations of the laws, or are those of the EMPS record.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+
+from friction_fmus.axis.servo import Servo
+from friction_fmus.data import load_emps
+from friction_fmus.identification import Record
+from friction_fmus.study import load_config
+from friction_fmus.study.records import ServoCheck
+from friction_fmus.study.servo_check import check_servo, commanded
+
+EMPS = load_emps().record.window(0.0, 8.0)
+T = EMPS.t
+RD = np.gradient(EMPS.column("reference"), 1e-3)
+RDD = np.gradient(RD, 1e-3)
+FORCE = EMPS.column("force")
+
+
+@pytest.fixture(scope="module")
+def servo() -> Servo:
+    found = load_config("emps").servo
+    assert found is not None
+    return found
+
+
+def with_gains(servo: Servo, **factors: float) -> Servo:
+    return replace(servo, gains={name: factors.get(name, 1.0) * value for name, value in servo.gains.items()})
+
+
+def only(check: ServoCheck) -> str:
+    (finding,) = check.findings
+    return finding.name
+
+
+def test_the_published_law_reproduces_the_drive_of_emps(servo: Servo) -> None:
+    """The figure is from the README of the data: 3.7 mV rms, with 35.15 N/V."""
+    check = check_servo(EMPS, servo).result
+    assert check.residual is not None
+    assert check.residual.rms == pytest.approx(3.7e-3 * 35.15, rel=0.05)
+    assert check.residual.percent < 0.3
+    assert check.findings == ()
+
+
+def test_the_command_is_that_of_the_published_formula(servo: Servo) -> None:
+    q, r = EMPS.column("q"), EMPS.column("reference")
+    mean = 0.5 * (q[1:] + q[:-1])
+    u = servo.gains["kv"] * (servo.gains["kp"] * (r[2:] - q[2:]) - np.diff(mean) / 1e-3)
+    np.testing.assert_allclose(commanded(servo, r, q)[2:], np.clip(u, -351.5, 351.5), rtol=0.0, atol=1e-8)
+
+
+def test_a_gain_that_is_a_hundredth(servo: Servo) -> None:
+    """kv = 18 in place of 1800: the gain and the unit of the force cannot be told apart, both are named."""
+    check = check_servo(EMPS, with_gains(servo, kv=0.01)).result
+    (finding,) = check.findings
+    assert finding.name == "wrong-unit-or-gain"
+    assert finding.stops
+    assert "power of ten" in finding.what
+    estimated = {gain.name: gain for gain in check.gains}
+    assert estimated["kv"].value == pytest.approx(servo.gains["kv"], rel=1e-3)
+    assert estimated["kp"].value == pytest.approx(servo.gains["kp"], rel=1e-3)
+
+
+def test_gains_are_estimated(servo: Servo) -> None:
+    check = check_servo(EMPS, with_gains(servo, kp=0.9, kv=1.4)).result
+    assert only(check) == "wrong-gains"
+    for gain in check.gains:
+        assert gain.value == pytest.approx(servo.gains[gain.name], rel=1e-3)
+        assert gain.standard_error is not None
+        assert 0.0 < gain.standard_error < 1e-3 * gain.value
+        assert f"{gain.name} = {gain.value:.6g}" in check.findings[0].change
+
+
+@pytest.mark.parametrize(
+    ("factor", "name", "words"),
+    [
+        (-1.0, "wrong-sign", "opposite sign"),
+        (1.0 / 4.4482216, "wrong-unit-or-gain", "N and lbf"),
+        (1e3, "wrong-unit-or-gain", "power of ten"),
+        (2.0 * pi, "wrong-unit-or-gain", "2 pi"),
+        (0.7, "wrong-gain", "0.69"),
+    ],
+)
+def test_a_factor_is_named(servo: Servo, factor: float, name: str, words: str) -> None:
+    check = check_servo(replace(EMPS, force=factor * FORCE), servo).result
+    assert only(check) == name
+    assert words in check.findings[0].what
+
+
+def test_positions_in_inches_that_are_read_as_millimetres(servo: Servo) -> None:
+    q, r = EMPS.column("q") / 25.4, EMPS.column("reference") / 25.4
+    check = check_servo(replace(EMPS, q=q, reference=r), servo).result
+    assert only(check) == "wrong-unit-or-gain"
+    assert "in and mm" in check.findings[0].what
+
+
+@pytest.mark.parametrize("samples", [2, -1])
+def test_a_delay_is_counted(servo: Servo, samples: int) -> None:
+    check = check_servo(replace(EMPS, force=np.roll(FORCE, samples)), servo).result
+    assert only(check) == "delay"
+    assert f"{abs(samples)} sample" in check.findings[0].what
+    assert ("later" if samples > 0 else "earlier") in check.findings[0].what
+
+
+def test_another_window_is_found(servo: Servo) -> None:
+    check = check_servo(EMPS, replace(servo, window=5)).result
+    assert only(check) == "wrong-window"
+    assert check.findings[0].change == "Set window = 2 in [servo]."
+
+
+def test_feedforward_that_is_not_declared(servo: Servo) -> None:
+    Kd = servo.gains["kv"]
+    velocity = check_servo(replace(EMPS, force=FORCE + Kd * RD), servo).result
+    assert only(velocity) == "velocity-feedforward"
+    assert velocity.findings[0].change == "Set velocity_feedforward = true in [servo]."
+    declared = check_servo(EMPS, replace(servo, velocity_feedforward=True)).result
+    assert declared.findings[0].change == "Set velocity_feedforward = false in [servo]."
+    both = check_servo(replace(EMPS, force=FORCE + 60.0 * RDD + 15.0 * np.sign(RD)), servo).result
+    assert [finding.name for finding in both.findings] == ["inertia-feedforward", "friction-feedforward"]
+    mass = float(both.findings[0].change.split("= ")[1].split(" ")[0])
+    assert mass == pytest.approx(60.0, rel=0.01)
+    told = replace(servo, inertia_feedforward=mass)
+    assert only(check_servo(replace(EMPS, force=FORCE + 60.0 * RDD + 15.0 * np.sign(RD)), told).result) == (
+        "friction-feedforward"
+    )
+
+
+def test_gains_and_feedforward_together(servo: Servo) -> None:
+    check = check_servo(replace(EMPS, force=FORCE + 60.0 * RDD), with_gains(servo, kv=1.1)).result
+    assert [finding.name for finding in check.findings] == ["wrong-gains", "inertia-feedforward"]
+    assert check.gains[1].value == pytest.approx(servo.gains["kv"], rel=1e-3)
+
+
+def pulses() -> np.ndarray:
+    found = np.zeros(len(EMPS))
+    for start in range(1000, 7500, 1500):
+        found[start : start + 100] = 90.0
+    return found
+
+
+def test_pulses_are_an_injected_force(servo: Servo) -> None:
+    checked = check_servo(replace(EMPS, force=FORCE + pulses()), servo)
+    assert only(checked.result) == "injected-force"
+    assert "5 pulses" in checked.result.findings[0].what
+    assert not checked.result.findings[0].stops
+    assert checked.included
+    assert checked.injected is not None
+    np.testing.assert_allclose(checked.injected, pulses(), atol=1.0)
+
+
+def test_a_periodic_force_is_an_injected_force(servo: Servo) -> None:
+    checked = check_servo(replace(EMPS, force=FORCE + 20.0 * np.sin(2.0 * pi * 17.0 * T)), servo)
+    assert only(checked.result) == "injected-force"
+    assert "17 Hz" in checked.result.findings[0].what
+
+
+@pytest.mark.parametrize("included", [True, False])
+def test_a_declared_force_may_be_in_the_recorded_one_or_not(servo: Servo, included: bool) -> None:
+    record = replace(EMPS, force=FORCE + pulses() if included else FORCE, injected=pulses())
+    checked = check_servo(record, servo)
+    assert checked.result.findings == ()
+    assert checked.included == included
+    np.testing.assert_array_equal(checked.injected, pulses())
+
+
+def test_noise_of_the_force_confirms_the_gains(servo: Servo) -> None:
+    noise = 20.0 * np.random.default_rng(0).standard_normal(len(EMPS))
+    check = check_servo(replace(EMPS, force=FORCE + noise), servo).result
+    assert only(check) == "servo-unexplained"
+    assert not check.findings[0].stops
+    assert "gains agree" in check.findings[0].what
+
+
+def test_rounding_of_the_log_is_allowed_for(servo: Servo) -> None:
+    q = 1e-6 * np.round(EMPS.column("q") / 1e-6)
+    check = check_servo(replace(EMPS, q=q, quantum=1e-6), servo).result
+    assert check.residual is not None
+    assert check.residual.percent > 2.0
+    assert check.findings == ()
+
+
+@pytest.mark.parametrize("law", ["PID", "CascadePPI"])
+def test_an_integral_is_estimated_and_its_start_value_does_not_matter(law: str) -> None:
+    t = 1e-3 * np.arange(6000.0)
+    r = 0.02 * np.sin(2.0 * pi * 0.7 * t) + 0.005 * np.sin(2.0 * pi * 1.9 * t)
+    q = r - 1e-4 * np.sin(2.0 * pi * 0.7 * t + 1.0) - 3e-5 * np.sin(2.0 * pi * 2.3 * t)
+    v = np.concatenate([[0.0, 0.0], (q[2:] - q[:-2]) / 2e-3])
+    e = r - q
+    if law == "PID":
+        true = {"Kp": 2e5, "Kd": 900.0, "Ki": 3e6}
+        force = true["Kp"] * e - true["Kd"] * v + true["Ki"] * 1e-3 * (np.cumsum(e) - e) + 7.0
+    else:
+        true = {"kp": 60.0, "kv": 1500.0, "ki": 2e4}
+        w = true["kp"] * e - v
+        force = true["kv"] * w + true["ki"] * 1e-3 * (np.cumsum(w) - w) + 7.0
+    record = Record("synthetic", t, q=q, reference=r, force=force)
+    servo = Servo(law, true, 1e-3, 1e4)
+    right = check_servo(record, servo).result
+    assert right.residual is not None
+    assert right.residual.percent < 1.0
+    wrong = check_servo(record, replace(servo, gains={name: 1.3 * value for name, value in true.items()})).result
+    assert {finding.name for finding in wrong.findings} <= {"wrong-gains", "wrong-gain"}
+    for gain in wrong.gains:
+        assert gain.value == pytest.approx(true[gain.name], rel=0.02)
+    assert len(wrong.gains) == 3
+
+
+def test_a_record_without_a_reference_is_not_compared(servo: Servo) -> None:
+    check = check_servo(replace(EMPS, reference=None), servo).result
+    assert check.residual is None
+    assert "no reference" in check.reason
+    assert "no servo" in check_servo(EMPS, None).result.reason
