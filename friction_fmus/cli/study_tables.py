@@ -112,7 +112,7 @@ def compensator_table(result: StudyResult) -> Table:
     title = f"Compensators on the axis with {result.plant} friction"
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("")
-    table.add_column("compensator")
+    table.add_column("compensator", overflow="fold")
     table.add_column("gain or\nbandwidth", justify="right")
     table.add_column("tracking\nerror", justify="right")
     table.add_column("worst\ncase", justify="right")

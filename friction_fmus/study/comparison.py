@@ -8,12 +8,13 @@ from typing import Final, TypeAlias
 
 from friction_fmus.axis.elements import Compensator
 from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.study.cases import Case, cases
 from friction_fmus.study.compensators import INTEGRAL, INTEGRAL_SUMMARY, AxisKnowledge, Candidate, candidates
 from friction_fmus.study.config import Compensation
 from friction_fmus.study.cost import cost_of
-from friction_fmus.study.evaluation import Evaluation, Scheme, evaluate
+from friction_fmus.study.evaluation import Evaluation, Pool, Scheme, evaluate, system_of
 from friction_fmus.study.margins import margins_of
 from friction_fmus.study.metrics import BAND, Bench
 from friction_fmus.study.ranking import extremes, rank
@@ -102,7 +103,7 @@ def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, unit: str,
     everything = candidates(wanted.compensators, known)
     applicable = [candidate for candidate in everything if candidate.applies]
     task = bench, known, limits, wanted.gains, tried
-    steps += [Step(f"compensator-{c.name}", tuned, (c, None, *task), Evaluation) for c in applicable]
+    steps += [Step(f"compensator-{c.name}", tuned, (c, *task), Evaluation) for c in applicable]
     plain, without, *evaluations = run(steps)
 
     found: dict[str, Evaluation] = {c.name: each for c, each in zip(applicable, evaluations, strict=True)}
@@ -113,9 +114,10 @@ def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, unit: str,
     steps = []
     for feedforward, estimator in pairs:
         law = fixed(found[feedforward.name])
-        steps.append(
-            Step(f"compensator-{feedforward.name}-{estimator.name}", tuned, (estimator, law, *task), Evaluation)
-        )
+        # a feedforward leaves the margins unchanged, so the trials of the estimator keep the limits
+        schemes = [replace(scheme, feedforward=law) for scheme in found[estimator.name].schemes]
+        name = f"compensator-{feedforward.name}-{estimator.name}"
+        steps.append(Step(name, evaluate, (bench, schemes, tried), Evaluation))
     for (feedforward, estimator), evaluation in zip(pairs, run(steps), strict=True):
         row = _joined(feedforward, estimator, evaluation)
         rows.append(row)
@@ -123,15 +125,42 @@ def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, unit: str,
 
     ranked = rank(none, rows, wanted.weights, limits.Ms)
     rungs = ladder(plain.metrics, motion, none, ranked)
-    recommendation = recommend(none, ranked, rungs, unit)
+    contradicted = _contradicted(bench, ranked, found)
+    left = [row for row in ranked if row.name not in contradicted]
+    recommendation = recommend(none, left, rungs, unit, contradicted)
     chosen = found[recommendation.name].scheme if recommendation.name in found else None
     chosen = Scheme(servo) if chosen is None else chosen
     return Comparison((none, *ranked), rungs, recommendation, chosen, limits)
 
 
+def _contradicted(bench: Bench, ranked: Sequence[CompensatorResult], found: Mapping[str, Evaluation]) -> dict[str, str]:
+    """Return the compensators above the first one to which the doctor does not object, with the objections."""
+    before = _violated(bench, Scheme(bench.servo)).keys()
+    objections: dict[str, str] = {}
+    for row in ranked:
+        scheme = found[row.name].scheme if row.improves else None
+        if scheme is None:
+            break
+        new = {name: wrong for name, wrong in _violated(bench, scheme).items() if name not in before}
+        if not new:
+            return objections
+        objections[row.name] = next(f"{name}: {wrong}" for name, wrong in new.items())
+    return {}
+
+
+def _violated(bench: Bench, scheme: Scheme) -> dict[str, str]:
+    """Return the conditions that an axis violates, by name."""
+    pool: Pool = {}
+    try:
+        findings = examine(system_of(bench, scheme, pool))
+    finally:
+        for part in pool.values():
+            part.close()
+    return {finding.condition.name: finding.condition.wrong for finding in findings if not finding.condition.ok}
+
+
 def tuned(
     candidate: Candidate,
-    feedforward: Compensator | None,
     bench: Bench,
     known: AxisKnowledge,
     limits: Limits,
@@ -144,12 +173,10 @@ def tuned(
     ----------
     candidate : Candidate
         Compensator.
-    feedforward : Compensator or None
-        Friction feedforward beside it.
     bench, known, limits, gains, tried
         Axis, its properties, limits on the margins, gains to try, and differences of the axis.
     """
-    schemes = trials(candidate, known, bench.speed, limits, gains, feedforward)
+    schemes = trials(candidate, known, bench.speed, limits, gains)
     if not schemes:
         margin = f"Ms at most {limits.Ms:.3g} and a delay margin of at least {limits.delay:.3g} samples"
         tuned_value = "bandwidth" if candidate.has_bandwidth else "gain"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from friction_fmus.study.metrics import Bench, judge
 from friction_fmus.study.records import Corner, Curve, LoopMargins, Metrics, Trial
 from friction_fmus.study.thinning import thinned
 from harness import FmuPart, HarnessError, System
+
+ALIKE: Final = 0.1
+"""Errors within this relative difference count as equal; a higher bandwidth then depends less on the friction."""
 
 Pool: TypeAlias = dict[tuple[str, Path], FmuPart]
 
@@ -66,6 +69,8 @@ class Evaluation:
         Reference minus position over time of the best trial.
     reason : str
         Reason why there is no best trial.
+    schemes : tuple of Scheme
+        The schemes of the trials.
     """
 
     scheme: Scheme | None
@@ -74,6 +79,7 @@ class Evaluation:
     corners: tuple[Corner, ...]
     error: Curve | None
     reason: str = ""
+    schemes: tuple[Scheme, ...] = ()
 
 
 def evaluate(bench: Bench, schemes: Sequence[Scheme], cases: Sequence[Case]) -> Evaluation:
@@ -84,7 +90,7 @@ def evaluate(bench: Bench, schemes: Sequence[Scheme], cases: Sequence[Case]) -> 
     bench : Bench
         Axis and reference.
     schemes : sequence of Scheme
-        Trials. The best one has the smallest rms error among those with a gain up to 1.
+        Trials. The best one has a gain up to 1, see `_best`.
     cases : sequence of Case
         Differences of the axis.
     """
@@ -97,24 +103,30 @@ def evaluate(bench: Bench, schemes: Sequence[Scheme], cases: Sequence[Case]) -> 
 
 
 def _evaluated(bench: Bench, schemes: Sequence[Scheme], cases: Sequence[Case], pool: Pool) -> Evaluation:
-    trials, best = [], None
+    trials, possible = [], []
     for scheme in schemes:
-        metrics, error, failure = _judged(_system(bench, scheme, pool), bench)
+        metrics, error, failure = _judged(system_of(bench, scheme, pool), bench)
         trials.append(Trial(scheme.gain, scheme.bandwidth, scheme.margins, metrics, failure))
-        if metrics is None or error is None or scheme.gain > 1.0:
-            continue
-        if best is None or metrics.rms < best[1].rms:
-            best = scheme, metrics, error
-    if best is None:
+        if metrics is not None and error is not None and scheme.gain <= 1.0:
+            possible.append((scheme, metrics, error))
+    if not possible:
         reason = next((trial.failure for trial in trials if trial.failure), "")
-        return Evaluation(None, None, tuple(trials), (), None, reason)
-    scheme, metrics, error = best
+        return Evaluation(None, None, tuple(trials), (), None, reason, tuple(schemes))
+    scheme, metrics, error = _best(possible)
     corners = tuple(_corner(bench, scheme, case, pool) for case in cases)
     drawn = thinned(bench.servo.Ts * np.arange(float(len(error))), error)
-    return Evaluation(scheme, metrics, tuple(trials), corners, drawn)
+    return Evaluation(scheme, metrics, tuple(trials), corners, drawn, schemes=tuple(schemes))
 
 
-def _system(bench: Bench, scheme: Scheme, pool: Pool) -> System:
+def _best(trials: Sequence[tuple[Scheme, Metrics, Array]]) -> tuple[Scheme, Metrics, Array]:
+    """Return the trial with the smallest error or, among those within `ALIKE`, the one with the highest bandwidth."""
+    least = min(metrics.rms for _, metrics, _ in trials)
+    alike = [trial for trial in trials if trial[1].rms <= (1.0 + ALIKE) * least]
+    return min(alike, key=lambda trial: (-(trial[0].bandwidth or 0.0), trial[1].rms))
+
+
+def system_of(bench: Bench, scheme: Scheme, pool: Pool) -> System:
+    """Return the axis with a scheme as a system; the caller closes the parts of the pool."""
     servo, plant, trajectory = scheme.servo, bench.plant, bench.trajectory
     if scheme.compensator is None:
         return closed_loop(servo, plant, trajectory, scheme.feedforward, pool=pool)
@@ -124,7 +136,7 @@ def _system(bench: Bench, scheme: Scheme, pool: Pool) -> System:
 
 def _corner(bench: Bench, scheme: Scheme, case: Case, pool: Pool) -> Corner:
     servo, trajectory = changed(scheme.servo, bench.trajectory, case)
-    system = _system(replace(bench, trajectory=trajectory), replace(scheme, servo=servo), pool)
+    system = system_of(replace(bench, trajectory=trajectory), replace(scheme, servo=servo), pool)
     metrics, _, failure = _judged(system.with_start(off_by(system, case.friction, case.mass)), bench)
     return Corner(case.name, metrics, failure, case.counts)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from friction_fmus.study.ranking import WORTH
 from friction_fmus.study.records import CompensatorResult, Metrics, Recommendation, Rung
@@ -55,7 +55,11 @@ def largest_step(rungs: Sequence[Rung]) -> tuple[Rung, Rung] | None:
 
 
 def recommend(
-    none: CompensatorResult, ranked: Sequence[CompensatorResult], rungs: Sequence[Rung], unit: str
+    none: CompensatorResult,
+    ranked: Sequence[CompensatorResult],
+    rungs: Sequence[Rung],
+    unit: str,
+    contradicted: Mapping[str, str] | None = None,
 ) -> Recommendation:
     """Return the recommended compensator with the reasons.
 
@@ -69,6 +73,9 @@ def recommend(
         Ladder.
     unit : str
         Unit of the position, "m" or "rad".
+    contradicted : mapping of str to str, optional
+        Compensators with a better rank that violate a condition of the doctor, with that condition; `ranked` does not
+        contain them.
     """
     tried = [row for row in ranked if row.rank is not None]
     if not tried:
@@ -94,6 +101,8 @@ def recommend(
         + (f", and in the worst case from {_worst(none, unit)} to {_worst(first, unit)}" if first.corners else "")
         + f". {_figures(none, first)}"
     )
+    for name, wrong in (contradicted or {}).items():
+        reason += f" {name} ranks higher, but the doctor objects to it ({wrong})."
     improving = [row for row in tried if row.improves]
     if len(improving) < 2:
         return Recommendation(first.name, reason, first.gain)
@@ -139,7 +148,7 @@ def _figures(none: CompensatorResult, row: CompensatorResult) -> str:
             margin += f" and a delay margin of {row.margins.delay:.1f} samples"
         parts.append(margin)
     if row.cycles is not None:
-        parts.append(f"takes about {row.cycles:.2g} cycles a sample on a Cortex-M4F")
+        parts.append(f"takes about {row.cycles:.0f} cycles a sample on a Cortex-M4F")
     return f"It {', '.join(parts[:-1])}{' and ' if len(parts) > 1 else ''}{parts[-1]}."
 
 
