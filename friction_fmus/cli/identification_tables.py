@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from friction_fmus.cli.console import console, styled
-from friction_fmus.identification import AxisUnits, Finding, Identification, Measurement, Record
+from friction_fmus.cli.console import console_for, styled
+from friction_fmus.identification import ROTARY, AxisUnits, Finding, Identification, Measurement, Record
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.plot import NAMES
 from friction_fmus.identification.survey import ModelComparison
@@ -24,6 +24,7 @@ def show_data(
         return f"{records[0].t[0]:.4g} to {records[-1].t[-1]:.4g} s, {samples} samples"
 
     mapping, record = measurement.mapping, train[0]
+    console = console_for(record.units == ROTARY)
     columns = ", ".join(f"{role} {c.column or c.period!r}" for role, c in mapping.columns.items())
     console.print(styled((mapping.name, "bold"), f": {columns}"), soft_wrap=True)
     text = f"training data {span(train)} at {1e3 * record.Ts:.4g} ms; "
@@ -37,6 +38,7 @@ def show_data(
 def show_ranking(found: ModelComparison) -> None:
     """Print the ranked models as a table."""
     best = found.results[0]
+    console = console_for(best.records[0].units == ROTARY)
     signal = NAMES.get(best.signal, best.signal)
     text = f"\nModels by {found.ranked_by}; errors are rms values, also in % of the rms of the {signal}"
     console.print(text, soft_wrap=True)
@@ -62,6 +64,7 @@ def show_ranking(found: ModelComparison) -> None:
 
 def show_parameters(result: Identification) -> None:
     """Print the parameters of a model with their standard errors."""
+    console = console_for(result.records[0].units == ROTARY)
     console.print(styled("\n", (result.model, "bold")))
     table = Table(box=None, pad_edge=False)
     for heading, justify in (("parameter", "left"), ("value", "right"), ("standard error", "right"), ("unit", "left")):

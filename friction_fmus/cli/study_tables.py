@@ -72,8 +72,11 @@ def model_table(result: StudyResult) -> Table:
     table.add_column("")
     table.add_column("model", no_wrap=True)
     loop = any(row.closed_loop for row in result.models)
-    predicted = next((row.validation for row in result.models if row.validation is not None), None)
-    table.add_column(f"{predicted.signal if predicted else 'fit'}\nresidual", justify="right")
+    # one kind of residual for all models: of the validation data if there are any
+    validated = any(row.validation is not None for row in result.models)
+    fits = {row.name: row.validation if validated else row.train for row in result.models}
+    signal = next((fit.signal for fit in fits.values() if fit is not None), "")
+    table.add_column(f"{signal} residual,\n{'validation' if validated else 'training'} data", justify="right")
     if loop:
         table.add_column("closed loop:\nposition error", justify="right")
         table.add_column("force\nerror", justify="right")
@@ -81,7 +84,7 @@ def model_table(result: StudyResult) -> Table:
     for row in result.models:
         if row.rank is None:
             continue
-        cells = [str(row.rank), row.name, _percent(row.validation or row.train)]
+        cells = [str(row.rank), row.name, _percent(fits[row.name])]
         if loop:
             by_signal = {fit.signal: fit for fit in row.closed_loop}
             position = by_signal.get("position")

@@ -6,10 +6,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from friction_fmus.doctor.axis import Finding
 from friction_fmus.doctor.find import axes, unknown_parts
 from friction_fmus.doctor.rules import examine_axis
 from friction_fmus.doctor.sampling import examine_steps
+from friction_fmus.fmi.rotary import in_rotary_words
 from harness import Experiment, System
 
 __all__ = ["Finding", "axes", "examine", "unknown_parts"]
@@ -39,4 +42,13 @@ def examine(system: System, experiment: Experiment | None = None) -> list[Findin
     found = axes(system)
     results = [finding for axis in found for finding in examine_axis(axis)]
     plan = experiment or system.experiment
-    return [*results, *examine_steps(system, plan, found)] if plan is not None else results
+    if plan is not None:
+        results += examine_steps(system, plan, found)
+    rotary = {axis.plant for axis in found if axis.rotary}
+    return [_in_rotary_words(finding) if rotary & set(finding.parts) else finding for finding in results]
+
+
+def _in_rotary_words(finding: Finding) -> Finding:
+    c = finding.condition
+    wrong, why, change, source = map(in_rotary_words, (c.wrong, c.why, c.change, c.source))
+    return replace(finding, condition=replace(c, wrong=wrong, why=why, change=change, source=source))

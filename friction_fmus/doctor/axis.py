@@ -192,6 +192,8 @@ class Axis:
         Speed of the other end of spring and damper [m/s].
     shapers : tuple of Shaper
         Prefilters of the references.
+    rotary : bool
+        Whether the plant has angles and torques, and the numbers are in their units.
     """
 
     plant: str
@@ -207,6 +209,7 @@ class Axis:
     belt: float | None = None
     support: float | None = None
     shapers: tuple[Shaper, ...] = ()
+    rotary: bool = False
 
     def driven(self, damping: float, stiffness: float, measured: tuple[bool, bool] = (False, False)) -> DrivenPlant:
         """Return the linear plant with damping and stiffness of the contact in addition to those to ground."""
@@ -224,7 +227,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Finding:
-    """Condition evaluated for some parts of a system.
+    """Condition evaluated for some parts of a system; its texts have the words and units of the axis.
 
     Parameters
     ----------

@@ -156,6 +156,7 @@ def _axis(system: System, parts: Parts, drivers: Drivers, name: str, plant: Plan
         belt=p.get(plant.belt),
         support=p.get(plant.support),
         shapers=tuple(_shapers(system, parts, drivers, laws)),
+        rotary=any(port.unit in ("rad", "rad/s") for port in system.parts[name].outputs),
     )
 
 

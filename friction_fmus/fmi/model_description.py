@@ -22,6 +22,7 @@ from friction_fmus.blocks.probe import (
     Description,
     Variable,
 )
+from friction_fmus.fmi.rotary import in_rotary_words
 from friction_fmus.fmi.units import DISPLAY_UNITS, QUANTITIES, base_unit
 from friction_fmus.version import VERSION, build_time
 
@@ -110,8 +111,11 @@ def model_description(block: Block, description: Description, identifier: str) -
     etree.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", tolerance="1e-10", stepSize="0.001")
 
     model_variables = etree.SubElement(root, "ModelVariables")
+    rotary = "rad" in units or "rad/s" in units
     for v in variables:
-        _scalar_variable(model_variables, v, index, description.sampled)
+        # the normal force of a rotary axis is still a force
+        text = in_rotary_words(v.text) if rotary and v.unit != "N" else v.text
+        _scalar_variable(model_variables, v, text, index, description.sampled)
 
     structure = etree.SubElement(root, "ModelStructure")
     outputs = [v for v in variables if v.role in (OUTPUT, STATE_OUTPUT)]
@@ -149,11 +153,11 @@ def _type_definitions(root: etree._Element, units: list[str]) -> None:
             etree.SubElement(simple, "Real", quantity=QUANTITIES[unit], unit=unit)
 
 
-def _scalar_variable(parent: etree._Element, v: Variable, index: dict[int, int], sampled: bool) -> None:
+def _scalar_variable(parent: etree._Element, v: Variable, text: str, index: dict[int, int], sampled: bool) -> None:
     causality, variability, initial = ROLE[v.role]
     if variability == "continuous" and (v.type != 0 or (sampled and v.role in (OUTPUT, LOCAL, STATE, STATE_OUTPUT))):
         variability = "discrete"
-    attributes = {"name": v.name, "valueReference": str(v.reference), "description": v.text}
+    attributes = {"name": v.name, "valueReference": str(v.reference), "description": text}
     attributes |= {"causality": causality, "variability": variability}
     if initial:
         attributes["initial"] = initial

@@ -26,7 +26,7 @@ from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.scores import Score
 from friction_fmus.identification.parameter_files import Parameter, toml_text
-from friction_fmus.identification.plot import NAMES
+from friction_fmus.identification.plot import name_of
 from friction_fmus.identification.result import Identification
 from friction_fmus.identification.survey import ModelComparison
 from harness.compiling import toolchain
@@ -39,7 +39,13 @@ DASHES = ("solid", "dashed", "dotted")
 
 
 def write_results(
-    found: ModelComparison, measurement: Measurement, findings: Sequence[Finding], windows: Mapping[str, Any], out: Path
+    found: ModelComparison,
+    measurement: Measurement,
+    findings: Sequence[Finding],
+    windows: Mapping[str, Any],
+    out: Path,
+    *,
+    fmus: bool = True,
 ) -> list[Path]:
     """Write all files of a comparison of models; if that fails, the folder is left unchanged.
 
@@ -57,6 +63,8 @@ def write_results(
         Windows ``train`` and ``validation``, if given.
     out : Path
         Folder; created if needed.
+    fmus : bool
+        Whether the FMUs are written.
 
     Returns
     -------
@@ -78,10 +86,10 @@ def write_results(
         with tempfile.TemporaryDirectory(prefix=".identify-", dir=out) as scratch:
             stage = Path(scratch)
             lacking = toolchain.lacking()
-            if lacking is not None:
+            if fmus and lacking is not None:
                 _LOG.warning("the results are written without FMUs: %s", lacking)
             for result in found.results:
-                if lacking is None:
+                if fmus and lacking is None:
                     result.to_fmu(stage)
                     if result.position is not None:
                         rotary = result.records[0].units == ROTARY
@@ -121,9 +129,7 @@ def comparison(found: ModelComparison) -> Figure:
         signals.plot(result.t[inside], result.predicted[inside], label=result.model, **style)
         errors.plot(result.t[inside], result.residuals[inside], **style)
     unit = "" if best.unit == "1" else f" [{best.unit}]"
-    signals.set(
-        ylabel=f"{NAMES.get(best.signal, best.signal)}{unit}", title="The best models in a part of the training data"
-    )
+    signals.set(ylabel=f"{name_of(best)}{unit}", title="The best models in a part of the training data")
     signals.tick_params(labelbottom=False)
     errors.set(xlabel="time [s]", ylabel=f"predicted −\nmeasured{unit}")
     signals.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)

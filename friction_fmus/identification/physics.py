@@ -22,6 +22,9 @@ from friction_fmus.identification.fit.simulation_data import prepare
 MASSES: Final[Mapping[str, tuple[float, float]]] = {"m": (1e-6, 1e7), "rad": (1e-10, 1e7)}
 """Smallest and largest mass [kg] or moment of inertia [kg.m2] of a machine, by unit of the position."""
 
+FORBIDDING: Final = ("wrong-sign", "negative-mass", "driving-friction", "implausible-mass")
+"""Findings after which identified parameters cannot be used."""
+
 SIGNIFICANT: Final = 3.0
 """Number of standard errors by which a mass must differ from zero."""
 
@@ -96,8 +99,7 @@ def contradictions(records: Sequence[Record]) -> tuple[Finding, ...]:
     Returns
     -------
     tuple of Finding
-        At most one of ``wrong-sign``, ``negative-mass``, ``driving-friction``, ``implausible-mass`` and
-        ``mass-not-identified``. All except the last mean that identified parameters cannot be used.
+        At most one of `FORBIDDING` or ``mass-not-identified``.
     """
     balance = drive_balance(records)
     if balance is None:

@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from friction_fmus.identification.data.record import Array
+from friction_fmus.fmi.rotary import in_rotary_words
+from friction_fmus.identification.data.record import ROTARY, Array
 from harness.storage.atomic import atomic_path
 
 if TYPE_CHECKING:
@@ -21,6 +22,12 @@ MEASURED, PREDICTED = "#7f8c8d", "#c0392b"
 NAMES = {"mu": "friction coefficient", "friction": "friction force", "force": "drive force", "q": "position"}
 
 
+def name_of(result: Identification) -> str:
+    """Return the name of the fitted signal, such as ``drive force``."""
+    name = NAMES.get(result.signal, result.signal)
+    return in_rotary_words(name) if result.records[0].units == ROTARY else name
+
+
 def draw(result: Identification, path: Path) -> Path:
     """Draw an identification; see `Identification.plot`."""
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
@@ -29,7 +36,7 @@ def draw(result: Identification, path: Path) -> Path:
     over_time, over_motion = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[:, 1])
     error = figure.add_subplot(grid[1, 0], sharex=over_time)
     unit = "" if result.unit == "1" else f" [{result.unit}]"
-    label = f"{NAMES.get(result.signal, result.signal)}{unit}"
+    label = f"{name_of(result)}{unit}"
     x, x_label = _abscissa(result)
     for axes, at in ((over_time, result.t), (over_motion, x)):
         axes.plot(at, result.measured, color=MEASURED, lw=1.4, label="measured")

@@ -12,6 +12,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
+from friction_fmus.fmi.rotary import html_in_rotary_words
+from friction_fmus.identification import ROTARY
 from friction_fmus.report import numbers, views
 from friction_fmus.report.sections import Section, sections
 from friction_fmus.study.result import StudyResult
@@ -60,7 +62,7 @@ def report_html(study: StudyResult) -> str:
         template = environment.get_template(f"sections/{name}.html")
         return Markup(template.render(study=study, **section.content(study)))
 
-    return environment.get_template("page.html").render(
+    page = environment.get_template("page.html").render(
         study=study,
         style=(FOLDER / "page.css").read_text(encoding="utf-8"),
         script=script,
@@ -70,6 +72,7 @@ def report_html(study: StudyResult) -> str:
             {"name": name, "title": section.TITLE, "body": body(name, section)} for name, section in sections().items()
         ],
     )
+    return html_in_rotary_words(page) if study.units == ROTARY else page
 
 
 def _environment() -> Environment:

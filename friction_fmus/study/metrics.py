@@ -42,6 +42,8 @@ class Bench:
         Reference FMU and initial state.
     r : array, shape (samples,)
         Reference [m].
+    run_up : int
+        Number of samples before the first one of the record, in which the axis starts from rest.
     band : float
         Error below which the axis has settled after a reversal [m]; 0 if it is not known yet.
     """
@@ -50,6 +52,7 @@ class Bench:
     plant: Plant
     trajectory: Trajectory
     r: Array
+    run_up: int = 0
     band: float = 0.0
 
     @property

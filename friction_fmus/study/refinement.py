@@ -16,13 +16,16 @@ from friction_fmus.identification.fit.drives import driven
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.scores import weak_parameters
 from friction_fmus.identification.fit.simulation_data import prepare
-from friction_fmus.study.models import ALIKE, MEANING, IdentifiedModel, Measured, in_closed_loop
+from friction_fmus.study.models import MEANING, IdentifiedModel, Measured, in_closed_loop
 from friction_fmus.study.records import Fit, IdentifiedParameter
 from friction_fmus.study.regression import rms
 from harness import HarnessError
 
 EQUAL: Final = 1e-3
 """Relative increase of an error of the simulated servo that is within the accuracy of the search."""
+
+BIAS: Final = 5e-3
+"""Increase of the error of the predicted force, over the rms force, that the filter of the motion can cause."""
 
 UNLOADED: Final = 0.02
 """Initial fraction of a record that is not compared, because the predicted contact starts unloaded."""
@@ -38,7 +41,7 @@ def refine(
 
     Only positions are compared: the force follows from the position through the known controller and would count the
     same error twice. The fit is discarded if, on data that were not fitted, it makes position or force of the simulated
-    servo worse, or increases the error of the force predicted for the measured motion by more than `ALIKE`.
+    servo worse, or increases the error of the force predicted for the measured motion by more than `BIAS`.
 
     Parameters
     ----------
@@ -126,15 +129,15 @@ def _better(
     """Return the refined model if it is better on data that were not fitted; otherwise the other with a warning."""
     before, after = _prediction_error(found, unfitted), _prediction_error(refined, unfitted)
     units = unfitted[0].units
-    comparisons: tuple[tuple[str, float | None, float | None, str], ...] = (
-        ("position of the simulated servo", found.error, refined.error, units.position),
-        ("force of the simulated servo", found.force_error, refined.force_error, units.force),
-        ("predicted force", before, after, units.force),
+    level = rms(np.concatenate([record.column("force") for record in unfitted])) if before is not None else 0.0
+    comparisons: tuple[tuple[str, float | None, float | None, float, str], ...] = (
+        ("position of the simulated servo", found.error, refined.error, 0.0, units.position),
+        ("force of the simulated servo", found.force_error, refined.force_error, 0.0, units.force),
+        # the prediction depends on the filter of the motion, with which the parameters before were fitted
+        ("predicted force", before, after, BIAS * level, units.force),
     )
-    for what, old, new, unit in comparisons:
-        # the filter of the motion, which the prediction depends on, biases it in favour of parameters fitted with it
-        allowed = ALIKE if what == "predicted force" else EQUAL
-        if old is None or (new is not None and new <= (1.0 + allowed) * old):
+    for what, old, new, allowed, unit in comparisons:
+        if old is None or (new is not None and new <= (1.0 + EQUAL) * old + allowed):
             continue
         change = "without bound" if new is None else f"from {old:.3g} to {new:.3g} {unit}"
         text = (

@@ -14,10 +14,11 @@ from typing import Any, Final
 import numpy as np
 
 from friction_fmus.axis.loop import Trajectory
+from friction_fmus.axis.start import from_rest
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
-from friction_fmus.identification import filtered_motion, identifiable
+from friction_fmus.identification import ROTARY, filtered_motion, identifiable
 from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.comparison import Comparison, compare
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
@@ -32,11 +33,12 @@ from friction_fmus.study.records import ConditionResult, Recommendation, StudyFi
 from friction_fmus.study.refinement import refine
 from friction_fmus.study.result import StudyResult
 from friction_fmus.study.servo_check import CheckedServo, check_servo
-from friction_fmus.study.settings_file import settings_of
+from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.summary import ProgressReporter, identifier, overview
 from friction_fmus.study.trust import force_findings, loop_findings, mass_findings, not_trusted, without_loop
 from friction_fmus.study.wiring import Figures
+from friction_fmus.study.words import result_in_rotary_words
 from friction_fmus.version import VERSION
 from harness import Progress, System
 from harness.compiling import toolchain
@@ -117,6 +119,7 @@ def run_study(
         study = _Study(config, folder, StepCache(folder / CACHE), executor or own, reporter, force)
         result = study.run()
     result = replace(result, seconds=time.perf_counter() - begin)
+    result = result_in_rotary_words(result) if result.units == ROTARY else result
     from friction_fmus.report import write_report
 
     write_report(result, folder / "report.html")
@@ -177,7 +180,8 @@ class _Study:
         if models[0].row.rank is None:
             models = ranked(without_loop(models))
         best = models[0]
-        findings += mass_findings(self.config.servo, best, data.longest.units.inertia)
+        if not any(finding.stops for finding in findings):  # otherwise the mass is a consequence
+            findings += mass_findings(self.config.servo, best, data.longest.units.inertia)
         if best.row.rank is None:
             raise StudyError(
                 f"No friction model could be identified from {data.longest.name!r}; reason of the first one: "
@@ -253,7 +257,7 @@ class _Study:
             for name in names
         ]
         if data.longest.force is not None and data.longest.q is not None:
-            arguments = (data.longest, known.get("inverse", {}), measured)
+            arguments = (data.longest, data.validation, known.get("inverse", {}), measured)
             steps.append(Step("model-inverse", inverse_model, arguments, IdentifiedModel))
         found: list[IdentifiedModel] = self._run(steps, 0.02, 0.4)
         if measured is None:
@@ -270,9 +274,11 @@ class _Study:
         """Return the reason why no compensator can be simulated; empty if they can."""
         servo = self.config.servo
         if servo is None:
+            where = f" to {SETTINGS_FILE}" if self.config.bare else ""
+            entries = "law, gains, Ts and force_limit" if best.mass > 0.0 else "law, gains, Ts, force_limit and mass"
             return (
-                "No compensator was compared, because the configuration has no servo. To compare compensators on an "
-                "axis, add [servo] with its law, gains, Ts, force_limit and mass."
+                "No compensator was compared, because the configuration has no servo. To compare compensators on the "
+                f"axis, add [servo] with {entries}{where}."
             )
         if best.mass <= 0.0 and servo.mass is None:
             return "No compensator was compared, because the moved mass is unknown. Add mass = ... to [servo]."
@@ -289,8 +295,9 @@ class _Study:
             motion = filtered_motion(record, default_settings(record))
             r = record.column("q")[0] + np.concatenate([[0.0], np.cumsum(motion.v[:-1]) * record.Ts])
         last = min(t[-1], wanted.duration or t[-1])
-        at = servo.Ts * np.arange(float(round(last / servo.Ts) + 1))
-        r = np.interp(at, t, r)
+        recorded = np.interp(servo.Ts * np.arange(float(round(last / servo.Ts) + 1)), t, r)
+        r = from_rest(recorded, servo.Ts)
+        at = servo.Ts * np.arange(float(len(r)))
         reference = build_reference(at, r, self.out / CACHE, f"{identifier(record.name)}Path", data.rotary)
         noise = build_reference(
             at, np.random.default_rng(SEED).standard_normal(len(at)), self.out / CACHE, "Noise", data.rotary
@@ -307,7 +314,7 @@ class _Study:
             rotary=data.rotary,
             noise=noise,
         )
-        return Bench(servo, plant, trajectory, r)
+        return Bench(servo, plant, trajectory, r, len(r) - len(recorded))
 
     def _comparison(self, data: Data, models: Sequence[IdentifiedModel], bench: Bench) -> Comparison:
         """Compare the compensators."""
@@ -315,7 +322,7 @@ class _Study:
             bench.servo,
             bench.plant,
             {found.block: found.values for found in reversed(models) if found.row.rank is not None},
-            period_of(bench.r, 100),
+            period_of(bench.r[bench.run_up :], 100),
             float(np.max(np.abs(np.diff(bench.r)))) / bench.servo.Ts,
             data.rotary,
         )

@@ -8,6 +8,7 @@ from typing import Any
 
 from friction_fmus.study.config import StudyConfig
 from friction_fmus.study.data import Data
+from friction_fmus.study.recommending import shown
 from friction_fmus.study.steps import Step
 from harness import Progress
 
@@ -57,7 +58,7 @@ def overview(config: StudyConfig, data: Data) -> dict[str, str]:
         overview["servo"] = (
             f"{servo.law} with {gains}; sample time {1e3 * servo.Ts:g} ms, force limit ±{servo.force_limit:.4g} "
             f"{record.units.force}, velocity over {servo.window} samples, encoder resolution "
-            + (f"{1e9 * servo.quantum:g} n{record.units.position}" if servo.quantum else "unlimited")
+            + (shown(servo.quantum, record.units.position) if servo.quantum else "unlimited")
         )
         overview["compensation"] = (
             f"gains {', '.join(f'{gain:g}' for gain in wanted.gains)}, or the bandwidth, with a sensitivity peak of at "

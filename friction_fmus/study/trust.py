@@ -10,7 +10,7 @@ import numpy as np
 
 from friction_fmus.axis.servo import Servo
 from friction_fmus.identification import Record
-from friction_fmus.identification.physics import contradictions
+from friction_fmus.identification.physics import FORBIDDING, contradictions
 from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.records import StudyFinding
 
@@ -33,7 +33,7 @@ def force_findings(records: Sequence[Record], servo: Servo | None) -> tuple[Stud
     """
     needs_mass = servo is not None and servo.mass is None
     found = [
-        StudyFinding(each.name, each.what, each.measure, each.name != "mass-not-identified" or needs_mass)
+        StudyFinding(each.name, each.what, each.measure, each.name in FORBIDDING or needs_mass)
         for each in contradictions(records)
     ]
     peak = max((float(np.max(np.abs(record.force))) for record in records if record.force is not None), default=0.0)

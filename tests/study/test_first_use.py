@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,8 @@ def test_a_data_file_is_enough_and_the_settings_repeat_the_study(
     assert main(["study", "my.csv", "--workers", "1"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert "Settings; add the controller to [servo] there to compare compensators: out/study.toml" in printed
+    assert "add [servo] with law, gains, Ts and force_limit to study.toml" in printed  # the mass is identified
+    assert "force residual, validation data" in " ".join(re.sub(r"model|poorly", "", printed).split())
     written = tmp_path / "out" / SETTINGS_FILE
     assert load_config(written).servo is None
     again = run_study(written, tmp_path / "again", processes=1)

@@ -55,6 +55,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="identify cogging and position-dependent friction with each model, if this improves the prediction",
     )
     parser.add_argument(
+        "--force", action="store_true", help="write FMUs although the drive force contradicts the motion"
+    )
+    parser.add_argument(
         "--workers",
         type=int,
         default=available(),
@@ -63,8 +66,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace) -> int:
     """Identify the models, write the files and print the ranking.
+
+    Returns
+    -------
+    int
+        1 if the drive force contradicts the motion, so that the parameters cannot be used; otherwise 0.
 
     Raises
     ------
@@ -76,6 +84,7 @@ def run(options: argparse.Namespace) -> None:
     from friction_fmus.identification import examine_segments, read_measurement
     from friction_fmus.identification.data.windows import default_windows
     from friction_fmus.identification.export import write_results
+    from friction_fmus.identification.physics import FORBIDDING, contradictions
     from friction_fmus.identification.survey import IdentificationTask, compare_models
 
     models = _models(options.model or _configured(options.data))
@@ -85,7 +94,8 @@ def run(options: argparse.Namespace) -> None:
     windows = _windows(options, measurement) or default_windows(measurement.records)
     train = measurement.window(*windows["train"])
     validation = measurement.window(*windows["validation"]) if "validation" in windows else ()
-    findings = (*measurement.findings, *examine_segments(train))
+    findings = (*measurement.findings, *examine_segments(train), *contradictions(train))
+    wrong = [finding.name for finding in findings if finding.name in FORBIDDING]
     show_data(measurement, train, validation, findings)
     task = IdentificationTask(
         train,
@@ -95,7 +105,7 @@ def run(options: argparse.Namespace) -> None:
     )
     with progress_bar() as bar:
         found = compare_models(models, task, max(1, options.workers), RunBar(bar, "identifying").update)
-    files = write_results(found, measurement, findings, windows, options.output)
+    files = write_results(found, measurement, findings, windows, options.output, fmus=options.force or not wrong)
     show_ranking(found)
     for result in found.results if len(found.results) <= SHOWN else found.results[:1]:
         show_parameters(result)
@@ -106,6 +116,10 @@ def run(options: argparse.Namespace) -> None:
     for name, reason in found.failed.items():
         console.print(styled((name, "bold red"), f" was not identified: {reason}"), soft_wrap=True)
     console.print(f"{options.output}: {_listed(files)}", soft_wrap=True)
+    if wrong:
+        less = "" if options.force else " No FMU was written; --force writes them."
+        console.print(styled((f"The parameters cannot be used: {', '.join(wrong)}.", "bold red"), less), soft_wrap=True)
+    return 1 if wrong else 0
 
 
 def parse_fixed(text: str) -> tuple[str, float | bool]:

@@ -1,0 +1,48 @@
+"""Residual of the inverse model on data other than the fitted ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from friction_fmus.errors import FrictionError
+from friction_fmus.identification import InverseModelFit, Record, decimate, filtered_motion
+from friction_fmus.identification.fit.simulation_data import default_settings
+from friction_fmus.study.records import Fit
+
+
+def inverse_residual(fit: InverseModelFit, records: Sequence[Record]) -> Fit | None:
+    """Return the residual of the drive force of an inverse model, filtered and decimated as in its fit.
+
+    Parameters
+    ----------
+    fit : InverseModelFit
+        Parameters M, Fv, Fc and OF.
+    records : sequence of Record
+        Data with position and force.
+
+    Returns
+    -------
+    Fit or None
+        Residual; None without records that are long enough for the filters.
+    """
+    M, Fv, Fc, OF = (fit.parameters[name].value for name in ("M", "Fv", "Fc", "OF"))
+    errors, forces = [], []
+    for record in records:
+        settings = default_settings(record)
+        try:
+            motion = filtered_motion(record, settings)
+        except FrictionError:
+            continue
+        predicted = M * motion.a + Fv * motion.v + Fc * np.sign(motion.v) + OF
+        rows = np.column_stack([predicted, record.with_total_force().column("force")])[settings.border :]
+        if len(rows) <= 25:  # the padding of the filter
+            continue
+        model, force = decimate(rows, settings.decimation).T
+        errors.append(model - force)
+        forces.append(force)
+    if not errors:
+        return None
+    error, size = (float(np.sqrt(np.mean(np.square(np.concatenate(parts))))) for parts in (errors, forces))
+    return Fit(error, 100.0 * error / size, "force", records[0].units.force) if size > 0.0 else None
