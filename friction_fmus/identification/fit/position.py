@@ -19,9 +19,8 @@ from threadpoolctl import threadpool_limits
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.identification.data.record import ROTARY, Array
 from friction_fmus.identification.fit.fitting import Fit, FitData
-from friction_fmus.identification.fit.problem import Problem
 from friction_fmus.identification.fit.scores import Score
-from friction_fmus.identification.fit.search import NEAR, Loss, SearchResult, search
+from friction_fmus.identification.fit.search import NEAR, Loss, search
 from friction_fmus.identification.fit.simulation_data import PreparedSegment
 
 #: Numbers of nodes to try.
@@ -84,27 +83,33 @@ class Regressor:
         Velocity over which the sign is smoothed [m/s].
     columns : array, shape (n, 2 (nodes - 1))
         Drive force for a unit of each coefficient, at the rows of the residual.
+    used : array of bool, shape (n,)
+        Rows that count: not those at the end of a record, where the filter makes large accelerations of a motion.
     """
 
     grid: Grid
     v_sign: float
     columns: Array
+    used: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
         """Factorise the normal equations."""
-        normal = self.columns.T @ self.columns + np.eye(self.columns.shape[1])
+        columns = self.columns[self.used]
+        normal = columns.T @ columns + np.eye(columns.shape[1])
         object.__setattr__(self, "_factor", scipy.linalg.cho_factor(normal, overwrite_a=True))
 
     def coefficients(self, residual: Array) -> Array:
         """Return the coefficients that reduce a residual of shape (n,) or (n, columns) most."""
         factor = object.__getattribute__(self, "_factor")
-        found: Array = -scipy.linalg.cho_solve(factor, self.columns.T @ residual)
+        found: Array = -scipy.linalg.cho_solve(factor, self.columns[self.used].T @ residual[self.used])
         return found
 
     def project(self, residual: Array) -> Array:
         """Return the residual that remains, followed by the coefficients, so that their squares add up to the cost."""
         coefficients = self.coefficients(residual)
-        return np.concatenate([residual + self.columns @ coefficients, coefficients])
+        remaining = residual + self.columns @ coefficients
+        remaining[~self.used] = 0.0
+        return np.concatenate([remaining, coefficients])
 
     def table(self, coefficients: Array) -> PositionMap:
         """Return the table for coefficients in the unit of the force."""
@@ -131,8 +136,8 @@ def fit_with_table(fit: Fit, data: FitData, loss: Loss) -> tuple[Fit, PositionFi
     -----
     The number of nodes is the one with the smallest error in a cross-validation over blocks of the training data
     (`NODES`, `BLOCKS`, `ALIKE`), in which the effect of the parameters is linearised. A table helps if it reduces this
-    error by a tenth (`HELPS`). Parameters that the record does not determine keep the values of `fit`
-    (`Problem.anchor`).
+    error by a tenth (`HELPS`). Parameters that the record does not determine keep the values of `fit`, see
+    `Problem.anchor`.
     """
     if any(segment.record.q is None for segment in data.segments):
         return None
@@ -148,9 +153,11 @@ def fit_with_table(fit: Fit, data: FitData, loss: Loss) -> tuple[Fit, PositionFi
     problem.simulations = fit.problem.simulations
     problem.regressor, problem.anchor = regressor, x
     found = search(problem, loss, 1, NEAR)
-    coefficients = found.residual[problem.count : problem.count + regressor.columns.shape[1]]
+    errors = problem.errors(found.x)
+    coefficients = regressor.coefficients(errors)
+    of_samples = replace(found, residual=errors + regressor.columns @ coefficients, J=found.J[: problem.count])
     table = regressor.table(coefficients * problem.size)
-    return Fit(setup, problem, _of_samples(found, problem)), PositionFit(table, crossed, without)
+    return Fit(setup, problem, of_samples), PositionFit(table, crossed, without)
 
 
 def force_on_axis(table: PositionMap | None, segment: PreparedSegment) -> Array:
@@ -162,17 +169,18 @@ def force_on_axis(table: PositionMap | None, segment: PreparedSegment) -> Array:
 
 def _choose(fit: Fit, segments: Sequence[PreparedSegment]) -> tuple[Regressor, float, float] | None:
     """Return the regression with the best number of nodes, and the cross-validation error with and without it."""
-    size, residual = fit.problem.size, fit.found.residual
-    scale = np.linalg.norm(fit.found.J, axis=0)
-    J = fit.found.J / np.where(scale > 0.0, scale, 1.0)
+    size, used = fit.problem.size, np.concatenate([_settled(segment) for segment in segments])
+    J, residual = fit.found.J[used], fit.found.residual[used]
+    scale = np.linalg.norm(J, axis=0)
+    J = J / np.where(scale > 0.0, scale, 1.0)
     block = np.arange(len(J)) * BLOCKS // len(J)
     without = _crossed(J, np.zeros((len(J), 0)), residual, block)
     tried: list[tuple[float, Regressor]] = []
     for nodes in NODES:
         if nodes * ROWS_PER_NODE > len(J):
             break
-        regressor = _regressor(segments, nodes)
-        tried.append((_crossed(J, regressor.columns, residual, block), regressor))
+        regressor = _regressor(segments, nodes, used)
+        tried.append((_crossed(J, regressor.columns[used], residual, block), regressor))
     least = min((error for error, _ in tried), default=np.inf)
     if least > HELPS * without:
         return None
@@ -180,7 +188,7 @@ def _choose(fit: Fit, segments: Sequence[PreparedSegment]) -> tuple[Regressor, f
     return regressor, error * size, without * size
 
 
-def _regressor(segments: Sequence[PreparedSegment], nodes: int) -> Regressor:
+def _regressor(segments: Sequence[PreparedSegment], nodes: int, used: NDArray[np.bool_]) -> Regressor:
     """Return the regression on a table over the whole travel, or over a turn of an axis that turns further."""
     q = np.concatenate([segment.record.column("q") for segment in segments])
     v_sign = SIGN * max(float(np.max(np.abs(segment.inputs["v"]))) for segment in segments)
@@ -194,7 +202,13 @@ def _regressor(segments: Sequence[PreparedSegment], nodes: int) -> Regressor:
         direction = np.tanh(segment.inputs["v"] / v_sign)
         # the drive works against both
         rows.append(segment.rows(np.column_stack([-weights, direction[:, None] * weights])))
-    return Regressor(grid, v_sign, np.concatenate(rows))
+    return Regressor(grid, v_sign, np.concatenate(rows), used)
+
+
+def _settled(segment: PreparedSegment) -> NDArray[np.bool_]:
+    """Return which rows are not in the border of the filter at the end of a record."""
+    border = 0 if segment.filter is None else -(-segment.filter.border // segment.filter.decimation)
+    return np.arange(len(segment.measured)) < len(segment.measured) - border
 
 
 def _basis(nodes: int) -> Array:
@@ -215,8 +229,3 @@ def _crossed(J: Array, columns: Array, residual: Array, block: NDArray[np.int64]
         for (a, r), (n, g) in zip(parts, normal, strict=True)
     ]
     return float(np.sqrt(np.mean(np.square(np.concatenate(errors)))))
-
-
-def _of_samples(found: SearchResult, problem: Problem) -> SearchResult:
-    """Return the result of a search with the rows of the samples only."""
-    return replace(found, residual=found.residual[: problem.count], J=found.J[: problem.count])

@@ -161,9 +161,10 @@ class Problem:
     def residual(self, x: Array) -> Array:
         """Return the errors of all segments, what remains of them after the regression, and the pull of the anchor."""
         pull = np.zeros(0) if self.anchor is None else TIE * (x - self.anchor)
-        return np.concatenate([self._projected(self._errors(x)), pull])
+        return np.concatenate([self._projected(self.errors(x)), pull])
 
-    def _errors(self, x: Array) -> Array:
+    def errors(self, x: Array) -> Array:
+        """Return the errors of all segments, concatenated."""
         return np.concatenate([self.error(x, index) for index in range(len(self.segments))])
 
     def _projected(self, errors: Array) -> Array:
@@ -176,7 +177,7 @@ class Problem:
     def jacobian(self, x: Array, centre: Array | None = None) -> Array:
         """Return the Jacobian by forward differences, or backward differences at an upper bound."""
         # a projected residual does not tell the errors
-        centre = self._errors(x) if centre is None or self.regressor is not None else centre
+        centre = self.errors(x) if centre is None or self.regressor is not None else centre
         ends = np.cumsum([0, *(len(segment.measured) for segment in self.segments)])
         J = np.zeros((len(centre), len(x)))
         for i, c in enumerate(self.coordinates):

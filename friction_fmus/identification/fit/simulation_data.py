@@ -86,7 +86,7 @@ class PreparedSegment:
         """Return a signal of shape (n,) or (n, columns), filtered and decimated like the measured one."""
         if self.filter is None:
             return signal
-        return decimate(_inside(signal, self.filter), self.filter.decimation)
+        return decimate(signal[self.filter.border :], self.filter.decimation)
 
     def predicted(self, F: Array, M: float, OF: float) -> Array:
         """Return the predicted signal for a friction force, mass and offset."""
@@ -186,7 +186,7 @@ def prepare(
     segment = PreparedSegment(record, inputs, between, x, a, per, np.zeros(0), record.t, used)
     column = record.column("force" if signal == "force" else "friction")
     measured = column / per if per is not None else segment.rows(column)
-    t = record.t if used is None else _kept(_inside(record.t, used), used.decimation)
+    t = record.t if used is None else _kept(record.t[used.border :], used.decimation)
     return replace(segment, measured=measured, t=t)
 
 
@@ -306,11 +306,6 @@ def _normal(record: Record) -> Array:
             f"{record.t[int(np.argmin(normal))]:g} s; select a window in which the contact is loaded."
         )
     return normal
-
-
-def _inside(signal: Array, used: InverseModelSettings) -> Array:
-    """Return a signal without its border: at the ends of a record, the filter makes large accelerations of a motion."""
-    return signal[used.border : len(signal) - min(used.border, len(signal) // 10)]
 
 
 def _kept(t: Array, factor: int) -> Array:
