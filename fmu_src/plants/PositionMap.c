@@ -10,16 +10,16 @@
 
    C and D are the columns of the table, a_c = cogging_gain and a_f = friction_gain. F_position acts on the mass in the
    positive direction, unlike a friction force; connect it to the input F_load of a plant. D is the friction in addition
-   to that of a friction model beside this block, and may be negative where the axis runs easier than on average. At v = 0
-   the second part is zero: the friction model alone holds the mass.
+   to that of a friction model beside this block, and may be negative where the axis runs easier than on average. At v =
+   0 the second part is zero: the friction model alone holds the mass.
 
    With the reference position and velocity as inputs, -F_position is the feedforward that compensates the map.
 
-   Use it for an axis whose force depends on position; `identify` and `study` write the table. The file shipped with this
-   block contains three periods of a ripple; packaging the FMU with another table replaces it.
+   Use it for an axis whose force depends on position; `identify` and `study` write the table. The file shipped with
+   this block contains three periods of a ripple; packaging the FMU with another table replaces it.
 
-   Limits: outside the table the force at its end holds, unless the table is periodic. No dependence on speed, current or
-   load. Below v_sign, where D is negative, the force drives the mass; the friction model must be larger. */
+   Limits: outside the table the force at its end holds, unless the table is periodic. No dependence on speed, current
+   or load. Below v_sign, where D is negative, the force drives the mass; the friction model must be larger. */
 
 #define MODEL    PositionMap
 #define SUMMARY  "Force over position: cogging and position-dependent friction from a table"

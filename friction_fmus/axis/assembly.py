@@ -176,8 +176,7 @@ class LoopAssembly:
         if _has_input(contact, "F_ext"):
             self.wires.append("axis.F_ext -> friction.F_ext")
         if plant.position is not None:
-            part = FmuPart("position", self.fmus.get("position") or plant.position.fmu(trajectory.rotary))
-            self.parts.append(part)
+            self._part("position", self.fmus.get("position") or plant.position.fmu(trajectory.rotary), 1)
             self.start |= {f"position.{name}": value for name, value in plant.position.start.items()}
             self.wires += ["axis.x -> position.x", "axis.v -> position.v"]
             # a step late, so that only mass and friction are solved jointly: the force hardly changes in a step

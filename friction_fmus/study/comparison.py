@@ -11,6 +11,7 @@ from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.study.cases import Case, cases
+from friction_fmus.study.compensator_records import CompensatorResult, Limits, LoopMargins, Recommendation, Rung
 from friction_fmus.study.compensators import INTEGRAL, INTEGRAL_SUMMARY, AxisKnowledge, Candidate, candidates
 from friction_fmus.study.config import Compensation
 from friction_fmus.study.cost import cost_of
@@ -19,7 +20,6 @@ from friction_fmus.study.margins import margins_of
 from friction_fmus.study.metrics import BAND, Bench
 from friction_fmus.study.ranking import extremes, rank
 from friction_fmus.study.recommending import ladder, recommend
-from friction_fmus.study.records import CompensatorResult, Limits, LoopMargins, Recommendation, Rung
 from friction_fmus.study.steps import Step
 from friction_fmus.study.tuning import trials
 

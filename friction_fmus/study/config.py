@@ -10,8 +10,8 @@ from typing import Any, Final
 
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.study.compensator_records import Limits
 from friction_fmus.study.ranking import Weights
-from friction_fmus.study.records import Limits
 from harness.storage.files import reason
 from harness.storage.toml_file import read_toml
 from harness.values import number, shown, texts

@@ -14,8 +14,9 @@ from friction_fmus.axis.loop import closed_loop, run_loop, with_gain
 from friction_fmus.axis.servo import Servo
 from friction_fmus.identification import Array
 from friction_fmus.study.cases import Case, changed
+from friction_fmus.study.compensator_records import Corner, LoopMargins, Metrics, Trial
 from friction_fmus.study.metrics import Bench, judge
-from friction_fmus.study.records import Corner, Curve, LoopMargins, Metrics, Trial
+from friction_fmus.study.records import Curve
 from friction_fmus.study.thinning import thinned
 from harness import FmuPart, HarnessError, System
 

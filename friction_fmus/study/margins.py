@@ -16,7 +16,7 @@ from friction_fmus.conditions import DrivenPlant, SampledLaw, on_bristles, one_m
 from friction_fmus.conditions.margins import Margins, loop_margins
 from friction_fmus.doctor.known import law_of
 from friction_fmus.doctor.linear import linearised
-from friction_fmus.study.records import LoopMargins
+from friction_fmus.study.compensator_records import LoopMargins
 from harness import FmuPart
 
 OPEN_LOOP: Final = ("feedforward", "dither")

@@ -13,7 +13,7 @@ from friction_fmus.axis.elements import Plant, Trajectory
 from friction_fmus.axis.loop import Trace
 from friction_fmus.axis.servo import Servo
 from friction_fmus.identification import Array
-from friction_fmus.study.records import Metrics
+from friction_fmus.study.compensator_records import Metrics
 
 HIGH: Final = 5.0
 """Lower limit of high-frequency effort over the natural frequency of the position loop."""
@@ -109,7 +109,7 @@ def reversals(r: Array) -> list[tuple[int, int]]:
     change = np.diff(r)
     moving = np.flatnonzero(np.abs(change) > 1e-6 * np.max(np.abs(change), initial=0.0))
     turns = moving[1:][np.diff(np.sign(change[moving])) != 0.0]
-    return list(zip(turns.tolist(), [*turns[1:].tolist(), len(r)], strict=True))
+    return list(zip(turns.tolist(), [*turns[1:].tolist(), len(r)], strict=False))
 
 
 def settling(error: Array, bench: Bench) -> float | None:

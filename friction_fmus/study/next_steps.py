@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 
 from friction_fmus.axis.servo import GAINS
 from friction_fmus.identification import AxisUnits
+from friction_fmus.study.compensator_records import CompensatorResult
 from friction_fmus.study.evaluation import Scheme
 from friction_fmus.study.metrics import Bench
 from friction_fmus.study.recommending import shown
-from friction_fmus.study.records import CompensatorResult, ModelResult
+from friction_fmus.study.records import ModelResult
 
 SENSITIVE = 1.5
 """Factor by which the error rises in a case that is worth a measurement."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from math import inf, log2
 from typing import Final
 
-from friction_fmus.study.records import CompensatorResult, Metrics
+from friction_fmus.study.compensator_records import CompensatorResult, Metrics
 
 WORTH: Final = 0.05
 """Smallest relative reduction of the error that counts as an improvement."""
@@ -69,7 +69,8 @@ def rank(
         Compensators by rank, with `worst`, `best`, `improves`, `score` and `rank` set, then those without metrics.
     """
     judged = [_judged(none, row, weights, Ms) for row in rows if row.metrics is not None]
-    ordered = sorted(judged, key=lambda row: (not row.improves, inf if row.score is None else row.score, row.name))
+    # differences in the last bits must not decide the order
+    ordered = sorted(judged, key=lambda row: (not row.improves, _rounded(row.score), row.name))
     ranked = [replace(row, rank=place) for place, row in enumerate(ordered, start=1)]
     return ranked + [row for row in rows if row.metrics is None]
 
@@ -106,6 +107,10 @@ def figures(none: CompensatorResult, row: CompensatorResult, Ms: float) -> tuple
         log2(_peak(row, Ms) / _peak(none, Ms)),
         log2(max(cycles, CHEAP) / CHEAP),
     )
+
+
+def _rounded(score: float | None) -> float:
+    return inf if score is None else round(score, 6)
 
 
 def _peak(row: CompensatorResult, otherwise: float) -> float:

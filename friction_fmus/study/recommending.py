@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from friction_fmus.study.compensator_records import CompensatorResult, Metrics, Recommendation, Rung
 from friction_fmus.study.ranking import WORTH
-from friction_fmus.study.records import CompensatorResult, Metrics, Recommendation, Rung
 
 AS_MEASURED = "as measured"
 FEEDFORWARD = "with motion feedforward"

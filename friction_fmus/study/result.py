@@ -10,24 +10,26 @@ from typing import Any
 
 from friction_fmus.identification import AxisUnits
 from friction_fmus.notebook import study_html, study_text
-from friction_fmus.study.ranking import Weights
-from friction_fmus.study.records import (
+from friction_fmus.study.compensator_records import (
     CompensatorResult,
-    ConditionResult,
     Corner,
-    Curve,
-    Fit,
-    IdentifiedParameter,
     Limits,
     LoopMargins,
     Metrics,
-    ModelResult,
-    Picture,
     Recommendation,
     Rung,
+    Trial,
+)
+from friction_fmus.study.ranking import Weights
+from friction_fmus.study.records import (
+    ConditionResult,
+    Curve,
+    Fit,
+    IdentifiedParameter,
+    ModelResult,
+    Picture,
     ServoCheck,
     StudyFinding,
-    Trial,
     WrittenFile,
 )
 

@@ -21,6 +21,7 @@ from friction_fmus.errors import FrictionError
 from friction_fmus.identification import ROTARY, filtered_motion, identifiable
 from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.comparison import Comparison, compare
+from friction_fmus.study.compensator_records import Recommendation
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
@@ -29,7 +30,7 @@ from friction_fmus.study.metrics import Bench
 from friction_fmus.study.models import INVERSE, IdentifiedModel, identify_model, inverse_model, ranked
 from friction_fmus.study.next_steps import next_steps
 from friction_fmus.study.pictures import over_position, over_velocity, series
-from friction_fmus.study.records import ConditionResult, Recommendation, StudyFinding, WrittenFile
+from friction_fmus.study.records import ConditionResult, StudyFinding, WrittenFile
 from friction_fmus.study.refinement import refine
 from friction_fmus.study.result import StudyResult
 from friction_fmus.study.servo_check import CheckedServo, check_servo

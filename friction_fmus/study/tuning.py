@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.axis.servo import GAINS, Servo
+from friction_fmus.study.compensator_records import Limits
 from friction_fmus.study.compensators import INTEGRAL, AxisKnowledge, Candidate, tuned_to
 from friction_fmus.study.evaluation import Scheme
 from friction_fmus.study.margins import margins_of
-from friction_fmus.study.records import Limits
 
 SCALES: Final = tuple(float(2.0**power) for power in np.arange(4.0, -4.1, -0.5))
 """Bandwidths over the rule of `AxisKnowledge` among which the largest within the limits is sought, largest first."""

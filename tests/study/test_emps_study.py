@@ -67,11 +67,12 @@ def test_friction_grows_with_speed(study: Study) -> None:
 
 
 def test_feedforward_gains(study: Study) -> None:
-    servos = study.result.servos
-    assert servos["with motion feedforward"].rms < 0.1 * servos["as measured"].rms
+    measured, motion = study.result.ladder[:2]
+    assert (measured.title, motion.title) == ("as measured", "with motion feedforward")
+    assert motion.metrics.rms < 0.1 * measured.metrics.rms
     row = study.result.compensator("StaticFeedforward")
     assert row.metrics is not None
-    assert row.metrics.rms < 0.2 * servos["with motion feedforward"].rms
+    assert row.metrics.rms < 0.2 * motion.metrics.rms
     assert row.model == "Stribeck"
 
 
