@@ -75,11 +75,11 @@ class Drive:
 
 @dataclass(frozen=True)
 class Cogging:
-    """A cogging force: parameter with the pitch, vectors with amplitudes and phases of the harmonics."""
+    """A cogging force: parameter with the pitch, vectors with amplitudes and phases; empty for a table."""
 
-    pitch: str
-    amplitude: str
-    phase: str
+    pitch: str = ""
+    amplitude: str = ""
+    phase: str = ""
 
 
 @dataclass(frozen=True)

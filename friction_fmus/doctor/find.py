@@ -188,7 +188,7 @@ def _cogging(system: System, parts: Parts, drivers: Drivers, name: str, plant: P
         wire = drivers.get((name, port))
         part = wire.ends[0][0] if wire else ""
         cogging = parts[part].block.cogging if wire else None
-        if wire is not None and cogging is not None:
+        if wire is not None and cogging is not None and cogging.pitch:
             p = values_of(system, system.parts[part])
             harmonics = [
                 [value for name, value in p.items() if name.startswith(f"{key}[")]

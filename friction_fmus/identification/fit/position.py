@@ -33,10 +33,13 @@ ROWS_PER_NODE = 4
 BLOCKS = 6
 
 #: Largest cross-validation error, relative to that without a table, at which a table is used.
-HELPS = 0.9
+HELPS = 2.0 / 3.0
 
 #: Cross-validation errors within this factor of the smallest count as equal; the table with fewer nodes is then used.
 ALIKE = 1.05
+
+#: Speeds over the largest one, between which any friction over speed counts as known in the cross-validation.
+SPEEDS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 
 #: Velocity over which the sign is smoothed, over the largest velocity.
 SIGN = 0.01
@@ -135,9 +138,9 @@ def fit_with_table(fit: Fit, data: FitData, loss: Loss) -> tuple[Fit, PositionFi
     Notes
     -----
     The number of nodes is the one with the smallest error in a cross-validation over blocks of the training data
-    (`NODES`, `BLOCKS`, `ALIKE`), in which the effect of the parameters is linearised. A table helps if it reduces this
-    error by a tenth (`HELPS`). Parameters that the record does not determine keep the values of `fit`, see
-    `Problem.anchor`.
+    (`NODES`, `BLOCKS`, `ALIKE`), in which the effect of the parameters is linearised and friction may be any function
+    of the speed (`SPEEDS`). A table helps if it reduces this error by a third (`HELPS`). Parameters that the record
+    does not determine keep the values of `fit`, see `Problem.anchor`.
     """
     if any(segment.record.q is None for segment in data.segments):
         return None
@@ -170,7 +173,9 @@ def force_on_axis(table: PositionMap | None, segment: PreparedSegment) -> Array:
 def _choose(fit: Fit, segments: Sequence[PreparedSegment]) -> tuple[Regressor, float, float] | None:
     """Return the regression with the best number of nodes, and the cross-validation error with and without it."""
     size, used = fit.problem.size, np.concatenate([_settled(segment) for segment in segments])
-    J, residual = fit.found.J[used], fit.found.residual[used]
+    over_speed = np.concatenate([segment.rows(_over_speed(segment)) for segment in segments])
+    J = np.hstack([fit.found.J, over_speed])[used]
+    residual = fit.found.residual[used]
     scale = np.linalg.norm(J, axis=0)
     J = J / np.where(scale > 0.0, scale, 1.0)
     block = np.arange(len(J)) * BLOCKS // len(J)
@@ -203,6 +208,17 @@ def _regressor(segments: Sequence[PreparedSegment], nodes: int, used: NDArray[np
         # the drive works against both
         rows.append(segment.rows(np.column_stack([-weights, direction[:, None] * weights])))
     return Regressor(grid, v_sign, np.concatenate(rows), used)
+
+
+def _over_speed(segment: PreparedSegment) -> Array:
+    """Return a force for each of some speeds, between which they vary linearly, shape (n, len(SPEEDS)).
+
+    On a record that passes every position at one speed, a table could replace the part of the friction over speed that
+    a model lacks. With these columns beside the model, that does not count as help.
+    """
+    v = segment.inputs["v"]
+    speed = np.abs(v) / max(float(np.max(np.abs(v))), 1e-300)
+    return np.column_stack([np.sign(v) * np.interp(speed, SPEEDS, row) for row in np.eye(len(SPEEDS))])
 
 
 def _settled(segment: PreparedSegment) -> NDArray[np.bool_]:

@@ -94,10 +94,10 @@ def test_an_axis_without_such_forces_gets_no_map() -> None:
     assert result.values() == plain.values()
 
 
-def test_a_small_force_over_position_must_help_by_a_tenth() -> None:
-    """5 % of the map changes the error by less than `HELPS`."""
+def test_a_small_force_over_position_must_help_by_a_third() -> None:
+    """3 % of the map changes the error by less than `HELPS`."""
     assert identify("Stiction", axis(size=0.03), position_map=True).position is None
-    assert HELPS == 0.9
+    assert HELPS > 0.6
 
 
 def test_an_axis_that_turns_further_than_once_gets_a_periodic_map() -> None:
