@@ -50,13 +50,13 @@ COLUMNS = ((1, _effort), (2, _peak))
 """Columns of the plot of error against effort and margin, with the coordinate of a point."""
 
 
-def ladder_bars(rungs: Sequence[tuple[str, str]], errors: Array, title: str) -> go.Figure:
-    """Draw the error on each rung as bars on a logarithmic scale, with title and compensator above each bar.
+def ladder_bars(rungs: Sequence[tuple[str, bool]], errors: Array, title: str) -> go.Figure:
+    """Draw the error on each rung as bars on a logarithmic scale, with the title above each bar.
 
     Parameters
     ----------
-    rungs : sequence of (str, str)
-        Title and compensator of each rung, from top to bottom.
+    rungs : sequence of (str, bool)
+        Title of each rung, from top to bottom, and whether it is recommended.
     errors : array, shape (n,)
         Errors in the displayed unit.
     title : str
@@ -64,13 +64,13 @@ def ladder_bars(rungs: Sequence[tuple[str, str]], errors: Array, title: str) -> 
     """
     figure = go.Figure()
     place = [-float(i) for i in range(len(rungs))]
-    names = [title if name in ("", "none") else f"{title}: {name}" for title, name in rungs]
+    names = [name for name, _ in rungs]
     figure.add_bar(
         x=list(errors),
         y=place,
         width=0.36,
         orientation="h",
-        marker={"color": [FAINT] * (len(rungs) - 1) + ["#0072B2"]},
+        marker={"color": ["#0072B2" if best else FAINT for _, best in rungs]},
         text=[f"{error:.3g}" for error in errors],
         textposition="outside",
         cliponaxis=False,
@@ -121,7 +121,9 @@ def panels(
         )
     figure.update_annotations(x=0.0, xanchor="left", font={"size": 13})
     finished(figure, 90 + 130 * count)
-    figure.update_yaxes(matches="y", nticks=4)
+    figure.update_yaxes(nticks=6)
+    for row in range(2, count + 1):
+        figure.update_yaxes(matches="y", row=row)
     figure.update_xaxes(title=escaped(titles[0]), row=count)
     figure.update_yaxes(title=escaped(titles[1]), row=(count + 1) // 2)
     figure.update_layout(margin={"t": 30})

@@ -3,6 +3,15 @@
 (async () => {
   const PRINT = { width: 660, curves: 340, bars: 860 }; // px; two plots of curves, or one of bars, fit on A4 and letter
   const DARK = { "#222222": "#e9e9e9", "#ffffff": "#15181c", "#dddddd": "#3a4047", "#8a8a8a": "#8f969d", "#0072B2": "#3d9bd6" };
+  const MARKS = { // shapes of the legend, 34 px by 12 px, as in the plots
+    square: "M13.5 2.5h7v7h-7z",
+    diamond: "M17 1.5l4.5 4.5-4.5 4.5-4.5-4.5z",
+    "triangle-up": "M17 2l4.5 8h-9z",
+    "triangle-down": "M17 10l4.5-8h-9z",
+    cross: "M15.5 2h3v2.5h2.5v3h-2.5v2.5h-3v-2.5h-2.5v-3h2.5z",
+    x: "M14 2l3 2.5 3-2.5 1.5 1.5-2.5 2.5 2.5 2.5-1.5 1.5-3-2.5-3 2.5-1.5-1.5 2.5-2.5-2.5-2.5z",
+    star: "M17 1l1.5 3.5 3.5.5-2.5 2.5.5 3.5-3-2-3 2 .5-3.5-2.5-2.5 3.5-.5z",
+  };
   const boxes = [...document.querySelectorAll(".plot")];
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
 
@@ -70,9 +79,12 @@
       ? `<line x1="0" y1="6" x2="34" y2="6" stroke="${trace.line.color}" stroke-width="2.4"
            stroke-dasharray="${trace.line.dash && trace.line.dash !== "solid" ? trace.line.dash.replaceAll("px", "") : "none"}"/>`
       : "";
-    const mark = trace.mode.includes("markers")
-      ? `<circle cx="17" cy="6" r="3.5" fill="${trace.marker.color}" stroke="${(trace.marker.line ?? trace.marker).color}"/>`
-      : "";
+    const colours = `fill="${trace.marker?.color}" stroke="${(trace.marker?.line ?? trace.marker)?.color}"`;
+    const mark = !trace.mode.includes("markers")
+      ? ""
+      : MARKS[trace.marker.symbol]
+        ? `<path d="${MARKS[trace.marker.symbol]}" ${colours}/>`
+        : `<circle cx="17" cy="6" r="3.5" ${colours}/>`;
     return `<svg width="34" height="12" aria-hidden="true">${line}${mark}</svg>`;
   }
 

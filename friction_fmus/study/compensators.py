@@ -218,6 +218,16 @@ def candidates(wanted: Sequence[str] | str, known: AxisKnowledge) -> list[Candid
     return [INTEGRAL if name == INTEGRAL.name else _choice(name, uses[name], known) for name in names]
 
 
+def within_range(compensator: Compensator) -> bool:
+    """Return whether all parameters of a compensator are within the ranges that its FMU states."""
+    variables = open_archive(block(compensator.model)).variables
+    return all(
+        (variables[name].min is None or float(variables[name].min) <= value)
+        and (variables[name].max is None or value <= float(variables[name].max))
+        for name, value in compensator.values.items()
+    )
+
+
 def tuned_to(candidate: Candidate, known: AxisKnowledge) -> Compensator:
     """Return a candidate's compensator with the parameters for an axis, such as one with another `scale`."""
     found = _choice(candidate.name, compensators()[candidate.name], known).compensator

@@ -68,7 +68,7 @@ class IdentifiedModel:
     predicted : Curve or None
         Fitted signal over time as simulated by the model.
     position, force : Curve or None
-        Simulated minus measured position, and simulated force, of the servo over time.
+        Simulated minus measured position and force of the servo over time.
     position_map : PositionMap or None
         Cogging and position-dependent friction.
     """
@@ -283,7 +283,7 @@ def in_closed_loop(found: IdentifiedModel, measured: Measured) -> IdentifiedMode
         error=None if reason else _rms((trace.q - q)[slice(*measured.validation)]),
         force_error=None if force is None else _rms((trace.force - force)[slice(*measured.validation)]),
         position=thinned(t, trace.q - q),
-        force=thinned(t, trace.force),
+        force=None if force is None else thinned(t, trace.force - force),
     )
 
 

@@ -57,6 +57,8 @@ class StudyResult:
         Friction over velocity: points of the record, curves of the models.
     hysteresis : Picture or None
         Friction over displacement: points of the record, loops of the models.
+    residuals : tuple of Picture
+        Force residual of the co-simulated servo over velocity and over position, by model.
     models : tuple of ModelResult
         Friction models by rank, then those not identified.
     plant : str
@@ -96,6 +98,7 @@ class StudyResult:
     record: tuple[Picture, ...]
     friction: Picture | None
     hysteresis: Picture | None
+    residuals: tuple[Picture, ...]
     models: tuple[ModelResult, ...]
     plant: str
     no_compensation: str

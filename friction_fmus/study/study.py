@@ -29,7 +29,7 @@ from friction_fmus.study.export import OWN, export_models, export_recommended
 from friction_fmus.study.metrics import Bench
 from friction_fmus.study.models import INVERSE, IdentifiedModel, identify_model, inverse_model, ranked
 from friction_fmus.study.next_steps import next_steps
-from friction_fmus.study.pictures import over_position, over_velocity, series
+from friction_fmus.study.pictures import over_position, over_velocity, residuals, series
 from friction_fmus.study.records import ConditionResult, StudyFinding, WrittenFile
 from friction_fmus.study.refinement import refine
 from friction_fmus.study.result import StudyResult
@@ -216,6 +216,7 @@ class _Study:
             record=series(data.records, models),
             friction=over_velocity(record, models),
             hysteresis=over_position(record, models),
+            residuals=residuals(record, models),
             models=tuple(found.row for found in models),
             plant=best.row.name if not missing else "",
             no_compensation=missing,

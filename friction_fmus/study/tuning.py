@@ -11,7 +11,7 @@ import numpy as np
 
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.study.compensator_records import Limits
-from friction_fmus.study.compensators import INTEGRAL, AxisKnowledge, Candidate, tuned_to
+from friction_fmus.study.compensators import INTEGRAL, AxisKnowledge, Candidate, tuned_to, within_range
 from friction_fmus.study.evaluation import Scheme
 from friction_fmus.study.margins import margins_of
 
@@ -65,11 +65,16 @@ def trials(
     # scales beyond the cap of the bandwidth give the same compensator
     cap = candidate.bandwidth(replace(known, scale=SCALES[0]))
     scales = [scale for scale in SCALES[1:] if candidate.bandwidth(replace(known, scale=scale)) < cap]
-    largest = next((scale for scale in scales if limits.kept_by(with_scale(scale).margins)), None)
+
+    def possible(scheme: Scheme) -> bool:
+        inside = scheme.compensator is None or within_range(scheme.compensator)
+        return inside and limits.kept_by(scheme.margins)
+
+    largest = next((scale for scale in scales if possible(with_scale(scale))), None)
     if largest is None:
         return []
     # a slower estimator can have a higher sensitivity peak
-    return [each for share in SHARES if limits.kept_by((each := with_scale(share * largest)).margins)]
+    return [each for share in SHARES if possible(each := with_scale(share * largest))]
 
 
 def with_integral(servo: Servo, rate: float) -> Servo:

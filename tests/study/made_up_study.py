@@ -169,6 +169,9 @@ def made_up_study() -> StudyResult:
         record=record(),
         friction=friction(),
         hysteresis=hysteresis(),
+        residuals=(
+            Picture("velocity", "simulated − measured force", "m/s", "N", {}, {"LuGre": curve(T, noise(6, T, 1.0))}),
+        ),
         models=(
             model("LuGre", 1, 3.4),
             model("GMS", 2, 3.9),

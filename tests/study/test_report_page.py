@@ -92,7 +92,7 @@ def test_every_section_has_its_content(text: str) -> None:
     plots = page.xpath("//div[@class='plot']/@id")
     assert plots == [
         "ladder-plot", "tradeoffs-plot", "bars-plot", "errors-plot", "gains-plot", "bandwidths-plot",
-        "record-plot-1", "record-plot-2", "friction-plot", "hysteresis-plot",
+        "record-plot-1", "record-plot-2", "residual-velocity", "friction-plot", "hysteresis-plot",
     ]  # fmt: skip
     assert all(page.xpath("//div[@class='plot']/@aria-label"))
     shown = words(page)

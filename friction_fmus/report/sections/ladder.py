@@ -24,13 +24,12 @@ def content(study: StudyResult) -> Mapping[str, Any]:
     unit, factor = multiple(study.units.position, errors[-1:])
     caption = (
         "Tracking error of the axis as it was measured, and with each kind of compensation at its best; the scale is "
-        "logarithmic. Every rung except the first has motion feedforward."
+        "logarithmic. Every rung except the first has motion feedforward. Blue: recommended."
         if study.ladder[0].name == ""
         else "Tracking error with each kind of compensation at its best; the scale is logarithmic."
     )
-    figure = ladder_bars(
-        [(rung.title, rung.name) for rung in study.ladder], factor * errors, f"tracking error, rms [{unit}]"
-    )
+    rungs = [(rung.title, rung.name == study.recommendation.name) for rung in study.ladder]
+    figure = ladder_bars(rungs, factor * errors, f"tracking error, rms [{unit}]")
     return {
         "plot": Plot("ladder-plot", figure, caption, f"Bar chart. {caption} The table has the values.", False, False)
     }
