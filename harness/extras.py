@@ -19,6 +19,7 @@ EXTRAS: Final = {
     "casadi": Extra("build", "compensator laws (build, codegen, doctor, show, study) need it"),
     "cattrs": Extra("study", "the command study needs it"),
     "distributed": Extra("dask", "--scheduler needs it"),
+    "mcap": Extra("mcap", "MCAP files (identify, study) need it"),
     "plotly": Extra("study", "the report of the command study needs it"),
     "pyarrow": Extra("parquet", "Parquet files (identify, run, sweep) need it"),
     "ziglang": Extra("build", "a compilation (build, codegen, identify, show, study) needs it or a compiler in CC"),

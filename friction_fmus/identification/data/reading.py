@@ -96,7 +96,7 @@ def read_records(
     Parameters
     ----------
     path : path-like
-        Data file (.csv, .tsv, .txt, .dat, .parquet, .mat), or mapping (.toml) that names one.
+        Data file (.csv, .tsv, .txt, .dat, .parquet, .mcap, .mat), or mapping (.toml) that names one.
     mapping : path-like, mapping or DataMapping, optional
         Mapping of the columns: a TOML file, its tables, or the result of `read_mapping`. Without a mapping, the
         headings must identify the signals and contain units.

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from friction_fmus.identification.data.mcap_file import read_mcap
 from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.data.tables import Table, from_arrow
 from friction_fmus.identification.data.text_table import read_text
@@ -25,7 +26,7 @@ def read_table(path: Path) -> Table:
         If the suffix is unknown, or the file cannot be read.
     """
     readers: dict[str, Callable[[Path], Table]] = dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc"), read_text)
-    readers |= {".parquet": _read_parquet, ".pq": _read_parquet, ".mat": _read_mat}
+    readers |= {".mcap": read_mcap, ".parquet": _read_parquet, ".pq": _read_parquet, ".mat": _read_mat}
     suffix = path.suffix.lower()
     if suffix in (".gz", ".xz") and readers.get(Path(path.stem).suffix.lower()) is read_text:
         readers[suffix] = read_text
