@@ -338,13 +338,15 @@ class _Study:
         ]
         plain, without, *evaluations = self._run(steps, 0.6, 0.9)
         # times are measured one after the other, while no other step is running
-        timing = [Step(f"cost-{c.name}", cost_of, (c.compensator, bench.servo.Ts, data.rotary), Cost) for c in tried]
+        ran = [c for c, evaluation in zip(tried, evaluations, strict=True) if evaluation.metrics is not None]
+        timing = [Step(f"cost-{c.name}", cost_of, (c.compensator, bench.servo.Ts, data.rotary), Cost) for c in ran]
         costs = run_steps(timing, self.store, None, self.progress.steps(0.9, 0.95, len(timing)))
         none = compensator_row("none", "Servo without friction compensation", "none", None, without)
         none = extremes(none, none)
         if none.metrics is None:
             raise StudyError(f"The servo is unstable even without compensation: {without.sweep[0].failure}")
-        found = {c.name: (evaluation, cost.ns) for c, evaluation, cost in zip(tried, evaluations, costs, strict=True)}
+        nanoseconds = {c.name: cost.ns for c, cost in zip(ran, costs, strict=True)}
+        found = {c.name: (e, nanoseconds.get(c.name, 0.0)) for c, e in zip(tried, evaluations, strict=True)}
         blocks = catalogue()
         rows = [
             compensator_row(c.name, blocks[c.name].summary, c.kind, c, *found.get(c.name, (None,)))

@@ -12,7 +12,7 @@ from friction_fmus.study.recording import ERROR
 from harness import FmuPart, System, Wire
 from harness.system.wire import parse_wire, split_name
 
-PLANT: Final = ("axis", "friction", "encoder", "measured", "noise", ERROR)
+PLANT: Final = ("axis", "friction", "position", "encoder", "measured", "noise", ERROR)
 """Parts that stand for the machine or compute the tracking error; the README has the connections of all others."""
 
 SUMS: Final = ("force", "unexplained")

@@ -19,6 +19,8 @@ from friction_fmus.study.result import (
     ModelResult,
     Picture,
     Recommendation,
+    ServoCheck,
+    StudyFinding,
     StudyResult,
     WrittenFile,
 )
@@ -147,6 +149,18 @@ def hysteresis() -> Picture:
     return Picture("displacement", "friction", "m", "N", {"record": curve(x, loop + noise(5, x, 0.4))}, models)
 
 
+def servo_check() -> ServoCheck:
+    force = 20.0 * np.tanh(np.gradient(REFERENCE, T) / 1e-3)
+    return ServoCheck(
+        Fit(1.2, 6.1, "force", "N"),
+        2.0,
+        (StudyFinding("wrong-gains", "it fits kp = 40 instead of kp = 30.", "Set kp = 40 in [servo].", stops=False),),
+        (IdentifiedParameter("kp", 40.0, 0.2, "1/s", "gain of the servo"),),
+        curve(T, force + noise(6, T, 1.2)),
+        curve(T, force),
+    )
+
+
 def made_up_study() -> StudyResult:
     """A study with all elements."""
     return StudyResult(
@@ -191,4 +205,6 @@ def made_up_study() -> StudyResult:
         command="friction-fmus study bench.toml -o out",
         versions={"friction-fmus": "0.1.0", "python": "3.11.7"},
         seconds=93.4,
+        servo_check=servo_check(),
+        findings=servo_check().findings,
     )  # fmt: skip

@@ -91,7 +91,8 @@ def test_every_section_has_its_content(text: str) -> None:
     page = parsed(text)
     plots = page.xpath("//div[@class='plot']/@id")
     assert plots == [
-        "record-plot-1", "record-plot-2", "friction-plot", "hysteresis-plot", "bars-plot", "errors-plot", "sweep-plot",
+        "record-plot-1", "record-plot-2", "servo-plot", "friction-plot", "hysteresis-plot", "bars-plot", "errors-plot",
+        "sweep-plot",
     ]  # fmt: skip
     assert all(page.xpath("//div[@class='plot']/@aria-label"))
     shown = words(page)
@@ -100,6 +101,9 @@ def test_every_section_has_its_content(text: str) -> None:
         "3.40 % force residual on validation data",
         "12.0 µm → 4.20 µm rms, at most 5.46 µm with friction and mass 10 % off",
         "95.11 ± 0.10",
+        "does not reproduce the recorded drive force",
+        "wrong-gains it fits kp = 40 instead of kp = 30. Set kp = 40 in [servo].",
+        "40.00 ± 0.20",
         "(1.234 ± 0.045)·10⁶",
         "poorly identifiable Few samples move slowly",
         "Leuven: The record has no reversal in presliding.",
