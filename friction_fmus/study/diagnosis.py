@@ -220,12 +220,16 @@ def _window(compared: Comparison, allowed: float) -> Attempt:
 
 def _gains(compared: Comparison, allowed: float) -> Attempt:
     """Explain the difference by other gains of the law: without an integral, and with one if that explains more."""
-    fit = fitted(compared, regressors(compared, integral=False), compared.force)
+    servo = compared.servo
+    timing: dict[str, Array] = {}
+    if servo.velocity_feedforward:  # the drive may use the reference velocity of half a sample earlier or later
+        timing["rdd"] = references(compared.record, servo.Ts)["rdd"]
+    fit = fitted(compared, {**regressors(compared, integral=False), **timing}, compared.force)
     if fit.left > allowed:
-        with_integral = fitted(compared, regressors(compared, integral=True), compared.force)
+        with_integral = fitted(compared, {**regressors(compared, integral=True), **timing}, compared.force)
         fit = with_integral if with_integral.left < 0.5 * fit.left else fit
     gains = gains_of(compared, fit)
-    return Diagnosis((_of_gains(compared.servo, gains),), gains), fit.left
+    return Diagnosis((_of_gains(servo, gains),), gains), fit.left
 
 
 def _gains_and_feedforward(compared: Comparison, allowed: float) -> Attempt:
@@ -271,6 +275,12 @@ def _added(compared: Comparison, fit: LinearFit, shown: set[str] | None = None) 
         elif name == "rd":
             what = f"it contains the reference velocity times {value:.5g} {units.viscous}."
             found.append(Explanation("viscous-feedforward", what, declare))
+        elif name == "rdd" and servo.velocity_feedforward and abs(value) < LATEST * Kd * servo.Ts / 2.0:
+            samples = -value / (Kd * servo.Ts)
+            late = "later" if samples > 0.0 else "earlier"
+            what = f"its reference velocity is {abs(samples):.2g} samples {late} than that of the log."
+            change = "Log the reference that the servo uses, in the same sample as position and force."
+            found.append(Explanation("reference-timing", what, change))
         elif name == "rdd":
             what = f"it contains the reference acceleration times {value:.5g} {units.inertia}."
             total = value + servo.inertia_feedforward
