@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Final, Literal
 
-from friction_fmus.axis.loop import RECORDED, block, closed_loop, typed, with_gain
+from friction_fmus.axis.loop import block, closed_loop, typed, with_gain
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.export import export_law
 from friction_fmus.fmi.package import build
 from friction_fmus.study.compensators import Candidate
 from friction_fmus.study.evaluation import Bench
 from friction_fmus.study.models import IdentifiedModel
+from friction_fmus.study.recording import with_tracking_error
 from friction_fmus.study.records import WrittenFile
 from friction_fmus.study.wiring import Figures, wiring
-from harness import FmuPart, Parameter, ParameterSet, System, open_archive, write_ssv
+from harness import FmuPart, Parameter, ParameterSet, open_archive, write_ssv
 from harness.storage.atomic import atomic_path
 
 OWN: Final = "recommended"
 """Folder of the files of the recommendation."""
-
-REFERENCE: Final = "reference.r"
-"""Recorded in `axis.ssp` in addition to the variables of `RECORDED`."""
 
 
 def export_recommended(
@@ -84,9 +81,7 @@ def export_recommended(
     with closed_loop(bench.servo, bench.plant, bench.trajectory, compensator, fmus) as system:
         inside = compensator is not None and compensator.output == "u" and "gain" in values
         whole = system if compensator is None or inside else with_gain(system, gain)
-        assert whole.experiment is not None
-        experiment = replace(whole.experiment, record=(REFERENCE, *RECORDED))
-        whole = System(whole.parts.values(), whole.wires, whole.start, experiment, whole.name)
+        whole = with_tracking_error(whole)
         whole.to_ssp(folder / "axis.ssp")
         title = "SSP archive of the whole axis: reference, compensator, servo, mass, friction"
         written.append(WrittenFile(f"{OWN}/axis.ssp", title))

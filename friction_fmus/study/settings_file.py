@@ -15,7 +15,7 @@ from friction_fmus.identification.data.mapping import MISSING, Column
 from friction_fmus.identification.data.table_files import read_table
 from friction_fmus.identification.data.tables import Table
 from friction_fmus.identification.data.windows import default_windows
-from friction_fmus.study.config import StudyConfig
+from friction_fmus.study.config import OPTIONAL_GAINS, StudyConfig
 from friction_fmus.study.data import Data
 from friction_fmus.study.records import WrittenFile
 from harness.storage.atomic import atomic_path
@@ -153,7 +153,8 @@ def _servo(known: Known) -> list[str]:
     law = known.servo.get("law", '"CascadePPI"').strip('"')
     units = {name: GAIN_UNITS[name][rotary] for name in GAINS[law]}
     blank = f'"{MISSING}"'
-    entries = {name: (known.servo.get(name, blank), unit) for name, unit in units.items()}
+    default = {name: f"{value}" for name, value in OPTIONAL_GAINS.items()}
+    entries = {name: (known.servo.get(name, default.get(name, blank)), unit) for name, unit in units.items()}
     entries |= {
         "Ts": (known.servo.get("Ts", f"{record.Ts:.6g}" if record else blank), "s, sample time of the controller"),
         "force_limit": (known.servo.get("force_limit", blank), f"{force}, largest force"),

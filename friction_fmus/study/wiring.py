@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from friction_fmus.axis.servo import Servo
+from friction_fmus.study.recording import ERROR
 from harness import FmuPart, System, Wire
 from harness.system.wire import parse_wire, split_name
 
-PLANT: Final = ("axis", "friction", "position", "encoder", "measured", "noise")
-"""Parts that stand for the machine; the README describes the connections of all others."""
+PLANT: Final = ("axis", "friction", "position", "encoder", "measured", "noise", ERROR)
+"""Parts that stand for the machine or compute the tracking error; the README has the connections of all others."""
 
 SUMS: Final = ("force", "unexplained")
 """Parts that add their inputs u1 and u2, multiplied by gain[1] and gain[2] (1 if not in the table)."""

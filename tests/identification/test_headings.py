@@ -81,6 +81,9 @@ def test_headings_of_drives_in_english_and_german(heading: str, unit: str, role:
         ("Axis 1.LagError", "mm"),
         ("Schleppfehler.Position", "mm"),
         ("u", "V"),
+        ("x_d", "mm"),  # the desired position of some, the velocity of others
+        ("x_d", ""),
+        ("Position_min", ""),  # no position in minutes
         ("temperature", "K"),
     ],
 )
@@ -108,6 +111,13 @@ def test_lines_above_the_table_are_skipped(tmp_path: Path) -> None:
     units = "ms;mm;N\n"
     body = table("Zeit;Istposition;Kraft").split("\n", 1)
     assert_is_the_axis(saved(tmp_path, head + body[0] + "\n" + units + "REAL;LREAL;LREAL\n" + body[1] + "EOF\n"))
+
+
+def test_a_recorder_whose_first_line_is_a_name(tmp_path: Path) -> None:
+    head = "Name;Trace_1\nKommentar;\nAufzeichnung;01.02.2024 12:00:00\nAbtasttakt;2 ms\n\n"
+    rows = table("Zeit [ms];Lageistwert [mm];Kraftistwert [N]").splitlines()
+    numbered = [f"{i};{row}" if i else f"Nr.;{row}" for i, row in enumerate(rows)]
+    assert_is_the_axis(saved(tmp_path, head + "\n".join(numbered)))
 
 
 def test_a_trace_with_blanks_of_codesys_2(tmp_path: Path) -> None:

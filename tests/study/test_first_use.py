@@ -92,7 +92,7 @@ def test_the_servo_is_added_by_removing_the_marks(tmp_path: Path, monkeypatch: p
     keys = [line.removeprefix("# ") for line in servo.splitlines()[1:10]]
     complete = "\n".join([head, "[servo]", *(line for line in keys if "=" in line)]).replace('"?"', "40.0")
     (tmp_path / "complete.toml").write_text(complete, encoding="utf-8")
-    gains = {"kp": 40.0, "kv": 40.0, "ki": 40.0}
+    gains = {"kp": 40.0, "kv": 40.0, "ki": 0.0}
     quantum = load_config(tmp_path / "complete.toml").servo
     assert quantum is not None
     assert quantum == Servo("CascadePPI", gains, 1e-3, 40.0, window=2, quantum=quantum.quantum)

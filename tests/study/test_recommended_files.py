@@ -99,6 +99,7 @@ def test_the_archive_repeats_the_run(files: Recommended, tmp_path: Path) -> None
     names = [re.sub(r" ?\[.*", "", name).strip('"') for name in head.split(",")]
     table = dict(zip(names, np.array([row.split(",") for row in rows], dtype=float).T, strict=True))
     error = table["reference.r"] - table["axis.x"]
+    assert table["tracking_error.y"] == pytest.approx(error, abs=1e-15)
     np.testing.assert_allclose(table["reference.r"][:-1], R, atol=1e-12)
     assert np.max(np.abs(error[-3:])) < 2.0 * np.max(np.abs(error[-30:-3]))
     trace = Trace(table["axis.x"][:-1], table["servo.u"][1:])

@@ -21,7 +21,7 @@ NAMES = {
         *("ist weg", "winkel", "ist winkel", "winkel ist", "x ist", "q ist", "phi ist"),
     ),
     "velocity": (
-        *("v", "vel", "velocity", "speed", "omega", "xd", "qd", "xdot", "qdot"),
+        *("v", "vel", "velocity", "speed", "omega", "xdot", "qdot"),
         *("act vel", "act velo", "actual velocity", "velocity actual", "velocity actual value", "act speed"),
         *("actual speed", "speed actual", "speed actual value", "measured velocity", "velocity feedback", "v act"),
         *("geschwindigkeit", "ist geschwindigkeit", "geschwindigkeit ist", "geschwindigkeits istwert"),
@@ -52,7 +52,7 @@ NAMES = {
 }
 """Names of each role, in lower case; a space matches any separator, or none."""
 
-LETTERS = {"velocity": ("n", "w"), "force": ("f", "m")}
+LETTERS = {"velocity": ("n", "w", "xd", "qd"), "force": ("f", "m")}
 """Names that are recognised only with a unit of the role: ``m [N.m]`` is a torque, ``m [kg]`` is not."""
 
 FALLBACKS = {
@@ -63,6 +63,9 @@ FALLBACKS = {
     ),
 }
 """Names that are used if the file has no other column for the role."""
+
+LONGEST = 200
+"""Largest length of a heading in which a unit is searched [characters]."""
 
 _UNMEASURED = re.compile(
     "ref|set|soll|demand|target|ziel|command|cmd|des|err|fehler|abweichung|diff|dev|lag|schlepp|follow|lim|max|min"
@@ -112,7 +115,8 @@ def meaning_of(heading: str, unit: str) -> Meaning | None:
     for name, its_unit in _readings(heading, unit):
         for form in _forms(name):
             for role, forms in _FORMS.items():
-                if form in forms or (form in LETTERS.get(role, ()) and _fits(role, its_unit)):
+                fitting = _fits(role, its_unit)
+                if (form in forms and (fitting or name == heading)) or (fitting and form in LETTERS.get(role, ())):
                     return Meaning(role, its_unit, form in _FALLBACKS.get(role, ()))
     return None
 
@@ -120,7 +124,7 @@ def meaning_of(heading: str, unit: str) -> Meaning | None:
 def _readings(heading: str, unit: str) -> Iterator[tuple[str, str]]:
     """Yield name and unit of a heading, in all ways in which it can be split."""
     yield heading, unit
-    for split in () if unit else _BEFORE_UNIT.finditer(heading):
+    for split in () if unit or len(heading) > LONGEST else _BEFORE_UNIT.finditer(heading):
         rest = heading[split.end() :].strip("()[] ")
         if unit_of(rest) is not None:
             yield heading[: split.start()], rest

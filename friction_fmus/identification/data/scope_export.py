@@ -41,7 +41,10 @@ def is_scope_export(lines: Sequence[tuple[int, str]], separator: str) -> bool:
         return False
     names = _names_row(lines, separator)
     first = _first_number(lines, separator, names + 1)
-    return first is not None and len(split_cells(lines[first][1], separator)) > 1
+    if names == 0 or first is None:
+        return False
+    width, wanted = (len(split_cells(lines[row][1], separator)) for row in (first, names))
+    return abs(width - wanted) <= 1  # older versions end lines with a separator
 
 
 def read_scope_export(path: Path, lines: Sequence[tuple[int, str]], separator: str) -> Table:
