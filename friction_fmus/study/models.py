@@ -27,9 +27,9 @@ from friction_fmus.identification import (
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.simulation_data import default_settings
-from friction_fmus.study.evaluation import thinned
 from friction_fmus.study.prediction import inverse_residual
 from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult, PositionPart
+from friction_fmus.study.thinning import thinned
 from harness import HarnessError
 
 ALIKE: Final = 0.05
@@ -68,7 +68,7 @@ class IdentifiedModel:
     predicted : Curve or None
         Fitted signal over time as simulated by the model.
     position, force : Curve or None
-        Simulated minus measured position, and simulated force, of the servo over time.
+        Simulated minus measured position and force of the servo over time.
     position_map : PositionMap or None
         Cogging and position-dependent friction.
     """
@@ -283,7 +283,7 @@ def in_closed_loop(found: IdentifiedModel, measured: Measured) -> IdentifiedMode
         error=None if reason else _rms((trace.q - q)[slice(*measured.validation)]),
         force_error=None if force is None else _rms((trace.force - force)[slice(*measured.validation)]),
         position=thinned(t, trace.q - q),
-        force=thinned(t, trace.force),
+        force=None if force is None else thinned(t, trace.force - force),
     )
 
 

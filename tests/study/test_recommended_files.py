@@ -24,8 +24,9 @@ from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.study import Servo
 from friction_fmus.study.compensators import AxisKnowledge, Candidate, candidates, compensators
 from friction_fmus.study.data import LUGRE, build_reference
-from friction_fmus.study.evaluation import Bench, evaluate_compensator, judge
+from friction_fmus.study.evaluation import Scheme, evaluate
 from friction_fmus.study.export import export_recommended
+from friction_fmus.study.metrics import Bench, judge
 from friction_fmus.study.wiring import Figures
 from harness import CallablePart, Experiment, FmuPart, Part, Port, System, Wire
 
@@ -64,9 +65,10 @@ def recommended(name: str, out: Path) -> Recommended:
     models = {model: start_values(model) for model in set(compensators()[name].models) & set(identifiable())}
     known = AxisKnowledge(SERVO, PLANT, {**models, "LuGre": LUGRE}, period=500, speed=0.05)
     (candidate,) = candidates([name], known)
-    found = evaluate_compensator(bench, candidate.compensator, (GAIN,), 0.0)
+    scheme = Scheme(SERVO, GAIN, compensator=candidate.compensator)
+    found = evaluate(bench, [scheme], ())
     assert found.metrics is not None
-    export_recommended(out, bench, candidate, GAIN, "test", "", Figures(found.metrics.rms, "m"))
+    export_recommended(out, bench, scheme, "test", "", Figures(found.metrics.rms, "m"))
     return Recommended(out / "recommended", bench, candidate, found.metrics.rms)
 
 
@@ -83,8 +85,8 @@ def rms_of(trace: Trace, files: Recommended) -> float:
 
 def test_the_gain_changes_the_error(files: Recommended) -> None:
     """So that a run with another gain would not pass as the recommended one."""
-    none = evaluate_compensator(files.bench, None, (), 0.0).metrics
-    full = evaluate_compensator(files.bench, files.candidate.compensator, (1.0,), 0.0).metrics
+    none = evaluate(files.bench, [Scheme(SERVO)], ()).metrics
+    full = evaluate(files.bench, [Scheme(SERVO, compensator=files.candidate.compensator)], ()).metrics
     assert none is not None
     assert full is not None
     assert abs(full.rms / files.rms - 1.0) > 5e-4
