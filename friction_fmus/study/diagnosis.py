@@ -296,11 +296,8 @@ def _added(compared: Comparison, fit: LinearFit, shown: set[str] | None = None) 
             what = f"the force contains {value:.5g} {units.force} in the direction of the reference velocity."
             found.append(Explanation("friction-feedforward", what, declare))
         else:
-            found.append(
-                Explanation(
-                    "constant-force", f"the force contains a constant force of {value:.5g} {units.force}.", declare
-                )
-            )
+            what = f"a constant force of {value:.5g} {units.force} is added to the command."
+            found.append(Explanation("constant-force", what, declare))
     return tuple(found)
 
 
