@@ -36,7 +36,7 @@ ALIKE: Final = 0.05
 """Relative difference below which errors count as equal; the information criterion then decides."""
 
 REPRODUCED: Final = 0.5
-"""Largest position error of a simulated servo that reproduces the record, over the recorded tracking error."""
+"""Largest error of a simulated servo that reproduces the record, over the recorded tracking error or rms force."""
 
 QUANTA: Final = 10.0
 """Smallest tracking error for this comparison, in steps of the encoder: rounding is not reproduced."""
@@ -296,7 +296,7 @@ def _unlike(measured: Measured, fits: Sequence[Fit]) -> str:
             f"the position of the simulated servo differs from the record by {position.rms:.3g} {position.unit} rms, "
             f"more than {100.0 * REPRODUCED:.0f} % of the tracking error of {tracking:.3g} {position.unit}."
         )
-    if len(fits) > 1 and fits[1].percent > 100.0:
+    if len(fits) > 1 and fits[1].percent > 100.0 * REPRODUCED:
         return f"the force of the simulated servo differs from the record by {fits[1].percent:.3g} % of its rms value."
     return ""
 
