@@ -32,7 +32,7 @@ class Trace:
     force: NDArray[np.float64]
 
 
-def _master(plant: Plant, step: float) -> str:
+def master_of(plant: Plant, step: float) -> str:
     """Return the master: gauss-seidel for soft bristles, otherwise newton, which solves mass and friction jointly."""
     soft = 0.0 < step * (plant.stiffness / plant.mass) ** 0.5 <= SOFT
     return "gauss-seidel" if soft else "newton"
@@ -82,7 +82,7 @@ def closed_loop(
     loop.add_plant(plant)
     step = servo.Ts / every
     stop = trajectory.samples * servo.Ts
-    experiment = Experiment(stop=stop, step=step, master=_master(plant, step), record=RECORDED, decimate=every)
+    experiment = Experiment(stop=stop, step=step, master=master_of(plant, step), record=RECORDED, decimate=every)
     return System(loop.parts, loop.wires, loop.start, experiment, "axis")
 
 

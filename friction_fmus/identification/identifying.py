@@ -25,6 +25,7 @@ from friction_fmus.identification.fit.search import Loss, covariance
 from friction_fmus.identification.fit.setup import Constraints, Setup, check_constraints
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of, traits
 from friction_fmus.identification.methods import find_method
+from friction_fmus.identification.methods.free_run import FREE_RUN, identify_free_run
 from friction_fmus.identification.result import Identification
 
 #: Relative size of a column of the Jacobian below which it counts as zero.
@@ -66,7 +67,8 @@ def identify(
     method : str
         "auto" selects the method from model and data: "inverse" for models without state (evaluated along the measured
         motion), "hysteresis" for models with elements, "closed-loop" for a `MeasuredAxis`, "output-error" otherwise
-        (simulated along the measured motion).
+        (simulated along the measured motion). "free-run" continues one of these: the position simulated from the drive
+        force alone is fitted to the measured one.
     validation : Record or sequence of Record, optional
         Validation data, predicted with the identified parameters; only initial states are fitted.
     starts : int, optional
@@ -115,6 +117,21 @@ def identify(
         checked = None if validation is None else validated(closed, validation)
         return closed.timed(time.perf_counter() - begin, checked)
     records = (data,) if isinstance(data, Record) else tuple(data)
+    if method == FREE_RUN:
+        driven_by_force = identify(
+            model,
+            records,
+            fixed=fixed,
+            bounds=bounds,
+            start=start,
+            loss=loss,
+            starts=starts,
+            settings=settings,
+            position_map=position_map,
+        )
+        result = identify_free_run(driven_by_force)
+        checked = None if validation is None else _validated(result, validation)
+        return result.timed(time.perf_counter() - begin, checked)
     if not records:
         raise FitError("There are no records; pass at least one.")
     contact = contact_model(model, records[0].units)

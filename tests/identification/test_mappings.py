@@ -179,6 +179,8 @@ def test_windows_that_make_no_sense_are_refused(windows: dict[str, Any], message
         ("[data\n", "cannot be read as TOML"),
         ("data = 1\n", "must be a table"),
         ("[data]\nname = 'x'\n", "names no data file"),
+        ("[data]\nrecord = 'emps'\n", "names the record 'emps' of the package, which only a study reads"),
+        ("[data]\nfile = 'x.csv'\n[servo]\nkp = 1\n", "There is no data file"),
     ],
 )
 def test_files_that_are_no_mappings_are_refused(tmp_path: Path, text: str, message: str) -> None:

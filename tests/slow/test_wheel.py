@@ -62,6 +62,7 @@ REFUSED = [
     (["sweep", "{examples}/stick_slip.toml", "-o", "out", "--vary", "mass.m=1,2"], "pyarrow", "parquet"),
     (["run", "{examples}/stick_slip.toml", "--stop", "0.1", "-o", "run.parquet"], "pyarrow", "parquet"),
     (["identify", "log.parquet", "--model", "Coulomb", "-o", "out"], "pyarrow", "parquet"),
+    (["identify", "log.mcap", "--model", "Coulomb", "-o", "out"], "mcap", "mcap"),
 ]
 """Commands that need one, the package that is missing, and the extra that brings it."""
 
@@ -166,7 +167,8 @@ def test_commands_without_extras(
 def test_a_missing_extra_is_one_sentence(
     arguments: list[str], package: str, extra: str, environment: dict[str, str], tmp_path: Path
 ) -> None:
-    (tmp_path / "log.parquet").touch()
+    for name in ("log.parquet", "log.mcap"):
+        (tmp_path / name).touch()
     filled = [argument.format(examples=ROOT / "examples") for argument in arguments]
     refused = run(["-m", "friction_fmus", *filled], environment, tmp_path)
     assert refused.returncode == 2

@@ -96,6 +96,12 @@ def load_mapping(path: Path) -> DataMapping:
         raise RecordError(f"There is no file {path}; give the path of a data file or of its mapping.") from error
     except (OSError, ValueError) as error:
         raise RecordError(f"{path} cannot be read as TOML ({reason(error)}); correct it.") from error
+    data = table.get("data")
+    if isinstance(data, Mapping) and "record" in data:
+        raise RecordError(
+            f"{path}, [data], names the record {shown(data['record'])} of the package, which only a study reads; name "
+            'a data file as file = "...".'
+        )
     about_data = {name: value for name, value in table.items() if name not in STUDY_TABLES}
     return read_mapping(about_data, path.parent, str(path))
 
