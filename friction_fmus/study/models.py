@@ -27,6 +27,7 @@ from friction_fmus.identification import (
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.simulation_data import default_settings
+from friction_fmus.identification.runaway import within_reach
 from friction_fmus.study.prediction import inverse_residual
 from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult, PositionPart
 from friction_fmus.study.thinning import thinned
@@ -143,9 +144,8 @@ def identify_model(
     try:
         # a model without state is fast to simulate and its cost may have several local minima
         starts = 3 if contact_model(name, train[0].units).static else 1
-        result = identify(
-            name, list(train), validation=list(validation) or None, starts=starts, position_map=position_map
-        )
+        options = {"validation": list(validation) or None, "starts": starts, "position_map": position_map}
+        result = within_reach(identify, name, list(train), **options)
     except (FrictionError, HarnessError, ArithmeticError, np.linalg.LinAlgError) as error:
         return IdentifiedModel(ModelResult(name, summary, reason=str(error)))
     found = IdentifiedModel(
