@@ -45,6 +45,7 @@ def identify(
     starts: int | None = None,
     settings: InverseModelSettings | None = None,
     position_map: bool = False,
+    viscous: bool = False,
 ) -> Identification:
     """Identify the parameters of a friction model from measured data.
 
@@ -79,6 +80,8 @@ def identify(
     position_map : bool
         Whether to identify cogging and position-dependent friction together with the friction model, if the record has
         position and drive force and this improves the prediction, see `fit_with_table`.
+    viscous : bool
+        Whether to identify viscous friction beside a model without it, as parameter Fv, from a drive force.
 
     Returns
     -------
@@ -111,7 +114,15 @@ def identify(
                 f"The method {method!r} is not applicable to a MeasuredAxis; use 'closed-loop', or pass its record."
             )
         open_loop = identify(
-            model, data.record, fixed=fixed, bounds=bounds, start=start, loss=loss, starts=starts, settings=settings
+            model,
+            data.record,
+            fixed=fixed,
+            bounds=bounds,
+            start=start,
+            loss=loss,
+            starts=starts,
+            settings=settings,
+            viscous=viscous,
         )
         closed = identify_closed_loop(model, data, open_loop, constraints)
         checked = None if validation is None else validated(closed, validation)
@@ -128,6 +139,7 @@ def identify(
             starts=starts,
             settings=settings,
             position_map=position_map,
+            viscous=viscous,
         )
         result = identify_free_run(driven_by_force)
         checked = None if validation is None else _validated(result, validation)
@@ -136,6 +148,7 @@ def identify(
         raise FitError("There are no records; pass at least one.")
     contact = contact_model(model, records[0].units)
     signal, unit = signal_of(records)
+    contact = replace(contact, viscous=viscous and contact.lacks_viscous and signal == "force")
     check_constraints(contact, signal, constraints)
     name, chosen = find_method(contact, method)
     segments = [prepare(record, contact, signal, settings) for record in records]

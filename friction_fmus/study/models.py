@@ -45,6 +45,9 @@ QUANTA: Final = 10.0
 INVERSE: Final = "Coulomb + viscous"
 """Name of the inverse model in the results."""
 
+VISCOUS_BESIDE: Final = "viscous friction beside the model"
+"""Meaning of the parameter Fv of a model that has none."""
+
 MEANING: Final = {"M": "moved mass", "OF": "offset of the drive"}
 
 
@@ -124,6 +127,7 @@ def identify_model(
     published: Mapping[str, float],
     measured: Measured | None,
     position_map: bool = True,
+    viscous: bool = True,
 ) -> IdentifiedModel:
     """Identify a friction model; if the identification fails, the result states the reason.
 
@@ -139,12 +143,19 @@ def identify_model(
         Measured servo, to be co-simulated with the identified model.
     position_map : bool
         Whether cogging and position-dependent friction are identified with the model, if this helps.
+    viscous : bool
+        Whether viscous friction is identified beside a model without it.
     """
     summary = find(name).summary
     try:
         # a model without state is fast to simulate and its cost may have several local minima
         starts = 3 if contact_model(name, train[0].units).static else 1
-        options = {"validation": list(validation) or None, "starts": starts, "position_map": position_map}
+        options = {
+            "validation": list(validation) or None,
+            "starts": starts,
+            "position_map": position_map,
+            "viscous": viscous,
+        }
         result = within_reach(identify, name, list(train), **options)
     except (FrictionError, HarnessError, ArithmeticError, np.linalg.LinAlgError) as error:
         return IdentifiedModel(ModelResult(name, summary, reason=str(error)))
@@ -220,7 +231,7 @@ def row_of(result: Identification, summary: str, published: Mapping[str, float])
 
     def parameter(name: str, estimate: Estimate) -> IdentifiedParameter:
         error = estimate.standard_error
-        meaning = MEANING.get(name) or known[name].text
+        meaning = MEANING.get(name) or (known[name].text if name in known else VISCOUS_BESIDE)
         return IdentifiedParameter(
             name,
             estimate.value,
