@@ -10,8 +10,8 @@ import numpy as np
 from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.fit.search import SearchResult, covariance
 
-#: Factor of the estimated bias, because delays and filters are not its only causes: with it, intervals of 95 % cover the
-#: true parameters of 200 simulated axes with encoder, velocity estimation and delay in at least 90 % of the cases.
+#: Factor of the estimated bias, because delays and filters are not its only causes. It is chosen so that intervals of
+#: 95 % cover the true parameters of nine in ten simulated axes (`tests/slow/test_intervals.py`).
 ALLOWANCE = 2.0
 
 
