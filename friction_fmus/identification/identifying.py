@@ -17,6 +17,7 @@ from friction_fmus.identification.fit.drives import driven
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.fitting import Fit, FitData
 from friction_fmus.identification.fit.idim import InverseModelSettings
+from friction_fmus.identification.fit.misfit import misfit_variance
 from friction_fmus.identification.fit.models import ContactModel, contact_model
 from friction_fmus.identification.fit.position import fit_with_table
 from friction_fmus.identification.fit.problem import Problem
@@ -211,7 +212,10 @@ def _result(
     spread, robust = covariance(found, lengths)
     G = _sensitivity(setup, problem, found.x)
     C = G @ spread @ G.T
-    error = np.sqrt(np.maximum(np.diag(C), 0.0))
+    measured = np.concatenate([segment.measured for segment in problem.segments])
+    inertia = [found.x[i] * found.J[:, i] for i, c in enumerate(setup.coordinates) if c.name == "M"]
+    misfit = misfit_variance(found, [found.residual + measured / problem.size, *inertia], lengths, G)
+    error = np.sqrt(np.maximum(np.diag(C), 0.0) + misfit)
     parameters, initial = _reported(setup, problem, found.x)
     names = [*parameters, *initial]
     both = {**parameters, **initial}
@@ -223,7 +227,6 @@ def _result(
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = np.nan_to_num(C / np.outer(error, error), nan=0.0, posinf=0.0, neginf=0.0)
     np.fill_diagonal(correlation, 1.0)
-    measured = np.concatenate([segment.measured for segment in problem.segments])
     predicted = measured + found.residual * problem.size
     aic, bic = criteria(
         found.residual * problem.size, independent_samples([p.measured for p in problem.segments]), len(found.x)

@@ -16,6 +16,7 @@ from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.identifying import identify
 from friction_fmus.identification.result import Identification
+from friction_fmus.identification.runaway import within_reach
 from friction_fmus.notebook import comparison_html, comparison_text
 
 ProgressCallback = Callable[[int, int], None]
@@ -128,7 +129,8 @@ def identify_one(model: str | Path, task: IdentificationTask) -> Identification 
     try:
         known = {*contact_model(model, task.train[0].units).parameters, *DRIVE_PARAMETERS} if task.fixed else set()
         fixed = {name: value for name, value in task.fixed.items() if name in known}
-        return identify(model, task.train, fixed=fixed, validation=task.validation or None, **task.options)
+        data = {"fixed": fixed, "validation": task.validation or None}
+        return within_reach(identify, model, task.train, **data, **task.options)
     except FrictionError as error:
         return " ".join(str(error).split())
     except Exception as error:  # a failing model must not stop the others

@@ -27,6 +27,7 @@ from friction_fmus.identification import (
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.simulation_data import default_settings
+from friction_fmus.identification.runaway import within_reach
 from friction_fmus.study.prediction import inverse_residual
 from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult, PositionPart
 from friction_fmus.study.thinning import thinned
@@ -36,7 +37,7 @@ ALIKE: Final = 0.05
 """Relative difference below which errors count as equal; the number of parameters then decides."""
 
 REPRODUCED: Final = 0.5
-"""Largest position error of a simulated servo that reproduces the record, over the recorded tracking error."""
+"""Largest error of a simulated servo that reproduces the record, over the recorded tracking error or rms force."""
 
 QUANTA: Final = 10.0
 """Smallest tracking error for this comparison, in steps of the encoder: rounding is not reproduced."""
@@ -149,14 +150,13 @@ def identify_model(
     try:
         # a model without state is fast to simulate and its cost may have several local minima
         starts = 3 if contact_model(name, train[0].units).static else 1
-        result = identify(
-            name,
-            list(train),
-            validation=list(validation) or None,
-            starts=starts,
-            position_map=position_map,
-            viscous=viscous,
-        )
+        options = {
+            "validation": list(validation) or None,
+            "starts": starts,
+            "position_map": position_map,
+            "viscous": viscous,
+        }
+        result = within_reach(identify, name, list(train), **options)
     except (FrictionError, HarnessError, ArithmeticError, np.linalg.LinAlgError) as error:
         return IdentifiedModel(ModelResult(name, summary, reason=str(error)))
     found = IdentifiedModel(
@@ -307,7 +307,7 @@ def _unlike(measured: Measured, fits: Sequence[Fit]) -> str:
             f"the position of the simulated servo differs from the record by {position.rms:.3g} {position.unit} rms, "
             f"more than {100.0 * REPRODUCED:.0f} % of the tracking error of {tracking:.3g} {position.unit}."
         )
-    if len(fits) > 1 and fits[1].percent > 100.0:
+    if len(fits) > 1 and fits[1].percent > 100.0 * REPRODUCED:
         return f"the force of the simulated servo differs from the record by {fits[1].percent:.3g} % of its rms value."
     return ""
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from friction_fmus.blocks.arithmetic import evaluate, names_in
+from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.errors import nearest
 from friction_fmus.identification.data.record import AxisUnits
 from friction_fmus.identification.errors import FitError
@@ -103,11 +103,6 @@ def constants_of(model: ContactModel, constraints: Constraints, Fn0: float | Non
     return constants
 
 
-RUNAWAY = 1e3
-"""Largest ratio of a force parameter to the force in sliding: a record that does not determine it must not let it run
-away to values with which nothing can be computed."""
-
-
 def scalar_setup(
     model: ContactModel,
     segments: Sequence[PreparedSegment],
@@ -157,8 +152,6 @@ def coordinate(model: ContactModel, name: str, traits: Traits, constraints: Cons
     fit = model.fit_of(name)
     guess = constraints.start.get(name, traits.value(fit.start) if fit else parameter.start)
     guess = min(max(guess, lower), upper)
-    if fit is not None and math.isinf(upper) and names_in(fit.start) <= {"level", "peak"} and guess > 0.0:
-        upper = RUNAWAY * guess
     log = parameter.lower > 0.0
     scale = abs(guess) or abs(parameter.start) or 1.0
     return Coordinate(name, scale, guess, lower, upper, log)
