@@ -24,12 +24,12 @@ T = TS * np.arange(6000)
 TRUE = {"M": 5.0, "OF": 0.5, "Fc": 6.0, "sigma": 2e4, "Fv": 80.0}
 
 
-def record() -> Record:
+def record(sigma: float = TRUE["sigma"]) -> Record:
     """A mass on a Dahl contact with n = 1, in closed form along the path, and viscous friction beside it."""
     q = 0.02 * np.sin(2.0 * np.pi * 0.5 * T) * (0.4 + 0.1 * T)
     v = np.gradient(q, TS)
     force = TRUE["M"] * np.gradient(v, TS) + TRUE["Fv"] * v + TRUE["OF"] + noise(4, len(T), 0.05)
-    return Record("Dahl", T, q=q, force=force + dahl_force(q, TRUE["sigma"], TRUE["Fc"]))
+    return Record("Dahl", T, q=q, force=force + dahl_force(q, sigma, TRUE["Fc"]))
 
 
 def test_both_parts_are_identified() -> None:
@@ -79,7 +79,7 @@ def test_coulomb_with_a_viscous_part_moves_like_stiction(tmp_path: Path) -> None
 
 
 def test_the_command_writes_it(tmp_path: Path) -> None:
-    data = record().window(0.0, 3.0)
+    data = record(sigma=1e6)
     table = np.column_stack([data.t, data.column("q"), data.column("force")])
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t [s],x [m],F [N]", comments="", fmt="%.9g")
     out = tmp_path / "out"

@@ -84,13 +84,11 @@ def identify_free_run(found: Identification) -> Identification:
     Raises
     ------
     FitError
-        If the records have no drive force or no position, or no parameter is determined by them.
+        If the records have no drive force or no position.
     """
     if found.signal != "force" or any(record.q is None for record in found.records):
         raise FitError("The method 'free-run' needs the columns position and force of a drive; add them.")
     names = [name for name, e in found.parameters.items() if "[" not in name and _determined(name, e)]
-    if "M" not in names:
-        raise FitError("The record does not determine the mass, which a free run needs; record accelerations.")
     fitted = _fit(found, [*names, DRIFT])
     errors = np.sqrt(np.diag(fitted.covariance))
     drifts = abs(fitted.x[-1]) > CLEAR * errors[-1]
@@ -122,7 +120,7 @@ def free_response(result: Identification, record: Record) -> Array:
 
 def _determined(name: str, estimate: Estimate) -> bool:
     error = estimate.standard_error
-    return bool(np.isfinite(error)) and error > 0.0 and (name == "OF" or error < abs(estimate.value))
+    return bool(np.isfinite(error)) and error > 0.0 and (name in ("M", "OF") or error < abs(estimate.value))
 
 
 def _parabola(record: Record) -> Array:
