@@ -7,7 +7,6 @@ import subprocess
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal
 
 import casadi
 import fmpy
@@ -103,15 +102,12 @@ class LawFmu:
         return found, float(total)
 
 
-Linkage = Literal["pointer", "unity", "separate"]
-
-
 def local(places: Sequence[str]) -> list[str]:
     """Places behind pointers as places in variables of the same names."""
     return [place.replace("->", ".") for place in places]
 
 
-def _driver(export: Export, step: str, linkage: Linkage, others: Sequence[Path]) -> str:
+def _driver(export: Export, step: str, others: Sequence[Path]) -> str:
     """C that runs rows of all variables, or of the inputs with the states fed back, and one that only takes the time.
 
     The compiler must not know the parameters: they are set through a pointer that it cannot follow.
@@ -156,7 +152,7 @@ def _driver(export: Export, step: str, linkage: Linkage, others: Sequence[Path])
     set_up = f"    start(&{', &'.join(groups)});"
     return "\n".join(
         [
-            f'#include "{p}.{"h" if linkage == "separate" else "c"}"',
+            f'#include "{p}.c"',
             *(f'#include "{path}"' for path in others),
             "#include <time.h>",
             f"static void (*volatile start)({p}_parameters *, {p}_states *, {p}_inputs *, {p}_outputs *) = {p}_init;",
@@ -191,7 +187,7 @@ def _driver(export: Export, step: str, linkage: Linkage, others: Sequence[Path])
             f"        for (const double *row = given; row < given + {len(groups['inputs'])} * n;"
             f" row += {len(groups['inputs'])}) {{",
             *compact(),
-            f"            {'step' if linkage == 'pointer' else step}(&parameters, &states, &inputs, &outputs);",
+            "            step(&parameters, &states, &inputs, &outputs);",
             f"            sum += (double)outputs.{groups['outputs'][0].name};",
             "        }",
             "    }",
@@ -216,8 +212,6 @@ class LawC:
         Another function of the same arguments than the exported one.
     source : Path, optional
         C file with that function; it may use the structs.
-    linkage : {"pointer", "unity", "separate"}
-        How its time is taken: called through a pointer, directly in the same file, or from another file.
     flags : sequence of str
         Of the compiler, after its usual ones.
     """
@@ -229,7 +223,6 @@ class LawC:
         *,
         step: str = "",
         source: Path | None = None,
-        linkage: Linkage = "pointer",
         flags: Sequence[str] = (),
     ) -> None:
         """Compile it."""
@@ -239,9 +232,9 @@ class LawC:
         law = folder / f"{export.prefix}.c"
         law.write_text(implementation(export), encoding="utf-8")
         driver = folder / "driver.c"
-        text = _driver(export, step or f"{export.prefix}_step", linkage, [source] if source else [])
+        text = _driver(export, step or f"{export.prefix}_step", [source] if source else [])
         driver.write_text(text, encoding="utf-8")
-        library = compile_(driver, *flags, *([str(law)] if linkage == "separate" else []))
+        library = compile_(driver, *flags)
         self._run, self._cost = library.run, library.cost
         self._cost.restype = ctypes.c_double
 

@@ -1,4 +1,4 @@
-"""Other ways to write, to translate and to compile the two laws that are compared with C by hand."""
+"""Other ways to write and to translate the two laws that are compared with C by hand."""
 
 from __future__ import annotations
 
@@ -38,18 +38,11 @@ FORMULATIONS = {
 }
 """Law -> what is different -> text in the law file, and in its place."""
 
-FLAGS = {
-    "without -fno-math-errno": ("-fmath-errno",),
-    "-O3": ("-O3",),
-}
-
 
 def variants(export: Export, folder: Path) -> dict[str, LawC]:
     """The law in all these ways, compiled."""
     law = export.law
-    found = {text: LawC(export, folder / f"flags{i}", flags=flags) for i, (text, flags) in enumerate(FLAGS.items())}
-    found["in the calling file"] = LawC(export, folder / "unity", linkage="unity")
-    found["in a separate file"] = LawC(export, folder / "separate", linkage="separate")
+    found = {}
     for i, (text, (old, new)) in enumerate(FORMULATIONS[law.name].items()):
         path = folder / f"formulation{i}.py"
         lines = law.path.read_text(encoding="utf-8")
@@ -60,11 +53,11 @@ def variants(export: Export, folder: Path) -> dict[str, LawC]:
         )
         found[text] = LawC(make_export(path), folder / path.stem)
     with patch.object(branches, "PAYS", float("inf")):
-        found["both sides of decisions"] = LawC(export, folder / "selects")
+        # another export, as the first one keeps its statements
+        found["both sides of decisions"] = LawC(make_export(law.name), folder / "selects")
     found["casadi's C"] = by_casadi(export, law.function, folder / "casadi")
     if law.name == "LuGreObserver":
-        found["casadi's C from MX"] = by_casadi(export, observer_in_mx(law, False), folder / "mx")
-        found["casadi's C from MX, short-circuit"] = by_casadi(export, observer_in_mx(law, True), folder / "short")
+        found["casadi's C, short-circuit"] = by_casadi(export, observer_in_mx(law), folder / "short")
     return found
 
 
@@ -110,8 +103,8 @@ def by_casadi(export: Export, function: casadi.Function, folder: Path) -> LawC:
     return LawC(export, folder, step="by_casadi", source=source, flags=("-w",))
 
 
-def observer_in_mx(law: Law, short_circuit: bool) -> casadi.Function:
-    """LuGreObserver once more, in casadi's MX, whose decisions may be calls of functions."""
+def observer_in_mx(law: Law) -> casadi.Function:
+    """LuGreObserver once more, in casadi's MX, whose decisions are calls of functions."""
     symbols = {variable.name: MX.sym(variable.name) for variable in law.given}
     r, x, v, enable, reset, z = (symbols[name] for name in ("r", "x", "v", "enable", "reset", "z"))
     gain, k, sigma0, sigma1, sigma2 = (symbols[name] for name in ("gain", "k", "sigma0", "sigma1", "sigma2"))
@@ -120,7 +113,7 @@ def observer_in_mx(law: Law, short_circuit: bool) -> casadi.Function:
     )
 
     def decide(condition: MX, first: MX | float, second: MX | float) -> MX:
-        return if_else(condition, first, second, short_circuit)
+        return if_else(condition, first, second, True)
 
     old = decide(reset, 0.0, z)
     rate = sigma0 * fabs(v) / (Fc + (Fs - Fc) * exp(-((fabs(v) / vs) ** delta)))
@@ -133,4 +126,4 @@ def observer_in_mx(law: Law, short_circuit: bool) -> casadi.Function:
     u_sat = decide(F_hat < u_min, -1.0, decide(F_hat > u_max, 1.0, 0.0))
     goes_on = decide(enable, decide(reset, 0.0, old + Ts * phi * slope), 0.0)
     results = [decide(enable, u, 0.0), decide(enable, F_hat, 0.0), decide(enable, u_sat, 0.0), goes_on]
-    return casadi.Function(f"observer{int(short_circuit)}", list(symbols.values()), results)
+    return casadi.Function("observer", list(symbols.values()), results)

@@ -43,8 +43,7 @@ a sine.
 
 The variants, over exported C, show what makes a law fast: calling the C library only where necessary, and computing
 each side of a decision only where it is needed. Casadi's own C computes both sides or, with short-circuit, calls
-functions. `-fno-math-errno` gains a few per cent at most, -O3 nothing, and including the file instead of compiling it
-makes no difference. An implicit step halves the time of the LuGre observer but gives other numbers.
+functions. An implicit step halves the time of the LuGre observer but gives other numbers.
 """,
     "harness": """## Co-simulation
 

@@ -100,7 +100,8 @@
 #define USE             \
     KIND  (feedforward) \
     MODELS(Leuven)      \
-    TUNED (mass, 0)
+    TUNED (mass, 0)     \
+    TUNED (A, max(A, 2 * max(Fs, Fc)))
 /* clang-format on */
 
 #include "reversals.h"

@@ -42,6 +42,9 @@ class LoopAssembly:
         Number of communication steps between mass and friction in a sample of the servo.
     fmus : mapping of str to Path
         FMUs to use instead of those of the library, by name of the part.
+    pool : dict of (str, Path) to FmuPart
+        Parts of other loops to use again, by name and FMU; new parts are added. Loops that share parts must not run at
+        the same time.
     parts, wires, start : list of Part, list of Wire, dict of str to StartValue
         What has been added.
     """
@@ -50,6 +53,7 @@ class LoopAssembly:
     trajectory: Trajectory
     every: int
     fmus: Mapping[str, Path]
+    pool: dict[tuple[str, Path], FmuPart]
     parts: list[Part] = field(default_factory=list)
     wires: list[str | Wire] = field(default_factory=list)
     start: dict[str, StartValue] = field(default_factory=dict)
@@ -57,9 +61,15 @@ class LoopAssembly:
     def add(self, name: str, model: str, values: Mapping[str, float], *, sampled: bool = True) -> FmuPart:
         """Add a block with these parameters; those that it does not have are ignored."""
         path = self.fmus.get(name) or block(model, self.trajectory.rotary)
-        part = FmuPart(name, path, every=self.every if sampled else 1)
-        self.parts.append(part)
+        part = self._part(name, path, self.every if sampled else 1)
         self.start |= {f"{name}.{key}": value for key, value in typed(part, values).items()}
+        return part
+
+    def _part(self, name: str, path: Path, every: int) -> FmuPart:
+        part = self.pool.get((name, path))
+        if part is None:
+            part = self.pool[name, path] = FmuPart(name, path, every=every)
+        self.parts.append(part)
         return part
 
     @property
@@ -75,13 +85,13 @@ class LoopAssembly:
     def add_sensors(self) -> None:
         """Add the reference, and the measurement of position and velocity."""
         servo, trajectory = self.servo, self.trajectory
-        self.parts.append(FmuPart("reference", trajectory.reference, every=self.every))
+        self._part("reference", trajectory.reference, self.every)
         self.add("velocity", "Differentiator", {"Ts": servo.Ts, "window": servo.window, "v0": trajectory.v0})
         self.wires.append(f"{self.position} -> velocity.x")
         if servo.noise:
             if trajectory.noise is None:
                 raise ValueError("a servo with noise needs an FMU that outputs the noise")
-            self.parts.append(FmuPart("noise", trajectory.noise, every=self.every))
+            self._part("noise", trajectory.noise, self.every)
             self.add("measured", "Sum", {"gain[2]": servo.noise})
             self.wires += ["axis.x -> measured.u1", "noise.r -> measured.u2"]
         if servo.quantum:
@@ -159,6 +169,7 @@ class LoopAssembly:
         self.add("axis", "Mass", own, sampled=False)
         self.start |= constant_force(plant, trajectory.load - plant.offset)
         contact = self.add("friction", plant.friction, plant.values, sampled=False)
+        self.start["axis.d"] = viscous_beside(contact, plant)
         self.wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
         if "Fn0" in plant.values:  # the friction was identified at this normal force, which is constant
             loaded = [part for part in self.parts if isinstance(part, FmuPart) and _has_input(part, "Fn")]
@@ -166,12 +177,17 @@ class LoopAssembly:
         if _has_input(contact, "F_ext"):
             self.wires.append("axis.F_ext -> friction.F_ext")
         if plant.position is not None:
-            part = FmuPart("position", self.fmus.get("position") or plant.position.fmu(trajectory.rotary))
-            self.parts.append(part)
+            self._part("position", self.fmus.get("position") or plant.position.fmu(trajectory.rotary), 1)
             self.start |= {f"position.{name}": value for name, value in plant.position.start.items()}
             self.wires += ["axis.x -> position.x", "axis.v -> position.v"]
             # a step late, so that only mass and friction are solved jointly: the force hardly changes in a step
             self.wires.append(Wire("position.F_position", "axis.F_load", delay=1))
+
+
+def viscous_beside(friction: Part, plant: Plant) -> float:
+    """Return the coefficient of the viscous friction beside a friction block [N.s/m]; 0 if the block has its own."""
+    own = any(port.name == "Fv" for port in friction.parameters)
+    return 0.0 if own else float(plant.values.get("Fv", 0.0))
 
 
 def constant_force(plant: Plant, force: float) -> dict[str, StartValue]:

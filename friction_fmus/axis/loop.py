@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from friction_fmus.axis.assembly import LoopAssembly, block, typed
 from friction_fmus.axis.elements import Compensator, Plant, Trajectory
 from friction_fmus.axis.servo import Servo
-from harness import Experiment, System, Wire
+from harness import Experiment, FmuPart, System, Wire
 
 RECORDED = ("axis.x", "servo.u")
 """Variables recorded at every sample of the servo."""
@@ -32,7 +32,7 @@ class Trace:
     force: NDArray[np.float64]
 
 
-def _master(plant: Plant, step: float) -> str:
+def master_of(plant: Plant, step: float) -> str:
     """Return the master: gauss-seidel for soft bristles, otherwise newton, which solves mass and friction jointly."""
     soft = 0.0 < step * (plant.stiffness / plant.mass) ** 0.5 <= SOFT
     return "gauss-seidel" if soft else "newton"
@@ -46,6 +46,7 @@ def closed_loop(
     fmus: Mapping[str, Path] | None = None,
     longest: float = FINEST,
     feedforward: Compensator | None = None,
+    pool: dict[tuple[str, Path], FmuPart] | None = None,
 ) -> System:
     """Return the closed loop of an axis as a system.
 
@@ -65,6 +66,8 @@ def closed_loop(
         Longest communication step between mass and friction [s].
     feedforward : Compensator, optional
         Friction feedforward beside an estimator, which then estimates only the friction that remains.
+    pool : dict of (str, Path) to FmuPart, optional
+        Parts of other loops to use again, see `LoopAssembly`; the caller closes them.
 
     Returns
     -------
@@ -72,14 +75,14 @@ def closed_loop(
         System with its experiment; the caller closes it.
     """
     every = max(1, int(np.ceil(servo.Ts / longest - 1e-9)))  # steps of mass and friction in a sample
-    loop = LoopAssembly(servo, trajectory, every, fmus or {})
+    loop = LoopAssembly(servo, trajectory, every, fmus or {}, {} if pool is None else pool)
     loop.add_sensors()
     loop.add_servo(plant.mass)
     loop.add_compensation(compensator, feedforward)
     loop.add_plant(plant)
     step = servo.Ts / every
     stop = trajectory.samples * servo.Ts
-    experiment = Experiment(stop=stop, step=step, master=_master(plant, step), record=RECORDED, decimate=every)
+    experiment = Experiment(stop=stop, step=step, master=master_of(plant, step), record=RECORDED, decimate=every)
     return System(loop.parts, loop.wires, loop.start, experiment, "axis")
 
 

@@ -23,7 +23,7 @@ class Level:
     Fc, Fs, viscous : float
         Coulomb and static friction [N], viscous coefficient [N.s/m].
     vs : float or None
-        Stribeck velocity [m/s]; with None, static friction acts at rest only.
+        Stribeck velocity [m/s]; with None or 0, static friction acts at rest only.
     delta : float
         Stribeck exponent.
     """
@@ -38,7 +38,7 @@ class Level:
         """Return the level g at positive speeds [N]."""
         import numpy as np  # imported here, as every command reads blocks, but few need numpy
 
-        if self.vs is None:
+        if not self.vs:
             return np.full_like(speeds, self.Fc)
         power = np.exp(
             np.minimum(self.delta * np.log(speeds / self.vs), 10.0)

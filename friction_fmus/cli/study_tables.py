@@ -6,8 +6,9 @@ from rich.console import Console
 from rich.table import Table
 
 from friction_fmus.cli.console import styled
-from friction_fmus.study.ranking import shown, worst_case
-from friction_fmus.study.records import CompensatorResult, Fit, ModelResult
+from friction_fmus.study.compensator_records import CompensatorResult
+from friction_fmus.study.recommending import shown
+from friction_fmus.study.records import Fit, ModelResult
 from friction_fmus.study.result import StudyResult
 
 
@@ -23,15 +24,16 @@ def show_study(console: Console, result: StudyResult) -> None:
         if known:
             console.print(f"{model.name}, identified (published): {', '.join(known)}")
     console.print()
+    if result.ladder:
+        console.print(ladder_table(result))
+        console.print()
     if result.compensators:
         console.print(compensator_table(result))
-        left = sum(not row.applies for row in result.compensators)
-        off = next(filter(None, map(worst_case, result.compensators)), "")
         console.print(
-            "Tracking error: root mean square of reference minus position."
-            + (f" Worst case: {off}." if off else "")
-            + " Drive force: only the part above the loop bandwidth."
+            "Tracking error: root mean square of reference minus position over the whole run. Worst case: with "
+            "friction, mass, delay, encoder and load changed. Drive force: only the part above the loop bandwidth."
         )
+        left = sum(row.metrics is None for row in result.compensators)
         if left:
             console.print(f"{left} compensators do not apply to this axis; the report states the reasons.")
         console.print()
@@ -39,6 +41,8 @@ def show_study(console: Console, result: StudyResult) -> None:
     console.print(result.recommendation.reason)
     if result.recommendation.runner_up:
         console.print(f"Runner-up: {result.recommendation.runner_up_reason}")
+    for step in result.recommendation.next_steps:
+        console.print(f"Next: {step}")
     wrong = [row for row in result.doctor if not row.ok]
     for row in wrong:
         console.print(styled("Doctor: ", (row.name, "bold red"), f", {row.wrong}; {row.change}"))
@@ -90,31 +94,55 @@ def model_table(result: StudyResult) -> Table:
     return table
 
 
+def ladder_table(result: StudyResult) -> Table:
+    """Return the rungs from the axis as measured to the best compensation as a table."""
+    unit = result.units.position
+    table = Table(
+        title="From the axis as it is to the best compensation", title_justify="left", box=None, pad_edge=False
+    )
+    table.add_column("servo")
+    table.add_column("compensator")
+    table.add_column("tracking\nerror", justify="right")
+    table.add_column("largest", justify="right")
+    for rung in result.ladder:
+        name = "" if rung.name in ("", "none") else rung.name
+        table.add_row(rung.title, name, shown(rung.metrics.rms, unit), shown(rung.metrics.largest, unit))
+    return table
+
+
 def compensator_table(result: StudyResult) -> Table:
     """Return the compensators by rank as a table, after the servo without compensation."""
     unit, force = result.units.position, result.units.force
-    title = f"Compensators on the axis with {result.plant} friction, all with the same feedback gains"
+    title = f"Compensators on the axis with {result.plant} friction"
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("")
-    table.add_column("compensator", no_wrap=True)
-    table.add_column("gain", justify="right")
+    table.add_column("compensator", overflow="fold")
+    table.add_column("gain or\nbandwidth", justify="right")
     table.add_column("tracking\nerror", justify="right")
     table.add_column("worst\ncase", justify="right")
+    table.add_column("Ms", justify="right")
     table.add_column(f"drive\nforce [{force}]", justify="right")
-    table.add_column("ns per\nsample", justify="right")
+    table.add_column("cycles", justify="right")
     for row in result.compensators:
         if row.metrics is None:
             continue
         table.add_row(
             "" if row.rank is None else str(row.rank),
-            "none" if row.name == "none" else f"{row.name}{_mark(row)}",
-            "" if row.name == "none" else f"{row.gain:g}",
+            "none" if row.name == "none" else f"{row.name}{'' if row.improves else ' (no improvement)'}",
+            _tuned(row),
             shown(row.metrics.rms, unit),
             "fails" if row.worst is None else shown(row.worst, unit),
+            "" if row.margins is None or row.margins.Ms is None else f"{row.margins.Ms:.2f}",
             f"{row.metrics.effort_high:.3g}",
-            "" if row.name == "none" else f"{row.cost_ns:.0f}",
+            "" if row.cycles is None else f"{row.cycles:.0f}",
         )
     return table
+
+
+def _tuned(row: CompensatorResult) -> str:
+    if row.bandwidth is not None:
+        return f"{row.bandwidth:.3g} Hz"
+    return "" if row.gain is None else f"{row.gain:g}"
 
 
 def _headline(result: StudyResult) -> str:
@@ -122,11 +150,6 @@ def _headline(result: StudyResult) -> str:
     if not name:
         return "No recommendation"
     return "Recommendation: no compensation" if name == "none" else f"Recommendation: {name}"
-
-
-def _mark(row: CompensatorResult) -> str:
-    """Return the remark on a compensator that is noisy or no improvement."""
-    return "" if row.improves and not row.noisy else " (noisy)" if row.improves else " (no improvement)"
 
 
 def _percent(fit: Fit | None) -> str:

@@ -132,7 +132,7 @@ def measure(export: Export, core: Core) -> Cost:
         if EMULATOR in missing():
             return cost
         _, stack = run(export, core, samples(export, 10 * _COUNTED))
-        counts = _counts(export, core, folder)
+        counts = [len(step) for step in _executed(export, core, folder)]
         return Cost(
             *(core, cost.code, cost.flash, cost.instance, cost.static, cost.frame),
             stack=stack,
@@ -200,15 +200,43 @@ def _build(export: Export, core: Core, folder: Path, given: dict[str, np.ndarray
     _run(folder, COMPILER, *core.flags, *FLAGS, *flags, *link, *sources)
 
 
-def _counts(export: Export, core: Core, folder: Path) -> list[int]:
-    """Return the instructions of each step, from entry to return; each line of the log is one instruction."""
+def executed(export: Export, core: Core) -> list[list[int]]:
+    """Return the addresses of the instructions of each of some steps with random inputs, from entry to return.
+
+    Raises
+    ------
+    FrictionError
+        If a tool is missing or fails.
+    """
+    with ScratchFolder("friction-fmus-") as scratch:
+        return _executed(export, core, Path(scratch))
+
+
+def disassembled(export: Export, core: Core) -> dict[int, tuple[int, str]]:
+    """Return size and text of the instructions of the program that `executed` runs, by address.
+
+    Raises
+    ------
+    FrictionError
+        If a tool is missing or fails.
+    """
+    with ScratchFolder("friction-fmus-") as scratch:
+        folder = Path(scratch)
+        _build(export, core, folder, samples(export, _COUNTED), "-DQUIET")
+        listing = _run(folder, "arm-none-eabi-objdump", "-d", "program")
+    rows = re.findall(r"^\s*([0-9a-f]+):\t([0-9a-f ]+?)\s*\t(.*)$", listing, re.M)
+    return {int(at, 16): (len(code.replace(" ", "")) // 2, text) for at, code, text in rows}
+
+
+def _executed(export: Export, core: Core, folder: Path) -> list[list[int]]:
+    """Return the addresses of the instructions of each step; each line of the log is one instruction."""
     _build(export, core, folder, samples(export, _COUNTED), "-DQUIET")
     symbols = _run(folder, "arm-none-eabi-nm", "program")
     entry = int(str(re.search(rf"^(\w+) T {export.prefix}_step$", symbols, re.M)[1]), 16)  # type: ignore[index]
     usage = _run(folder, EMULATOR, "--help")
     single = "-one-insn-per-tb" if "one-insn-per-tb" in usage else "-singlestep"
     _run(folder, EMULATOR, "-cpu", _CPU, single, "-d", "exec,nochain", "-D", "log", "./program")
-    counts: list[int] = []
+    steps: list[list[int]] = []
     home, last = -1, 0
     with (folder / "log").open(encoding="utf-8") as log:
         for line in log:
@@ -218,15 +246,15 @@ def _counts(export: Export, core: Core, folder: Path) -> list[int]:
             here = int(address[1], 16)
             if here == entry:
                 home = last + 4  # the call is a BL with four bytes
-                counts.append(0)
+                steps.append([])
             elif here == home:
                 home = -1
             if home != -1:
-                counts[-1] += 1
+                steps[-1].append(here)
             last = here
-    if len(counts) != _COUNTED:
-        raise FrictionError(f"{EMULATOR} logged {len(counts)} steps instead of {_COUNTED}")
-    return counts
+    if len(steps) != _COUNTED:
+        raise FrictionError(f"{EMULATOR} logged {len(steps)} steps instead of {_COUNTED}")
+    return steps
 
 
 def _sizes(folder: Path, name: str) -> tuple[int, int, int]:

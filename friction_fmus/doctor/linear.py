@@ -18,7 +18,7 @@ NUDGE = 1e-15
 """Position error about which a law is linearised [m]; not 0, where the root in super-twisting has no derivative."""
 
 SETTLED = 500
-"""Samples after which the gains of a filter count as settled."""
+"""Samples after which the gains of a filter, or a law in steady motion, count as settled."""
 
 
 @cache
@@ -28,8 +28,8 @@ def _law(path: Path, name: str) -> tuple[Law, Function]:
     return law, law.function.jacobian()
 
 
-def linearised(name: str, values: Mapping[str, float], Ts: float) -> SampledLaw:
-    """Return a law at rest on its target as a linear sampled system from (x, v, u_prev) to u.
+def linearised(name: str, values: Mapping[str, float], Ts: float, output: str = "u", speed: float = 0.0) -> SampledLaw:
+    """Return a law on its target as a linear sampled system from (x, v, u_prev) to a force.
 
     Parameters
     ----------
@@ -39,6 +39,10 @@ def linearised(name: str, values: Mapping[str, float], Ts: float) -> SampledLaw:
         Parameters, vectors by element; missing ones have their start values.
     Ts : float
         Sample time [s].
+    output : str
+        Name of the force.
+    speed : float
+        Velocity of reference and axis [m/s].
 
     Returns
     -------
@@ -56,14 +60,17 @@ def linearised(name: str, values: Mapping[str, float], Ts: float) -> SampledLaw:
     }
     parameters = {s for v in law.given if v.kind not in (Kind.INPUT, Kind.STATE, Kind.STATES) for s in v.scalars}
     now = start | {key: value for key, value in values.items() if key in parameters} | {"Ts": Ts, "enable": 1.0}
-    for _ in range(SETTLED):
+    now |= {key: speed for key in ("v", "rd") if key in now}
+    for k in range(SETTLED):
+        now |= {key: speed * k * Ts for key in ("x", "r") if key in now}
         found = dict(zip(results, map(float, law.function.call([now[key] for key in given])), strict=True))
         before = np.array([now[key] for key in states])
         now |= {key: found[key] for key in states}
         after = np.array([now[key] for key in states])
-        if (np.abs(after - before) <= 1e-12 * np.abs(after)).all():
+        if speed == 0.0 and (np.abs(after - before) <= 1e-12 * np.abs(after)).all():
             break
-    now["x"] = -NUDGE
+    if speed == 0.0:
+        now["x"] = -NUDGE
     blocks = jacobian.call([*(now[key] for key in given), *([0.0] * len(results))])
     table = np.array([float(block) for block in blocks]).reshape(len(results), len(given))
     row, column = {key: i for i, key in enumerate(results)}, {key: i for i, key in enumerate(given)}
@@ -74,9 +81,9 @@ def linearised(name: str, values: Mapping[str, float], Ts: float) -> SampledLaw:
         )
 
     signals = ["x", "v", "u_prev"]
-    kept = _moved_and_read(part(states, states), part(states, signals), part(["u"], states)[0])
+    kept = _moved_and_read(part(states, states), part(states, signals), part([output], states)[0])
     names = [key for key, keep in zip(states, kept, strict=True) if keep]
-    return SampledLaw(part(names, names), part(names, signals), part(["u"], names)[0], part(["u"], signals)[0])
+    return SampledLaw(part(names, names), part(names, signals), part([output], names)[0], part([output], signals)[0])
 
 
 def _moved_and_read(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:

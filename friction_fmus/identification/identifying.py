@@ -17,6 +17,7 @@ from friction_fmus.identification.fit.drives import driven
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.fitting import Fit, FitData
 from friction_fmus.identification.fit.idim import InverseModelSettings
+from friction_fmus.identification.fit.misfit import misfit_variance
 from friction_fmus.identification.fit.models import ContactModel, contact_model
 from friction_fmus.identification.fit.position import fit_with_table
 from friction_fmus.identification.fit.problem import Problem
@@ -25,6 +26,7 @@ from friction_fmus.identification.fit.search import Loss, covariance
 from friction_fmus.identification.fit.setup import Constraints, Setup, check_constraints
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of, traits
 from friction_fmus.identification.methods import find_method
+from friction_fmus.identification.methods.free_run import FREE_RUN, identify_free_run
 from friction_fmus.identification.result import Identification
 
 #: Relative size of a column of the Jacobian below which it counts as zero.
@@ -44,6 +46,7 @@ def identify(
     starts: int | None = None,
     settings: InverseModelSettings | None = None,
     position_map: bool = False,
+    viscous: bool = False,
 ) -> Identification:
     """Identify the parameters of a friction model from measured data.
 
@@ -66,7 +69,8 @@ def identify(
     method : str
         "auto" selects the method from model and data: "inverse" for models without state (evaluated along the measured
         motion), "hysteresis" for models with elements, "closed-loop" for a `MeasuredAxis`, "output-error" otherwise
-        (simulated along the measured motion).
+        (simulated along the measured motion). "free-run" continues one of these: the position simulated from the drive
+        force alone is fitted to the measured one.
     validation : Record or sequence of Record, optional
         Validation data, predicted with the identified parameters; only initial states are fitted.
     starts : int, optional
@@ -77,6 +81,8 @@ def identify(
     position_map : bool
         Whether to identify cogging and position-dependent friction together with the friction model, if the record has
         position and drive force and this improves the prediction, see `fit_with_table`.
+    viscous : bool
+        Whether to identify viscous friction beside a model without it, as parameter Fv, from a drive force.
 
     Returns
     -------
@@ -109,16 +115,41 @@ def identify(
                 f"The method {method!r} is not applicable to a MeasuredAxis; use 'closed-loop', or pass its record."
             )
         open_loop = identify(
-            model, data.record, fixed=fixed, bounds=bounds, start=start, loss=loss, starts=starts, settings=settings
+            model,
+            data.record,
+            fixed=fixed,
+            bounds=bounds,
+            start=start,
+            loss=loss,
+            starts=starts,
+            settings=settings,
+            viscous=viscous,
         )
         closed = identify_closed_loop(model, data, open_loop, constraints)
         checked = None if validation is None else validated(closed, validation)
         return closed.timed(time.perf_counter() - begin, checked)
     records = (data,) if isinstance(data, Record) else tuple(data)
+    if method == FREE_RUN:
+        driven_by_force = identify(
+            model,
+            records,
+            fixed=fixed,
+            bounds=bounds,
+            start=start,
+            loss=loss,
+            starts=starts,
+            settings=settings,
+            position_map=position_map,
+            viscous=viscous,
+        )
+        result = identify_free_run(driven_by_force)
+        checked = None if validation is None else _validated(result, validation)
+        return result.timed(time.perf_counter() - begin, checked)
     if not records:
         raise FitError("There are no records; pass at least one.")
     contact = contact_model(model, records[0].units)
     signal, unit = signal_of(records)
+    contact = replace(contact, viscous=viscous and contact.lacks_viscous and signal == "force")
     check_constraints(contact, signal, constraints)
     name, chosen = find_method(contact, method)
     segments = [prepare(record, contact, signal, settings) for record in records]
@@ -180,7 +211,10 @@ def _result(
     spread, robust = covariance(found, lengths)
     G = _sensitivity(setup, problem, found.x)
     C = G @ spread @ G.T
-    error = np.sqrt(np.maximum(np.diag(C), 0.0))
+    measured = np.concatenate([segment.measured for segment in problem.segments])
+    inertia = [found.x[i] * found.J[:, i] for i, c in enumerate(setup.coordinates) if c.name == "M"]
+    misfit = misfit_variance(found, [found.residual + measured / problem.size, *inertia], lengths, G)
+    error = np.sqrt(np.maximum(np.diag(C), 0.0) + misfit)
     parameters, initial = _reported(setup, problem, found.x)
     names = [*parameters, *initial]
     both = {**parameters, **initial}
@@ -192,7 +226,6 @@ def _result(
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = np.nan_to_num(C / np.outer(error, error), nan=0.0, posinf=0.0, neginf=0.0)
     np.fill_diagonal(correlation, 1.0)
-    measured = np.concatenate([segment.measured for segment in problem.segments])
     predicted = measured + found.residual * problem.size
     aic, bic = criteria(
         found.residual * problem.size, independent_samples([p.measured for p in problem.segments]), len(found.x)

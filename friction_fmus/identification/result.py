@@ -30,7 +30,7 @@ class Identification:
     model : str
         Name of the block.
     method : str
-        Method: "inverse", "output-error", "hysteresis" or "closed-loop".
+        Method: "inverse", "output-error", "hysteresis", "closed-loop" or "free-run".
     parameters : mapping of str to Estimate
         Estimates of the parameters of the block, of the force offset OF for a reciprocating contact, and of the moved
         mass M for a drive force.
@@ -43,7 +43,8 @@ class Identification:
     t, measured, predicted : array, shape (n,)
         Time [s], and measured and predicted signal, in `unit`.
     signal, unit : str
-        Name and unit of the signal: "mu", "friction", "force", or the position "q" in closed loop.
+        Name and unit of the signal: "mu", "friction", "force", or the position "q" in closed loop
+        and of a free run.
     train : Score
         Score on the training data.
     validation : Score or None

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.subplots import make_subplots
 
 from friction_fmus.identification import Array
 from friction_fmus.study.records import Curve
@@ -54,7 +53,9 @@ class Plot:
     label : str
         Label for screen readers.
     curves : bool
-        Whether the plot consists of curves; the page then has a legend and buttons to zoom.
+        Whether the plot consists of curves; the page then has buttons to zoom.
+    legend : bool
+        Whether the page has a legend for the curves.
     views : mapping of str to (float, float)
         Ranges of the horizontal axis, by label of the button that shows them.
     """
@@ -64,6 +65,7 @@ class Plot:
     caption: str
     label: str
     curves: bool = True
+    legend: bool = True
     views: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
@@ -86,9 +88,7 @@ class Bar:
     name : str
         Name of the compensator.
     value, low, high : float
-        Tracking error, and the smallest and largest one with parameter mismatch.
-    cost : float or None
-        Computing time per sample [ns].
+        Tracking error, and the smallest and largest one in the cases.
     emphasis : str
         "best", "second" or "".
     """
@@ -97,7 +97,6 @@ class Bar:
     value: float
     low: float
     high: float
-    cost: float | None
     emphasis: str = ""
 
 
@@ -174,22 +173,22 @@ def lines(
             line={"color": colour, "dash": dash, "width": 1.8},
             visible=True if name in chosen else "legendonly",
         )
-    figure.update_xaxes(title=_text(titles[0]))
-    figure.update_yaxes(title=_text(titles[1]))
-    return _finished(figure, height)
+    figure.update_xaxes(title=escaped(titles[0]))
+    figure.update_yaxes(title=escaped(titles[1]))
+    return finished(figure, height)
 
 
-def bars(rows: Sequence[Bar], titles: tuple[str, str]) -> go.Figure:
-    """Draw bars of the tracking error with whiskers for mismatch, and of the cost; names are above the bars.
+def bars(rows: Sequence[Bar], title: str) -> go.Figure:
+    """Draw bars of the tracking error with whiskers for the cases; names are above the bars.
 
     Parameters
     ----------
     rows : sequence of Bar
         Rows from top to bottom.
-    titles : tuple of str
-        Titles of error and cost, with units.
+    title : str
+        Title of the axis, with unit.
     """
-    figure = make_subplots(cols=2, shared_yaxes=True, column_widths=[0.64, 0.36], horizontal_spacing=0.06)
+    figure = go.Figure()
     place = [-float(i) for i in range(len(rows))]
     fill = {"best": ("#0072B2", ""), "second": ("#56B4E9", "/"), "": (FAINT, "")}
     looks: dict[str, Any] = {
@@ -211,43 +210,24 @@ def bars(rows: Sequence[Bar], titles: tuple[str, str]) -> go.Figure:
             "width": 5,
         },
         name="tracking error",
-        hovertext=[f"{_text(row.name)}: {number(row.value)} ({number(row.low)} to {number(row.high)})" for row in rows],
+        hovertext=[
+            f"{escaped(row.name)}: {number(row.value)} ({number(row.low)} to {number(row.high)})" for row in rows
+        ],
         hoverinfo="text",
-        row=1,
-        col=1,
-    )
-    figure.add_bar(
-        x=[0.0 if row.cost is None else row.cost for row in rows],
-        y=place,
-        width=0.36,
-        orientation="h",
-        marker=looks,
-        text=["" if row.cost is None else number(row.cost, 2) for row in rows],
-        textposition="outside",
-        cliponaxis=False,
-        name="cost",
-        hoverinfo="x",
-        row=1,
-        col=2,
     )
     for row, y in zip(rows, place, strict=True):
         figure.add_annotation(
-            x=0.0, y=y + 0.16, text=_text(row.name), showarrow=False, xanchor="left", yanchor="bottom", row=1, col=1
+            x=0.0, y=y + 0.16, text=escaped(row.name), showarrow=False, xanchor="left", yanchor="bottom"
         )
-    figure.update_xaxes(rangemode="tozero")
-    figure.update_xaxes(title=_text(titles[0]), col=1)
-    costs = [row.cost for row in rows if row.cost is not None]
-    figure.update_xaxes(
-        title=_text(titles[1]), range=[0.0, 1.35 * max(costs, default=1.0)], nticks=4, tickangle=0, col=2
-    )
+    figure.update_xaxes(rangemode="tozero", title=escaped(title))
     figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, range=[-len(rows) + 0.45, 0.8])
-    return _finished(figure, 110 + 40 * len(rows))
+    return finished(figure, 110 + 40 * len(rows))
 
 
 def sweep(
     curves: Mapping[str, Curve], titles: tuple[str, str], factor: float = 1.0, seen: Iterable[str] = ()
 ) -> go.Figure:
-    """Draw the tracking error over the gain of the compensation with a marker for each run; `seen` as in `lines`."""
+    """Draw the tracking error over the tuned parameter with a marker for each run; `seen` as in `lines`."""
     figure = go.Figure()
     chosen = set(seen) or set(list(curves)[:SEEN])
     for (name, curve), (colour, dash, marker) in zip(curves.items(), _styles(len(curves)), strict=True):
@@ -260,12 +240,12 @@ def sweep(
             marker={"symbol": marker, "size": 8, "color": colour},
             visible=True if name in chosen else "legendonly",
         )
-    figure.update_xaxes(title=_text(titles[0]))
-    figure.update_yaxes(title=_text(titles[1]), rangemode="tozero")
-    return _finished(figure, 430)
+    figure.update_xaxes(title=escaped(titles[0]))
+    figure.update_yaxes(title=escaped(titles[1]), rangemode="tozero")
+    return finished(figure, 430)
 
 
-def _finished(figure: go.Figure, height: int) -> go.Figure:
+def finished(figure: go.Figure, height: int) -> go.Figure:
     """Apply the style of the page to a figure."""
     figure.update_layout(
         template=go.layout.Template(),
@@ -294,9 +274,9 @@ def _short(values: Array) -> Any:
 
 def _named(name: str) -> dict[str, str]:
     """Return the name of a trace for plotly's labels and for the legend of the page."""
-    return {"name": _text(name), "meta": name}
+    return {"name": escaped(name), "meta": name}
 
 
-def _text(text: str) -> str:
+def escaped(text: str) -> str:
     """Return a user's text escaped for plotly, which interprets some HTML tags."""
     return escape(text, quote=False)

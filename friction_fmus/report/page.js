@@ -3,6 +3,15 @@
 (async () => {
   const PRINT = { width: 660, curves: 340, bars: 860 }; // px; two plots of curves, or one of bars, fit on A4 and letter
   const DARK = { "#222222": "#e9e9e9", "#ffffff": "#15181c", "#dddddd": "#3a4047", "#8a8a8a": "#8f969d", "#0072B2": "#3d9bd6" };
+  const MARKS = { // shapes of the legend, 34 px by 12 px, as in the plots
+    square: "M13.5 2.5h7v7h-7z",
+    diamond: "M17 1.5l4.5 4.5-4.5 4.5-4.5-4.5z",
+    "triangle-up": "M17 2l4.5 8h-9z",
+    "triangle-down": "M17 10l4.5-8h-9z",
+    cross: "M15.5 2h3v2.5h2.5v3h-2.5v2.5h-3v-2.5h-2.5v-3h2.5z",
+    x: "M14 2l3 2.5 3-2.5 1.5 1.5-2.5 2.5 2.5 2.5-1.5 1.5-3-2.5-3 2.5-1.5-1.5 2.5-2.5-2.5-2.5z",
+    star: "M17 1l1.5 3.5 3.5.5-2.5 2.5.5 3.5-3-2-3 2 .5-3.5-2.5-2.5 3.5-.5z",
+  };
   const boxes = [...document.querySelectorAll(".plot")];
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
 
@@ -44,8 +53,11 @@
   function legend(box, light) {
     const list = document.getElementById(box.id + "-legend");
     if (!list) return;
+    const names = [...new Set(box.data.map((trace) => trace.meta))]; // a curve may be in two panels
     list.replaceChildren(
-      ...box.data.map((trace, i) => {
+      ...names.map((name) => {
+        const places = box.data.flatMap((trace, i) => (trace.meta === name ? [i] : []));
+        const trace = box.data[places[0]];
         const button = document.createElement("button");
         const sample = document.createElement("span");
         button.type = "button";
@@ -53,8 +65,8 @@
         sample.innerHTML = swatch(trace, light);
         button.append(sample, trace.meta);
         button.addEventListener("click", () => {
-          const seen = box.data[i].visible !== "legendonly";
-          Plotly.restyle(box, { visible: seen ? "legendonly" : true }, [i]);
+          const seen = box.data[places[0]].visible !== "legendonly";
+          Plotly.restyle(box, { visible: seen ? "legendonly" : true }, places);
           button.setAttribute("aria-pressed", String(!seen));
         });
         return button;
@@ -67,9 +79,12 @@
       ? `<line x1="0" y1="6" x2="34" y2="6" stroke="${trace.line.color}" stroke-width="2.4"
            stroke-dasharray="${trace.line.dash && trace.line.dash !== "solid" ? trace.line.dash.replaceAll("px", "") : "none"}"/>`
       : "";
-    const mark = trace.mode.includes("markers")
-      ? `<circle cx="17" cy="6" r="3.5" fill="${trace.marker.color}" stroke="${(trace.marker.line ?? trace.marker).color}"/>`
-      : "";
+    const colours = `fill="${trace.marker?.color}" stroke="${(trace.marker?.line ?? trace.marker)?.color}"`;
+    const mark = !trace.mode.includes("markers")
+      ? ""
+      : MARKS[trace.marker.symbol]
+        ? `<path d="${MARKS[trace.marker.symbol]}" ${colours}/>`
+        : `<circle cx="17" cy="6" r="3.5" ${colours}/>`;
     return `<svg width="34" height="12" aria-hidden="true">${line}${mark}</svg>`;
   }
 
@@ -100,6 +115,30 @@
     return show(box, centre - half, centre + half);
   }
 
+  // rank the compensators with the weights of the reader, by the rule of the study
+  function weigh() {
+    const controls = document.querySelector(".weights");
+    const rows = [...document.querySelectorAll(".ranked tr[data-figures]")].slice(1); // the first one is without compensation
+    if (!controls || rows.length < 2) return;
+    const inputs = [...controls.querySelectorAll("input")];
+    const update = () => {
+      const weights = inputs.map((input) => Math.max(0, input.valueAsNumber || 0));
+      const score = (row) => row.dataset.figures.split(" ").reduce((sum, figure, i) => sum + weights[i] * Number(figure), 0);
+      const order = [...rows].sort((a, b) => b.dataset.improves - a.dataset.improves || score(a) - score(b));
+      order.forEach((row, i) => {
+        row.cells[0].textContent = String(i + 1);
+        row.cells[row.cells.length - 2].textContent = score(row).toFixed(2).replace("-", "−");
+        rows[0].parentElement.insertBefore(row, order[i - 1]?.nextSibling ?? rows[0].parentElement.rows[1] ?? null);
+      });
+    };
+    inputs.forEach((input) => input.addEventListener("input", update));
+    controls.querySelector("button").addEventListener("click", () => {
+      for (const input of inputs) input.value = input.dataset.default;
+      update();
+    });
+    controls.hidden = false;
+  }
+
   for (const box of boxes) {
     const { data, layout } = figure(box, false);
     await Plotly.newPlot(box, data, layout, {
@@ -114,6 +153,7 @@
     button.disabled = false;
     button.addEventListener("click", () => press(button));
   }
+  weigh();
   dark.addEventListener("change", () => boxes.forEach((box) => redraw(box, false)));
 
   window.addEventListener("beforeprint", () => {

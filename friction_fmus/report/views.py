@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from friction_fmus.report.numbers import multiple
-from friction_fmus.study.ranking import worst_case
-from friction_fmus.study.result import Picture, StudyResult
+from friction_fmus.study.result import Picture
 
 NONE = "none"
 NO_COMPENSATION = "no compensation"
@@ -49,8 +48,3 @@ def reversal(record: Sequence[Picture], part: float = 0.04) -> tuple[float, floa
             half = 0.5 * part * float(x[-1] - x[0])
             return centre - half, centre + half
     return None
-
-
-def mismatch(study: StudyResult) -> str:
-    """Return the worst case of the comparison of compensators in words; empty without runs with mismatch."""
-    return next(filter(None, map(worst_case, study.compensators)), "")

@@ -49,6 +49,8 @@ class AxisKnowledge:
         Largest reference velocity [m/s].
     rotary : bool
         Whether the axis is rotary.
+    scale : float
+        Factor of the bandwidth of estimators.
     """
 
     servo: Servo
@@ -57,6 +59,7 @@ class AxisKnowledge:
     period: int = 0
     speed: float = 0.0
     rotary: bool = False
+    scale: float = 1.0
 
     @property
     def Ts(self) -> float:  # noqa: N802 (the symbol of the sample time)
@@ -75,13 +78,13 @@ class AxisKnowledge:
 
     @property
     def corner(self) -> float:
-        """Corner frequency of estimators [Hz]: twice that of the loop, at most a tenth of the sample rate."""
-        return min(2.0 * self.bandwidth / (2.0 * pi), 0.1 / self.Ts)
+        """Corner frequency of estimators [Hz]: 2 `scale` times that of the loop, at most a tenth of the sample rate."""
+        return min(self.scale * 2.0 * self.bandwidth / (2.0 * pi), 0.1 / self.Ts)
 
     @property
     def observed(self) -> float:
-        """Magnitude of the three observer poles [rad/s]: four times the loop bandwidth, at most 1/(2 Ts)."""
-        return min(4.0 * self.bandwidth, 0.5 / self.Ts)
+        """Magnitude of the three observer poles [rad/s]: 4 `scale` times the loop bandwidth, at most 1/(2 Ts)."""
+        return min(self.scale * 4.0 * self.bandwidth, 0.5 / self.Ts)
 
     @property
     def x_noise(self) -> float:
@@ -153,7 +156,7 @@ class Candidate:
     name, kind, model : str
         Law, its kind, and the friction model that provides its parameters.
     compensator : Compensator or None
-        Block with its parameters; None if the law does not apply.
+        Block with its parameters; None if the law does not apply, and for integral action of the servo.
     reason : str
         Reason why the law does not apply; empty if it does.
     """
@@ -163,6 +166,35 @@ class Candidate:
     model: str
     compensator: Compensator | None
     reason: str = ""
+
+    @property
+    def applies(self) -> bool:
+        """Whether the candidate can be tried on the axis."""
+        return self.compensator is not None or self.kind == INTEGRAL.kind
+
+    @property
+    def has_bandwidth(self) -> bool:
+        """Whether a bandwidth is tuned; otherwise the gain is tuned."""
+        return self.kind == INTEGRAL.kind or bool(self._bandwidths)
+
+    @property
+    def _bandwidths(self) -> set[str]:
+        """Bandwidths of `AxisKnowledge` that the parameters of the law depend on."""
+        use = compensators()[self.name]
+        names = {name for text in use.tuned.values() for name in names_in(text)}
+        return names & {"corner", "observed"} if use.kind in ("estimator", "learning") else set()
+
+    def bandwidth(self, known: AxisKnowledge) -> float:
+        """Return the bandwidth that is tuned [Hz]; for integral action, the corner frequency of the integral."""
+        if self.kind == INTEGRAL.kind:
+            return known.scale * known.bandwidth / (2.0 * pi)
+        return known.observed / (2.0 * pi) if "observed" in self._bandwidths else known.corner
+
+
+INTEGRAL: Final = Candidate("IntegralAction", "integral action", "", None)
+"""Integral action of the servo."""
+
+INTEGRAL_SUMMARY: Final = "Integral action of the servo"
 
 
 def candidates(wanted: Sequence[str] | str, known: AxisKnowledge) -> list[Candidate]:
@@ -182,16 +214,33 @@ def candidates(wanted: Sequence[str] | str, known: AxisKnowledge) -> list[Candid
     """
     check_names(wanted)
     uses = compensators()
-    names = list(uses) if wanted == ALL else list(wanted)
-    return [_choice(name, uses[name], known) for name in names]
+    names = [*uses, INTEGRAL.name] if wanted == ALL else list(wanted)
+    return [INTEGRAL if name == INTEGRAL.name else _choice(name, uses[name], known) for name in names]
+
+
+def within_range(compensator: Compensator) -> bool:
+    """Return whether all parameters of a compensator are within the ranges that its FMU states."""
+    variables = open_archive(block(compensator.model)).variables
+    return all(
+        (variables[name].min is None or float(variables[name].min) <= value)
+        and (variables[name].max is None or value <= float(variables[name].max))
+        for name, value in compensator.values.items()
+    )
+
+
+def tuned_to(candidate: Candidate, known: AxisKnowledge) -> Compensator:
+    """Return a candidate's compensator with the parameters for an axis, such as one with another `scale`."""
+    found = _choice(candidate.name, compensators()[candidate.name], known).compensator
+    assert found is not None
+    return found
 
 
 def check_names(wanted: Sequence[str] | str) -> None:
     """Raise ConfigError if a name is not one of `compensators`."""
     uses = compensators()
     for name in () if isinstance(wanted, str) else wanted:
-        if name not in uses:
-            hint = nearest(name, uses)
+        if name not in uses and name != INTEGRAL.name:
+            hint = nearest(name, [*uses, INTEGRAL.name])
             raise ConfigError(
                 f"[compensation], compensators: there is no compensator {name!r}{hint}; correct the name."
             )

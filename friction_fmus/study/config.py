@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Final
 
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.study.compensator_records import Limits
+from friction_fmus.study.ranking import Weights
 from harness.storage.files import reason
 from harness.storage.toml_file import read_toml
 from harness.values import number, shown, texts
@@ -27,6 +29,9 @@ PERIODS: Final = (1e-6, 0.1)
 
 LONGEST_WINDOW: Final = 64
 """Largest window of the velocity estimate in samples: the limit of the block Differentiator."""
+
+LONGEST_DELAY: Final = 100
+"""Longest delay of the drive in samples."""
 
 _TABLES = ("data", "columns", "windows", "servo", "identify", "compensation")
 
@@ -51,6 +56,12 @@ class Compensation:
         Whether the servo receives the reference velocity and acceleration, so that friction dominates the error.
     duration : float or None
         Simulated part of the reference, from its start [s]; None for all of it.
+    delays : tuple of int
+        Further delays of the force in the robustness runs [samples].
+    limits : Limits
+        Limits on the margins of every compared loop.
+    weights : Weights
+        Weights of the figures in the ranking.
     """
 
     compensators: tuple[str, ...] | str = ALL
@@ -58,6 +69,9 @@ class Compensation:
     mismatch: float = 0.1
     motion_feedforward: bool = True
     duration: float | None = None
+    delays: tuple[int, ...] = (1, 2)
+    limits: Limits = field(default_factory=Limits)
+    weights: Weights = field(default_factory=Weights)
 
 
 @dataclass(frozen=True)
@@ -80,6 +94,8 @@ class StudyConfig:
         Friction models to identify.
     position_map : bool
         Whether cogging and position-dependent friction are identified with each model, if this improves the prediction.
+    viscous : bool
+        Whether viscous friction is identified beside models without it.
     compensation : Compensation
         Settings of the comparison of compensators.
     bare : bool
@@ -93,6 +109,7 @@ class StudyConfig:
     servo: Servo | None = None
     models: tuple[str, ...] | str = ALL
     position_map: bool = True
+    viscous: bool = True
     compensation: Compensation = field(default_factory=Compensation)
     bare: bool = False
 
@@ -166,7 +183,7 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
         raise ConfigError(f'{origin}, [data], has no file; give the path of the data file as file = "...".')
     mapping = {name: content[name] for name in ("data", "columns", "windows") if name in content}
     models = tables["identify"]
-    models.known(("models", "position_map"))
+    models.known(("models", "position_map", "viscous"))
     return StudyConfig(
         origin,
         record,
@@ -175,6 +192,7 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
         _servo(tables["servo"]) if "servo" in content else None,
         models.names("models"),
         models.flag("position_map", True),
+        models.flag("viscous", True),
         _compensation(tables["compensation"]),
     )
 
@@ -201,21 +219,20 @@ def _servo(table: _Table) -> Servo:
     law = table.text("law", choices=tuple(GAINS))
     names = GAINS[law]
     other = ("law", "Ts", "force_limit", "window", "quantum", "velocity_feedforward", "inertia_feedforward", "mass")
-    table.known((*names, *other))
+    table.known((*names, *other, "delay", "noise"))
     gains = {name: table.number(name, low=0.0, above=True) for name in names[:-1]}
-    window = table.number("window", 2.0, low=1.0, high=LONGEST_WINDOW)
-    if window != int(window):
-        raise ConfigError(f"{table.where} has window = {window:g}; give an integer number of samples.")
     return Servo(
         law,
         Ts=_period(table),
         force_limit=table.number("force_limit", low=0.0, above=True),
-        window=int(window),
+        window=table.whole("window", 2, low=1, high=LONGEST_WINDOW),
         quantum=table.number("quantum", 0.0, low=0.0),
         velocity_feedforward=table.flag("velocity_feedforward", False),
         inertia_feedforward=table.number("inertia_feedforward", 0.0, low=0.0),
         mass=table.number("mass", low=0.0, above=True) if "mass" in table.content else None,
         gains={**gains, names[-1]: table.number(names[-1], OPTIONAL_GAINS.get(names[-1]), low=0.0)},
+        delay=table.whole("delay", 0, low=0, high=LONGEST_DELAY),
+        noise=table.number("noise", 0.0, low=0.0),
     )
 
 
@@ -229,7 +246,8 @@ def _period(table: _Table) -> float:
 
 
 def _compensation(table: _Table) -> Compensation:
-    table.known(("compensators", "gains", "mismatch", "motion_feedforward", "duration"))
+    known = ("compensators", "gains", "mismatch", "motion_feedforward", "duration", "delays", "Ms", "delay_margin")
+    table.known((*known, "weights"))
     default = Compensation()
     gains = table.numbers("gains", default.gains)
     if not any(0.0 < gain <= 1.0 for gain in gains):
@@ -240,7 +258,31 @@ def _compensation(table: _Table) -> Compensation:
         table.number("mismatch", default.mismatch, low=0.0, high=0.9),
         table.flag("motion_feedforward", default.motion_feedforward),
         table.number("duration", low=0.0, above=True) if "duration" in table.content else None,
+        _delays(table),
+        Limits(
+            table.number("Ms", default.limits.Ms, low=1.0, above=True),
+            table.number("delay_margin", default.limits.delay, low=0.0),
+        ),
+        _weights(table),
     )
+
+
+def _delays(table: _Table) -> tuple[int, ...]:
+    values = table.content.get("delays", list(Compensation.delays))
+    found = [number(value) for value in values] if isinstance(values, list) else [None]
+    if any(value is None or value != int(value) or not 1 <= value <= LONGEST_DELAY for value in found):
+        raise ConfigError(
+            f"{table.where} has delays = {shown(values)}; give a list of integers from 1 to {LONGEST_DELAY}."
+        )
+    return tuple(sorted({int(value) for value in found if value is not None}))
+
+
+def _weights(table: _Table) -> Weights:
+    weights = _Table(table.content.get("weights", {}), f"{table.where} weights,", "weights")
+    names = tuple(each.name for each in fields(Weights))
+    weights.known(names)
+    default = Weights()
+    return Weights(**{name: weights.number(name, getattr(default, name), low=0.0) for name in names})
 
 
 @dataclass(frozen=True)
@@ -280,6 +322,12 @@ class _Table:
             limits = f"above {low:g}" if above else f"from {low:g}" + (f" to {high:g}" if high < math.inf else "")
             raise ConfigError(f"{self.where} has {key} = {shown(value)}; give a number {limits}.")
         return found
+
+    def whole(self, key: str, default: int, *, low: int, high: int) -> int:
+        value = self.number(key, float(default), low=low, high=high)
+        if value != int(value):
+            raise ConfigError(f"{self.where} has {key} = {value:g}; give an integer number of samples.")
+        return int(value)
 
     def numbers(self, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
         values = self.content.get(key, list(default))

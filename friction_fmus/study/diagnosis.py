@@ -147,11 +147,11 @@ def _factor(compared: Comparison, allowed: float) -> Attempt:
     scaled = ("kv", "ki") if law == "CascadePPI" else GAINS[law]
     values = " and ".join(f"{name} = {factor * gains[name]:.5g}" for name in scaled if gains[name])
     if factor < 0.0 and abs(factor + 1.0) < 0.05:
-        what = "it is the command with the opposite sign."
+        what = "the force is the command with the opposite sign."
         change = "Set sign = -1 for the force in [columns], or for position and reference, whichever is inverted."
         return Diagnosis((Explanation("wrong-sign", what, change),)), left
     unit = _unit(abs(factor))
-    what = f"it is {factor:.4g} times the command" + (f", which is {unit}." if unit else ".")
+    what = f"the force is {factor:.4g} times the command" + (f", which is {unit}." if unit else ".")
     change = f"Set {values} in [servo], or correct the unit of force, position and reference."
     if factor < 0.0:
         return Diagnosis((Explanation("wrong-sign-and-unit", what, "Correct sign and unit of the force."),)), left
@@ -180,7 +180,7 @@ def _delay(compared: Comparison, allowed: float) -> Attempt:
     n = min(trials, key=lambda n: trials[n])
     late = "later" if n > 0 else "earlier"
     samples = "1 sample" if abs(n) == 1 else f"{abs(n)} samples"
-    what = f"it is the command of the law {samples} {late}."
+    what = f"the force is the command of the law {samples} {late}."
     change = f"Log force, position and reference of the same sample, or move the column of the force by {samples}."
     return Diagnosis((Explanation("delay", what, change),)), trials[n]
 
@@ -214,18 +214,22 @@ def _window(compared: Comparison, allowed: float) -> Attempt:
         command = compared.command + Kd * (v - velocity(compared.record, servo.Ts, window))
         trials[window] = compared.left(compared.force - command)
     window = min(trials, key=lambda n: trials[n])
-    what = f"it fits a velocity computed over {window} samples instead of {servo.window}."
+    what = f"the force fits a velocity computed over {window} samples instead of {servo.window}."
     return Diagnosis((Explanation("wrong-window", what, f"Set window = {window} in [servo]."),)), trials[window]
 
 
 def _gains(compared: Comparison, allowed: float) -> Attempt:
     """Explain the difference by other gains of the law: without an integral, and with one if that explains more."""
-    fit = fitted(compared, regressors(compared, integral=False), compared.force)
+    servo = compared.servo
+    timing: dict[str, Array] = {}
+    if servo.velocity_feedforward:  # the drive may use the reference velocity of half a sample earlier or later
+        timing["rdd"] = references(compared.record, servo.Ts)["rdd"]
+    fit = fitted(compared, {**regressors(compared, integral=False), **timing}, compared.force)
     if fit.left > allowed:
-        with_integral = fitted(compared, regressors(compared, integral=True), compared.force)
+        with_integral = fitted(compared, {**regressors(compared, integral=True), **timing}, compared.force)
         fit = with_integral if with_integral.left < 0.5 * fit.left else fit
     gains = gains_of(compared, fit)
-    return Diagnosis((_of_gains(compared.servo, gains),), gains), fit.left
+    return Diagnosis((_of_gains(servo, gains),), gains), fit.left
 
 
 def _gains_and_feedforward(compared: Comparison, allowed: float) -> Attempt:
@@ -248,7 +252,7 @@ def _of_gains(servo: Servo, gains: Sequence[IdentifiedParameter]) -> Explanation
         shown.append(f"{integral} = 0")
         given.append(f"{integral} = {servo.gains[integral]:.5g}")
         lines.append(f"{integral} = 0")
-    what = f"it fits {', '.join(shown)} instead of {', '.join(given)}."
+    what = f"the force fits {', '.join(shown)} instead of {', '.join(given)}."
     return Explanation("wrong-gains", what, f"Set {', '.join(lines)} in [servo].")
 
 
@@ -269,10 +273,18 @@ def _added(compared: Comparison, fit: LinearFit, shown: set[str] | None = None) 
             what = f"the measured servo {has} ({value:.5g} {units.viscous} times the reference velocity)."
             found.append(Explanation("velocity-feedforward", what, change))
         elif name == "rd":
-            what = f"it contains the reference velocity times {value:.5g} {units.viscous}."
+            what = f"the force contains the reference velocity times {value:.5g} {units.viscous}."
             found.append(Explanation("viscous-feedforward", what, declare))
+        elif name == "rdd" and servo.velocity_feedforward and abs(value) < LATEST * Kd * servo.Ts / 2.0:
+            samples = -value / (Kd * servo.Ts)
+            late = "later" if samples > 0.0 else "earlier"
+            what = (
+                f"the reference velocity of its feedforward is {abs(samples):.2g} samples {late} than that of the log."
+            )
+            change = "Log the reference that the servo uses, in the same sample as position and force."
+            found.append(Explanation("reference-timing", what, change))
         elif name == "rdd":
-            what = f"it contains the reference acceleration times {value:.5g} {units.inertia}."
+            what = f"the force contains the reference acceleration times {value:.5g} {units.inertia}."
             total = value + servo.inertia_feedforward
             change = (
                 f"Set inertia_feedforward = {total:.5g} in [servo]."
@@ -281,12 +293,11 @@ def _added(compared: Comparison, fit: LinearFit, shown: set[str] | None = None) 
             )
             found.append(Explanation("inertia-feedforward", what, change))
         elif name == "sign":
-            what = f"it contains {value:.5g} {units.force} in the direction of the reference velocity."
+            what = f"the force contains {value:.5g} {units.force} in the direction of the reference velocity."
             found.append(Explanation("friction-feedforward", what, declare))
         else:
-            found.append(
-                Explanation("constant-force", f"it contains a constant force of {value:.5g} {units.force}.", declare)
-            )
+            what = f"a constant force of {value:.5g} {units.force} is added to the command."
+            found.append(Explanation("constant-force", what, declare))
     return tuple(found)
 
 

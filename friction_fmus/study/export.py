@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final, Literal
 
+from friction_fmus.axis.assembly import viscous_beside
 from friction_fmus.axis.loop import block, closed_loop, typed, with_gain
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.export import export_law
 from friction_fmus.fmi.package import build
-from friction_fmus.study.compensators import Candidate
-from friction_fmus.study.evaluation import Bench
+from friction_fmus.study.evaluation import Scheme
+from friction_fmus.study.metrics import Bench
 from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.recording import with_tracking_error
 from friction_fmus.study.records import WrittenFile
@@ -24,13 +25,7 @@ OWN: Final = "recommended"
 
 
 def export_recommended(
-    out: Path,
-    bench: Bench,
-    candidate: Candidate | None,
-    gain: float,
-    name: str,
-    citation: str,
-    figures: Figures | None = None,
+    out: Path, bench: Bench, scheme: Scheme, name: str, citation: str, figures: Figures | None = None
 ) -> tuple[WrittenFile, ...]:
     """Write the files needed to use the recommended compensator.
 
@@ -40,10 +35,8 @@ def export_recommended(
         Folder of the results.
     bench : Bench
         Axis and reference.
-    candidate : Candidate or None
-        Compensator; None for the axis without one.
-    gain : float
-        Gain of the compensation.
+    scheme : Scheme
+        What is added to the axis.
     name : str
         Name of the axis.
     citation : str
@@ -54,40 +47,47 @@ def export_recommended(
     Returns
     -------
     tuple of WrittenFile
-        Written files. `axis.ssp` contains all FMUs and parameters of the axis. The gain is set in the compensator's
-        parameter `gain` if its output `u` is used; otherwise it is the gain of the connection to the servo.
+        Written files. `axis.ssp` contains all FMUs and parameters of the axis. The gain is set in the parameter `gain`
+        of a law if its output `u` is used; otherwise it is the gain of the connection to the servo.
     """
     folder = out / OWN
     folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    compensator = candidate.compensator if candidate is not None else None
-    fmus = {}
-    values: Mapping[str, float | int | bool] = {}
-    if candidate is not None and compensator is not None:
+    written: list[WrittenFile] = []
+    both = {"feedforward": scheme.feedforward, "compensator": scheme.compensator}
+    if scheme.compensator is None:
+        both = {"compensator": scheme.feedforward}
+    laws = {part: law for part, law in both.items() if law is not None}
+    fmus: dict[str, Path] = {}
+    has_gain = True
+    for part, law in laws.items():
         limits = {"u_min": -bench.servo.force_limit, "u_max": bench.servo.force_limit}
-        given = {**limits, "gain": gain, **compensator.values, "Ts": bench.servo.Ts}
-        values = typed(FmuPart("law", block(compensator.model, bench.trajectory.rotary)), given)
+        gain = {"gain": scheme.gain} if law is scheme.compensator else {}
+        given = {**limits, **gain, **law.values, "Ts": bench.servo.Ts}
+        values = typed(FmuPart("law", block(law.model, bench.trajectory.rotary)), given)
+        if part == "compensator":
+            has_gain = "gain" in values
         domain: Literal["translational", "rotational"] = "rotational" if bench.trajectory.rotary else "translational"
-        fmus["compensator"] = build(compensator.model, folder, values, domain=domain)
-        written.append(
-            WrittenFile(_path(out, fmus["compensator"]), f"{compensator.model} with the parameters of the axis")
-        )
-        parameters = _parameters(fmus["compensator"], values)
-        write_ssv(ParameterSet(f"{name} {compensator.model}", parameters, _cited(citation)), folder / "compensator.ssv")
-        written.append(WrittenFile(f"{OWN}/compensator.ssv", f"Parameters of {compensator.model}, SSP 1.0"))
-        if find(compensator.model).kind == "law" and not bench.trajectory.rotary:
-            for file in export_law(compensator.model, folder / "c", start=values):
-                written.append(WrittenFile(_path(out, file), f"C code of {compensator.model} for an embedded target"))
-    with closed_loop(bench.servo, bench.plant, bench.trajectory, compensator, fmus) as system:
-        inside = compensator is not None and compensator.output == "u" and "gain" in values
-        whole = system if compensator is None or inside else with_gain(system, gain)
+        fmus[part] = build(law.model, folder, values, domain=domain)
+        written.append(WrittenFile(_path(out, fmus[part]), f"{law.model} with the parameters of the axis"))
+        parameters = _parameters(fmus[part], values)
+        write_ssv(ParameterSet(f"{name} {law.model}", parameters, _cited(citation)), folder / f"{part}.ssv")
+        written.append(WrittenFile(f"{OWN}/{part}.ssv", f"Parameters of {law.model}, SSP 1.0"))
+        if find(law.model).kind == "law" and not bench.trajectory.rotary:
+            code, prefix = (folder / "c" / part, part) if len(laws) > 1 else (folder / "c", "law")
+            for file in export_law(law.model, code, start=values, prefix=prefix):
+                written.append(WrittenFile(_path(out, file), f"C code of {law.model} for an embedded target"))
+    compensator = laws.get("compensator")
+    second = laws.get("feedforward")
+    with closed_loop(scheme.servo, bench.plant, bench.trajectory, compensator, fmus, feedforward=second) as system:
+        inside = compensator is None or (compensator.output == "u" and has_gain)
+        whole = system if inside else with_gain(system, scheme.gain)
         whole = with_tracking_error(whole)
         whole.to_ssp(folder / "axis.ssp")
         title = "SSP archive of the whole axis: reference, compensator, servo, mass, friction"
         written.append(WrittenFile(f"{OWN}/axis.ssp", title))
         has_code = any(file.path.startswith(f"{OWN}/c/") for file in written)
         with atomic_path(folder / "README.md") as temporary:
-            text = wiring(whole, bench.servo, figures, has_code)
+            text = wiring(whole, scheme.servo, figures, has_code)
             temporary.write_text(text, encoding="utf-8", newline="\n")
         written.append(WrittenFile(f"{OWN}/README.md", "Connections of the compensator, as co-simulated"))
     return tuple(written)
@@ -114,6 +114,11 @@ def export_models(out: Path, models: Sequence[IdentifiedModel], rotary: bool, ci
         file = folder / f"{identifier}.ssv"
         write_ssv(ParameterSet(identifier, _parameters(path, values), _cited(citation)), file)
         written.append(WrittenFile(_path(out, file), f"Parameters of {found.row.name}, SSP 1.0"))
+        if beside := viscous_beside(FmuPart("friction", path), found.plant):
+            file = folder / f"{identifier}Viscous.ssv"
+            parameters = _parameters(block("Viscous", rotary), {"Fv": beside})
+            write_ssv(ParameterSet(f"{identifier}Viscous", parameters, _cited(citation)), file)
+            written.append(WrittenFile(_path(out, file), f"Viscous friction beside {found.row.name}, SSP 1.0"))
     return tuple(written)
 
 

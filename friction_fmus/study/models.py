@@ -28,22 +28,25 @@ from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.identification.runaway import within_reach
-from friction_fmus.study.evaluation import thinned
 from friction_fmus.study.prediction import inverse_residual
 from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult, PositionPart
+from friction_fmus.study.thinning import thinned
 from harness import HarnessError
 
 ALIKE: Final = 0.05
 """Relative difference below which errors count as equal; the information criterion then decides."""
 
 REPRODUCED: Final = 0.5
-"""Largest position error of a simulated servo that reproduces the record, over the recorded tracking error."""
+"""Largest error of a simulated servo that reproduces the record, over the recorded tracking error or rms force."""
 
 QUANTA: Final = 10.0
 """Smallest tracking error for this comparison, in steps of the encoder: rounding is not reproduced."""
 
 INVERSE: Final = "Coulomb + viscous"
 """Name of the inverse model in the results."""
+
+VISCOUS_BESIDE: Final = "viscous friction beside the model"
+"""Meaning of the parameter Fv of a model that has none."""
 
 MEANING: Final = {"M": "moved mass", "OF": "offset of the drive"}
 
@@ -69,7 +72,7 @@ class IdentifiedModel:
     predicted : Curve or None
         Fitted signal over time as simulated by the model.
     position, force : Curve or None
-        Simulated minus measured position, and simulated force, of the servo over time.
+        Simulated minus measured position and force of the servo over time.
     position_map : PositionMap or None
         Cogging and position-dependent friction.
     """
@@ -124,6 +127,7 @@ def identify_model(
     published: Mapping[str, float],
     measured: Measured | None,
     position_map: bool = True,
+    viscous: bool = True,
 ) -> IdentifiedModel:
     """Identify a friction model; if the identification fails, the result states the reason.
 
@@ -139,12 +143,19 @@ def identify_model(
         Measured servo, to be co-simulated with the identified model.
     position_map : bool
         Whether cogging and position-dependent friction are identified with the model, if this helps.
+    viscous : bool
+        Whether viscous friction is identified beside a model without it.
     """
     summary = find(name).summary
     try:
         # a model without state is fast to simulate and its cost may have several local minima
         starts = 3 if contact_model(name, train[0].units).static else 1
-        options = {"validation": list(validation) or None, "starts": starts, "position_map": position_map}
+        options = {
+            "validation": list(validation) or None,
+            "starts": starts,
+            "position_map": position_map,
+            "viscous": viscous,
+        }
         result = within_reach(identify, name, list(train), **options)
     except (FrictionError, HarnessError, ArithmeticError, np.linalg.LinAlgError) as error:
         return IdentifiedModel(ModelResult(name, summary, reason=str(error)))
@@ -220,7 +231,7 @@ def row_of(result: Identification, summary: str, published: Mapping[str, float])
 
     def parameter(name: str, estimate: Estimate) -> IdentifiedParameter:
         error = estimate.standard_error
-        meaning = MEANING.get(name) or known[name].text
+        meaning = MEANING.get(name) or (known[name].text if name in known else VISCOUS_BESIDE)
         return IdentifiedParameter(
             name,
             estimate.value,
@@ -283,7 +294,7 @@ def in_closed_loop(found: IdentifiedModel, measured: Measured) -> IdentifiedMode
         error=None if reason else _rms((trace.q - q)[slice(*measured.validation)]),
         force_error=None if force is None else _rms((trace.force - force)[slice(*measured.validation)]),
         position=thinned(t, trace.q - q),
-        force=thinned(t, trace.force),
+        force=None if force is None else thinned(t, trace.force - force),
     )
 
 
@@ -296,7 +307,7 @@ def _unlike(measured: Measured, fits: Sequence[Fit]) -> str:
             f"the position of the simulated servo differs from the record by {position.rms:.3g} {position.unit} rms, "
             f"more than {100.0 * REPRODUCED:.0f} % of the tracking error of {tracking:.3g} {position.unit}."
         )
-    if len(fits) > 1 and fits[1].percent > 100.0:
+    if len(fits) > 1 and fits[1].percent > 100.0 * REPRODUCED:
         return f"the force of the simulated servo differs from the record by {fits[1].percent:.3g} % of its rms value."
     return ""
 

@@ -7,12 +7,13 @@ from typing import Final
 
 import numpy as np
 
+from friction_fmus.axis.assembly import viscous_beside
 from friction_fmus.axis.loop import block, typed
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion
 from friction_fmus.identification.fit.simulation_data import default_settings
-from friction_fmus.study.evaluation import thinned
 from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.records import Curve, Picture
+from friction_fmus.study.thinning import thinned
 from harness import Experiment, FmuPart, SeriesPart, System
 
 DRAWN: Final = 4
@@ -47,8 +48,10 @@ def series(data: Sequence[Record], models: Sequence[IdentifiedModel]) -> tuple[P
     if record.v is not None:
         pictures.append(picture("velocity", units.velocity, {"measured": record.v}, {}))
     if record.force is not None:
+        pictures.append(picture("drive force", units.force, {"measured": record.force}, {}))
         forces = {found.row.name: found.force for found in drawn if found.force is not None}
-        pictures.append(picture("drive force", units.force, {"measured": record.force}, forces))
+        if forces:
+            pictures.append(Picture("time", "simulated − measured force", "s", units.force, {}, forces))
     if record.friction is not None:
         over = record.normal if record.normal is not None and np.all(record.normal > 0.0) else None
         column = record.friction if over is None else record.friction / over
@@ -56,6 +59,23 @@ def series(data: Sequence[Record], models: Sequence[IdentifiedModel]) -> tuple[P
         name, unit = ("friction", units.force) if over is None else ("friction coefficient", "1")
         pictures.append(picture(name, unit, {"measured": column}, lines))
     return tuple(pictures)
+
+
+def residuals(record: Record, models: Sequence[IdentifiedModel]) -> tuple[Picture, ...]:
+    """Return the force residual of the co-simulated servo with the best models, over velocity and over position."""
+    forces = {found.row.name: found.force for found in models[:DRAWN] if found.row.rank and found.force is not None}
+    if not forces or record.q is None:
+        return ()
+    motion = filtered_motion(record, default_settings(record))
+    t, units = record.t - record.t[0], record.units
+
+    def over(name: str, unit: str, column: Array) -> Picture:
+        curves = {
+            model: Curve(tuple(np.interp(curve.x, t, column).tolist()), curve.y) for model, curve in forces.items()
+        }
+        return Picture(name, "simulated − measured force", unit, units.force, {}, curves)
+
+    return over("velocity", units.velocity, motion.v), over("position", units.position, motion.q)
 
 
 def friction_of(record: Record, mass: float, offset: float) -> tuple[Array, Array, Array] | None:
@@ -129,7 +149,9 @@ def drive(found: IdentifiedModel, units: AxisUnits, t: Array, v: Array, load: fl
     start |= {"friction.Fn": load} if "Fn" in inputs and load is not None else {}
     experiment = Experiment(stop=step * (len(t) - 1), step=step, record=("friction.F",))
     with System([sweep, contact], ["sweep.v -> friction.v"], start, experiment, "curve") as system:
-        return np.asarray(system.run()["friction.F"].to_numpy(), dtype=np.float64)
+        F = np.asarray(system.run()["friction.F"].to_numpy(), dtype=np.float64)
+        F += viscous_beside(contact, found.plant) * v
+        return F
 
 
 def _load(record: Record) -> float | None:

@@ -1,4 +1,4 @@
-"""Parts of the result of a study: models, compensators, conditions, files and curves, as plain data.
+"""Parts of the result of a study: models, conditions, files and curves, as plain data.
 
 The classes are frozen and contain only numbers, strings, tuples and mappings. Numbers are in SI units, or in the units
 in `StudyResult.units` for a rotary axis. A missing number is None, never NaN.
@@ -7,7 +7,7 @@ in `StudyResult.units` for a rotary axis. A missing number is None, never NaN.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TypeAlias
 
 Numbers: TypeAlias = tuple[float, ...]
@@ -165,130 +165,6 @@ class Picture:
     y_unit: str
     data: Mapping[str, Curve]
     models: Mapping[str, Curve]
-
-
-@dataclass(frozen=True)
-class Metrics:
-    """Metrics of one run of the servo, without the initial transient.
-
-    Attributes
-    ----------
-    rms, largest : float
-        Root mean square and maximum of the tracking error, reference minus position, in `units.position`.
-    effort : float
-        Root mean square of the drive force, in `units.force`.
-    effort_high : float
-        Root mean square of the drive force above the bandwidth of the loop, in `units.force`.
-    """
-
-    rms: float
-    largest: float
-    effort: float
-    effort_high: float
-
-
-@dataclass(frozen=True)
-class GainPoint:
-    """Metrics of a run with one gain of the compensation, or the reason why the run failed."""
-
-    gain: float
-    metrics: Metrics | None
-    failure: str = ""
-
-
-@dataclass(frozen=True)
-class Corner:
-    """Metrics of a run with parameter mismatch: identified friction and mass multiplied by these factors."""
-
-    friction: float
-    mass: float
-    metrics: Metrics | None
-    failure: str = ""
-
-
-@dataclass(frozen=True)
-class CompensatorResult:
-    """Result of one compensator.
-
-    Attributes
-    ----------
-    name, summary : str
-        Name of the law and its description; the entry "none" is the servo without compensation.
-    kind : str
-        "none", "feedforward", "model feedback", "estimator", "dither", "learning", or "controller".
-    applies : bool
-        Whether the compensator was co-simulated.
-    reason : str
-        Reason why it does not apply or why all runs failed; otherwise empty.
-    model : str
-        Friction model whose identified parameters the law uses; empty if it uses none.
-    parameters : mapping of str to float
-        Parameters that were set; the others have their start values.
-    gain : float or None
-        Best gain up to 1.
-    metrics : Metrics or None
-        Metrics at the best gain.
-    sweep : tuple of GainPoint
-        Metrics over the gain.
-    corners : tuple of Corner
-        Metrics at the best gain with parameter mismatch.
-    worst, best : float or None
-        Largest and smallest `rms` of `metrics` and `corners`.
-    cost_ns : float or None
-        Computing time of one sample on the machine of the study [ns].
-    rank : int or None
-        Rank, 1 is best; None if the compensator does not apply.
-    improves : bool
-        Whether it reduces the tracking error, also in the worst case with mismatch.
-    noisy : bool
-        Whether it adds much high-frequency drive force compared with the servo alone.
-    error : Curve or None
-        Reference minus position over time at the best gain [s, units.position]; decimated with all extremes kept.
-    """
-
-    name: str
-    summary: str
-    kind: str
-    applies: bool
-    reason: str = ""
-    model: str = ""
-    parameters: Mapping[str, float] = field(default_factory=dict)
-    gain: float | None = None
-    metrics: Metrics | None = None
-    sweep: tuple[GainPoint, ...] = ()
-    corners: tuple[Corner, ...] = ()
-    worst: float | None = None
-    best: float | None = None
-    cost_ns: float | None = None
-    rank: int | None = None
-    improves: bool = False
-    noisy: bool = False
-    error: Curve | None = None
-
-
-@dataclass(frozen=True)
-class Recommendation:
-    """Recommendation of a study.
-
-    Attributes
-    ----------
-    name : str
-        Recommended compensator; "none" if no compensator improves the axis; empty if none was simulated.
-    reason : str
-        Reasons in two sentences.
-    gain : float or None
-        Gain of the recommended compensator.
-    runner_up : str
-        Second-best compensator; empty if no other one improves the axis.
-    runner_up_reason : str
-        Metrics of the second-best compensator in one sentence.
-    """
-
-    name: str
-    reason: str
-    gain: float | None = None
-    runner_up: str = ""
-    runner_up_reason: str = ""
 
 
 @dataclass(frozen=True)

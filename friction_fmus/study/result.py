@@ -10,18 +10,24 @@ from typing import Any
 
 from friction_fmus.identification import AxisUnits
 from friction_fmus.notebook import study_html, study_text
-from friction_fmus.study.records import (
+from friction_fmus.study.compensator_records import (
     CompensatorResult,
-    ConditionResult,
     Corner,
+    Limits,
+    LoopMargins,
+    Metrics,
+    Recommendation,
+    Rung,
+    Trial,
+)
+from friction_fmus.study.ranking import Weights
+from friction_fmus.study.records import (
+    ConditionResult,
     Curve,
     Fit,
-    GainPoint,
     IdentifiedParameter,
-    Metrics,
     ModelResult,
     Picture,
-    Recommendation,
     ServoCheck,
     StudyFinding,
     WrittenFile,
@@ -51,14 +57,20 @@ class StudyResult:
         Friction over velocity: points of the record, curves of the models.
     hysteresis : Picture or None
         Friction over displacement: points of the record, loops of the models.
+    residuals : tuple of Picture
+        Force residual of the co-simulated servo over velocity and over position, by model.
     models : tuple of ModelResult
         Friction models by rank, then those not identified.
     plant : str
         Friction model of the axis in the co-simulation; empty if no compensator was simulated.
     no_compensation : str
         Reason why no compensator was simulated; empty otherwise.
-    servos : mapping of str to Metrics
-        Servo without friction compensation: "as measured" and, if used in the comparison, "with motion feedforward".
+    ladder : tuple of Rung
+        Rungs from the axis as measured to the best compensation.
+    limits : Limits or None
+        Limits on the margins of the compared loops; None if no compensator was simulated.
+    weights : Weights
+        Weights of the figures in the ranking.
     compensators : tuple of CompensatorResult
         "none" first, then compensators by rank, then those that do not apply.
     recommendation : Recommendation
@@ -86,10 +98,13 @@ class StudyResult:
     record: tuple[Picture, ...]
     friction: Picture | None
     hysteresis: Picture | None
+    residuals: tuple[Picture, ...]
     models: tuple[ModelResult, ...]
     plant: str
     no_compensation: str
-    servos: Mapping[str, Metrics]
+    ladder: tuple[Rung, ...]
+    limits: Limits | None
+    weights: Weights
     compensators: tuple[CompensatorResult, ...]
     recommendation: Recommendation
     doctor: tuple[ConditionResult, ...]
@@ -187,15 +202,18 @@ __all__ = [
     "Corner",
     "Curve",
     "Fit",
-    "GainPoint",
     "IdentifiedParameter",
+    "Limits",
+    "LoopMargins",
     "Metrics",
     "ModelResult",
     "Picture",
     "Recommendation",
+    "Rung",
     "ServoCheck",
     "StudyFinding",
     "StudyResult",
+    "Trial",
     "WrittenFile",
     "plain",
 ]

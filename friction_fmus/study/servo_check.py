@@ -16,9 +16,9 @@ from friction_fmus.axis.loop import block
 from friction_fmus.axis.servo import Servo
 from friction_fmus.identification import ROTARY, Array, Record
 from friction_fmus.study.diagnosis import Explanation, explain
-from friction_fmus.study.evaluation import thinned
 from friction_fmus.study.records import Fit, ServoCheck, StudyFinding
 from friction_fmus.study.regression import Comparison
+from friction_fmus.study.thinning import thinned
 from harness import Experiment, FmuPart, SeriesPart, System
 
 MATCH: Final = 0.02

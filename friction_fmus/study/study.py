@@ -20,28 +20,23 @@ from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import ROTARY, filtered_motion, identifiable
 from friction_fmus.identification.fit.simulation_data import default_settings
-from friction_fmus.study.compensators import AxisKnowledge, Candidate, candidates, check_names, period_of
+from friction_fmus.study.comparison import Comparison, compare
+from friction_fmus.study.compensator_records import Recommendation
+from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
-from friction_fmus.study.evaluation import Bench, Cost, Evaluation, cost_of, evaluate_compensator
 from friction_fmus.study.export import OWN, export_models, export_recommended
+from friction_fmus.study.metrics import Bench
 from friction_fmus.study.models import INVERSE, IdentifiedModel, identify_model, inverse_model, ranked
-from friction_fmus.study.pictures import over_position, over_velocity, series
-from friction_fmus.study.ranking import extremes, rank, recommend
-from friction_fmus.study.records import (
-    CompensatorResult,
-    ConditionResult,
-    Metrics,
-    Recommendation,
-    StudyFinding,
-    WrittenFile,
-)
+from friction_fmus.study.next_steps import next_steps
+from friction_fmus.study.pictures import over_position, over_velocity, residuals, series
+from friction_fmus.study.records import ConditionResult, StudyFinding, WrittenFile
 from friction_fmus.study.refinement import refine
 from friction_fmus.study.result import StudyResult
 from friction_fmus.study.servo_check import CheckedServo, check_servo
 from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
-from friction_fmus.study.summary import ProgressReporter, compensator_row, identifier, overview
+from friction_fmus.study.summary import ProgressReporter, identifier, overview
 from friction_fmus.study.trust import force_findings, loop_findings, mass_findings, not_trusted, without_loop
 from friction_fmus.study.wiring import Figures
 from friction_fmus.study.words import result_in_rotary_words
@@ -54,6 +49,9 @@ from harness.storage.atomic import atomic_path
 
 CLOSE: Final = 1.5
 """Models whose error is at most this factor times the smallest are also fitted to the closed loop."""
+
+SEED: Final = 1
+"""Seed of the measurement noise, which is the same for all compensators."""
 
 LEAST_SAMPLES: Final = 100
 """Smallest number of samples of the servo over which a closed loop is simulated."""
@@ -192,21 +190,16 @@ class _Study:
             )
         goes_on = self._goes_on(findings)
         missing = self._missing(data, best) if goes_on else not_trusted(findings)
-        rows: list[CompensatorResult] = []
-        servos: dict[str, Metrics] = {}
-        recommendation = Recommendation("", missing)
+        comparison: Comparison | None = None
         doctor: tuple[ConditionResult, ...] = ()
         files = list(export_models(self.out, models, data.rotary, data.longest.citation)) if goes_on else []
         if not missing:
             bench = self._bench(data, best)
-            rows, servos, all_candidates = self._compensators(data, models, bench)
-            recommendation = recommend(rows[0], rows[1:], data.longest.units.position)
-            chosen = next((candidate for candidate in all_candidates if candidate.name == recommendation.name), None)
-            name = data.longest.name
-            metrics = next((row.metrics for row in rows if row.name == recommendation.name), None)
+            comparison = self._comparison(data, models, bench)
+            metrics = comparison.recommended.metrics
             figures = None if metrics is None else Figures(metrics.rms, data.longest.units.position)
-            gain, citation = recommendation.gain or 0.0, data.longest.citation
-            files += export_recommended(self.out, bench, chosen, gain, name, citation, figures)
+            name, citation = data.longest.name, data.longest.citation
+            files += export_recommended(self.out, bench, comparison.chosen, name, citation, figures)
             doctor = self._doctor()
         self.progress(0.97)
         record = data.longest
@@ -223,12 +216,15 @@ class _Study:
             record=series(data.records, models),
             friction=over_velocity(record, models),
             hysteresis=over_position(record, models),
+            residuals=residuals(record, models),
             models=tuple(found.row for found in models),
             plant=best.row.name if not missing else "",
             no_compensation=missing,
-            servos=servos,
-            compensators=tuple(rows),
-            recommendation=recommendation,
+            ladder=comparison.ladder if comparison else (),
+            limits=comparison.limits if comparison else None,
+            weights=self.config.compensation.weights,
+            compensators=comparison.rows if comparison else (),
+            recommendation=comparison.recommendation if comparison else Recommendation("", missing),
             doctor=doctor,
             files=tuple(files),
             command=f"friction-fmus study {self.config.name} -o out",
@@ -257,7 +253,7 @@ class _Study:
             Step(
                 f"model-{name}",
                 identify_model,
-                (name, *records, known.get(name, {}), measured, config.position_map),
+                (name, *records, known.get(name, {}), measured, config.position_map, config.viscous),
                 IdentifiedModel,
             )
             for name in names
@@ -305,18 +301,25 @@ class _Study:
         r = from_rest(recorded, servo.Ts)
         at = servo.Ts * np.arange(float(len(r)))
         reference = build_reference(at, r, self.out / CACHE, f"{identifier(record.name)}Path", data.rotary)
+        noise = build_reference(
+            at, np.random.default_rng(SEED).standard_normal(len(at)), self.out / CACHE, "Noise", data.rotary
+        )
         plant = best.plant if best.mass > 0.0 else replace(best.plant, mass=servo.mass or 0.0)
         v0 = float((r[1] - r[0]) / servo.Ts)
         trajectory = Trajectory(
-            reference, len(at), float(r[0]), v0, wanted.motion_feedforward, plant.offset, rotary=data.rotary
+            reference,
+            len(at),
+            float(r[0]),
+            v0,
+            wanted.motion_feedforward,
+            plant.offset,
+            rotary=data.rotary,
+            noise=noise,
         )
         return Bench(servo, plant, trajectory, r, len(r) - len(recorded))
 
-    def _compensators(
-        self, data: Data, models: Sequence[IdentifiedModel], bench: Bench
-    ) -> tuple[list[CompensatorResult], dict[str, Metrics], list[Candidate]]:
-        """Return the compensators by rank with "none" first, the servos without compensation, and all candidates."""
-        wanted = self.config.compensation
+    def _comparison(self, data: Data, models: Sequence[IdentifiedModel], bench: Bench) -> Comparison:
+        """Compare the compensators."""
         known = AxisKnowledge(
             bench.servo,
             bench.plant,
@@ -325,37 +328,19 @@ class _Study:
             float(np.max(np.abs(np.diff(bench.r)))) / bench.servo.Ts,
             data.rotary,
         )
-        all_candidates = candidates(wanted.compensators, known)
-        tried = [candidate for candidate in all_candidates if candidate.compensator is not None]
-        as_measured = replace(bench, trajectory=replace(bench.trajectory, motion=False, offset=0.0))
-        steps = [
-            Step("servo-as-measured", evaluate_compensator, (as_measured, None, (), 0.0), Evaluation),
-            Step("compensator-none", evaluate_compensator, (bench, None, (), wanted.mismatch), Evaluation),
-        ]
-        how = wanted.gains, wanted.mismatch
-        steps += [
-            Step(f"compensator-{c.name}", evaluate_compensator, (bench, c.compensator, *how), Evaluation) for c in tried
-        ]
-        plain, without, *evaluations = self._run(steps, 0.6, 0.9)
-        # times are measured one after the other, while no other step is running
-        ran = [c for c, evaluation in zip(tried, evaluations, strict=True) if evaluation.metrics is not None]
-        timing = [Step(f"cost-{c.name}", cost_of, (c.compensator, bench.servo.Ts, data.rotary), Cost) for c in ran]
-        costs = run_steps(timing, self.store, None, self.progress.steps(0.9, 0.95, len(timing)))
-        none = compensator_row("none", "Servo without friction compensation", "none", None, without)
-        none = extremes(none, none)
-        if none.metrics is None:
-            raise StudyError(f"The servo is unstable even without compensation: {without.sweep[0].failure}")
-        nanoseconds = {c.name: cost.ns for c, cost in zip(ran, costs, strict=True)}
-        found = {c.name: (e, nanoseconds.get(c.name, 0.0)) for c, e in zip(tried, evaluations, strict=True)}
-        blocks = catalogue()
-        rows = [
-            compensator_row(c.name, blocks[c.name].summary, c.kind, c, *found.get(c.name, (None,)))
-            for c in all_candidates
-        ]
-        servos = {"as measured": plain.metrics} if plain.metrics is not None else {}
-        if wanted.motion_feedforward:
-            servos["with motion feedforward"] = none.metrics
-        return [none, *rank(none, rows)], servos, all_candidates
+        begin = 0.6
+
+        def run(steps: Sequence[Step]) -> list[Any]:
+            nonlocal begin
+            end = 0.5 * (begin + 0.96)
+            found = self._run(steps, begin, end)
+            begin = end
+            return found
+
+        units = data.longest.units
+        found = compare(bench, known, self.config.compensation, units.position, run)
+        steps = next_steps(bench, found.chosen, found.recommended, [model.row for model in models], units)
+        return replace(found, recommendation=replace(found.recommendation, next_steps=steps))
 
     def _doctor(self) -> tuple[ConditionResult, ...]:
         """Return the conditions of the exported axis, violated ones first."""

@@ -6,12 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from friction_fmus.study.compensators import Candidate
 from friction_fmus.study.config import StudyConfig
 from friction_fmus.study.data import Data
-from friction_fmus.study.evaluation import Evaluation
-from friction_fmus.study.ranking import shown
-from friction_fmus.study.records import CompensatorResult
+from friction_fmus.study.recommending import shown
 from friction_fmus.study.steps import Step
 from harness import Progress
 
@@ -64,35 +61,12 @@ def overview(config: StudyConfig, data: Data) -> dict[str, str]:
             + (shown(servo.quantum, record.units.position) if servo.quantum else "unlimited")
         )
         overview["compensation"] = (
-            f"gains {', '.join(f'{gain:g}' for gain in wanted.gains)}; worst case with friction and mass "
-            f"{100 * wanted.mismatch:g} % off; the servo "
+            f"gains {', '.join(f'{gain:g}' for gain in wanted.gains)}, or the bandwidth, with a sensitivity peak of at "
+            f"most {wanted.limits.Ms:g} and a delay margin of at least {wanted.limits.delay:g} samples; friction and "
+            f"mass {100 * wanted.mismatch:g} % off; the servo "
             + ("has velocity and inertia feedforward" if wanted.motion_feedforward else "is as measured")
         )
     return overview
-
-
-def compensator_row(
-    name: str, summary: str, kind: str, candidate: Candidate | None, evaluation: Evaluation | None, cost_ns: float = 0.0
-) -> CompensatorResult:
-    """Return the entry of a compensator in the result, before it is ranked."""
-    if evaluation is None:
-        return CompensatorResult(name, summary, kind, False, candidate.reason if candidate is not None else "")
-    failures = [point.failure for point in evaluation.sweep if point.metrics is None]
-    return CompensatorResult(
-        name,
-        summary,
-        kind,
-        True,
-        failures[0] if evaluation.metrics is None and failures else "",
-        candidate.model if candidate is not None else "",
-        dict(candidate.compensator.values) if candidate is not None and candidate.compensator is not None else {},
-        evaluation.gain,
-        evaluation.metrics,
-        evaluation.sweep,
-        evaluation.corners,
-        cost_ns=cost_ns,
-        error=evaluation.error,
-    )
 
 
 def identifier(name: str) -> str:

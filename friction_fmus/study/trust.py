@@ -31,10 +31,9 @@ def force_findings(records: Sequence[Record], servo: Servo | None) -> tuple[Stud
     servo : Servo or None
         Servo as configured.
     """
-    needs_mass = servo is not None and servo.mass is None
+    forbidding = (*FORBIDDING, "mass-not-identified") if servo is not None and servo.mass is None else FORBIDDING
     found = [
-        StudyFinding(each.name, each.what, each.measure, each.name in FORBIDDING or needs_mass)
-        for each in contradictions(records)
+        StudyFinding(each.name, each.what, each.measure, each.name in forbidding) for each in contradictions(records)
     ]
     peak = max((float(np.max(np.abs(record.force))) for record in records if record.force is not None), default=0.0)
     if servo is not None and peak > BEYOND * servo.force_limit:

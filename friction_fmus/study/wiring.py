@@ -90,9 +90,10 @@ def _paragraphs(
         "the start values of the laws fit the motion."
     )
     if has_code:
+        laws = "both laws" if "feedforward" in system.parts else "the compensator"
         yield (
-            "`c/` contains the compensator with these parameters. Once per sample, assign its inputs, call `law_step`, "
-            "and use its output in place of that of `compensator`."
+            f"`c/` contains {laws} with these parameters. Once per sample, assign the inputs of a law, call its "
+            "function `step`, and use its output in place of the output of the part."
         )
     if figures is not None:
         yield (

@@ -10,7 +10,17 @@ from friction_fmus.fmi.rotary import in_rotary_words
 
 TEXTS: Final = frozenset(
     (
-        *("change", "failure", "meaning", "no_compensation", "overview", "reason", "runner_up_reason", "summary"),
+        *(
+            "change",
+            "failure",
+            "meaning",
+            "next_steps",
+            "no_compensation",
+            "overview",
+            "reason",
+            "runner_up_reason",
+            "summary",
+        ),
         *("warnings", "weak", "what", "why", "wrong", "x_label", "y_label"),
     )
 )

@@ -10,8 +10,8 @@ import pytest
 from friction_fmus.identification.fit.grid import HysteresisGrid, with_count
 from friction_fmus.identification.fit.rank import dependent_columns
 from friction_fmus.identification.fit.search import SearchResult, covariance
-from friction_fmus.study.ranking import extremes, rank
-from friction_fmus.study.records import CompensatorResult, Corner, Metrics
+from friction_fmus.study.compensator_records import CompensatorResult, Corner, Metrics
+from friction_fmus.study.ranking import Weights, extremes, rank
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -72,13 +72,12 @@ def test_of_joins_that_change_the_curve_equally_the_first_one_is_made() -> None:
 
 def test_compensators_that_do_the_same_stay_in_one_order() -> None:
     def row(name: str, rms: float) -> CompensatorResult:
-        found = Metrics(rms, 2.0 * rms, 10.0, 1.0)
-        return CompensatorResult(
-            name, "", "feedforward", True, gain=1.0, metrics=found, corners=(Corner(1.1, 1.0, found),), cost_ns=50.0
-        )
+        found = Metrics(rms, 2.0 * rms, 10.0, 1.0, 1.0)
+        corners = (Corner("heavier", found),)
+        return CompensatorResult(name, "", "feedforward", True, gain=1.0, metrics=found, corners=corners, cycles=500.0)
 
     none = row("none", 1e-4)
     none = replace(extremes(none, none))
     for i in (-2, -1, 0, 1, 2):
         rows = [row("A", 1e-5 + i * np.spacing(1e-5)), row("B", 1e-5)]
-        assert [found.name for found in rank(none, rows)] == ["A", "B"]
+        assert [found.name for found in rank(none, rows, Weights(), 2.0)] == ["A", "B"]

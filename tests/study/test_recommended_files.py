@@ -10,8 +10,8 @@ from __future__ import annotations
 import ctypes
 import re
 import subprocess
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,10 +22,11 @@ from friction_fmus.axis.loop import Plant, Trace, Trajectory, block, run_loop
 from friction_fmus.identification import LINEAR, identifiable
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.study import Servo
-from friction_fmus.study.compensators import AxisKnowledge, Candidate, candidates, compensators
+from friction_fmus.study.compensators import AxisKnowledge, candidates, compensators
 from friction_fmus.study.data import LUGRE, build_reference
-from friction_fmus.study.evaluation import Bench, evaluate_compensator, judge
+from friction_fmus.study.evaluation import Scheme, evaluate
 from friction_fmus.study.export import export_recommended
+from friction_fmus.study.metrics import Bench, judge
 from friction_fmus.study.wiring import Figures
 from harness import CallablePart, Experiment, FmuPart, Part, Port, System, Wire
 
@@ -41,6 +42,8 @@ KINDS = {  # with gains at which the gain matters
     "estimator within a controller": "ExtendedStateObserver",
     "dither": "Dither",
     "learning": "RepetitiveController",
+    "feedforward with estimator": "LuGreFeedforward + DisturbanceObserver",
+    "feedforward with an output of a controller": "StaticFeedforward + ExtendedStateObserver",
 }
 GAIN = 0.8
 
@@ -49,7 +52,7 @@ GAIN = 0.8
 class Recommended:
     folder: Path
     bench: Bench
-    candidate: Candidate
+    scheme: Scheme
     rms: float
 
 
@@ -61,13 +64,16 @@ def recommended(name: str, out: Path) -> Recommended:
     """Export a compensator as a study does that recommends it."""
     reference = build_reference(T, R, out, "Reference")
     bench = Bench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2), R)
-    models = {model: start_values(model) for model in set(compensators()[name].models) & set(identifiable())}
+    names = name.split(" + ")
+    wanted = {model for law in names for model in compensators()[law].models} & set(identifiable())
+    models = {model: start_values(model) for model in wanted}
     known = AxisKnowledge(SERVO, PLANT, {**models, "LuGre": LUGRE}, period=500, speed=0.05)
-    (candidate,) = candidates([name], known)
-    found = evaluate_compensator(bench, candidate.compensator, (GAIN,), 0.0)
+    laws = [candidate.compensator for candidate in candidates(names, known)]
+    scheme = Scheme(SERVO, GAIN, compensator=laws[-1], feedforward=laws[0] if len(laws) > 1 else None)
+    found = evaluate(bench, [scheme], ())
     assert found.metrics is not None
-    export_recommended(out, bench, candidate, GAIN, "test", "", Figures(found.metrics.rms, "m"))
-    return Recommended(out / "recommended", bench, candidate, found.metrics.rms)
+    export_recommended(out, bench, scheme, "test", "", Figures(found.metrics.rms, "m"))
+    return Recommended(out / "recommended", bench, scheme, found.metrics.rms)
 
 
 @pytest.fixture(scope="module", params=KINDS.values(), ids=KINDS)
@@ -83,8 +89,8 @@ def rms_of(trace: Trace, files: Recommended) -> float:
 
 def test_the_gain_changes_the_error(files: Recommended) -> None:
     """So that a run with another gain would not pass as the recommended one."""
-    none = evaluate_compensator(files.bench, None, (), 0.0).metrics
-    full = evaluate_compensator(files.bench, files.candidate.compensator, (1.0,), 0.0).metrics
+    none = evaluate(files.bench, [Scheme(SERVO)], ()).metrics
+    full = evaluate(files.bench, [replace(files.scheme, gain=1.0)], ()).metrics
     assert none is not None
     assert full is not None
     assert abs(full.rms / files.rms - 1.0) > 5e-4
@@ -109,17 +115,24 @@ def test_the_archive_repeats_the_run(files: Recommended, tmp_path: Path) -> None
 def test_the_readme_names_the_figure(files: Recommended) -> None:
     text = (files.folder / "README.md").read_text(encoding="utf-8")
     assert f"{files.rms:.4g} m rms" in " ".join(text.split())
-    if files.candidate.name == "ExtendedStateObserver":
+    assert files.scheme.compensator is not None
+    if files.scheme.compensator.model == "ExtendedStateObserver":
         assert "Use the output `F_hat` of `compensator`" in text
 
 
 def test_the_code_connected_as_the_readme_says(files: Recommended, tmp_path: Path) -> None:
-    if not (files.folder / "c").is_dir():
-        assert files.candidate.name == "RepetitiveController"
-        law: Part = FmuPart("compensator", files.folder / "RepetitiveController.fmu", every=EVERY)
-    else:
-        law = compiled(files, tmp_path)
-    with by_hand(files, law) as system:
+    given = {"compensator": files.scheme.compensator, "feedforward": files.scheme.feedforward}
+    models = {name: law.model for name, law in given.items() if law is not None}
+    laws: list[Part] = []
+    for name, model in models.items():
+        code, prefix = (files.folder / "c" / name, name) if len(models) > 1 else (files.folder / "c", "law")
+        fmu = files.folder / f"{model}.fmu"
+        if model == "RepetitiveController":  # it is written in C
+            assert not code.exists()
+            laws.append(FmuPart(name, fmu, every=EVERY))
+        else:
+            laws.append(compiled(name, code, prefix, fmu, tmp_path))
+    with by_hand(files, laws) as system:
         assert rms_of(run_loop(system), files) == pytest.approx(files.rms, rel=1e-6)
 
 
@@ -140,11 +153,13 @@ def connections(readme: str) -> tuple[list[Wire], dict[str, float]]:
     return wires, constants
 
 
-def by_hand(files: Recommended, law: Part) -> System:
+def by_hand(files: Recommended, laws: Sequence[Part]) -> System:
     """Connect the FMUs of the library, with the parameters of servo and plant, as the README says."""
     wires, start = connections((files.folder / "README.md").read_text(encoding="utf-8"))
-    parts: list[Part] = [FmuPart("reference", files.bench.trajectory.reference, every=EVERY), law]
+    parts: list[Part] = [FmuPart("reference", files.bench.trajectory.reference, every=EVERY), *laws]
     blocks = {"velocity": "Differentiator", "servo": "PID", "encoder": "Quantiser", "axis": "Mass", "friction": "LuGre"}
+    sums = {wire.target.split(".")[0] for wire in wires} & {"force", "unexplained"}
+    blocks |= dict.fromkeys(sums, "Sum")
     parts += [
         FmuPart(name, block(model), every=1 if name in ("axis", "friction") else EVERY)
         for name, model in blocks.items()
@@ -164,34 +179,23 @@ def by_hand(files: Recommended, law: Part) -> System:
     return System(parts, [*wires, *plant], {**given, **start}, experiment)
 
 
-def compiled(files: Recommended, tmp_path: Path) -> Part:
-    """Compile the C code of the folder and return it as a part that computes `law_step` in every sample."""
-    folder, library = files.folder / "c", tmp_path / "law.so"
-    command = [
-        "gcc",
-        "-std=c99",
-        "-O1",
-        "-ffp-contract=off",
-        "-fPIC",
-        "-shared",
-        "-o",
-        library,
-        folder / "law.c",
-        "-lm",
-    ]
-    subprocess.run(list(map(str, command)), check=True)
-    code = ctypes.CDLL(str(library))
-    header = (folder / "law.h").read_text(encoding="utf-8")
-    parameters, states, inputs, outputs = (structure(header, name)() for name in GROUPS)
-    code.law_init(*map(ctypes.byref, (parameters, states, inputs, outputs)))
-    assert code.law_check(ctypes.byref(parameters)) == 0
+def compiled(name: str, code: Path, prefix: str, fmu: Path, tmp_path: Path) -> Part:
+    """Compile the C code of a law and return it as a part that computes its function `step` in every sample."""
+    library = tmp_path / f"{name}.so"
+    options = ["-std=c99", "-O1", "-ffp-contract=off", "-fPIC", "-shared"]
+    subprocess.run(["gcc", *options, "-o", str(library), str(code / f"{prefix}.c"), "-lm"], check=True)
+    init, check, step = (getattr(ctypes.CDLL(str(library)), f"{prefix}_{what}") for what in ("init", "check", "step"))
+    header = (code / f"{prefix}.h").read_text(encoding="utf-8")
+    parameters, states, inputs, outputs = (structure(header, f"{prefix}_{group}")() for group in GROUPS)
+    init(*map(ctypes.byref, (parameters, states, inputs, outputs)))
+    assert check(ctypes.byref(parameters)) == 0
 
     def computed(u: np.ndarray, x: np.ndarray) -> None:
         if len(x):
             ctypes.memmove(ctypes.byref(states), np.ascontiguousarray(x).ctypes.data, 8 * len(x))
         for port, value in zip(ports, u, strict=True):
             setattr(inputs, port.name, value)
-        code.law_step(*map(ctypes.byref, (parameters, states, inputs, outputs)))
+        step(*map(ctypes.byref, (parameters, states, inputs, outputs)))
 
     def output(t: float, u: np.ndarray, x: np.ndarray) -> list[float]:
         computed(u, x)
@@ -201,12 +205,11 @@ def compiled(files: Recommended, tmp_path: Path) -> Part:
         computed(u, x)
         return numbers(states)
 
-    connected = files.folder / f"{files.candidate.name}.fmu"
-    wired = {wire.target for wire in connections((files.folder / "README.md").read_text(encoding="utf-8"))[0]}
-    ports = [port for port in FmuPart("law", connected).inputs if f"compensator.{port.name}" in wired]
+    wired = {wire.target for wire in connections((fmu.parent / "README.md").read_text(encoding="utf-8"))[0]}
+    ports = [port for port in FmuPart("law", fmu).inputs if f"{name}.{port.name}" in wired]
     names = [name for name, kind in outputs._fields_ if kind is ctypes.c_double]
     return CallablePart(
-        "compensator",
+        name,
         output,
         ports,
         [Port(name) for name in names],
@@ -222,12 +225,12 @@ GROUPS = ("parameters", "states", "inputs", "outputs")
 
 def structure(header: str, group: str) -> type[ctypes.Structure]:
     """Return a struct of the header."""
-    found = re.search(rf"typedef struct \{{([^}}]*)\}} law_{group};", header)
+    found = re.search(rf"typedef struct \{{([^}}]*)\}} {group};", header)
     assert found is not None
     fields: list[tuple[str, type]] = []
-    for kind, name, size in re.findall(r"^\s+(double|int) (\w+)(?:\[(\d+)\])?;", found[1], re.M):
+    for kind, field, size in re.findall(r"^\s+(double|int) (\w+)(?:\[(\d+)\])?;", found[1], re.M):
         base = ctypes.c_double if kind == "double" else ctypes.c_int
-        fields.append((name, base * int(size) if size else base))
+        fields.append((field, base * int(size) if size else base))
     return type(group, (ctypes.Structure,), {"_fields_": fields})
 
 

@@ -50,8 +50,8 @@ def without_pieces() -> dict[str, StudyResult]:
     none = Recommendation("none", "No compensator reduces the error.")
     return {
         "no compensators": replace(
-            whole, compensators=(), servos={}, doctor=(), plant="", no_compensation="The record has no servo.",
-            recommendation=Recommendation("", "The record has no servo."),
+            whole, compensators=(), ladder=(), limits=None, doctor=(), plant="",
+            no_compensation="The record has no servo.", recommendation=Recommendation("", "The record has no servo."),
         ),
         "nothing improves": replace(whole, recommendation=none),
         "only the servo alone": replace(whole, compensators=whole.compensators[:1], recommendation=none),
@@ -61,7 +61,7 @@ def without_pieces() -> dict[str, StudyResult]:
         "compensators without runs": replace(
             whole,
             compensators=tuple(
-                replace(row, sweep=(), corners=(), error=None, cost_ns=None, worst=None, best=None)
+                replace(row, trials=(), corners=(), error=None, cycles=None, margins=None, worst=None, best=None)
                 for row in whole.compensators
             ),
         ),
@@ -91,15 +91,17 @@ def test_every_section_has_its_content(text: str) -> None:
     page = parsed(text)
     plots = page.xpath("//div[@class='plot']/@id")
     assert plots == [
-        "record-plot-1", "record-plot-2", "servo-plot", "friction-plot", "hysteresis-plot", "bars-plot", "errors-plot",
-        "sweep-plot",
+        "ladder-plot", "tradeoffs-plot", "bars-plot", "errors-plot", "gains-plot", "bandwidths-plot",
+        "servo-plot", "record-plot-1", "record-plot-2", "residual-velocity", "friction-plot", "hysteresis-plot",
     ]  # fmt: skip
     assert all(page.xpath("//div[@class='plot']/@aria-label"))
     shown = words(page)
     for phrase in (
         "LuGreFeedforward makes the tracking error 2.9 times smaller",
         "3.40 % force residual on validation data",
-        "12.0 µm → 4.20 µm rms, at most 5.46 µm with friction and mass 10 % off",
+        "12.0 µm → 4.20 µm rms, at most 5.46 µm in the cases that count",
+        "Switch on the feedforward of velocity.",
+        "(2 more samples)",
         "95.11 ± 0.10",
         "does not reproduce the recorded drive force",
         "wrong-gains it fits kp = 40 instead of kp = 30. Set kp = 40 in [servo].",
@@ -109,7 +111,7 @@ def test_every_section_has_its_content(text: str) -> None:
         "Leuven: The record has no reversal in presliding.",
         "1.40 µm (12.0 %)",
         "IterativeLearning: The reference does not repeat.",
-        "friction × 1.1, mass × 0.9",
+        "friction x 0.9, mass x 1.1",
         "The loop hunts.",
         "fmus/bench_LuGre.fmu",
         "friction-fmus study bench.toml -o out",

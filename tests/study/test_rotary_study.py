@@ -83,7 +83,7 @@ def test_no_text_of_a_rotary_study_has_linear_words_or_units(joint: Path, capsys
     printed = " ".join(capsys.readouterr().out.split())
     assert linear_words(printed) == []
     assert "drive torque" in printed
-    assert "friction and inertia 10 % off" in printed
+    assert "friction, inertia, delay, encoder and load" in printed
 
     page = (out / "report.html").read_text(encoding="utf-8")
     plots = re.findall(r'<script type="application/json".*?</script>', page, re.S)

@@ -13,7 +13,7 @@ import pytest
 
 from friction_fmus.axis.servo import Servo
 from friction_fmus.data import load_emps
-from friction_fmus.identification import Record
+from friction_fmus.identification import ROTARY, Record
 from friction_fmus.study import load_config
 from friction_fmus.study.records import ServoCheck
 from friction_fmus.study.servo_check import check_servo, commanded
@@ -137,6 +137,34 @@ def test_gains_and_feedforward_together(servo: Servo) -> None:
     check = check_servo(replace(EMPS, force=FORCE + 60.0 * RDD), with_gains(servo, kv=1.1)).result
     assert [finding.name for finding in check.findings] == ["wrong-gains", "inertia-feedforward"]
     assert check.gains[1].value == pytest.approx(servo.gains["kv"], rel=1e-3)
+
+
+@pytest.mark.parametrize("half", ["earlier", "later"])
+def test_the_feedforward_may_use_either_difference_of_the_reference(servo: Servo, half: str) -> None:
+    r = EMPS.column("reference")
+    rd = np.append(np.diff(r), 0.0) / 1e-3 if half == "earlier" else np.append(0.0, np.diff(r)) / 1e-3
+    record = replace(EMPS, force=FORCE + servo.gains["kv"] * rd)
+    fed = replace(servo, velocity_feedforward=True)
+    assert check_servo(record, fed).result.findings == ()
+    wrong = check_servo(record, with_gains(fed, kv=1.2)).result
+    assert only(wrong) == "wrong-gains"
+    for gain in wrong.gains:
+        assert gain.value == pytest.approx(servo.gains[gain.name], rel=3e-3)
+
+
+def test_a_late_reference_velocity(servo: Servo) -> None:
+    record = replace(EMPS, force=FORCE + servo.gains["kv"] * np.roll(RD, 2))
+    check = check_servo(record, replace(servo, velocity_feedforward=True)).result
+    assert only(check) == "reference-timing"
+    assert "2 samples later" in check.findings[0].what
+
+
+def test_units_of_a_rotary_axis(servo: Servo) -> None:
+    check = check_servo(replace(EMPS, units=ROTARY), with_gains(servo, kp=0.9)).result
+    assert check.residual is not None
+    assert check.residual.unit == "N.m"
+    assert [gain.unit for gain in check.gains] == ["1/s", "N.m.s/rad"]
+    assert check.gains[0].value == pytest.approx(servo.gains["kp"], rel=1e-3)
 
 
 def pulses() -> np.ndarray:

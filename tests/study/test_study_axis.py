@@ -9,14 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from friction_fmus.axis.loop import Plant, Trace, Trajectory, closed_loop
+from friction_fmus.axis.loop import Compensator, Plant, Trace, Trajectory, closed_loop
 from friction_fmus.data import load_emps
 from friction_fmus.identification import LINEAR, identifiable
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.study import Servo, load_config, run_study
+from friction_fmus.study.cases import Case, cases
+from friction_fmus.study.compensator_records import Limits
 from friction_fmus.study.compensators import AxisKnowledge, candidates, compensators, period_of
 from friction_fmus.study.data import LUGRE, build_reference
-from friction_fmus.study.evaluation import Bench, evaluate_compensator, high_frequency, judge, off_by, thinned
+from friction_fmus.study.evaluation import Evaluation, Scheme, evaluate, off_by
+from friction_fmus.study.metrics import Bench, at_rest, high_frequency, judge, reversals, settling
+from friction_fmus.study.thinning import thinned
+from friction_fmus.study.tuning import trials, with_integral
 
 SERVO = Servo("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 0.0}, 1e-3, 20.0)
 PLANT = Plant("LuGre", LUGRE, 1.0, 0.2)
@@ -29,20 +34,69 @@ def bench(folder: Path, rotary: bool = False) -> Bench:
     return Bench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2, rotary=rotary), R)
 
 
+def run(bench: Bench, compensator: Compensator | None, tried: tuple[Case, ...] = ()) -> Evaluation:
+    return evaluate(bench, [Scheme(bench.servo, compensator=compensator)], tried)
+
+
 def test_an_axis_that_turns_is_the_same_axis(tmp_path: Path) -> None:
     known = AxisKnowledge(SERVO, PLANT, {"LuGre": LUGRE})
     (candidate,) = candidates(["LuGreFeedforward"], known)
     (turning,) = candidates(["LuGreFeedforward"], replace(known, rotary=True))
-    straight = evaluate_compensator(bench(tmp_path), candidate.compensator, (1.0,), 0.1)
-    turned = evaluate_compensator(bench(tmp_path, rotary=True), turning.compensator, (1.0,), 0.1)
+    tried = cases(SERVO, 0.1, (1,), 1.5, 1.5)
+    straight = run(bench(tmp_path), candidate.compensator, tried)
+    turned = run(bench(tmp_path, rotary=True), turning.compensator, tried)
     assert straight.metrics is not None
     assert turned == straight
-    assert [(corner.friction, corner.mass) for corner in straight.corners] == [
-        (0.9, 0.9),
-        (0.9, 1.1),
-        (1.1, 0.9),
-        (1.1, 1.1),
+    assert [corner.name for corner in straight.corners] == [
+        "friction x 0.9, mass x 0.9",
+        "friction x 0.9, mass x 1.1",
+        "friction x 1.1, mass x 0.9",
+        "friction x 1.1, mass x 1.1",
+        "1 more sample of delay",
+        "load of 0.75 N",
     ]
+
+
+def test_a_delay_beyond_the_margin_that_is_demanded_does_not_count() -> None:
+    servo = replace(SERVO, quantum=1e-6)
+    found = {case.name: case.counts for case in cases(servo, 0.0, (1, 2), 1.5, 0.0)}
+    assert found == {
+        "1 more sample of delay": True,
+        "2 more samples of delay": False,
+        "coarser and noisier encoder": True,
+    }
+
+
+def test_a_load_that_the_servo_does_not_know_displaces_the_axis(tmp_path: Path) -> None:
+    """At rest, a PD servo with the gain Kp gives way by F/Kp; without friction here."""
+    still = replace(bench(tmp_path), plant=Plant("Viscous", {"Fv": 50.0}, 1.0))
+    still = replace(still, trajectory=replace(still.trajectory, offset=0.0))
+    (corner,) = run(still, None, (Case("load", load=1.2),)).corners
+    assert corner.metrics is not None
+    none = run(still, None).metrics
+    assert none is not None
+    # the velocity has no mean over a period, so that the squares add up; the axis needs some 30 ms of 1 s to give way
+    assert corner.metrics.rms**2 - none.rms**2 == pytest.approx((1.2 / 12e3) ** 2, rel=0.05)
+
+
+def test_trials_keep_the_limits() -> None:
+    known = AxisKnowledge(SERVO, PLANT, {"LuGre": LUGRE}, speed=0.02)
+    limits = Limits(2.0, 1.5)
+    for candidate in candidates(["DisturbanceObserver", "LuGreObserver", "IntegralAction"], known):
+        found = trials(candidate, known, 0.02, limits, (0.5, 1.0))
+        assert found
+        for scheme in found:
+            assert scheme.margins is not None
+            assert scheme.margins.Ms is not None
+            assert scheme.margins.Ms <= 2.0 + 1e-6
+            assert scheme.margins.delay is None or scheme.margins.delay >= 1.5 - 1e-6
+
+
+def test_integral_action_is_that_of_a_pid_controller() -> None:
+    """The corner frequency is Ki/Kp, and that of the velocity loop of a cascade ki/kv."""
+    assert with_integral(SERVO, 10.0).gains == {"Kp": 12e3, "Kd": 190.0, "Ki": 12e4}
+    cascade = Servo("CascadePPI", {"kp": 50.0, "kv": 200.0, "ki": 0.0}, 1e-3, 20.0)
+    assert with_integral(cascade, 10.0).gains["ki"] == 2e3
 
 
 def test_mismatch_scales_forces_and_mass_alone(tmp_path: Path) -> None:
@@ -63,6 +117,25 @@ def test_metrics_of_a_sine(tmp_path: Path) -> None:
     assert metrics.rms == pytest.approx(1e-5 / sqrt(2.0), rel=1e-3)
     assert metrics.largest == pytest.approx(1e-5, rel=1e-3)
     assert metrics.effort == pytest.approx(3.0 / sqrt(2.0), rel=1e-3)
+    assert metrics.variation == pytest.approx(4.0 * 3.0 * 10.0, rel=1e-2)  # 4 amplitudes in each of 10 periods a second
+
+
+def test_reversals_and_settling(tmp_path: Path) -> None:
+    """The reference reverses at 0.5 s; the error leaves the band for 30 ms after that, and for 50 ms later on."""
+    given = replace(bench(tmp_path), band=2e-6)
+    assert [begin for begin, _ in reversals(R)] == [500]
+    assert [begin for begin, _ in reversals(np.concatenate([R[:501], np.full(200, R[500]), R[501:]]))] == [700]
+    error = np.zeros(len(T))
+    error[500:530] = 1e-5
+    error[900:950] = 1e-5
+    assert settling(error, given) == pytest.approx(0.030)
+    assert settling(0.0 * error, replace(given, r=np.linspace(0.0, 1.0, len(T)))) is None
+
+
+def test_rest_of_the_reference() -> None:
+    r = np.concatenate([np.zeros(300), 1e-3 * np.sin(np.pi * np.linspace(0.0, 0.5, 200)), np.full(50, 1e-3), [0.0]])
+    resting = at_rest(r, 1e-3)
+    assert np.flatnonzero(resting).tolist() == list(range(50, 300))  # 50 ms at the end are too short
 
 
 def test_a_loop_that_runs_away_has_no_metrics(tmp_path: Path) -> None:
@@ -122,7 +195,8 @@ def test_candidates_that_do_not_apply_say_why() -> None:
     periodic = candidates(["RepetitiveController"], replace(known, period=500))[0].compensator
     assert periodic is not None
     assert periodic.values["N"] == 500
-    assert all((candidate.compensator is None) == bool(candidate.reason) for candidate in found.values())
+    assert all(candidate.applies != bool(candidate.reason) for candidate in found.values())
+    assert found["IntegralAction"].applies
 
 
 def test_a_contact_without_a_servo_ends_with_its_models(tmp_path: Path) -> None:
@@ -159,7 +233,7 @@ def test_every_feedforward_law_is_tried_with_one_of_its_models(name: str, tmp_pa
         (candidate,) = candidates([name], AxisKnowledge(SERVO, PLANT, {model: start_values(model)}))
         assert candidate.compensator is not None, candidate.reason
         assert candidate.model == model
-    assert evaluate_compensator(bench(tmp_path), candidate.compensator, (1.0,), 0.1).metrics is not None
+    assert run(bench(tmp_path), candidate.compensator).metrics is not None
 
 
 def test_modified_leuven_feedforward_has_the_force_of_gms(tmp_path: Path) -> None:
@@ -172,10 +246,10 @@ def test_modified_leuven_feedforward_has_the_force_of_gms(tmp_path: Path) -> Non
     errors = []
     for name in ("ModifiedLeuvenFeedforward", "GMSFeedforward"):
         (candidate,) = candidates([name], known)
-        metrics = evaluate_compensator(given, candidate.compensator, (1.0,), 0.1).metrics
+        metrics = run(given, candidate.compensator).metrics
         assert metrics is not None
         errors.append(metrics.rms)
-    none = evaluate_compensator(given, None, (0.0,), 0.1).metrics
+    none = run(given, None).metrics
     assert none is not None
     assert errors[0] < 0.2 * none.rms
     assert errors[0] == pytest.approx(errors[1], abs=0.02 * none.rms)

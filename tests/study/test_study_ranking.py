@@ -2,22 +2,36 @@
 
 from __future__ import annotations
 
+from math import log2
+
 import pytest
 
-from friction_fmus.study.ranking import extremes, rank, recommend, shown
-from friction_fmus.study.records import CompensatorResult, Corner, Metrics
+from friction_fmus.study.compensator_records import CompensatorResult, Corner, Limits, LoopMargins, Metrics
+from friction_fmus.study.ranking import Weights, extremes, figures, rank
+from friction_fmus.study.recommending import ladder, largest_step, recommend, shown
 
 
 def row(
-    name: str, rms: float, corners: tuple[float | None, ...] = (), high: float = 1.0, cost: float = 50.0
+    name: str,
+    rms: float,
+    corners: tuple[float | None, ...] = (),
+    high: float = 1.0,
+    cycles: float | None = 100.0,
+    Ms: float = 1.5,
+    counts: bool = True,
 ) -> CompensatorResult:
-    """A compensator with these errors [m], as identified and in the corners."""
+    """A compensator with these errors [m], on the identified axis and in the cases."""
 
     def metrics(error: float) -> Metrics:
-        return Metrics(error, 2.0 * error, 10.0, high)
+        return Metrics(error, 2.0 * error, 10.0, high, 50.0)
 
-    found = tuple(Corner(1.1, 1.0, None if error is None else metrics(error)) for error in corners or (rms, rms))
-    return CompensatorResult(name, "", "feedforward", True, gain=1.0, metrics=metrics(rms), corners=found, cost_ns=cost)
+    found = tuple(
+        Corner("case", None if error is None else metrics(error), counts=counts) for error in corners or (rms, rms)
+    )
+    return CompensatorResult(
+        name, "", "feedforward", True, gain=1.0, metrics=metrics(rms), margins=LoopMargins(Ms, 40.0, 3.0),
+        corners=found, cycles=cycles,
+    )  # fmt: skip
 
 
 def without(rms: float = 100e-6, corners: tuple[float | None, ...] = (120e-6, 80e-6)) -> CompensatorResult:
@@ -25,77 +39,125 @@ def without(rms: float = 100e-6, corners: tuple[float | None, ...] = (120e-6, 80
     return extremes(none, none)
 
 
+def ranked(*rows: CompensatorResult, none: CompensatorResult | None = None) -> list[CompensatorResult]:
+    return rank(none or without(), rows, Weights(), 2.0)
+
+
 def order(*rows: CompensatorResult, none: CompensatorResult | None = None) -> list[str]:
-    return [found.name for found in rank(none or without(), rows)]
+    return [found.name for found in ranked(*rows, none=none)]
 
 
-def test_the_smaller_error_in_the_worst_corner_comes_first() -> None:
+def test_the_smaller_error_in_the_worst_case_comes_first() -> None:
     assert order(row("exact", 1e-6, (30e-6, 30e-6)), row("robust", 10e-6, (12e-6, 12e-6))) == ["robust", "exact"]
 
 
-def test_among_errors_that_are_alike_the_cheaper_one_comes_first() -> None:
-    rows = row("dear", 10e-6, cost=200.0), row("cheap", 10.9e-6, cost=20.0), row("far", 11.2e-6, cost=1.0)
-    assert order(*rows) == ["cheap", "dear", "far"]
+def test_the_score_is_the_weighted_sum_of_the_logarithms() -> None:
+    """By hand: error 120 to 15 um, force above the bandwidth from 1 to 2 N, Ms from 1.5 to 1.8, 100 to 400 cycles."""
+    (found,) = ranked(row("law", 10e-6, (15e-6, 15e-6), high=2.0, cycles=400.0, Ms=1.8))
+    assert found.score == pytest.approx(log2(15 / 120) + 0.25 * 1.0 + 0.25 * log2(1.8 / 1.5) + 0.01 * 2.0)
+    assert figures(without(), found, 2.0) == pytest.approx((-3.0, 1.0, log2(1.2), 2.0))
 
 
-def test_costs_that_differ_by_less_than_a_factor_of_two_do_not_decide() -> None:
-    assert order(row("better", 10e-6, cost=90.0), row("cheaper", 10.5e-6, cost=50.0)) == ["better", "cheaper"]
+def test_twice_the_force_counts_as_a_fifth_more_error() -> None:
+    assert order(row("quiet", 11.5e-6), row("loud", 10e-6, high=2.0)) == ["quiet", "loud"]
+    assert order(row("quiet", 12.5e-6), row("loud", 10e-6, high=2.0)) == ["loud", "quiet"]
 
 
-def test_among_errors_that_are_alike_the_quiet_one_comes_before_the_cheaper_one() -> None:
-    assert order(row("hissing", 10e-6, high=1.5, cost=1.0), row("quiet", 10.5e-6, cost=99.0)) == ["quiet", "hissing"]
+def test_force_that_is_small_beside_the_drive_force_does_not_count() -> None:
+    none = row("none", 100e-6, high=0.01)
+    none = extremes(none, none)
+    assert figures(none, ranked(row("law", 1e-6, high=0.15), none=none)[0], 2.0)[1] == 0.0
 
 
-def test_one_that_is_noisy_comes_behind_all_that_are_not() -> None:
-    assert order(row("noisy", 1e-6, high=2.1), row("quiet", 60e-6)) == ["quiet", "noisy"]
+def test_of_two_alike_the_cheaper_comes_first_and_one_without_code_last() -> None:
+    rows = row("dear", 10e-6, cycles=2000.0), row("cheap", 10e-6), row("unknown", 10e-6, cycles=None)
+    assert order(*rows) == ["cheap", "dear", "unknown"]
 
 
-def test_noise_that_is_small_beside_the_drive_force_does_not_count() -> None:
-    none = without()
-    silent = Metrics(100e-6, 200e-6, 10.0, 0.01)
-    none = CompensatorResult("none", "", "none", True, metrics=silent, corners=none.corners, worst=none.worst)
-    (found,) = rank(none, [row("law", 1e-6, high=0.1)])
-    assert not found.noisy
+def test_margins_that_are_not_known_count_as_the_limit() -> None:
+    unknown = row("unknown", 10e-6)
+    found = CompensatorResult(**{**vars(unknown), "margins": None})
+    assert figures(without(), ranked(found)[0], 2.0)[2] == pytest.approx(log2(2.0 / 1.5))
 
 
-def test_one_that_does_harm_in_a_corner_does_not_pay() -> None:
-    better, worse = rank(without(), [row("harms", 1e-6, (1e-6, 79e-6)), row("helps", 70e-6)])
+def test_one_that_does_harm_in_a_case_is_no_improvement() -> None:
+    better, worse = ranked(row("harms", 1e-6, (1e-6, 79e-6)), row("helps", 70e-6))
     assert (better.name, better.improves) == ("helps", True)
-    assert (worse.name, worse.improves) == ("harms", False)  # 79 µm are less than 5 % below 80 µm
+    assert (worse.name, worse.improves) == ("harms", False)  # 79 um are less than 5 % below 80 um
 
 
-def test_one_that_fails_in_a_corner_does_not_pay() -> None:
-    first, second = rank(without(), [row("fails", 1e-6, (1e-6, None)), row("holds", 90e-6, (90e-6, 70e-6))])
+def test_one_that_fails_in_a_case_is_no_improvement() -> None:
+    first, second = ranked(row("fails", 1e-6, (1e-6, None)), row("holds", 90e-6, (90e-6, 70e-6)))
     assert [first.name, second.name] == ["holds", "fails"]
     assert second.worst is None
 
 
-def test_a_corner_in_which_the_servo_alone_fails_does_not_count() -> None:
-    (found,) = rank(without(corners=(120e-6, None)), [row("law", 10e-6, (20e-6, None))])
+def test_a_case_that_does_not_count_does_not_matter() -> None:
+    (found,) = ranked(row("law", 1e-6, (1e-6, None), counts=False))
+    assert found.improves
+    assert found.worst == 1e-6
+
+
+def test_a_case_in_which_the_servo_alone_fails_does_not_count() -> None:
+    (found,) = ranked(row("law", 10e-6, (20e-6, None)), none=without(corners=(120e-6, None)))
     assert found.improves
     assert found.worst == 20e-6
 
 
 def test_those_that_do_not_apply_come_last_and_have_no_rank() -> None:
     other = CompensatorResult("other", "", "controller", False, "It replaces the feedback controller.")
-    found = rank(without(), [other, row("law", 10e-6)])
+    found = ranked(other, row("law", 10e-6))
     assert [(each.name, each.rank) for each in found] == [("law", 1), ("other", None)]
 
 
-def test_the_reason_is_two_sentences_with_the_numbers() -> None:
+@pytest.mark.parametrize(
+    ("Ms", "delay", "kept"), [(1.9, 3.0, True), (2.1, 3.0, False), (1.9, 1.4, False), (None, 3.0, False)]
+)
+def test_limits(Ms: float | None, delay: float, kept: bool) -> None:
+    assert Limits(2.0, 1.5).kept_by(LoopMargins(Ms, 40.0, delay)) == kept
+    assert Limits(2.0, 1.5).kept_by(None)
+
+
+def test_a_servo_that_exceeds_the_limits_sets_them() -> None:
+    relaxed = Limits(2.0, 1.5).relaxed(LoopMargins(3.0, 10.0, 0.8))
+    assert relaxed == Limits(3.0, 0.8)
+    assert Limits(2.0, 1.5).relaxed(LoopMargins(1.6, 40.0, 4.0)) == Limits(2.0, 1.5)
+
+
+def metrics_of(rms: float) -> Metrics:
+    return Metrics(rms, 2.0 * rms, 10.0, 1.0, 50.0)
+
+
+def test_the_ladder_names_the_step_that_reduces_the_error_most() -> None:
     none = without()
-    found = recommend(none, rank(none, [row("A", 10e-6, (20e-6, 15e-6)), row("B", 30e-6)]), "m")
+    law = row("A", 10e-6)
+    rungs = ladder(metrics_of(1e-3), True, none, ranked(law))
+    assert [(rung.title, rung.metrics.rms) for rung in rungs] == [
+        ("as measured", 1e-3),
+        ("with motion feedforward", 100e-6),
+        ("with friction feedforward", 10e-6),
+    ]
+    step = largest_step(rungs)
+    assert step is not None
+    assert (step[0].title, step[1].title) == ("as measured", "with motion feedforward")
+    assert largest_step(rungs[1:2]) is None
+
+
+def test_the_reason_has_the_numbers() -> None:
+    none = without()
+    rows = ranked(row("A", 10e-6, (20e-6, 15e-6)), row("B", 30e-6))
+    found = recommend(none, rows, ladder(metrics_of(1e-3), True, none, rows), "m")
     assert (found.name, found.gain, found.runner_up) == ("A", 1.0, "B")
-    assert found.reason.count(". ") == 1
+    assert found.reason.startswith("As measured, the axis has a tracking error of 1 mm rms; the largest step is")
     assert found.reason.endswith(".")
-    for number in ("100 µm", "10 µm", "20 µm", "120 µm", "50 ns"):
+    for number in ("100 µm", "10 µm", "20 µm", "120 µm", "sensitivity peak of 1.50", "100 cycles"):
         assert number in found.reason
     assert "30 µm" in found.runner_up_reason
 
 
 def test_no_compensation_can_be_the_answer() -> None:
     none = without()
-    found = recommend(none, rank(none, [row("A", 99e-6, (130e-6, 90e-6))]), "m")
+    found = recommend(none, ranked(row("A", 99e-6, (130e-6, 90e-6))), (), "m")
     assert found.name == "none"
     assert found.gain is None
     assert "100 µm" in found.reason
@@ -104,7 +166,14 @@ def test_no_compensation_can_be_the_answer() -> None:
 
 def test_nothing_is_recommended_where_nothing_could_be_tried() -> None:
     none = without()
-    assert recommend(none, [], "m").name == ""
+    assert recommend(none, [], (), "m").name == ""
+
+
+def test_a_compensator_to_which_the_doctor_objects_is_named() -> None:
+    none = without()
+    found = recommend(none, ranked(row("B", 30e-6)), (), "m", {"A": "buzz: the axis buzzes"})
+    assert found.name == "B"
+    assert found.reason.endswith("A ranks higher, but the doctor objects to it (buzz: the axis buzzes).")
 
 
 @pytest.mark.parametrize(

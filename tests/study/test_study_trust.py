@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from math import sqrt
 from pathlib import Path
@@ -166,6 +167,19 @@ def test_balance_of_the_drive_force() -> None:
     for name, force in cases.items():
         (finding,) = contradictions([replace(record, force=force)])
         assert finding.name == name
+
+
+@pytest.mark.parametrize(("height", "name"), [(90.0, "missing-force"), (10.0, "disturbed-force")])
+def test_pulses_that_the_recorded_force_does_not_contain(height: float, name: str) -> None:
+    """The log has the force of the servo alone; the law reproduces it, but mass and friction do not."""
+    log = axis.simulate(8.0, height)
+    record = Record("axis", log.t, q=log.q, force=log.force - log.injected)
+    (finding,) = contradictions([record])
+    assert finding.name == name
+    start, size = map(float, re.findall(r"first one at ([\d.]+) s.* about ([\d.]+) N", finding.what)[0])
+    assert start == pytest.approx(0.7, abs=0.02)
+    assert size == pytest.approx(height, rel=0.1)
+    assert contradictions([replace(record, injected=log.injected)]) == ()
 
 
 def test_a_force_beyond_the_limit_of_the_servo() -> None:

@@ -18,6 +18,7 @@ from friction_fmus.identification.fit.problem import Coordinate, Problem
 from friction_fmus.identification.fit.search import search
 from friction_fmus.identification.fit.setup import INITIAL_LIMIT
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare
+from friction_fmus.identification.methods.free_run import FREE_RUN, START, free_response
 
 if TYPE_CHECKING:
     from friction_fmus.identification.result import Identification
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 def predict(result: Identification, record: Record) -> Array:
     """Predict the signal along the motion of a record; see `Identification.predict`."""
     if result.signal == "q":
-        return axis_response(result, record)["q"]
+        return free_response(result, record) if result.method == FREE_RUN else axis_response(result, record)["q"]
     force = result.signal == "force"
     known = (record.force if force else record.friction) is not None
     zero = np.zeros(len(record))
@@ -41,7 +42,8 @@ def predict(result: Identification, record: Record) -> Array:
 def compare(result: Identification, record: Record) -> tuple[Array, Array]:
     """Return measured and predicted signal; see `Identification.compare`."""
     if result.signal == "q":
-        return record.column("q"), predict(result, record)
+        first = START if result.method == FREE_RUN else 0
+        return record.column("q")[first:], predict(result, record)[first:]
     segment, F = _simulated(result, record, fit=True)
     values = result.values()
     known = segment.rows(force_on_axis(_table(result), segment))
@@ -67,7 +69,9 @@ def _simulated(result: Identification, record: Record, fit: bool) -> tuple[Prepa
 
     with driven(contact.path) as drive:
         remaining = segment.measured + segment.rows(force_on_axis(_table(result), segment))
-        problem = Problem(drive, [replace(segment, measured=remaining)], coordinates, lambda _: {}, states, values)
+        viscous = "Fv" in values and "Fv" not in contact.parameters
+        segments = [replace(segment, measured=remaining)]
+        problem = Problem(drive, segments, coordinates, lambda _: {}, states, values, viscous=viscous)
         x = problem.start()
         if coordinates:
             x = search(problem, "linear", 1).x if fit else 0.0 * x

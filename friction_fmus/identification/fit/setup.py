@@ -67,7 +67,7 @@ def check_constraints(model: ContactModel, signal: str, constraints: Constraints
     FitError
         If a name is not a parameter of the block, a value is outside its range, or constraints contradict each other.
     """
-    known = {*model.parameters, "OF", *(("M",) if signal == "force" else ())}
+    known = {*model.parameters, "OF", *(("M",) if signal == "force" else ()), *(("Fv",) if model.viscous else ())}
     for kind, names in (("fixed", constraints.fixed), ("bounds", constraints.bounds), ("start", constraints.start)):
         for name in names:
             if name not in known:
@@ -120,7 +120,7 @@ def scalar_setup(
     """
     names = model.identified(constraints.named, constraints.fixed)
     coordinates = [coordinate(model, name, traits, constraints) for name in names]
-    coordinates += surroundings(segments, traits, constraints)
+    coordinates += surroundings(segments, traits, constraints, model.viscous)
     if not coordinates:
         raise FitError(f"All parameters of {model.name} are fixed; leave at least one to be identified.")
     state = model.initial_state
@@ -138,7 +138,7 @@ def scalar_setup(
         return {state: values[state] * float(evaluate(model.identified_by.size, {**defaults, **parameters}))}
 
     unit = {name: p.unit for name, p in model.parameters.items()}
-    unit |= {"M": units.inertia, "OF": units.force}
+    unit |= {"M": units.inertia, "OF": units.force} | ({"Fv": units.viscous} if model.viscous else {})
     if state is not None:
         unit[state] = units.force if state.startswith("F") else units.position
     return Setup(tuple(coordinates), dict, states, constants, unit)
@@ -157,8 +157,13 @@ def coordinate(model: ContactModel, name: str, traits: Traits, constraints: Cons
     return Coordinate(name, scale, guess, lower, upper, log)
 
 
-def surroundings(segments: Sequence[PreparedSegment], traits: Traits, constraints: Constraints) -> list[Coordinate]:
-    """Return the coordinates of the mass of a drive, and of the force offset if motion is in both directions."""
+def surroundings(
+    segments: Sequence[PreparedSegment], traits: Traits, constraints: Constraints, viscous: bool
+) -> list[Coordinate]:
+    """Return the coordinates of the mass of a drive, of the force offset, and of a viscous friction beside the block.
+
+    The offset is identified if motion is in both directions.
+    """
     guesses: dict[str, tuple[float, float]] = {}
     if segments[0].a is not None:
         mass, offset = inertia_guess(segments)
@@ -167,6 +172,8 @@ def surroundings(segments: Sequence[PreparedSegment], traits: Traits, constraint
         guesses = {"M": (max(mass, 1e-3 * traits.level / max(size, 1e-300)), 0.0), "OF": (offset, -math.inf)}
     elif any(segment.reciprocating for segment in segments) or "OF" in constraints.named:
         guesses = {"OF": (0.0, -math.inf)}
+    if viscous:
+        guesses["Fv"] = traits.viscous, 0.0
     found = []
     for name, (guess, low) in guesses.items():
         # with separate parameters for each direction, an offset is not identifiable
@@ -176,7 +183,7 @@ def surroundings(segments: Sequence[PreparedSegment], traits: Traits, constraint
             continue
         lower, upper = constraints.bounds.get(name, (low, math.inf))
         value = constraints.start.get(name, guess)
-        scale = abs(value) if name == "M" and value != 0.0 else max(abs(value), traits.level)
+        scale = abs(value) if name in ("M", "Fv") and value != 0.0 else max(abs(value), traits.level)
         found.append(Coordinate(name, scale, min(max(value, lower), upper), lower, upper))
     return found
 

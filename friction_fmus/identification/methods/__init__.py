@@ -1,7 +1,8 @@
 """Methods of identification from records; each module is a method with the module's name.
 
-A module has the function ``fit(data, loss, starts)``, which returns a `Fit`. The default method of a friction block
-depends on whether it has states; its file may state another one (``IDENTIFIED METHOD(name)``).
+A module has the function ``fit(data, loss, starts)``, which returns a `Fit`; `free_run` continues another method and
+has ``identify_free_run(found)`` instead. The default method of a friction block depends on whether it has states; its
+file may state another one (``IDENTIFIED METHOD(name)``).
 """
 
 from __future__ import annotations

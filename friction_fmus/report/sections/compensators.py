@@ -1,21 +1,40 @@
-"""Compensators: tracking errors, gains, worst cases, and compensators that were not compared."""
+"""Compensators: errors, margins, effort, cost and worst cases, and compensators that were not compared."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from friction_fmus.report.figures import ROWS, STYLES, Bar, Plot, bars, lines, sweep
+from friction_fmus.report.comparing import Point, panels, tradeoffs
+from friction_fmus.report.figures import ROWS, STYLES, Bar, Plot, bars, sweep
 from friction_fmus.report.numbers import multiple
-from friction_fmus.report.views import NO_COMPENSATION, NONE, label, mismatch, reversal
-from friction_fmus.study.result import CompensatorResult, Curve, StudyResult
+from friction_fmus.report.views import NO_COMPENSATION, NONE, label, reversal
+from friction_fmus.study.ranking import figures
+from friction_fmus.study.result import CompensatorResult, Curve, StudyResult, Trial
 
-#: Number of compensators whose errors are initially visible, in addition to the servo without compensation.
-FIRST = 2
+#: Number of compensators whose errors are shown, in addition to the servo without compensation.
+FIRST = 4
 
-PLACE = 50
+#: Plots of the tuning: name, title of the axis, tuned parameter of a trial, caption.
+SWEEPS: tuple[tuple[str, str, Callable[[Trial], float | None], str], ...] = (
+    (
+        "gains",
+        "gain",
+        lambda trial: trial.gain if trial.bandwidth is None else None,
+        "Tracking error over the gain of the compensation, as far as the limits on the margins allow. Gain 1 applies "
+        "the full friction estimate; a minimum below 1 indicates over-compensation.",
+    ),
+    (
+        "bandwidths",
+        "bandwidth [Hz]",
+        lambda trial: trial.bandwidth,
+        "Tracking error over the bandwidth of estimators and of integral action, up to the limits on the margins.",
+    ),
+)
+
+PLACE = 20
 TITLE = "Compensators"
 
 
@@ -28,7 +47,7 @@ def content(study: StudyResult) -> Mapping[str, Any]:
         "error_unit": unit,
         "factor": factor,
         "not_compared": not_compared(study),
-        "off": mismatch(study),
+        "figures": scored(study),
     }
 
 
@@ -39,53 +58,50 @@ def ranked(study: StudyResult) -> list[CompensatorResult]:
     return none + sorted(rows, key=lambda row: row.rank or 0)
 
 
+def scored(study: StudyResult) -> dict[str, tuple[float, float, float, float]]:
+    """Return the four figures of the score of each compensator that has them, by name; see `figures`."""
+    rows = ranked(study)
+    if not rows or rows[0].name != NONE or rows[0].worst is None or study.limits is None:
+        return {}
+    return {row.name: figures(rows[0], row, study.limits.Ms) for row in rows if row.worst is not None}
+
+
 def error_unit(study: StudyResult) -> tuple[str, float]:
     """Return the unit of the tracking errors, and the factor from the position unit to it."""
     return multiple(study.units.position, np.array([row.metrics.rms for row in ranked(study) if row.metrics]))
 
 
 def compensator_plots(study: StudyResult) -> dict[str, Plot]:
-    """Return the plots of the compensators that have data, by the names "bars", "errors" and "sweep"."""
+    """Return the plots of the compensators that have data, by name."""
     rows = ranked(study)
     plots: dict[str, Plot] = {}
     if not rows:
         return plots
     unit, factor = error_unit(study)
     plots["bars"] = _bars(study, rows, unit, factor)
+    plots["tradeoffs"] = _tradeoffs(study, rows, unit, factor)
 
     errors = {label(row.name): row.error for row in rows if row.error is not None}
     if errors:
-        without = {name: curve for name, curve in errors.items() if name == NO_COMPENSATION}
-        laws = _drawn({name: curve for name, curve in errors.items() if name != NO_COMPENSATION})
-        caption = (
-            "Tracking error over time of the best compensators at their best gain. Click a name in the legend to show "
-            "or hide its curve."
-        )
-        figure = lines(
-            without, laws, ("time [s]", f"reference − position [{unit}]"), (1.0, factor), seen=list(laws)[:FIRST]
-        )
+        drawn = dict(list(errors.items())[: FIRST + 1])
+        caption = "Tracking error over time without compensation and of the best compensators, with the same axes."
+        figure = panels(drawn, ("time [s]", f"reference − position [{unit}]"), (1.0, factor))
         turn = reversal(study.record)
         views = {} if turn is None else {"around a reversal": turn}
-        plots["errors"] = Plot("errors-plot", figure, caption, f"Plot. {caption}", views=views)
+        plots["errors"] = Plot("errors-plot", figure, caption, f"Plot. {caption}", views=views, legend=False)
 
-    sweeps = _drawn(
-        {
-            label(row.name): Curve(
-                tuple(point.gain for point in row.sweep if point.metrics),
-                tuple(point.metrics.rms for point in row.sweep if point.metrics),
-            )
-            for row in rows
-            if len([point for point in row.sweep if point.metrics]) > 1
-        }
-    )
-    if sweeps:
-        caption = (
-            "Tracking error of the best compensators over the gain of the compensation. Gain 1 applies the full "
-            "friction estimate; a minimum below 1 indicates over-compensation."
-        )
-        figure = sweep(sweeps, ("gain", f"tracking error, rms [{unit}]"), factor)
-        plots["sweep"] = Plot("sweep-plot", figure, caption, f"Plot. {caption} The table below has the values.")
+    for name, title, value, caption in SWEEPS:
+        sweeps = _drawn({label(row.name): curve for row in rows if len((curve := _tuning(row, value)).x) > 1})
+        if sweeps:
+            figure = sweep(sweeps, (title, f"tracking error, rms [{unit}]"), factor)
+            plots[name] = Plot(f"{name}-plot", figure, caption, f"Plot. {caption} The table below has the values.")
     return plots
+
+
+def _tuning(row: CompensatorResult, value: Callable[[Trial], float | None]) -> Curve:
+    """Return the error over the tuned parameter; empty if it is another one."""
+    tuned = [(at, trial.metrics.rms) for trial in row.trials if trial.metrics and (at := value(trial)) is not None]
+    return Curve(tuple(at for at, _ in sorted(tuned)), tuple(rms for _, rms in sorted(tuned)))
 
 
 def _drawn(curves: Mapping[str, Curve]) -> dict[str, Curve]:
@@ -101,15 +117,32 @@ def _bars(study: StudyResult, rows: Sequence[CompensatorResult], unit: str, fact
         rms = row.metrics.rms
         low, high = (rms if value is None else value for value in (row.best, row.worst))
         shown.append(
-            Bar(label(row.name), factor * rms, factor * min(low, rms), factor * max(high, rms), row.cost_ns,
+            Bar(label(row.name), factor * rms, factor * min(low, rms), factor * max(high, rms),
                 emphasis.get(row.name, ""))
         )  # fmt: skip
     caption = (
-        "Left: tracking error at the best gain; the whiskers show the smallest and largest error with wrong friction "
-        "and mass. Right: computing time per sample. Blue: recommended; hatched: runner-up."
+        "Tracking error on the identified axis; the whiskers show the smallest and largest error in the cases that "
+        "count. Blue: recommended; hatched: runner-up."
     ) + (f" Only the first {ROWS} are shown." if len(rows) > ROWS else "")
-    figure = bars(shown, (f"error, rms [{unit}]", "cost [ns]"))
-    return Plot("bars-plot", figure, caption, f"Bar chart. {caption} The table below has the values.", False)
+    figure = bars(shown, f"tracking error, rms [{unit}]")
+    return Plot("bars-plot", figure, caption, f"Bar chart. {caption} The table below has the values.", False, False)
+
+
+def _tradeoffs(study: StudyResult, rows: Sequence[CompensatorResult], unit: str, factor: float) -> Plot:
+    points = [
+        Point(label(row.name), row.kind if row.name != NONE else NO_COMPENSATION, factor * row.worst,
+              row.metrics.effort_high, row.margins.Ms if row.margins else None, row.name == study.recommendation.name)
+        for row in rows
+        if row.metrics is not None and row.worst is not None
+    ]  # fmt: skip
+    limit = study.limits.Ms if study.limits else None
+    caption = (
+        "Worst-case error against the drive force above the loop bandwidth, and against the peak of the sensitivity "
+        "function; the dotted line is its limit. The dashed line connects the compensators that no other one beats in "
+        "both. The large mark is the recommended one."
+    )
+    figure = tradeoffs(points, f"worst-case error, rms [{unit}]", f"force above bandwidth [{study.units.force}]", limit)
+    return Plot("tradeoffs-plot", figure, caption, f"Plot. {caption} The table below has the values.", False)
 
 
 def not_compared(study: StudyResult) -> dict[str, list[str]]:

@@ -12,7 +12,7 @@ from friction_fmus.report.numbers import number
 from friction_fmus.report.views import axes
 from friction_fmus.study.result import Picture, StudyResult
 
-PLACE = 40
+PLACE = 50
 TITLE = "Friction curve and hysteresis"
 
 

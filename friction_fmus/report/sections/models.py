@@ -6,17 +6,31 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from friction_fmus.report.comparing import panels
+from friction_fmus.report.figures import Plot
 from friction_fmus.report.numbers import number, quantity
+from friction_fmus.report.views import axes
 from friction_fmus.study.models import ALIKE
 from friction_fmus.study.result import Fit, ModelResult, StudyResult
 
-PLACE = 30
+PLACE = 40
 TITLE = "Models"
 
 
 def content(study: StudyResult) -> Mapping[str, Any]:
     """Return the values that the template needs in addition to the study."""
-    return {"scores": scores(study.models), "alike": ALIKE}
+    return {"scores": scores(study.models), "alike": ALIKE, "residual_plots": residual_plots(study)}
+
+
+def residual_plots(study: StudyResult) -> list[Plot]:
+    """Return the plots of the force residual over velocity and position, with a panel for each of the best models."""
+    plots = []
+    for picture in study.residuals:
+        titles, factors = axes(picture)
+        caption = f"Simulated minus measured drive force over {picture.x_label}, in the co-simulated servo."
+        figure = panels(picture.models, titles, factors, dots=True)
+        plots.append(Plot(f"residual-{picture.x_label}", figure, caption, f"Plot. {caption}", False, False))
+    return plots
 
 
 @dataclass(frozen=True)

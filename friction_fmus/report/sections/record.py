@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from friction_fmus.report.comparing import panels
 from friction_fmus.report.figures import Plot, lines
 from friction_fmus.report.views import axes, reversal
 from friction_fmus.study.result import Picture, StudyResult
 
-PLACE = 20
+PLACE = 30
 TITLE = "Record"
 
 
@@ -31,6 +32,10 @@ def record_plots(study: StudyResult) -> list[Plot]:
 
 def _over_time(name: str, picture: Picture, caption: str, turn: tuple[float, float] | None) -> Plot:
     titles, factors = axes(picture)
-    figure = lines(picture.data, picture.models, titles, factors, height=330)
     views = {} if turn is None else {"around a reversal": turn}
+    if not picture.data:
+        return Plot(
+            name, panels(picture.models, titles, factors), caption, f"Plot. {caption}", legend=False, views=views
+        )
+    figure = lines(picture.data, picture.models, titles, factors, height=330)
     return Plot(name, figure, caption, f"Plot. {caption}", views=views)

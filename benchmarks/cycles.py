@@ -1,0 +1,42 @@
+"""Write the cost of all laws on a Cortex-M4F, by which a study ranks them: ``friction_fmus/study/cycles.toml``.
+
+    python benchmarks/cycles.py
+
+It needs the cross compiler and qemu-arm that tests/debian-packages.sh installs.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path[0] = str(Path(__file__).parents[1])  # in this folder harness.py would hide the package
+
+import tomli_w
+
+from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.codegen import CORES, measure
+from friction_fmus.codegen.cycles import cycles_of
+from friction_fmus.codegen.export import make_export
+from friction_fmus.study.cost import TABLE
+from harness.storage.atomic import atomic_path
+
+HEADING = "# Cost of the laws in single precision on a Cortex-M4F; written by benchmarks/cycles.py.\n\n"
+
+
+def row(law: str) -> dict[str, int]:
+    """Return mean cycles of a sample, rounded to two digits as they are estimates, and flash of a law."""
+    export = make_export(law, real="float")
+    mean, _ = cycles_of(export)
+    return {"cycles": int(float(f"{mean:.2g}")), "flash": measure(export, CORES[0]).flash}
+
+
+def main() -> None:
+    """Write the table."""
+    table = {name: row(name) for name, block in catalogue().items() if block.kind == "law"}
+    with atomic_path(TABLE) as temporary:
+        temporary.write_text(HEADING + tomli_w.dumps(table), encoding="utf-8", newline="\n")
+
+
+if __name__ == "__main__":
+    main()

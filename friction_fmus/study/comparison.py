@@ -1,0 +1,261 @@
+"""Comparison of the compensators on the identified axis: alone, and feedforward together with an estimator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, TypeAlias
+
+from friction_fmus.axis.elements import Compensator
+from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.doctor import examine
+from friction_fmus.errors import FrictionError
+from friction_fmus.study.cases import Case, cases
+from friction_fmus.study.compensator_records import CompensatorResult, Limits, LoopMargins, Recommendation, Rung
+from friction_fmus.study.compensators import INTEGRAL, INTEGRAL_SUMMARY, AxisKnowledge, Candidate, candidates
+from friction_fmus.study.config import Compensation
+from friction_fmus.study.cost import cost_of
+from friction_fmus.study.evaluation import Evaluation, Pool, Scheme, evaluate, system_of
+from friction_fmus.study.margins import margins_of
+from friction_fmus.study.metrics import BAND, Bench
+from friction_fmus.study.ranking import extremes, rank
+from friction_fmus.study.recommending import ladder, recommend
+from friction_fmus.study.steps import Step
+from friction_fmus.study.tuning import trials
+
+JOINED: Final = 3
+"""Number of the best feedforwards, and of the best estimators, that are combined with each other."""
+
+ESTIMATORS: Final = ("estimator", "integral action")
+"""Kinds of compensators that are combined with a feedforward: they compensate what it leaves."""
+
+RunSteps: TypeAlias = Callable[[Sequence[Step]], Sequence[Evaluation]]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Result of the comparison.
+
+    Attributes
+    ----------
+    rows : tuple of CompensatorResult
+        Servo without compensation first, then the compensators by rank, then those that do not apply.
+    ladder : tuple of Rung
+        Rungs from the axis as measured to the best compensation.
+    recommendation : Recommendation
+        Recommended compensator.
+    chosen : Scheme
+        What is added to the axis according to the recommendation.
+    limits : Limits
+        Limits on the margins.
+    """
+
+    rows: tuple[CompensatorResult, ...]
+    ladder: tuple[Rung, ...]
+    recommendation: Recommendation
+    chosen: Scheme
+    limits: Limits
+
+    @property
+    def recommended(self) -> CompensatorResult:
+        """Recommended compensator, or the servo without compensation."""
+        return next((row for row in self.rows if row.name == self.recommendation.name), self.rows[0])
+
+
+def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, unit: str, run: RunSteps) -> Comparison:
+    """Compare the compensators on an axis.
+
+    Parameters
+    ----------
+    bench : Bench
+        Axis and reference.
+    known : AxisKnowledge
+        Properties of the axis that determine the parameters of compensators.
+    wanted : Compensation
+        Settings.
+    unit : str
+        Unit of the position.
+    run : callable
+        Runs independent steps and returns their evaluations.
+
+    Raises
+    ------
+    FrictionError
+        If the servo is unstable even without compensation.
+    """
+    servo, motion = bench.servo, bench.trajectory.motion
+    alone = margins_of(servo, bench.plant, bench.speed)
+    (first,) = run([Step("servo-alone", evaluate, (bench, [Scheme(servo, margins=alone)], ()), Evaluation)])
+    if first.metrics is None:
+        raise FrictionError(
+            f"The simulated servo is unstable even without compensation ({first.reason}); check the gains, Ts and "
+            "delay in [servo] and the units of the record."
+        )
+    bench = replace(bench, band=BAND * first.metrics.largest)
+    limits = wanted.limits if alone is None else wanted.limits.relaxed(alone)
+    tried = cases(servo, wanted.mismatch, wanted.delays, limits.delay, known.level)
+
+    as_measured = replace(bench, trajectory=replace(bench.trajectory, motion=False, offset=0.0))
+    steps = [
+        Step("servo-as-measured", evaluate, (as_measured, [Scheme(servo)], ()), Evaluation),
+        Step("compensator-none", evaluate, (bench, [Scheme(servo, margins=alone)], tried), Evaluation),
+    ]
+    everything = candidates(wanted.compensators, known)
+    applicable = [candidate for candidate in everything if candidate.applies]
+    task = bench, known, limits, wanted.gains, tried
+    steps += [Step(f"compensator-{c.name}", tuned, (c, *task), Evaluation) for c in applicable]
+    plain, without, *evaluations = run(steps)
+
+    found: dict[str, Evaluation] = {c.name: each for c, each in zip(applicable, evaluations, strict=True)}
+    none = _row("none", "Servo without friction compensation", "none", "", without)
+    none = extremes(none, none)
+    rows = [_candidate_row(candidate, found.get(candidate.name)) for candidate in everything]
+    pairs = _pairs(rank(none, rows, wanted.weights, limits.Ms), applicable)
+    steps = []
+    for feedforward, estimator in pairs:
+        law = fixed(found[feedforward.name])
+        # a feedforward leaves the margins unchanged, so the trials of the estimator keep the limits
+        schemes = [replace(scheme, feedforward=law) for scheme in found[estimator.name].schemes]
+        name = f"compensator-{feedforward.name}-{estimator.name}"
+        steps.append(Step(name, evaluate, (bench, schemes, tried), Evaluation))
+    for (feedforward, estimator), evaluation in zip(pairs, run(steps), strict=True):
+        row = _joined(feedforward, estimator, evaluation)
+        rows.append(row)
+        found[row.name] = evaluation
+
+    ranked = rank(none, rows, wanted.weights, limits.Ms)
+    rungs = ladder(plain.metrics, motion, none, ranked)
+    contradicted = _contradicted(bench, ranked, found)
+    left = [row for row in ranked if row.name not in contradicted]
+    recommendation = recommend(none, left, rungs, unit, contradicted)
+    chosen = found[recommendation.name].scheme if recommendation.name in found else None
+    chosen = Scheme(servo) if chosen is None else chosen
+    return Comparison((none, *ranked), rungs, recommendation, chosen, limits)
+
+
+def _contradicted(bench: Bench, ranked: Sequence[CompensatorResult], found: Mapping[str, Evaluation]) -> dict[str, str]:
+    """Return the compensators above the first one to which the doctor does not object, with the objections."""
+    before = _violated(bench, Scheme(bench.servo)).keys()
+    objections: dict[str, str] = {}
+    for row in ranked:
+        scheme = found[row.name].scheme if row.improves else None
+        if scheme is None:
+            break
+        new = {name: wrong for name, wrong in _violated(bench, scheme).items() if name not in before}
+        if not new:
+            return objections
+        objections[row.name] = next(f"{name}: {wrong}" for name, wrong in new.items())
+    return {}
+
+
+def _violated(bench: Bench, scheme: Scheme) -> dict[str, str]:
+    """Return the conditions that an axis violates, by name."""
+    pool: Pool = {}
+    try:
+        findings = examine(system_of(bench, scheme, pool))
+    finally:
+        for part in pool.values():
+            part.close()
+    return {finding.condition.name: finding.condition.wrong for finding in findings if not finding.condition.ok}
+
+
+def tuned(
+    candidate: Candidate,
+    bench: Bench,
+    known: AxisKnowledge,
+    limits: Limits,
+    gains: Sequence[float],
+    tried: Sequence[Case],
+) -> Evaluation:
+    """Tune a compensator within the limits, and run the best trial on axes that differ.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        Compensator.
+    bench, known, limits, gains, tried
+        Axis, its properties, limits on the margins, gains to try, and differences of the axis.
+    """
+    schemes = trials(candidate, known, bench.speed, limits, gains)
+    if not schemes:
+        margin = f"Ms at most {limits.Ms:.3g} and a delay margin of at least {limits.delay:.3g} samples"
+        tuned_value = "bandwidth" if candidate.has_bandwidth else "gain"
+        return Evaluation(None, None, (), (), None, f"No {tuned_value} gives {margin}.")
+    return evaluate(bench, schemes, tried)
+
+
+def fixed(evaluation: Evaluation) -> Compensator:
+    """Return the compensator of the best trial with its gain as a parameter."""
+    scheme = evaluation.scheme
+    assert scheme is not None
+    assert scheme.compensator is not None
+    return replace(scheme.compensator, values={**scheme.compensator.values, "gain": scheme.gain})
+
+
+def _pairs(ranked: Sequence[CompensatorResult], known: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]]:
+    """Return the best feedforwards, each with the best estimators."""
+    by_name = {candidate.name: candidate for candidate in known}
+
+    def best(*kinds: str) -> list[Candidate]:
+        names = [row.name for row in ranked if row.kind in kinds and row.rank is not None and row.worst is not None]
+        return [by_name[name] for name in names[:JOINED]]
+
+    return [(feedforward, estimator) for feedforward in best("feedforward") for estimator in best(*ESTIMATORS)]
+
+
+def _candidate_row(candidate: Candidate, evaluation: Evaluation | None) -> CompensatorResult:
+    summary = INTEGRAL_SUMMARY if candidate == INTEGRAL else catalogue()[candidate.name].summary
+    if evaluation is None:
+        return CompensatorResult(candidate.name, summary, candidate.kind, False, candidate.reason)
+    return _row(candidate.name, summary, candidate.kind, candidate.model, evaluation, (candidate.name,))
+
+
+def _joined(feedforward: Candidate, estimator: Candidate, evaluation: Evaluation) -> CompensatorResult:
+    blocks = catalogue()
+    second = INTEGRAL_SUMMARY if estimator == INTEGRAL else blocks[estimator.name].summary
+    return _row(
+        f"{feedforward.name} + {estimator.name}",
+        f"{blocks[feedforward.name].summary}; {second[0].lower()}{second[1:]}",
+        f"feedforward with {estimator.kind}",
+        feedforward.model,
+        evaluation,
+        (feedforward.name, estimator.name),
+    )
+
+
+def _row(
+    name: str, summary: str, kind: str, model: str, evaluation: Evaluation, laws: Sequence[str] = ()
+) -> CompensatorResult:
+    """Return the entry of a compensator in the result, before it is ranked."""
+    scheme = evaluation.scheme
+    costs = [cost_of(law) for law in laws]
+    return CompensatorResult(
+        name,
+        summary,
+        kind,
+        True,
+        evaluation.reason,
+        model,
+        {} if scheme is None else _parameters(scheme),
+        scheme.gain if scheme is not None and kind not in ("none", "integral action") else None,
+        scheme.bandwidth if scheme is not None else None,
+        evaluation.metrics,
+        _margins(scheme),
+        evaluation.trials,
+        evaluation.corners,
+        cycles=sum(cost.cycles for cost in costs if cost is not None) if None not in costs and costs else None,
+        flash=sum(cost.flash for cost in costs if cost is not None) if None not in costs and costs else None,
+        error=evaluation.error,
+    )
+
+
+def _margins(scheme: Scheme | None) -> LoopMargins | None:
+    return None if scheme is None else scheme.margins
+
+
+def _parameters(scheme: Scheme) -> Mapping[str, float]:
+    """Return the parameters that were set; of two laws, with the name of the law."""
+    laws = [law for law in (scheme.feedforward, scheme.compensator) if law is not None]
+    if len(laws) == 1:
+        return dict(laws[0].values)
+    return {f"{law.model}.{name}": value for law in laws for name, value in law.values.items()}

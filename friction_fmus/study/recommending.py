@@ -1,0 +1,164 @@
+"""The recommendation of a study in words: reasons, the ladder of improvements, and what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from friction_fmus.study.compensator_records import CompensatorResult, Metrics, Recommendation, Rung
+from friction_fmus.study.ranking import WORTH
+
+AS_MEASURED = "as measured"
+FEEDFORWARD = "with motion feedforward"
+
+
+def ladder(
+    measured: Metrics | None, motion: bool, none: CompensatorResult, ranked: Sequence[CompensatorResult]
+) -> tuple[Rung, ...]:
+    """Return the rungs from the axis as measured to the best compensation.
+
+    Parameters
+    ----------
+    measured : Metrics or None
+        Servo as it was measured; None if its loop is unstable in the simulation.
+    motion : bool
+        Whether the compared servos have motion feedforward.
+    none : CompensatorResult
+        Servo without friction compensation.
+    ranked : sequence of CompensatorResult
+        Compensators by rank.
+    """
+    rungs = [] if measured is None else [Rung(AS_MEASURED, "", measured)]
+    if motion and none.metrics is not None:
+        rungs.append(Rung(FEEDFORWARD, none.name, none.metrics))
+    steps = (
+        ("integral action", "with integral action"),
+        ("feedforward", "with friction feedforward"),
+        ("estimator", "with an estimator"),
+        ("feedforward with estimator", "with feedforward and estimator"),
+    )
+    for kind, title in steps:
+        row = next((row for row in ranked if row.kind == kind and row.rank is not None), None)
+        if row is not None and row.metrics is not None:
+            rungs.append(Rung(title, row.name, row.metrics))
+    return tuple(rungs)
+
+
+def largest_step(rungs: Sequence[Rung]) -> tuple[Rung, Rung] | None:
+    """Return the rung that reduces the error most and the best rung before it; None if no rung reduces it."""
+    best: tuple[float, Rung, Rung] | None = None
+    for place, rung in enumerate(rungs[1:], start=1):
+        before = min(rungs[:place], key=lambda each: each.metrics.rms)
+        factor = before.metrics.rms / rung.metrics.rms if rung.metrics.rms > 0.0 else 1.0
+        if factor > 1.0 and (best is None or factor > best[0]):
+            best = factor, before, rung
+    return None if best is None else best[1:]
+
+
+def recommend(
+    none: CompensatorResult,
+    ranked: Sequence[CompensatorResult],
+    rungs: Sequence[Rung],
+    unit: str,
+    contradicted: Mapping[str, str] | None = None,
+) -> Recommendation:
+    """Return the recommended compensator with the reasons.
+
+    Parameters
+    ----------
+    none : CompensatorResult
+        Servo without compensation.
+    ranked : sequence of CompensatorResult
+        Compensators as returned by `rank`.
+    rungs : sequence of Rung
+        Ladder.
+    unit : str
+        Unit of the position, "m" or "rad".
+    contradicted : mapping of str to str, optional
+        Compensators with a better rank that violate a condition of the doctor, with that condition; `ranked` does not
+        contain them.
+    """
+    tried = [row for row in ranked if row.rank is not None]
+    if not tried:
+        return Recommendation("", "No compensator could be simulated on this axis. The table states the reasons.")
+    first = tried[0]
+    assert none.metrics is not None
+    assert first.metrics is not None
+    start = _start(rungs, unit)
+    if not first.improves:
+        nearest = min(tried, key=lambda row: (row.worst is None, row.worst, row.name))
+        assert nearest.metrics is not None
+        what = f"{shown(nearest.metrics.rms, unit)} on the identified axis"
+        if nearest.worst is not None and nearest.corners:
+            what += f" and {shown(nearest.worst, unit)} in the worst case"
+        return Recommendation(
+            none.name,
+            f"{start}No compensator reduces the tracking error of {shown(none.metrics.rms, unit)} rms by at least "
+            f"{100 * WORTH:.0f} % in every case. {nearest.name} comes closest, with {what}.",
+        )
+    reason = (
+        f"{start}{first.name} reduces the tracking error from {shown(none.metrics.rms, unit)} to "
+        f"{shown(first.metrics.rms, unit)} rms"
+        + (f", and in the worst case from {_worst(none, unit)} to {_worst(first, unit)}" if first.corners else "")
+        + f". {_figures(none, first)}"
+    )
+    for name, wrong in (contradicted or {}).items():
+        reason += f" {name} ranks higher, but the doctor objects to it ({wrong})."
+    improving = [row for row in tried if row.improves]
+    if len(improving) < 2:
+        return Recommendation(first.name, reason, first.gain)
+    second = improving[1]
+    assert second.metrics is not None
+    also = (
+        f"{second.name} reaches {shown(second.metrics.rms, unit)} rms and {_worst(second, unit)} in the worst case. "
+        f"{_figures(none, second)}"
+    )
+    return Recommendation(first.name, reason, first.gain, second.name, also)
+
+
+def _start(rungs: Sequence[Rung], unit: str) -> str:
+    """Return a sentence with the error of the axis as it is, and the step that reduces it most."""
+    if not rungs or rungs[0].title != AS_MEASURED:
+        return ""
+    sentence = f"As measured, the axis has a tracking error of {shown(rungs[0].metrics.rms, unit)} rms"
+    step = largest_step(rungs)
+    if step is None:
+        return f"{sentence}. "
+    before, after = step
+    name = f" ({after.name})" if after.name not in ("", "none") else ""
+    return (
+        f"{sentence}; the largest step is the one {after.title}{name}, from {shown(before.metrics.rms, unit)} to "
+        f"{shown(after.metrics.rms, unit)}. "
+    )
+
+
+def _figures(none: CompensatorResult, row: CompensatorResult) -> str:
+    """Return a sentence with the effort, the margins and the cost of a compensator."""
+    assert none.metrics is not None
+    assert row.metrics is not None
+    ratio = row.metrics.effort_high / none.metrics.effort_high if none.metrics.effort_high else 1.0
+    change = round(100.0 * (ratio - 1.0))
+    parts = [
+        "changes the drive force above the loop bandwidth by less than 1 %"
+        if abs(change) < 1
+        else f"{'raises' if change > 0 else 'lowers'} the drive force above the loop bandwidth by {abs(change)} %"
+    ]
+    if row.margins is not None and row.margins.Ms is not None:
+        margin = f"leaves a sensitivity peak of {row.margins.Ms:.2f}"
+        if row.margins.delay is not None:
+            margin += f" and a delay margin of {row.margins.delay:.1f} samples"
+        parts.append(margin)
+    if row.cycles is not None:
+        parts.append(f"takes about {row.cycles:.0f} cycles a sample on a Cortex-M4F")
+    return f"It {', '.join(parts[:-1])}{' and ' if len(parts) > 1 else ''}{parts[-1]}."
+
+
+def _worst(row: CompensatorResult, unit: str) -> str:
+    return "failure" if row.worst is None else shown(row.worst, unit)
+
+
+def shown(value: float, unit: str) -> str:
+    """Return a length or an angle with a suitable unit prefix."""
+    for factor, prefix in ((1.0, ""), (1e3, "m"), (1e6, "µ")):
+        if abs(value) * factor >= 1.0:
+            return f"{value * factor:.3g} {prefix}{unit}"
+    return f"{value * 1e9:.3g} n{unit}"
