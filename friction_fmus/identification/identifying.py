@@ -25,6 +25,7 @@ from friction_fmus.identification.fit.scores import Score, criteria, independent
 from friction_fmus.identification.fit.search import Loss, covariance
 from friction_fmus.identification.fit.setup import Constraints, Setup, check_constraints
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of, traits
+from friction_fmus.identification.fit.strengthening import explanation
 from friction_fmus.identification.methods import find_method
 from friction_fmus.identification.methods.free_run import FREE_RUN, identify_free_run
 from friction_fmus.identification.result import Identification
@@ -230,7 +231,13 @@ def _result(
     aic, bic = criteria(
         found.residual * problem.size, independent_samples([p.measured for p in problem.segments]), len(found.x)
     )
-    warnings = () if found.converged else ("the search reached its iteration limit; give better start values",)
+    warnings = [] if found.converged else ["the search reached its iteration limit; give better start values"]
+    if (
+        signal != "mu"
+        and "Fs" not in unseen
+        and (why := _static_friction(problem, found.x, parameters, predicted, records))
+    ):
+        warnings.append(why)
 
     def unit_of(name: str) -> str:
         return setup.units.get(name.split(" (")[0], "1")
@@ -257,7 +264,7 @@ def _result(
         weak=weak_parameters(
             contact, list(parameters), parameters, errors, correlation, _at_bound(problem, found.x), unseen
         ),
-        warnings=warnings,
+        warnings=tuple(warnings),
         seconds=0.0,
         simulations=problem.simulations,
         errors="robust" if robust else "classic",
@@ -265,6 +272,18 @@ def _result(
         records=tuple(records),
         settings=settings,
     )
+
+
+def _static_friction(
+    problem: Problem, x: Array, parameters: Mapping[str, float], predicted: Array, records: Sequence[Record]
+) -> str:
+    """Return an explanation of a static friction below the Coulomb friction."""
+    segments = problem.segments
+    v = np.concatenate([segment.rows(segment.inputs["v"]) for segment in segments])
+    model = np.concatenate([segment.rows(problem.force(x, index)) for index, segment in enumerate(segments)])
+    measured = np.concatenate([segment.measured for segment in segments])
+    # the friction of the model and what the prediction lacks
+    return explanation(parameters, v, model + measured - predicted, records[0].units)
 
 
 def _at_bound(problem: Problem, x: Array) -> dict[str, float]:

@@ -21,6 +21,9 @@ from friction_fmus.notebook import comparison_html, comparison_text
 
 ProgressCallback = Callable[[int, int], None]
 
+TIE = 3
+"""Number of digits in which the validation errors of models must differ to determine their order."""
+
 DRIVE_PARAMETERS = ("M", "OF")
 """Parameters of a drive that may be fixed in addition to those of a block."""
 
@@ -116,7 +119,8 @@ def compare_models(
     identified = [result for result in results if isinstance(result, Identification)]
     validated = all(result.validation is not None for result in identified)
     # models with equal predictions, such as Coulomb and Stiction in sliding, keep their order in `models`
-    identified.sort(key=_error if validated else lambda result: round(result.bic, 3))
+    # a model with fewer parameters wins a tie
+    identified.sort(key=_rank if validated else lambda result: (round(result.bic, 3), len(result.parameters)))
     return ModelComparison(tuple(identified), failed, "validation error" if validated else "BIC")
 
 
@@ -167,6 +171,6 @@ def _check_fixed(models: Sequence[str | Path], task: IdentificationTask) -> None
         )
 
 
-def _error(result: Identification) -> float:
+def _rank(result: Identification) -> tuple[float, int]:
     assert result.validation is not None
-    return float(f"{result.validation.rms:.6g}")
+    return float(f"{result.validation.rms:.{TIE}g}"), len(result.parameters)

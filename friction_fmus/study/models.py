@@ -34,7 +34,7 @@ from friction_fmus.study.thinning import thinned
 from harness import HarnessError
 
 ALIKE: Final = 0.05
-"""Relative difference below which errors count as equal; the information criterion then decides."""
+"""Relative difference below which errors count as equal; the number of parameters then decides."""
 
 REPRODUCED: Final = 0.5
 """Largest error of a simulated servo that reproduces the record, over the recorded tracking error or rms force."""
@@ -313,15 +313,25 @@ def _unlike(measured: Measured, fits: Sequence[Fit]) -> str:
 
 
 def ranked(models: Sequence[IdentifiedModel]) -> list[IdentifiedModel]:
-    """Return the models with their ranks, ordered by error, and by BIC if errors are equal within `ALIKE`."""
+    """Return the models with their ranks, ordered by error.
+
+    Of models whose errors are equal within `ALIKE`, the one with the fewest parameters comes first, then the one with
+    the lowest BIC.
+    """
     left = sorted((found for found in models if found.error is not None and np.isfinite(found.error)), key=_error)
     ordered: list[IdentifiedModel] = []
     while left:
         alike = [found for found in left if _error(found) <= (1.0 + ALIKE) * _error(left[0])]
-        first = min(alike, key=lambda found: np.inf if found.row.bic is None else round(found.row.bic, 3))
+        first = min(alike, key=_simplicity)
         ordered.append(replace(first, row=replace(first.row, rank=len(ordered) + 1)))
         left.remove(first)
     return ordered + [found for found in models if found.error is None or not np.isfinite(found.error)]
+
+
+def _simplicity(found: IdentifiedModel) -> tuple[int, float]:
+    """Return the number of parameters, with the nodes of a force over position, and the BIC."""
+    nodes = 0 if found.row.position is None else 2 * found.row.position.nodes
+    return len(found.row.parameters) + nodes, np.inf if found.row.bic is None else round(found.row.bic, 3)
 
 
 def _error(found: IdentifiedModel) -> float:
