@@ -57,7 +57,7 @@ def axis(seed: int, folder: Path) -> tuple[Record, dict[str, float]]:
 
 
 def coverage(count: int) -> dict[str, float]:
-    """Return how often an interval of 95 % contains the parameter, or the parameter is marked as poorly identifiable."""
+    """Return how often an interval of 95 % contains a parameter, or the parameter is marked as poorly identifiable."""
     hits: dict[str, list[bool]] = {}
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(count):
