@@ -169,6 +169,7 @@ class LoopAssembly:
         self.add("axis", "Mass", own, sampled=False)
         self.start |= constant_force(plant, trajectory.load - plant.offset)
         contact = self.add("friction", plant.friction, plant.values, sampled=False)
+        self.start["axis.d"] = viscous_beside(contact, plant)
         self.wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
         if "Fn0" in plant.values:  # the friction was identified at this normal force, which is constant
             loaded = [part for part in self.parts if isinstance(part, FmuPart) and _has_input(part, "Fn")]
@@ -181,6 +182,12 @@ class LoopAssembly:
             self.wires += ["axis.x -> position.x", "axis.v -> position.v"]
             # a step late, so that only mass and friction are solved jointly: the force hardly changes in a step
             self.wires.append(Wire("position.F_position", "axis.F_load", delay=1))
+
+
+def viscous_beside(friction: Part, plant: Plant) -> float:
+    """Return the coefficient of the viscous friction beside a friction block [N.s/m]; 0 if the block has its own."""
+    own = any(port.name == "Fv" for port in friction.parameters)
+    return 0.0 if own else float(plant.values.get("Fv", 0.0))
 
 
 def constant_force(plant: Plant, force: float) -> dict[str, StartValue]:

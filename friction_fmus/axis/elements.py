@@ -21,7 +21,8 @@ class Plant:
     friction : str
         Friction block.
     values : mapping of str to float
-        Parameters of the friction block.
+        Parameters of the friction block; if it has no parameter Fv, this is the coefficient of a viscous friction
+        beside it [N.s/m].
     mass : float
         Moved mass [kg].
     offset : float

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.axis.assembly import block, constant_force, typed
+from friction_fmus.axis.assembly import block, constant_force, typed, viscous_beside
 from friction_fmus.axis.elements import Plant
 from friction_fmus.axis.loop import FINEST, master_of
 from harness import Experiment, FmuPart, Part, SeriesPart, System, Wire
@@ -69,6 +69,7 @@ def free_axis(
         wires.append("axis.F_ext -> friction.F_ext")
     start: dict[str, StartValue] = {"axis.m": plant.mass, "force.gain[2]": 0.0}
     start |= constant_force(plant, -plant.offset)
+    start["axis.d"] = viscous_beside(friction, plant)
     start |= {f"friction.{name}": value for name, value in typed(friction, plant.values).items()}
     if plant.position is not None:
         parts.append(FmuPart("position", plant.position.fmu(rotary)))

@@ -74,6 +74,8 @@ class AxisSimulator:
         own = {name: value for name, value in values.items() if name in self.contact.parameters}
         system = self._loaded(Plant(self.contact.name, own, values["M"]))
         start |= {f"friction.{name}": value for name, value in typed(system.parts["friction"], own).items()}
+        if "Fv" not in self.contact.parameters:
+            start["axis.d"] = values.get("Fv", 0.0)
         start |= {f"friction.{name}": self.direction * size for name, size in state_sizes(self.contact, values).items()}
         trace = run_loop(system.with_start(start))
         return {"q": trace.q, "force": trace.force}

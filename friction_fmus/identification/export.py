@@ -21,6 +21,7 @@ from friction_fmus.identification.data.findings import Finding
 from friction_fmus.identification.data.reading import Measurement
 from friction_fmus.identification.data.record import ROTARY
 from friction_fmus.identification.errors import IdentificationError
+from friction_fmus.identification.files import viscous_beside, write_viscous
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
@@ -95,6 +96,8 @@ def write_results(
                         rotary = result.records[0].units == ROTARY
                         result.position.table.to_fmu(stage, f"{result.model}PositionMap", rotary)
                 result.to_ssv(stage / f"{result.model}.ssv")
+                if beside := viscous_beside(result):
+                    write_viscous(result, beside, stage / f"{result.model}Viscous.ssv")
                 result.plot(stage / f"{result.model}.png")
             (stage / "parameters.toml").write_text(_toml(found, measurement), encoding="utf-8")
             content = _json(found, measurement, findings, windows)

@@ -20,6 +20,20 @@ def build_identified(result: Identification, folder: Path, name: str | None) -> 
     return build(result.block, folder, _start(result), name, domain="rotational" if rotary else "translational")
 
 
+def viscous_beside(result: Identification) -> float | None:
+    """Return the coefficient of the viscous friction beside the block; None if there is none."""
+    known = contact_model(result.block, result.records[0].units).parameters
+    return None if "Fv" in known else result.values().get("Fv")
+
+
+def write_viscous(result: Identification, coefficient: float, path: Path) -> Path:
+    """Write the viscous friction beside the block as SSV, for a block Viscous."""
+    unit = result.records[0].units.viscous
+    parameter = Parameter(coefficient, unit, description=f"viscous friction beside {result.model}")
+    write_ssv(ParameterSet(f"{result.model}Viscous", {"Fv": parameter}, ""), path)
+    return path
+
+
 def write_parameters(result: Identification, path: Path) -> Path:
     """Write the identified values as SSV; see `Identification.to_ssv`."""
     known = contact_model(result.block, result.records[0].units).parameters

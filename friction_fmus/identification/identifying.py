@@ -17,6 +17,7 @@ from friction_fmus.identification.fit.drives import driven
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.fitting import Fit, FitData
 from friction_fmus.identification.fit.idim import InverseModelSettings
+from friction_fmus.identification.fit.misfit import misfit_variance
 from friction_fmus.identification.fit.models import ContactModel, contact_model
 from friction_fmus.identification.fit.position import fit_with_table
 from friction_fmus.identification.fit.problem import Problem
@@ -24,6 +25,7 @@ from friction_fmus.identification.fit.scores import Score, criteria, independent
 from friction_fmus.identification.fit.search import Loss, covariance
 from friction_fmus.identification.fit.setup import Constraints, Setup, check_constraints
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of, traits
+from friction_fmus.identification.fit.strengthening import explanation
 from friction_fmus.identification.methods import find_method
 from friction_fmus.identification.methods.free_run import FREE_RUN, identify_free_run
 from friction_fmus.identification.result import Identification
@@ -45,6 +47,7 @@ def identify(
     starts: int | None = None,
     settings: InverseModelSettings | None = None,
     position_map: bool = False,
+    viscous: bool = False,
 ) -> Identification:
     """Identify the parameters of a friction model from measured data.
 
@@ -79,6 +82,8 @@ def identify(
     position_map : bool
         Whether to identify cogging and position-dependent friction together with the friction model, if the record has
         position and drive force and this improves the prediction, see `fit_with_table`.
+    viscous : bool
+        Whether to identify viscous friction beside a model without it, as parameter Fv, from a drive force.
 
     Returns
     -------
@@ -111,7 +116,15 @@ def identify(
                 f"The method {method!r} is not applicable to a MeasuredAxis; use 'closed-loop', or pass its record."
             )
         open_loop = identify(
-            model, data.record, fixed=fixed, bounds=bounds, start=start, loss=loss, starts=starts, settings=settings
+            model,
+            data.record,
+            fixed=fixed,
+            bounds=bounds,
+            start=start,
+            loss=loss,
+            starts=starts,
+            settings=settings,
+            viscous=viscous,
         )
         closed = identify_closed_loop(model, data, open_loop, constraints)
         checked = None if validation is None else validated(closed, validation)
@@ -128,6 +141,7 @@ def identify(
             starts=starts,
             settings=settings,
             position_map=position_map,
+            viscous=viscous,
         )
         result = identify_free_run(driven_by_force)
         checked = None if validation is None else _validated(result, validation)
@@ -136,6 +150,7 @@ def identify(
         raise FitError("There are no records; pass at least one.")
     contact = contact_model(model, records[0].units)
     signal, unit = signal_of(records)
+    contact = replace(contact, viscous=viscous and contact.lacks_viscous and signal == "force")
     check_constraints(contact, signal, constraints)
     name, chosen = find_method(contact, method)
     segments = [prepare(record, contact, signal, settings) for record in records]
@@ -197,7 +212,10 @@ def _result(
     spread, robust = covariance(found, lengths)
     G = _sensitivity(setup, problem, found.x)
     C = G @ spread @ G.T
-    error = np.sqrt(np.maximum(np.diag(C), 0.0))
+    measured = np.concatenate([segment.measured for segment in problem.segments])
+    inertia = [found.x[i] * found.J[:, i] for i, c in enumerate(setup.coordinates) if c.name == "M"]
+    misfit = misfit_variance(found, [found.residual + measured / problem.size, *inertia], lengths, G)
+    error = np.sqrt(np.maximum(np.diag(C), 0.0) + misfit)
     parameters, initial = _reported(setup, problem, found.x)
     names = [*parameters, *initial]
     both = {**parameters, **initial}
@@ -209,12 +227,17 @@ def _result(
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = np.nan_to_num(C / np.outer(error, error), nan=0.0, posinf=0.0, neginf=0.0)
     np.fill_diagonal(correlation, 1.0)
-    measured = np.concatenate([segment.measured for segment in problem.segments])
     predicted = measured + found.residual * problem.size
     aic, bic = criteria(
         found.residual * problem.size, independent_samples([p.measured for p in problem.segments]), len(found.x)
     )
-    warnings = () if found.converged else ("the search reached its iteration limit; give better start values",)
+    warnings = [] if found.converged else ["the search reached its iteration limit; give better start values"]
+    if (
+        signal != "mu"
+        and "Fs" not in unseen
+        and (why := _static_friction(problem, found.x, parameters, predicted, records))
+    ):
+        warnings.append(why)
 
     def unit_of(name: str) -> str:
         return setup.units.get(name.split(" (")[0], "1")
@@ -241,7 +264,7 @@ def _result(
         weak=weak_parameters(
             contact, list(parameters), parameters, errors, correlation, _at_bound(problem, found.x), unseen
         ),
-        warnings=warnings,
+        warnings=tuple(warnings),
         seconds=0.0,
         simulations=problem.simulations,
         errors="robust" if robust else "classic",
@@ -249,6 +272,18 @@ def _result(
         records=tuple(records),
         settings=settings,
     )
+
+
+def _static_friction(
+    problem: Problem, x: Array, parameters: Mapping[str, float], predicted: Array, records: Sequence[Record]
+) -> str:
+    """Return an explanation of a static friction below the Coulomb friction."""
+    segments = problem.segments
+    v = np.concatenate([segment.rows(segment.inputs["v"]) for segment in segments])
+    model = np.concatenate([segment.rows(problem.force(x, index)) for index, segment in enumerate(segments)])
+    measured = np.concatenate([segment.measured for segment in segments])
+    # the friction of the model and what the prediction lacks
+    return explanation(parameters, v, model + measured - predicted, records[0].units)
 
 
 def _at_bound(problem: Problem, x: Array) -> dict[str, float]:

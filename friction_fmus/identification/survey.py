@@ -16,9 +16,13 @@ from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.identifying import identify
 from friction_fmus.identification.result import Identification
+from friction_fmus.identification.runaway import within_reach
 from friction_fmus.notebook import comparison_html, comparison_text
 
 ProgressCallback = Callable[[int, int], None]
+
+TIE = 3
+"""Number of digits in which the validation errors of models must differ to determine their order."""
 
 DRIVE_PARAMETERS = ("M", "OF")
 """Parameters of a drive that may be fixed in addition to those of a block."""
@@ -115,7 +119,8 @@ def compare_models(
     identified = [result for result in results if isinstance(result, Identification)]
     validated = all(result.validation is not None for result in identified)
     # models with equal predictions, such as Coulomb and Stiction in sliding, keep their order in `models`
-    identified.sort(key=_error if validated else lambda result: round(result.bic, 3))
+    # a model with fewer parameters wins a tie
+    identified.sort(key=_rank if validated else lambda result: (round(result.bic, 3), len(result.parameters)))
     return ModelComparison(tuple(identified), failed, "validation error" if validated else "BIC")
 
 
@@ -124,7 +129,8 @@ def identify_one(model: str | Path, task: IdentificationTask) -> Identification 
     try:
         known = {*contact_model(model, task.train[0].units).parameters, *DRIVE_PARAMETERS} if task.fixed else set()
         fixed = {name: value for name, value in task.fixed.items() if name in known}
-        return identify(model, task.train, fixed=fixed, validation=task.validation or None, **task.options)
+        data = {"fixed": fixed, "validation": task.validation or None}
+        return within_reach(identify, model, task.train, **data, **task.options)
     except FrictionError as error:
         return " ".join(str(error).split())
     except Exception as error:  # a failing model must not stop the others
@@ -165,6 +171,6 @@ def _check_fixed(models: Sequence[str | Path], task: IdentificationTask) -> None
         )
 
 
-def _error(result: Identification) -> float:
+def _rank(result: Identification) -> tuple[float, int]:
     assert result.validation is not None
-    return float(f"{result.validation.rms:.6g}")
+    return float(f"{result.validation.rms:.{TIE}g}"), len(result.parameters)

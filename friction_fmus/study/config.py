@@ -94,6 +94,8 @@ class StudyConfig:
         Friction models to identify.
     position_map : bool
         Whether cogging and position-dependent friction are identified with each model, if this improves the prediction.
+    viscous : bool
+        Whether viscous friction is identified beside models without it.
     compensation : Compensation
         Settings of the comparison of compensators.
     bare : bool
@@ -107,6 +109,7 @@ class StudyConfig:
     servo: Servo | None = None
     models: tuple[str, ...] | str = ALL
     position_map: bool = True
+    viscous: bool = True
     compensation: Compensation = field(default_factory=Compensation)
     bare: bool = False
 
@@ -180,7 +183,7 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
         raise ConfigError(f'{origin}, [data], has no file; give the path of the data file as file = "...".')
     mapping = {name: content[name] for name in ("data", "columns", "windows") if name in content}
     models = tables["identify"]
-    models.known(("models", "position_map"))
+    models.known(("models", "position_map", "viscous"))
     return StudyConfig(
         origin,
         record,
@@ -189,6 +192,7 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
         _servo(tables["servo"]) if "servo" in content else None,
         models.names("models"),
         models.flag("position_map", True),
+        models.flag("viscous", True),
         _compensation(tables["compensation"]),
     )
 

@@ -147,6 +147,8 @@ def off_by(system: System, friction: float, mass: float) -> dict[str, float]:
     part = system.parts["friction"]
     forces = [f"friction.{port.name}" for port in part.parameters if port.unit and port.unit[0] == "N"]  # N, N/m, ...
     scaled = {name: friction * float(value) for name in forces if (value := system.start.get(name)) is not None}
+    if beside := float(system.start.get("axis.d", 0.0)):
+        scaled["axis.d"] = friction * beside
     if "position" in system.parts:
         scaled["position.friction_gain"] = friction
     return {**scaled, "axis.m": mass * float(system.start["axis.m"])}

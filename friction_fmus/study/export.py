@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final, Literal
 
+from friction_fmus.axis.assembly import viscous_beside
 from friction_fmus.axis.loop import block, closed_loop, typed, with_gain
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.export import export_law
@@ -113,6 +114,11 @@ def export_models(out: Path, models: Sequence[IdentifiedModel], rotary: bool, ci
         file = folder / f"{identifier}.ssv"
         write_ssv(ParameterSet(identifier, _parameters(path, values), _cited(citation)), file)
         written.append(WrittenFile(_path(out, file), f"Parameters of {found.row.name}, SSP 1.0"))
+        if beside := viscous_beside(FmuPart("friction", path), found.plant):
+            file = folder / f"{identifier}Viscous.ssv"
+            parameters = _parameters(block("Viscous", rotary), {"Fv": beside})
+            write_ssv(ParameterSet(f"{identifier}Viscous", parameters, _cited(citation)), file)
+            written.append(WrittenFile(_path(out, file), f"Viscous friction beside {found.row.name}, SSP 1.0"))
     return tuple(written)
 
 

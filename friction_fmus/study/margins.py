@@ -75,14 +75,15 @@ def operating_points(plant: Plant, speed: float) -> list[tuple[float, DrivenPlan
     near = speed * np.array([0.99, 1.01])
     low, high = level.at(near)
     slope = float((high - low) / (near[1] - near[0]))
-    sliding = one_mass(m, level.viscous)
+    beside = plant.values.get("Fv", 0.0) if friction.viscous == "0" else 0.0
+    sliding = one_mass(m, level.viscous + beside)
     if not contact.stiffness:
         sliding.A[1, 1] -= slope / m
         return [(speed, sliding)]
     size = float(level.at(np.array([speed]))[0])
     if size > 0.0:
         sliding = on_bristles(sliding, 1, m, contact.stiffness, contact.damping, size, slope, speed)
-    return [(speed, sliding), (0.0, one_mass(m, contact.damping + contact.viscous, contact.stiffness))]
+    return [(speed, sliding), (0.0, one_mass(m, contact.damping + contact.viscous + beside, contact.stiffness))]
 
 
 def _laws(

@@ -27,13 +27,14 @@ from friction_fmus.identification import (
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.simulation_data import default_settings
+from friction_fmus.identification.runaway import within_reach
 from friction_fmus.study.prediction import inverse_residual
 from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult, PositionPart
 from friction_fmus.study.thinning import thinned
 from harness import HarnessError
 
 ALIKE: Final = 0.05
-"""Relative difference below which errors count as equal; the information criterion then decides."""
+"""Relative difference below which errors count as equal; the number of parameters then decides."""
 
 REPRODUCED: Final = 0.5
 """Largest error of a simulated servo that reproduces the record, over the recorded tracking error or rms force."""
@@ -43,6 +44,9 @@ QUANTA: Final = 10.0
 
 INVERSE: Final = "Coulomb + viscous"
 """Name of the inverse model in the results."""
+
+VISCOUS_BESIDE: Final = "viscous friction beside the model"
+"""Meaning of the parameter Fv of a model that has none."""
 
 MEANING: Final = {"M": "moved mass", "OF": "offset of the drive"}
 
@@ -123,6 +127,7 @@ def identify_model(
     published: Mapping[str, float],
     measured: Measured | None,
     position_map: bool = True,
+    viscous: bool = True,
 ) -> IdentifiedModel:
     """Identify a friction model; if the identification fails, the result states the reason.
 
@@ -138,14 +143,20 @@ def identify_model(
         Measured servo, to be co-simulated with the identified model.
     position_map : bool
         Whether cogging and position-dependent friction are identified with the model, if this helps.
+    viscous : bool
+        Whether viscous friction is identified beside a model without it.
     """
     summary = find(name).summary
     try:
         # a model without state is fast to simulate and its cost may have several local minima
         starts = 3 if contact_model(name, train[0].units).static else 1
-        result = identify(
-            name, list(train), validation=list(validation) or None, starts=starts, position_map=position_map
-        )
+        options = {
+            "validation": list(validation) or None,
+            "starts": starts,
+            "position_map": position_map,
+            "viscous": viscous,
+        }
+        result = within_reach(identify, name, list(train), **options)
     except (FrictionError, HarnessError, ArithmeticError, np.linalg.LinAlgError) as error:
         return IdentifiedModel(ModelResult(name, summary, reason=str(error)))
     found = IdentifiedModel(
@@ -220,7 +231,7 @@ def row_of(result: Identification, summary: str, published: Mapping[str, float])
 
     def parameter(name: str, estimate: Estimate) -> IdentifiedParameter:
         error = estimate.standard_error
-        meaning = MEANING.get(name) or known[name].text
+        meaning = MEANING.get(name) or (known[name].text if name in known else VISCOUS_BESIDE)
         return IdentifiedParameter(
             name,
             estimate.value,
@@ -302,15 +313,25 @@ def _unlike(measured: Measured, fits: Sequence[Fit]) -> str:
 
 
 def ranked(models: Sequence[IdentifiedModel]) -> list[IdentifiedModel]:
-    """Return the models with their ranks, ordered by error, and by BIC if errors are equal within `ALIKE`."""
+    """Return the models with their ranks, ordered by error.
+
+    Of models whose errors are equal within `ALIKE`, the one with the fewest parameters comes first, then the one with
+    the lowest BIC.
+    """
     left = sorted((found for found in models if found.error is not None and np.isfinite(found.error)), key=_error)
     ordered: list[IdentifiedModel] = []
     while left:
         alike = [found for found in left if _error(found) <= (1.0 + ALIKE) * _error(left[0])]
-        first = min(alike, key=lambda found: np.inf if found.row.bic is None else round(found.row.bic, 3))
+        first = min(alike, key=_simplicity)
         ordered.append(replace(first, row=replace(first.row, rank=len(ordered) + 1)))
         left.remove(first)
     return ordered + [found for found in models if found.error is None or not np.isfinite(found.error)]
+
+
+def _simplicity(found: IdentifiedModel) -> tuple[int, float]:
+    """Return the number of parameters, with the nodes of a force over position, and the BIC."""
+    nodes = 0 if found.row.position is None else 2 * found.row.position.nodes
+    return len(found.row.parameters) + nodes, np.inf if found.row.bic is None else round(found.row.bic, 3)
 
 
 def _error(found: IdentifiedModel) -> float:

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from friction_fmus.axis.assembly import viscous_beside
 from friction_fmus.axis.loop import block, typed
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion
 from friction_fmus.identification.fit.simulation_data import default_settings
@@ -148,7 +149,9 @@ def drive(found: IdentifiedModel, units: AxisUnits, t: Array, v: Array, load: fl
     start |= {"friction.Fn": load} if "Fn" in inputs and load is not None else {}
     experiment = Experiment(stop=step * (len(t) - 1), step=step, record=("friction.F",))
     with System([sweep, contact], ["sweep.v -> friction.v"], start, experiment, "curve") as system:
-        return np.asarray(system.run()["friction.F"].to_numpy(), dtype=np.float64)
+        F = np.asarray(system.run()["friction.F"].to_numpy(), dtype=np.float64)
+        F += viscous_beside(contact, found.plant) * v
+        return F
 
 
 def _load(record: Record) -> float | None:

@@ -84,7 +84,11 @@ def refine(
     with closed_loop(measured.servo, found.plant, trajectory) as system:
 
         def simulate(values: Mapping[str, float]) -> dict[str, Array]:
-            own = {f"friction.{name}": value for name, value in values.items() if name not in MEANING}
+            own = {
+                f"friction.{name}" if name in known else "axis.d": value
+                for name, value in values.items()
+                if name not in MEANING
+            }
             moved = {"axis.m": values["M"], **constant_force(found.plant, -values.get("OF", found.offset))}
             return {"q": run_loop(system.with_start({**own, **moved})).q}
 
@@ -167,8 +171,11 @@ def _prediction_error(found: IdentifiedModel, records: Sequence[Record]) -> floa
     with driven(contact.path) as drive:
         for record in records:
             segment = prepare(record, contact, "force")
-            values = {name: contact.parameters[name].typed(value) for name, value in found.values.items()}
+            own = contact.parameters
+            values = {name: own[name].typed(value) for name, value in found.values.items() if name in own}
             F = segment.run(drive, ["F"], values)[:, 0]
+            if "Fv" not in own:
+                F = F + found.values.get("Fv", 0.0) * segment.inputs["v"]
             if found.position_map is not None:
                 F = F - found.position_map.force(record.column("q"), segment.inputs["v"])
             error = segment.predicted(F, found.mass, found.offset) - segment.measured

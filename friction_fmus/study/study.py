@@ -253,7 +253,7 @@ class _Study:
             Step(
                 f"model-{name}",
                 identify_model,
-                (name, *records, known.get(name, {}), measured, config.position_map),
+                (name, *records, known.get(name, {}), measured, config.position_map, config.viscous),
                 IdentifiedModel,
             )
             for name in names

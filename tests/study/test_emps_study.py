@@ -53,14 +53,14 @@ def test_closed_loop_stays_with_the_measurement(study: Study, model: str, positi
 def test_a_force_over_position_nearly_halves_the_error_on_data_not_fitted(study: Study, model: str) -> None:
     """An independent table for each direction, fitted to the first half, left 2.1 % of the force in the second.
 
-    The fit to the closed loop, which follows, may increase the error of the force by 5 % (`refine`).
+    The fit to the closed loop, which follows, may increase the error by 0.5 % of the force (`refine`).
     """
     row = study.result.model(model)
     assert row.position is not None
     assert row.position.validation_without is not None
     assert row.validation is not None
-    assert row.validation.percent <= 1.06 * 2.1
-    assert row.validation.rms < 0.55 * row.position.validation_without.rms
+    assert row.validation.percent <= 2.4
+    assert row.validation.rms < 0.56 * row.position.validation_without.rms
 
 
 def test_friction_grows_with_speed(study: Study) -> None:

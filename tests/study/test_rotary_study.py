@@ -15,8 +15,10 @@ from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
 from friction_fmus.axis.servo import Servo
 from friction_fmus.cli.main import main
 from friction_fmus.fmi.rotary import in_rotary_words
-from friction_fmus.identification import identify, read_measurement
+from friction_fmus.identification import compare_models, identify, read_measurement
+from friction_fmus.identification.survey import IdentificationTask
 from friction_fmus.study.data import build_reference
+from friction_fmus.study.models import identify_model
 
 LUGRE = {"sigma0": 50.0, "sigma1": 0.3, "sigma2": 0.01, "Fc": 0.05, "Fs": 0.075, "vs": 0.02, "delta": 2.0}
 INERTIA = 2e-3
@@ -118,12 +120,16 @@ def test_no_text_of_a_rotary_identification_has_them(joint: Path, capsys: pytest
 
 
 def test_static_friction_that_the_record_does_not_determine_does_not_run_away(joint: Path) -> None:
-    """The joint passes its Stribeck velocity within a sample: any product of Fs and of a tiny vs fits."""
-    measurement = read_measurement(joint / "joint.csv")
-    found = identify("LuGre", measurement.window(0.0, 2.4), starts=1)
+    """The joint passes its Stribeck velocity within a sample: any product of a huge Fs and a tiny vs fits."""
+    train = read_measurement(joint / "joint.csv").window(0.0, 2.4)
+    alone = identify("LuGre", train, starts=1)
+    assert alone.parameters["Fs"].value > 1e6  # not determined
+    (found,) = compare_models(["LuGre"], IdentificationTask(train, options={"starts": 1})).results
     assert found.parameters["Fc"].value == pytest.approx(LUGRE["Fc"], rel=0.02)
-    assert abs(found.parameters["Fs"].value) < 1e3 * LUGRE["Fs"]
+    assert found.parameters["Fs"].value <= 10.0 * np.abs(train[0].column("force")).max()
     assert {"Fs", "vs"} <= set(found.weak)
+    in_study = identify_model("LuGre", train, (), {}, None)
+    assert in_study.values["Fs"] == found.parameters["Fs"].value
 
 
 @pytest.mark.parametrize(

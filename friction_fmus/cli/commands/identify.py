@@ -58,6 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--force", action="store_true", help="write FMUs although the drive force contradicts the motion"
     )
     parser.add_argument(
+        "--viscous", action="store_true", help="identify viscous friction beside models without it, as parameter Fv"
+    )
+    parser.add_argument(
         "--workers",
         type=int,
         default=available(),
@@ -101,7 +104,12 @@ def run(options: argparse.Namespace) -> int:
         train,
         validation,
         {name: float(value) for name, value in map(parse_fixed, options.fixed or ())},
-        {"method": options.method, "loss": options.loss, "position_map": options.position_map},
+        {
+            "method": options.method,
+            "loss": options.loss,
+            "position_map": options.position_map,
+            "viscous": options.viscous,
+        },
     )
     with progress_bar() as bar:
         found = compare_models(models, task, max(1, options.workers), RunBar(bar, "identifying").update)

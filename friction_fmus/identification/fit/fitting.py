@@ -46,7 +46,8 @@ class FitData:
 
     def problem(self, setup: Setup) -> Problem:
         """Return the least-squares problem of a setup."""
-        return Problem(self.drive, self.segments, setup.coordinates, setup.assemble, setup.states, setup.constants)
+        parts = setup.coordinates, setup.assemble, setup.states, setup.constants
+        return Problem(self.drive, self.segments, *parts, viscous=self.model.viscous)
 
 
 @dataclass(frozen=True, eq=False)

@@ -139,6 +139,10 @@ class ContactModel:
         Whether the force depends on the velocity, not only on the path.
     identified_by : Identified
         Identification of the block, as stated in its file.
+    lacks_viscous : bool
+        Whether the block has no viscous friction.
+    viscous : bool
+        Whether a viscous friction with the coefficient Fv acts beside the block.
     """
 
     name: str
@@ -148,6 +152,8 @@ class ContactModel:
     loaded: bool
     rate_dependent: bool
     identified_by: Identified
+    lacks_viscous: bool = False
+    viscous: bool = False
 
     @property
     def static(self) -> bool:
@@ -274,6 +280,7 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
             v.description or "",
             v.type,
         )
+    friction = block.about.in_loop.friction
     states = tuple(p.name for p in part.parameters if variables[p.name].causality == "local" and p.type == "Real")
     return ContactModel(
         block.name,
@@ -283,4 +290,5 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
         "Fn" in names,
         "rate dependent" in block.features or not states,
         block.about.identified,
+        lacks_viscous=not {"Fv", "sigma2"} & parameters.keys() and (friction is None or friction.viscous == "0"),
     )

@@ -69,7 +69,9 @@ def _simulated(result: Identification, record: Record, fit: bool) -> tuple[Prepa
 
     with driven(contact.path) as drive:
         remaining = segment.measured + segment.rows(force_on_axis(_table(result), segment))
-        problem = Problem(drive, [replace(segment, measured=remaining)], coordinates, lambda _: {}, states, values)
+        viscous = "Fv" in values and "Fv" not in contact.parameters
+        segments = [replace(segment, measured=remaining)]
+        problem = Problem(drive, segments, coordinates, lambda _: {}, states, values, viscous=viscous)
         x = problem.start()
         if coordinates:
             x = search(problem, "linear", 1).x if fit else 0.0 * x

@@ -100,6 +100,8 @@ class Problem:
         Linear unknowns, which are eliminated from the residual (variable projection).
     anchor : array, shape (p,), or None
         Point to which weak springs tie the coordinates, so that those which the record does not determine stay there.
+    viscous : bool
+        Whether the value Fv is the coefficient of a viscous friction beside the block.
     """
 
     drive: Drive
@@ -111,6 +113,7 @@ class Problem:
     simulations: int = field(default=0)
     regressor: Regressor | None = None
     anchor: Array | None = None
+    viscous: bool = False
 
     def __post_init__(self) -> None:
         """Compute the magnitude of the signal."""
@@ -142,10 +145,11 @@ class Problem:
         """Return the friction force along one segment."""
         segment, parameters = self.segments[index], self.assemble(self.values(x, None))
         start = {**self.constants, **parameters, **self.states(parameters, self.values(x, index))}
-        start = {name: value for name, value in start.items() if name not in ("M", "OF")}
+        beside = ("M", "OF", "OF_rate", *(("Fv",) if self.viscous else ()))
         self.simulations += 1
-        force: Array = segment.run(self.drive, ["F"], start, TOLERANCE)[:, 0]
-        return force
+        own = {name: value for name, value in start.items() if name not in beside}
+        force: Array = segment.run(self.drive, ["F"], own, TOLERANCE)[:, 0]
+        return force + float(start["Fv"]) * segment.inputs["v"] if self.viscous else force
 
     def error(self, x: Array, index: int) -> Array:
         """Return predicted minus measured signal of one segment over the magnitude of the signal.

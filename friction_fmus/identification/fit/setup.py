@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from friction_fmus.blocks.arithmetic import evaluate, names_in
+from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.errors import nearest
 from friction_fmus.identification.data.record import AxisUnits
 from friction_fmus.identification.errors import FitError
@@ -67,7 +67,7 @@ def check_constraints(model: ContactModel, signal: str, constraints: Constraints
     FitError
         If a name is not a parameter of the block, a value is outside its range, or constraints contradict each other.
     """
-    known = {*model.parameters, "OF", *(("M",) if signal == "force" else ())}
+    known = {*model.parameters, "OF", *(("M",) if signal == "force" else ()), *(("Fv",) if model.viscous else ())}
     for kind, names in (("fixed", constraints.fixed), ("bounds", constraints.bounds), ("start", constraints.start)):
         for name in names:
             if name not in known:
@@ -103,11 +103,6 @@ def constants_of(model: ContactModel, constraints: Constraints, Fn0: float | Non
     return constants
 
 
-RUNAWAY = 1e3
-"""Largest ratio of a force parameter to the force in sliding: a record that does not determine it must not let it run
-away to values with which nothing can be computed."""
-
-
 def scalar_setup(
     model: ContactModel,
     segments: Sequence[PreparedSegment],
@@ -125,7 +120,7 @@ def scalar_setup(
     """
     names = model.identified(constraints.named, constraints.fixed)
     coordinates = [coordinate(model, name, traits, constraints) for name in names]
-    coordinates += surroundings(segments, traits, constraints)
+    coordinates += surroundings(segments, traits, constraints, model.viscous)
     if not coordinates:
         raise FitError(f"All parameters of {model.name} are fixed; leave at least one to be identified.")
     state = model.initial_state
@@ -143,7 +138,7 @@ def scalar_setup(
         return {state: values[state] * float(evaluate(model.identified_by.size, {**defaults, **parameters}))}
 
     unit = {name: p.unit for name, p in model.parameters.items()}
-    unit |= {"M": units.inertia, "OF": units.force}
+    unit |= {"M": units.inertia, "OF": units.force} | ({"Fv": units.viscous} if model.viscous else {})
     if state is not None:
         unit[state] = units.force if state.startswith("F") else units.position
     return Setup(tuple(coordinates), dict, states, constants, unit)
@@ -157,15 +152,18 @@ def coordinate(model: ContactModel, name: str, traits: Traits, constraints: Cons
     fit = model.fit_of(name)
     guess = constraints.start.get(name, traits.value(fit.start) if fit else parameter.start)
     guess = min(max(guess, lower), upper)
-    if fit is not None and math.isinf(upper) and names_in(fit.start) <= {"level", "peak"} and guess > 0.0:
-        upper = RUNAWAY * guess
     log = parameter.lower > 0.0
     scale = abs(guess) or abs(parameter.start) or 1.0
     return Coordinate(name, scale, guess, lower, upper, log)
 
 
-def surroundings(segments: Sequence[PreparedSegment], traits: Traits, constraints: Constraints) -> list[Coordinate]:
-    """Return the coordinates of the mass of a drive, and of the force offset if motion is in both directions."""
+def surroundings(
+    segments: Sequence[PreparedSegment], traits: Traits, constraints: Constraints, viscous: bool
+) -> list[Coordinate]:
+    """Return the coordinates of the mass of a drive, of the force offset, and of a viscous friction beside the block.
+
+    The offset is identified if motion is in both directions.
+    """
     guesses: dict[str, tuple[float, float]] = {}
     if segments[0].a is not None:
         mass, offset = inertia_guess(segments)
@@ -174,6 +172,8 @@ def surroundings(segments: Sequence[PreparedSegment], traits: Traits, constraint
         guesses = {"M": (max(mass, 1e-3 * traits.level / max(size, 1e-300)), 0.0), "OF": (offset, -math.inf)}
     elif any(segment.reciprocating for segment in segments) or "OF" in constraints.named:
         guesses = {"OF": (0.0, -math.inf)}
+    if viscous:
+        guesses["Fv"] = traits.viscous, 0.0
     found = []
     for name, (guess, low) in guesses.items():
         # with separate parameters for each direction, an offset is not identifiable
@@ -183,7 +183,7 @@ def surroundings(segments: Sequence[PreparedSegment], traits: Traits, constraint
             continue
         lower, upper = constraints.bounds.get(name, (low, math.inf))
         value = constraints.start.get(name, guess)
-        scale = abs(value) if name == "M" and value != 0.0 else max(abs(value), traits.level)
+        scale = abs(value) if name in ("M", "Fv") and value != 0.0 else max(abs(value), traits.level)
         found.append(Coordinate(name, scale, min(max(value, lower), upper), lower, upper))
     return found
 

@@ -152,6 +152,8 @@ def _start(result: Identification, values: Mapping[str, float], state: Array) ->
     for name, value in values.items():
         if name in contact.parameters:
             start[f"friction.{name}"] = contact.parameters[name].typed(value)
+    if "Fv" not in contact.parameters:
+        start["axis.d"] = values.get("Fv", 0.0)
     direction = float(np.sign(state[1]))
     return start | {f"friction.{name}": direction * size for name, size in state_sizes(contact, values).items()}
 

@@ -20,6 +20,9 @@ from friction_fmus.identification.fit.simulation_data import PreparedSegment
 #: Number of points of the grid of break-away distances.
 POINTS = 20
 
+#: Values beside the parameters of the block: mass, offset, and coefficient of a viscous friction.
+AROUND_BLOCK = ("M", "OF", "Fv")
+
 #: Start value of the ratio of static to Coulomb friction.
 EXCESS = 1.1
 
@@ -99,7 +102,8 @@ def hysteresis_setup(
     if found is not None:
         before = np.array([value for name, value in found.items() if name.startswith("d[")])
         distance, initial_forces, wanted = np.sort(np.outer(before, AROUND).ravel()), FINER, float(len(before))
-    grid = fit_grid(segments[0], Fn0 or 1.0, distance, generalised, constraints.fixed, initial_forces)
+    viscous = generalised or (model.viscous and "Fv" not in constraints.fixed)
+    grid = fit_grid(segments[0], Fn0 or 1.0, distance, viscous, constraints.fixed, initial_forces)
     k, W, s = with_count(grid, None if wanted is None else int(wanted))
     N = len(k)
     # an element with a larger break-away distance never slips
@@ -119,8 +123,9 @@ def hysteresis_setup(
                 else EXCESS
             )
             coordinates.append(Coordinate("Fs/Fc", 1.0, start, 0.0, log=True))
-    coordinates += surroundings(segments, traits, constraints)
-    coordinates = [_moved(c, grid.linear, constraints) for c in coordinates]
+    coordinates += surroundings(segments, traits, constraints, model.viscous)
+    linear = {**grid.linear, **({"Fv": grid.linear["sigma2"]} if model.viscous and viscous else {})}
+    coordinates = [_moved(c, linear, constraints) for c in coordinates]
     for index, segment in enumerate(segments):
         for i in range(N):
             first = float(np.median(segment.measured[:3])) * (Fn0 or 1.0) / float(np.sum(W))
@@ -140,7 +145,7 @@ def hysteresis_setup(
             found["Fc"] = total
             if "Fs/Fc" in values:
                 found["Fs"] = values["Fs/Fc"] * total
-        return found | {name: values[name] for name in (*law, "M", "OF") if name in values}
+        return found | {name: values[name] for name in (*law, *AROUND_BLOCK) if name in values}
 
     def states(parameters: Mapping[str, float], values: Mapping[str, float]) -> dict[str, float]:
         force = {i: parameters.get(f"W[{i}]", 0.0) for i in range(1, N + 1)}
@@ -149,7 +154,8 @@ def hysteresis_setup(
             force = {i: top * parameters[f"alpha[{i}]"] for i in force}
         return {f"Fi[{i}]": values[f"Fi[{i}]"] * level for i, level in force.items()}
 
-    unit = {name: p.unit for name, p in model.parameters.items()} | {"M": units.inertia, "OF": units.force}
+    unit = {name: p.unit for name, p in model.parameters.items()}
+    unit |= {"M": units.inertia, "OF": units.force} | ({"Fv": units.viscous} if model.viscous else {})
     unit |= {f"Fi[{i}]": units.force for i in range(1, N + 1)}
     return Setup(tuple(coordinates), assemble, states, {**constants_of(model, constraints, Fn0), "N": N}, unit)
 
