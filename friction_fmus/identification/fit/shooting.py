@@ -26,7 +26,7 @@ CLOSE = 0.01
 GAP = 0.3
 
 #: Step of the finite differences, over the standard deviations of the prior.
-DIFFERENCE = 0.1
+DIFFERENCE = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,10 +160,11 @@ def shoot(
                 moved = tried
                 break
         closed = not run.gaps.size or float(np.max(np.abs(run.gaps[:, 0]))) < GAP * _rms(run.errors)
-        if moved is None or (closed and after > (1.0 - CLOSE) * before):
-            converged = closed
+        if closed and (moved is None or after > (1.0 - CLOSE) * before):
+            converged = True
             break
-        x, states = moved
+        # where no step helps, the arcs are joined: the search goes on as single shooting
+        x, states = (x, _joined(simulate, arcs, x, states)) if moved is None else moved
         run, linear = _linearise(simulate, arcs, x, states, prior, steps)
     J = _weight(run, independent) * linear.J
     information = J.T @ J
@@ -194,6 +195,16 @@ def _run(simulate: Simulate, arcs: Sequence[Arc], x: Array, states: Array) -> _R
     ends = np.array([[q[-1], v[-1]] for q, v in runs])
     errors = [_own(q - arcs[k].measured, arcs, k) for k, (q, _) in enumerate(runs)]
     return _Run(np.concatenate(errors), _gaps(arcs, ends, states))
+
+
+def _joined(simulate: Simulate, arcs: Sequence[Arc], x: Array, states: Array) -> Array:
+    """Return first states of the arcs with which each begins where the one before it ends."""
+    found = np.array(states)
+    for k, arc in enumerate(arcs):
+        if _continues(arcs, k):
+            q, v = simulate(x, arc, found[k])
+            found[k + 1] = q[-1], v[-1]
+    return found
 
 
 def _continues(arcs: Sequence[Arc], k: int) -> bool:

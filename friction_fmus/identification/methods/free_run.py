@@ -47,6 +47,9 @@ ARC: Final = 2.0
 TRUST: Final = 3.0
 """Standard deviation of a parameter before the fit, over its standard error in the fit that is continued."""
 
+REACH: Final = 0.1
+"""Largest standard deviation of a parameter before the fit, over its value."""
+
 DRIFTING: Final = 0.05
 """Standard deviation of the drift over the whole record before the fit, over the rms of the drive force."""
 
@@ -166,8 +169,13 @@ def _fit(found: Identification, names: Sequence[str]) -> ShootingResult:
     known = found.values()
     mean, deviation, lower, upper = [], [], [], []
     for name in names:
-        mean.append(0.0 if name == DRIFT else known[name])
-        deviation.append(DRIFTING * force / span if name == DRIFT else TRUST * found.parameters[name].standard_error)
+        if name == DRIFT:
+            mean.append(0.0)
+            deviation.append(DRIFTING * force / span)
+        else:
+            mean.append(known[name])
+            size = force if name == "OF" else abs(known[name])
+            deviation.append(min(TRUST * found.parameters[name].standard_error, REACH * size))
         parameter = contact.parameters.get(name)
         lower.append(parameter.lower if parameter else 1e-3 * known["M"] if name == "M" else -np.inf)
         upper.append(parameter.upper if parameter else np.inf)
