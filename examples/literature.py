@@ -148,7 +148,7 @@ def count(claims: Iterable[Mapping[str, Any]]) -> str:
     hold, conditional, wrong, untested = (of.count(verdict) for verdict in VERDICTS)
     return (
         f"Of {len(of)} claims, {hold} hold, {conditional} hold under a stated condition, {wrong} do not hold, "
-        f"and {untested} are history or opinion and cannot be tested."
+        f"and {untested}, which are left out here, are history or opinion and cannot be tested."
     )
 
 
@@ -158,7 +158,8 @@ def page(docs: Path) -> str:
     parts = [INTRODUCTION.format(counts=count(literature.claim))]
     for section in literature.section:
         parts.append(f"{'#' * section['level']} {section['title']}\n")
-        items = [item(claim, scripts) for claim in literature.claim if claim["section"] == section["title"]]
+        claims = [claim for claim in literature.claim if claim["section"] == section["title"]]
+        items = [item(claim, scripts) for claim in claims if claim["verdict"] != VERDICTS[-1]]
         parts += ["\n".join(items) + "\n"] if items else []
     parts.append("## Misprinted or incomplete equations\n")
     parts.append("\n".join(misprint(equation, scripts) for equation in literature.equation) + "\n")

@@ -30,17 +30,15 @@ $ friction-fmus cite LuGre
 def models_page() -> str:
     """Return the page: a table of features, then what each model is, its use, limits and equations."""
     blocks = [block for block in catalogue().values() if block.kind == "friction"]
-    heads = ("model", *FEATURES, "states")
-    table = [f"| {' | '.join(heads)} |", f"|---|{':-:|' * (len(heads) - 1)}"]
-    table += [_table_row(block) for block in blocks]
+    table = ["| model | shows | states |", "|---|---|--:|", *map(_table_row, blocks)]
     legend = [f"* **{name}**: {meaning}" for name, meaning in FEATURES.items()]
     return "\n".join([INTRODUCTION, *table, "", *legend, "", *(_section(block) for block in blocks)])
 
 
 def _table_row(block: Block) -> str:
     states = sum(v.role in (STATE, STATE_OUTPUT) for v in describe_block(block).variables)
-    marks = ["x" if feature in block.features else "" for feature in FEATURES]
-    return f"| [{block.name}](#{block.name.lower()}) | {' | '.join(marks)} | {states} |"
+    shown = ", ".join(feature for feature in FEATURES if feature in block.features)
+    return f"| [{block.name}](#{block.name.lower()}) | {shown} | {states} |"
 
 
 def _section(block: Block) -> str:

@@ -11,8 +11,8 @@ import numpy as np
 from friction_fmus.identification.data.record import Record
 from friction_fmus.identification.result import Identification
 
-FAR: Final = 1e3
-"""Ratio to the largest measured force beyond which a force parameter has run away."""
+FAR: Final = 10.0
+"""Ratio to the largest measured force beyond which a force parameter has run away: the drive overcame all friction."""
 
 
 def within_reach(

@@ -174,10 +174,10 @@ def tradeoffs(points: Sequence[Point], error: str, effort: str, limit: float | N
         )  # fmt: skip
     if limit is not None and np.isfinite(limit):
         figure.add_vline(x=limit, line={"color": INK, "width": 1, "dash": "dot"}, row=1, col=2)
-    figure.update_yaxes(type="log")
+    figure.update_yaxes(type="log", dtick="D2")
     figure.update_yaxes(title=escaped(error), col=1)
     figure.update_xaxes(title=escaped(effort), col=1)
-    figure.update_xaxes(title="sensitivity peak Ms", col=2)
+    figure.update_xaxes(title="Ms", col=2)
     return finished(figure, 420)
 
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import pi
 from typing import Final, TypeAlias
 
 import numpy as np
 
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.identification import Array
+from friction_fmus.study.injection import frequencies, pulses
 from friction_fmus.study.records import IdentifiedParameter
 from friction_fmus.study.regression import (
     Comparison,
@@ -37,12 +38,6 @@ LATEST: Final = 8
 
 WIDEST: Final = 16
 """Largest window of the velocity that is tried, in samples."""
-
-BETWEEN: Final = 0.5
-"""Fraction of the samples that the servo must reproduce if the rest is a force in pulses."""
-
-LINES: Final = 0.6
-"""Fraction of the power of a periodic force in its strongest frequencies."""
 
 CONFIRMED: Final = 0.05
 """Relative difference up to which a configured gain agrees with the one that the record shows."""
@@ -306,7 +301,7 @@ def _injected(compared: Comparison) -> Diagnosis | None:
     difference = compared.force - compared.command
     if compared.servo.pid[2]:
         difference = difference - np.median(difference[compared.used])
-    said = _pulses(compared, difference) or _lines(compared, difference)
+    said = pulses(compared, difference) or frequencies(compared, difference)
     if not said:
         return None
     change = (
@@ -315,41 +310,3 @@ def _injected(compared: Comparison) -> Diagnosis | None:
     )
     outside = np.where(compared.used, difference, 0.0)
     return Diagnosis((Explanation("injected-force", f"a force is added from outside, {said}.", change),), (), outside)
-
-
-def _pulses(compared: Comparison, difference: Array) -> str:
-    """Return the description of pulses between which the servo reproduces the force; empty if there are none."""
-    size = np.where(compared.used, np.abs(difference), 0.0)
-    peak = float(np.max(size))
-    outside = size > 0.2 * peak
-    between = compared.used & (size <= 0.05 * peak)
-    if np.count_nonzero(between) < BETWEEN * np.count_nonzero(compared.used):
-        return ""
-    starts = np.flatnonzero(np.diff(np.concatenate([[0], outside.astype(np.int8)])) == 1)
-    pulses = [size[begin:end].max() for begin, end in zip(starts, [*starts[1:], len(size)], strict=True)]
-    force, t = compared.record.units.force, compared.record.t[starts[0]]
-    one = len(pulses) == 1
-    return (
-        f"in {'one pulse' if one else f'{len(pulses)} pulses'} of {float(np.median(pulses)):.3g} {force}, "
-        f"{'at' if one else 'the first one at'} {t:.4g} s"
-    )
-
-
-def _lines(compared: Comparison, difference: Array) -> str:
-    """Return the description of a periodic force; empty if its frequency is one of the reference, or it is not one."""
-    power, reference = (
-        np.abs(np.fft.rfft((values - np.mean(values)) * np.hanning(len(values)))) ** 2
-        for values in (np.where(compared.used, difference, 0.0), references(compared.record, compared.servo.Ts)["rd"])
-    )
-    left, places = power.copy(), np.zeros(len(power), dtype=bool)
-    for _ in range(3):
-        place = int(np.argmax(left))
-        if np.sum(left[max(0, place - 3) : place + 4]) < 0.05 * np.sum(power):
-            break
-        places[max(0, place - 3) : place + 4] = True
-        left[places] = 0.0
-    if np.sum(power[places]) < LINES * np.sum(power) or np.sum(reference[places]) > 0.05 * np.sum(reference):
-        return ""
-    frequency = float(np.argmax(power)) / (len(difference) * compared.servo.Ts)
-    amplitude = sqrt(2.0) * rms(difference[compared.used])
-    return f"periodic, mainly at {frequency:.4g} Hz, with an amplitude of {amplitude:.3g} {compared.record.units.force}"

@@ -15,6 +15,9 @@ from friction_fmus.study.records import ModelResult
 SENSITIVE = 1.5
 """Factor by which the error rises in a case that is worth a measurement."""
 
+SMALL = 1e-3
+"""Constant force over the force limit up to which it is not worth a setting."""
+
 
 def next_steps(
     bench: Bench, scheme: Scheme, row: CompensatorResult, models: Sequence[ModelResult], units: AxisUnits
@@ -47,7 +50,9 @@ def next_steps(
 def _motion(bench: Bench, units: AxisUnits) -> Iterator[str]:
     if not bench.trajectory.motion:
         return
-    constant = f", and a constant force of {bench.plant.offset:.3g} {units.force}" if bench.plant.offset else ""
+    force = bench.plant.offset
+    known = abs(force) > SMALL * bench.servo.force_limit
+    constant = f", and a constant force of {force:.3g} {units.force}" if known else ""
     yield (
         "Switch on the feedforward of velocity (100 %) and acceleration (inertia "
         f"{bench.plant.mass:.4g} {units.inertia}){constant}."

@@ -141,7 +141,7 @@ def _tradeoffs(study: StudyResult, rows: Sequence[CompensatorResult], unit: str,
         "function; the dotted line is its limit. The dashed line connects the compensators that no other one beats in "
         "both. The large mark is the recommended one."
     )
-    figure = tradeoffs(points, f"worst-case error, rms [{unit}]", f"force above bandwidth [{study.units.force}]", limit)
+    figure = tradeoffs(points, f"worst-case error, rms [{unit}]", f"force [{study.units.force}]", limit)
     return Plot("tradeoffs-plot", figure, caption, f"Plot. {caption} The table below has the values.", False)
 
 
