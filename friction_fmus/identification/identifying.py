@@ -215,7 +215,8 @@ def _result(
     measured = np.concatenate([segment.measured for segment in problem.segments])
     inertia = [found.x[i] * found.J[:, i] for i, c in enumerate(setup.coordinates) if c.name == "M"]
     misfit = misfit_variance(found, [found.residual + measured / problem.size, *inertia], lengths, G)
-    error = np.sqrt(np.maximum(np.diag(C), 0.0) + misfit)
+    noise = np.sqrt(np.maximum(np.diag(C), 0.0))
+    error = np.hypot(noise, np.sqrt(misfit))
     parameters, initial = _reported(setup, problem, found.x)
     names = [*parameters, *initial]
     both = {**parameters, **initial}
@@ -224,6 +225,7 @@ def _result(
     unseen = [name for i, name in enumerate(names) if np.any(G[i]) and not np.any((G[i] != 0.0) & seen)]
     error = np.where(np.isin(names, unseen), np.nan, error)
     errors = {name: float(value) for name, value in zip(names, error, strict=True)}
+    noises = {name: float(value) for name, value in zip(names, noise, strict=True)}
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = np.nan_to_num(C / np.outer(error, error), nan=0.0, posinf=0.0, neginf=0.0)
     np.fill_diagonal(correlation, 1.0)
@@ -243,7 +245,7 @@ def _result(
         return setup.units.get(name.split(" (")[0], "1")
 
     def estimate(name: str) -> Estimate:
-        return Estimate(name, both[name], errors[name], unit_of(name))
+        return Estimate(name, both[name], errors[name], unit_of(name), noises[name])
 
     return Identification(
         model=contact.name,

@@ -240,6 +240,7 @@ def row_of(result: Identification, summary: str, published: Mapping[str, float])
             meaning,
             published.get(name),
             result.weak.get(name, ""),
+            estimate.noise_error,
         )
 
     def fit(score: Score | None) -> Fit | None:

@@ -33,6 +33,8 @@ class IdentifiedParameter:
         Value in the literature, or the true value for a simulated record, in `unit`.
     weak : str
         Reason why the parameter is poorly identifiable, and what to measure; empty if it is well determined.
+    noise_error : float or None
+        Part of the standard error that is due to noise, in `unit`; None if the parts are not known.
     """
 
     name: str
@@ -42,6 +44,13 @@ class IdentifiedParameter:
     meaning: str
     published: float | None = None
     weak: str = ""
+    noise_error: float | None = None
+
+    @property
+    def determined(self) -> bool:
+        """Whether the noise of the record determines the parameter to better than its value."""
+        error = self.standard_error if self.noise_error is None else self.noise_error
+        return self.standard_error is not None and error is not None and error < abs(self.value)
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ def refine(
     if not unfitted:
         return found
     rows = {p.name: p for p in found.row.parameters}
-    free = [p for p in rows.values() if p.standard_error is not None and p.standard_error < abs(p.value)]
+    free = [p for p in rows.values() if p.determined]
     free = [p for p in free if p.value > 0.0 or p.name == "OF"]
     level = max((found.values.get(name, 0.0) for name in ("Fc", "Fs", "f1")), default=0.0)
     if "M" not in {p.name for p in free} or not level:

@@ -19,12 +19,16 @@ class Estimate:
         Standard error, in `unit`; NaN if it is not available.
     unit : str
         Unit of value and standard error.
+    noise_error : float or None
+        Part of the standard error that is due to noise, without the bias by delays and filters of the measurement; None
+        if the parts are not known.
     """
 
     name: str
     value: float
     standard_error: float
     unit: str
+    noise_error: float | None = None
 
     @property
     def relative_error(self) -> float:
