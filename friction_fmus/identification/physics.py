@@ -135,6 +135,8 @@ def missing_force(records: Sequence[Record]) -> Finding | None:
     if equations is None:
         return None
     A, F, t, ends = equations
+    if len(F) <= 2 * BESIDE + 1:  # too short to tell a disturbance from a reversal
+        return None
     scaled = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     weight = np.ones_like(F)
     for _ in range(ITERATIONS):

@@ -30,6 +30,7 @@ def test_the_page_names_every_benchmark() -> None:
         "law_runs",
         "effects",  # has a page of its own
         "law_variants",
+        "cycles",  # its table belongs to the study
         "identification",  # its figures stand in the page of identification
     }
     assert set(BENCHMARKS) == {path.stem for path in (ROOT / "benchmarks").glob("*.py")} - helpers

@@ -121,22 +121,52 @@ def test_legend_and_zoom_work_by_key(browser: Browser, report: Path) -> None:
         assert span() == pytest.approx(whole)
 
         drawn = "box => box.querySelectorAll('.scatterlayer .trace').length"
-        before = page.eval_on_selector("#errors-plot", drawn)
-        name = page.locator("#errors-plot-legend").get_by_role("button", name="GMSFeedforward")
-        assert name.get_attribute("aria-pressed") == "false"
-        name.press("Enter")
+        before = page.eval_on_selector("#gains-plot", drawn)
+        name = page.locator("#gains-plot-legend").get_by_role("button", name="GMSFeedforward")
         assert name.get_attribute("aria-pressed") == "true"
-        assert page.eval_on_selector("#errors-plot", drawn) == before + 1
+        name.press("Enter")
+        assert name.get_attribute("aria-pressed") == "false"
+        assert page.eval_on_selector("#gains-plot", drawn) == before - 1
+        assert watched.messages == []
+
+
+def test_a_curve_in_two_panels_has_one_entry_in_the_legend(browser: Browser, report: Path) -> None:
+    with opened(browser, report, "desktop") as watched:
+        names = watched.page.locator("#tradeoffs-plot-legend button").all_inner_texts()
+        assert len(names) == len(set(names))
+        assert "feedforward" in names
+
+
+def test_other_weights_rank_the_compensators_anew(browser: Browser, report: Path) -> None:
+    """The rows carry the logarithms of their figures; with the weight of the cost alone, the cheapest comes first."""
+    with opened(browser, report, "desktop") as watched:
+        page = watched.page
+
+        def names() -> list[str]:
+            return page.locator(".ranked tr[data-figures] th").all_inner_texts()
+
+        def cycles() -> list[float]:
+            texts = page.locator(".ranked tr[data-figures][data-improves='1']").all()
+            return [float((row.get_attribute("data-figures") or "").split()[3]) for row in texts]
+
+        before = names()
+        for field, weight in zip(page.locator(".weights input").all(), ("0", "0", "0", "1"), strict=True):
+            field.fill(weight)
+        assert names()[0] == before[0]  # without compensation
+        assert sorted(names()) == sorted(before)
+        assert cycles() == sorted(cycles())
+        page.locator(".weights button").click()
+        assert page.locator(".weights input").first.input_value() == "1"
         assert watched.messages == []
 
 
 def test_dark_mode_comes_and_goes_with_the_system(browser: Browser, report: Path) -> None:
     with opened(browser, report, "dark") as watched:
         background = "box => box.layout.paper_bgcolor"
-        assert watched.page.eval_on_selector("#sweep-plot", background) == "#15181c"
+        assert watched.page.eval_on_selector("#gains-plot", background) == "#15181c"
         watched.page.emulate_media(color_scheme="light")
-        watched.page.wait_for_selector("#sweep-plot .main-svg[style*='rgb(255, 255, 255)']")
-        assert watched.page.eval_on_selector("#sweep-plot", background) == "#ffffff"
+        watched.page.wait_for_selector("#gains-plot .main-svg[style*='rgb(255, 255, 255)']")
+        assert watched.page.eval_on_selector("#gains-plot", background) == "#ffffff"
 
 
 def test_the_print_has_pages_and_all_plots(browser: Browser, report: Path) -> None:
@@ -145,7 +175,7 @@ def test_the_print_has_pages_and_all_plots(browser: Browser, report: Path) -> No
         assert watched.page.eval_on_selector("#bars-plot", "box => box.layout.paper_bgcolor") == "#15181c"
     document = pypdfium2.PdfDocument(printed)
     assert 4 <= len(document) <= 12
-    titles = ("position [mm]", "force [N]", "velocity [mm/s]", "displacement [µm]", "cost [ns]", "time [s]", "gain")
+    titles = ("position [mm]", "force [N]", "velocity [mm/s]", "displacement [µm]", "Ms", "time [s]", "gain")
     text = "".join(page.get_textpage().get_text_bounded() for page in document)
     for title in titles:
         assert title in text, title

@@ -71,7 +71,7 @@ def numbers(folder: Path) -> dict[str, Any]:
     return {
         "models": models,
         "metrics": metrics,
-        "servos": result["servos"],
+        "ladder": result["ladder"],
         "winner": result["recommendation"]["name"],
     }
 

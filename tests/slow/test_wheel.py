@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import math
 import os
 import subprocess
 import sys
@@ -41,7 +42,14 @@ except friction_fmus.BuildError as error:
     print(error)
 """
 
-LOG = "t [s],x [m],force [N]\n" + "".join(f"{k * 1e-3},{1e-3 * (k % 50)},{1 + k % 3}\n" for k in range(200))
+W = 2.0 * math.pi * 5.0
+LOG = "t [s],x [m],force [N]\n" + "".join(
+    f"{k * 1e-3},{-1e-2 * math.cos(W * k * 1e-3)},"
+    f"{2e-2 * W**2 * math.cos(W * k * 1e-3) + math.copysign(3.0, math.sin(W * k * 1e-3))}\n"
+    for k in range(1000)
+)
+"""A mass of 2 kg with Coulomb friction of 3 N on a sine."""
+
 
 DONE = [
     ["list"],
