@@ -1,4 +1,4 @@
-"""A picture of summary and bar chart of a report, such as docs/figures/report.png: report_picture.py REPORT PICTURE.
+"""A picture of the next steps and the ladder of a report, such as docs/figures/report.png: report_picture.py REPORT PICTURE.
 
 Needs Chromium and the extra `test`.
 """
@@ -25,7 +25,7 @@ def main() -> None:
         page.wait_for_selector("html[data-plots=drawn]")
         parts = [
             Image.open(io.BytesIO(page.locator(part).screenshot()))
-            for part in ("section:has(#summary)", "figure:has(#bars-plot)")
+            for part in ("section:has(#steps)", "figure:has(#ladder-plot)")
         ]
         browser.close()
     size = (parts[0].width + 2 * MARGIN, sum(part.height + MARGIN for part in parts) + MARGIN)
