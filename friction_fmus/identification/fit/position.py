@@ -35,6 +35,10 @@ BLOCKS = 6
 #: Largest cross-validation error, relative to that without a table, at which a table is used.
 HELPS = 2.0 / 3.0
 
+#: Smallest reduction of the cross-validation error for which a table is used, over the magnitude of the signal: of
+#: smaller errors, the last bits of the regression decide.
+MATTERS = 0.005
+
 #: Cross-validation errors within this factor of the smallest count as equal; the table with fewer nodes is then used.
 ALIKE = 1.05
 
@@ -187,7 +191,7 @@ def _choose(fit: Fit, segments: Sequence[PreparedSegment]) -> tuple[Regressor, f
         regressor = _regressor(segments, nodes, used)
         tried.append((_crossed(J, regressor.columns[used], residual, block), regressor))
     least = min((error for error, _ in tried), default=np.inf)
-    if least > HELPS * without:
+    if least > HELPS * without or without - least < MATTERS:
         return None
     error, regressor = next(each for each in tried if each[0] <= ALIKE * least)
     return regressor, error * size, without * size
