@@ -1,4 +1,4 @@
-"""A picture of the next steps and the ladder of a report, such as docs/figures/report.png: report_picture.py REPORT PICTURE.
+"""A picture of next steps and ladder of a report, such as docs/figures/report.png: report_picture.py REPORT PICTURE.
 
 Needs Chromium and the extra `test`.
 """
