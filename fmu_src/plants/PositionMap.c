@@ -10,8 +10,8 @@
 
    C and D are the columns of the table, a_c = cogging_gain and a_f = friction_gain. F_position acts on the mass in the
    positive direction, unlike a friction force; connect it to the input F_load of a plant. D is the friction in addition
-   to that of a friction model beside this block, and may be negative where the axis runs easier than on average. At v =
-   0 the second part is zero: the friction model alone holds the mass.
+   to that of a friction model beside this block, and is negative where friction is below its average. At v = 0, the
+   second part is zero: the friction model alone holds the mass.
 
    With the reference position and velocity as inputs, -F_position is the feedforward that compensates the map.
 

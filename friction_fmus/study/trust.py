@@ -9,6 +9,8 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.axis.servo import Servo
+from friction_fmus.conditions import PathDynamics, SampledLaw, chain, one_mass
+from friction_fmus.conditions.linear import spectral_radius
 from friction_fmus.identification import Record
 from friction_fmus.identification.physics import FORBIDDING, contradictions
 from friction_fmus.study.models import IdentifiedModel
@@ -18,7 +20,7 @@ BEYOND: Final = 1.2
 """Recorded force over the force limit above which one of them has a wrong unit."""
 
 GROWTH: Final = 1.1
-"""Factor per sample by which an oscillation grows in a loop that cannot be that of a recorded axis."""
+"""Growth of an oscillation per sample above which the loop is too unstable to have been recorded."""
 
 
 def force_findings(records: Sequence[Record], servo: Servo | None) -> tuple[StudyFinding, ...]:
@@ -75,29 +77,12 @@ def mass_findings(servo: Servo | None, model: IdentifiedModel, unit: str) -> tup
 def loop_growth(servo: Servo, mass: float, viscous: float) -> float:
     """Return the largest magnitude of the poles of the sampled loop of a mass without Coulomb friction.
 
-    The states are the velocity and the positions of the last samples; the force is held over a sample. Integral action
-    is left out, as it is slow.
+    Integral action is left out, as it is slow.
     """
-    Ts, n = servo.Ts, servo.window
     Kp, Kd, _ = servo.pid
-    rate = viscous * Ts / mass
-    held = -np.expm1(-rate) / rate if rate > 1e-9 else 1.0  # mean decay of the velocity over a sample
-    drift = (1.0 - held) / rate if rate > 1e-9 else 0.5
-    law = np.zeros(n + 2 + servo.delay)  # force over velocity, positions and commands that are on their way
-    law[1] -= Kp + Kd / (n * Ts)
-    law[1 + n] += Kd / (n * Ts)
-    A = np.zeros((len(law), len(law)))
-    force = law if servo.delay == 0 else np.eye(len(law))[-1]
-    A[0] = Ts / mass * held * force
-    A[0, 0] += np.exp(-rate)
-    A[1] = Ts**2 / mass * drift * force
-    A[1, 0] += Ts * held
-    A[1, 1] += 1.0
-    for i in range(2, n + 2):
-        A[i, i - 1] = 1.0
-    for i in range(n + 2, len(law)):
-        A[i] = law if i == n + 2 else np.eye(len(law))[i - 1]
-    return float(np.max(np.abs(np.linalg.eigvals(A))))
+    feedback = SampledLaw(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros(0), np.array([-Kp, -Kd, 0.0]))
+    path = PathDynamics(delay=servo.delay * servo.Ts, window=servo.window)
+    return spectral_radius(chain(one_mass(mass, viscous), [feedback], servo.Ts, path))
 
 
 def loop_findings(models: Sequence[IdentifiedModel], simulated: bool) -> tuple[StudyFinding, ...]:

@@ -58,7 +58,7 @@ def test_the_command_is_that_of_the_published_formula(servo: Servo) -> None:
 
 
 def test_a_gain_that_is_a_hundredth(servo: Servo) -> None:
-    """kv = 18 in place of 1800: the gain and the unit of the force cannot be told apart, both are named."""
+    """kv = 18 in place of 1800: a wrong gain and a wrong unit of the force look the same, so both are named."""
     check = check_servo(EMPS, with_gains(servo, kv=0.01)).result
     (finding,) = check.findings
     assert finding.name == "wrong-unit-or-gain"
