@@ -5,13 +5,14 @@ This module connects FMUs. Control laws, plants and friction forces are computed
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from friction_fmus.axis.elements import Compensator, Plant, Trajectory
+from friction_fmus.axis.pool import PartPool
 from friction_fmus.axis.servo import Servo
 from friction_fmus.fmi.package import fmu
 from harness import FmuPart, Part, SeriesPart, Wire
@@ -42,9 +43,8 @@ class LoopAssembly:
         Number of communication steps between mass and friction in a sample of the servo.
     fmus : mapping of str to Path
         FMUs to use instead of those of the library, by name of the part.
-    pool : dict of (str, Path) to FmuPart
-        Parts of other loops to use again, by name and FMU; new parts are added. Loops that share parts must not run at
-        the same time.
+    pool : PartPool
+        Parts of other loops to use again.
     parts, wires, start : list of Part, list of Wire, dict of str to StartValue
         What has been added.
     """
@@ -53,22 +53,24 @@ class LoopAssembly:
     trajectory: Trajectory
     every: int
     fmus: Mapping[str, Path]
-    pool: dict[tuple[str, Path], FmuPart]
+    pool: PartPool
     parts: list[Part] = field(default_factory=list)
     wires: list[str | Wire] = field(default_factory=list)
     start: dict[str, StartValue] = field(default_factory=dict)
 
     def add(self, name: str, model: str, values: Mapping[str, float], *, sampled: bool = True) -> FmuPart:
         """Add a block with these parameters; those that it does not have are ignored."""
-        path = self.fmus.get(name) or block(model, self.trajectory.rotary)
-        part = self._part(name, path, self.every if sampled else 1)
+        part = self._part(name, model, lambda: block(model, self.trajectory.rotary), self.every if sampled else 1)
         self.start |= {f"{name}.{key}": value for key, value in typed(part, values).items()}
         return part
 
-    def _part(self, name: str, path: Path, every: int) -> FmuPart:
-        part = self.pool.get((name, path))
-        if part is None:
-            part = self.pool[name, path] = FmuPart(name, path, every=every)
+    def _part(self, name: str, fmu: Hashable, path: Callable[[], Path], every: int) -> FmuPart:
+        other = self.fmus.get(name)
+        part = (
+            self.pool.part(name, fmu, path, every)
+            if other is None
+            else self.pool.part(name, other, lambda: other, every)
+        )
         self.parts.append(part)
         return part
 
@@ -85,13 +87,14 @@ class LoopAssembly:
     def add_sensors(self) -> None:
         """Add the reference, and the measurement of position and velocity."""
         servo, trajectory = self.servo, self.trajectory
-        self._part("reference", trajectory.reference, self.every)
+        self._part("reference", trajectory.reference, lambda: trajectory.reference, self.every)
         self.add("velocity", "Differentiator", {"Ts": servo.Ts, "window": servo.window, "v0": trajectory.v0})
         self.wires.append(f"{self.position} -> velocity.x")
         if servo.noise:
-            if trajectory.noise is None:
+            noise = trajectory.noise
+            if noise is None:
                 raise ValueError("a servo with noise needs an FMU that outputs the noise")
-            self._part("noise", trajectory.noise, self.every)
+            self._part("noise", noise, lambda: noise, self.every)
             self.add("measured", "Sum", {"gain[2]": servo.noise})
             self.wires += ["axis.x -> measured.u1", "noise.r -> measured.u2"]
         if servo.quantum:
@@ -177,7 +180,8 @@ class LoopAssembly:
         if _has_input(contact, "F_ext"):
             self.wires.append("axis.F_ext -> friction.F_ext")
         if plant.position is not None:
-            self._part("position", self.fmus.get("position") or plant.position.fmu(trajectory.rotary), 1)
+            table = plant.position
+            self._part("position", table, lambda: table.fmu(trajectory.rotary), 1)
             self.start |= {f"position.{name}": value for name, value in plant.position.start.items()}
             self.wires += ["axis.x -> position.x", "axis.v -> position.v"]
             # a step late, so that only mass and friction are solved jointly: the force hardly changes in a step

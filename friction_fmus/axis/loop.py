@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from friction_fmus.axis.assembly import LoopAssembly, block, typed
 from friction_fmus.axis.elements import Compensator, Plant, Trajectory
+from friction_fmus.axis.pool import PartPool
 from friction_fmus.axis.servo import Servo
-from harness import Experiment, FmuPart, System, Wire
+from harness import Experiment, System, Wire
 
 RECORDED = ("axis.x", "servo.u")
 """Variables recorded at every sample of the servo."""
@@ -46,7 +47,7 @@ def closed_loop(
     fmus: Mapping[str, Path] | None = None,
     longest: float = FINEST,
     feedforward: Compensator | None = None,
-    pool: dict[tuple[str, Path], FmuPart] | None = None,
+    pool: PartPool | None = None,
 ) -> System:
     """Return the closed loop of an axis as a system.
 
@@ -66,8 +67,8 @@ def closed_loop(
         Longest communication step between mass and friction [s].
     feedforward : Compensator, optional
         Friction feedforward beside an estimator, which then estimates only the friction that remains.
-    pool : dict of (str, Path) to FmuPart, optional
-        Parts of other loops to use again, see `LoopAssembly`; the caller closes them.
+    pool : PartPool, optional
+        Parts of other loops to use again; the caller closes it.
 
     Returns
     -------
@@ -75,7 +76,7 @@ def closed_loop(
         System with its experiment; the caller closes it.
     """
     every = max(1, int(np.ceil(servo.Ts / longest - 1e-9)))  # steps of mass and friction in a sample
-    loop = LoopAssembly(servo, trajectory, every, fmus or {}, {} if pool is None else pool)
+    loop = LoopAssembly(servo, trajectory, every, fmus or {}, pool or PartPool())
     loop.add_sensors()
     loop.add_servo(plant.mass)
     loop.add_compensation(compensator, feedforward)

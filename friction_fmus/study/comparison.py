@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 from friction_fmus.axis.elements import Compensator
+from friction_fmus.axis.pool import PartPool
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
@@ -15,7 +16,7 @@ from friction_fmus.study.compensator_records import CompensatorResult, Limits, L
 from friction_fmus.study.compensators import INTEGRAL, INTEGRAL_SUMMARY, AxisKnowledge, Candidate, candidates
 from friction_fmus.study.config import Compensation
 from friction_fmus.study.cost import cost_of
-from friction_fmus.study.evaluation import Evaluation, Pool, Scheme, evaluate, system_of
+from friction_fmus.study.evaluation import Evaluation, Scheme, evaluate, system_of
 from friction_fmus.study.margins import margins_of
 from friction_fmus.study.metrics import BAND, Bench
 from friction_fmus.study.ranking import extremes, rank
@@ -150,12 +151,8 @@ def _contradicted(bench: Bench, ranked: Sequence[CompensatorResult], found: Mapp
 
 def _violated(bench: Bench, scheme: Scheme) -> dict[str, str]:
     """Return the conditions that an axis violates, by name."""
-    pool: Pool = {}
-    try:
+    with PartPool() as pool:
         findings = examine(system_of(bench, scheme, pool))
-    finally:
-        for part in pool.values():
-            part.close()
     return {finding.condition.name: finding.condition.wrong for finding in findings if not finding.condition.ok}
 
 

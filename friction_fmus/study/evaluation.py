@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 
 from friction_fmus.axis.elements import Compensator
 from friction_fmus.axis.loop import closed_loop, run_loop, with_gain
+from friction_fmus.axis.pool import PartPool
 from friction_fmus.axis.servo import Servo
 from friction_fmus.identification import Array
 from friction_fmus.study.cases import Case, changed
@@ -18,12 +18,10 @@ from friction_fmus.study.compensator_records import Corner, LoopMargins, Metrics
 from friction_fmus.study.metrics import Bench, judge
 from friction_fmus.study.records import Curve
 from friction_fmus.study.thinning import thinned
-from harness import FmuPart, HarnessError, System
+from harness import HarnessError, System
 
 ALIKE: Final = 0.1
 """Errors within this relative difference count as equal; a higher bandwidth then depends less on the friction."""
-
-Pool: TypeAlias = dict[tuple[str, Path], FmuPart]
 
 
 @dataclass(frozen=True)
@@ -95,15 +93,11 @@ def evaluate(bench: Bench, schemes: Sequence[Scheme], cases: Sequence[Case]) -> 
     cases : sequence of Case
         Differences of the axis.
     """
-    pool: Pool = {}
-    try:
+    with PartPool() as pool:
         return _evaluated(bench, schemes, cases, pool)
-    finally:
-        for part in pool.values():
-            part.close()
 
 
-def _evaluated(bench: Bench, schemes: Sequence[Scheme], cases: Sequence[Case], pool: Pool) -> Evaluation:
+def _evaluated(bench: Bench, schemes: Sequence[Scheme], cases: Sequence[Case], pool: PartPool) -> Evaluation:
     trials, possible = [], []
     for scheme in schemes:
         metrics, error, failure = _judged(system_of(bench, scheme, pool), bench)
@@ -126,8 +120,8 @@ def _best(trials: Sequence[tuple[Scheme, Metrics, Array]]) -> tuple[Scheme, Metr
     return min(alike, key=lambda trial: (-(trial[0].bandwidth or 0.0), trial[1].rms))
 
 
-def system_of(bench: Bench, scheme: Scheme, pool: Pool) -> System:
-    """Return the axis with a scheme as a system; the caller closes the parts of the pool."""
+def system_of(bench: Bench, scheme: Scheme, pool: PartPool) -> System:
+    """Return the axis with a scheme as a system; the caller closes the pool."""
     servo, plant, trajectory = scheme.servo, bench.plant, bench.trajectory
     if scheme.compensator is None:
         return closed_loop(servo, plant, trajectory, scheme.feedforward, pool=pool)
@@ -135,7 +129,7 @@ def system_of(bench: Bench, scheme: Scheme, pool: Pool) -> System:
     return with_gain(system, scheme.gain)
 
 
-def _corner(bench: Bench, scheme: Scheme, case: Case, pool: Pool) -> Corner:
+def _corner(bench: Bench, scheme: Scheme, case: Case, pool: PartPool) -> Corner:
     servo, trajectory = changed(scheme.servo, bench.trajectory, case)
     system = system_of(replace(bench, trajectory=trajectory), replace(scheme, servo=servo), pool)
     metrics, _, failure = _judged(system.with_start(off_by(system, case.friction, case.mass)), bench)

@@ -13,7 +13,8 @@
 #define AT_START  0.2  /* the same in the first EARLY ticks of a value that starts at 0, whose magnitude is unknown */
 #define SURPRISE  0.05 /* of the magnitude, between an unknown and its linear prediction */
 #define LEAP      1.5  /* over the largest magnitude so far */
-#define HOPELESS  30.0 /* sum of the unresolved errors over the magnitude */
+#define HOPELESS  30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
+#define MOST_UNRESOLVED 40.0 /* sum of the shares of their steps */
 #define AMPLIFIED 4.0  /* ratio of error to tolerance that an amplified value counts as */
 enum {
     CHECK_EVERY = 512,
@@ -21,7 +22,6 @@ enum {
     MOST_PATIENCE = 64,
     SOON = 16,
     MOST_RECURRENCES = 8,
-    MOST_UNRESOLVED = 5000,
     EARLY = 8
 };
 #define GROWTHS 3.0
@@ -101,7 +101,8 @@ static int solve_halves(Engine *e, Newton *newton, int64_t number, const Span *s
     const Group *const g = &newton->groups[number];
     const int64_t lines = e->lines_from[e->part_count];
     const double half = 0.5 * s->h, middle = 0.5 * (s->from + s->to);
-    const Span first = {s->t, half, s->from, middle, 0.5 * s->ratio}, second = {s->t + half, half, middle, s->to, 1.0};
+    const Span first = {s->t, half, s->from, middle, 0.5 * s->ratio, false};
+    const Span second = {s->t + half, half, middle, s->to, 1.0, false};
     int status = solve(e, newton, g, number, &first, true);
     if (status != SOLVED)
         return status;
@@ -121,25 +122,30 @@ static int solve_halves(Engine *e, Newton *newton, int64_t number, const Span *s
 }
 
 /* Return the largest difference between a span and its halves over DOUBT. If the solution lies at a jump, the unknown
-   is the holding force: only its mean counts, and the values beyond the jump are rounding errors. */
-static double difference(const Engine *e, Newton *newton, int64_t number, const double *whole, const double *halves,
-                         bool jumped, bool early)
+   is the holding force: only its mean counts, and the values beyond the jump are rounding errors. Keep the error that
+   would remain: the mean counts over the whole step, of which the span is a part. An instantaneous event, such as a mass
+   that stops, is never resolved, but does not matter in a span that is short enough. */
+static double difference(const Engine *e, Newton *newton, int64_t number, const Span *s, const double *whole,
+                         const double *halves, bool jumped, bool early)
 {
     const Group *const g = &newton->groups[number];
-    double worst = 0.0;
+    StepCheck *const guard = &newton->guards[number];
+    double worst = 0.0, most = -1.0;
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
             const Moving *const a = &newton->kept_lines[k], *const b = &newton->moving[k];
             if (!a->inner || (jumped && a->unknown < 0))
                 continue;
             const double tolerated = early && a->from_rest ? AT_START : DOUBT;
-            const double apart = fmax(fabs(whole[k] - halves[k]), jumped ? 0.0 : fabs(a->u1 - b->u1));
-            const double off =
-                apart == 0.0 ? 0.0 : apart / (tolerated * fmax(a->scale, fmax(fabs(a->u1), fabs(b->u1))));
-            if (!(off <= worst)) {
-                worst = isnan(off) ? INFINITY : off;
-                newton->guards[number].line = k;
-                newton->guards[number].apart = apart;
+            const double in_mean = fabs(whole[k] - halves[k]), at_end = jumped ? 0.0 : fabs(a->u1 - b->u1);
+            const double apart = fmax(in_mean, at_end), size = fmax(a->scale, fmax(fabs(a->u1), fabs(b->u1)));
+            const double remains = fmax((s->to - s->from) * in_mean, at_end);
+            const double off = apart == 0.0 ? 0.0 : apart / (tolerated * size);
+            worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
+            if (!(remains <= most * size)) {
+                most = remains == 0.0 ? 0.0 : remains / size;
+                guard->line = k;
+                guard->apart = remains;
             }
         }
     return worst;
@@ -163,7 +169,7 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool 
     if (status != SOLVED && !failed_halves)
         return status;
     const double found =
-        failed_halves ? INFINITY : difference(e, newton, number, whole, halves, jumped || halves_jumped, early);
+        failed_halves ? INFINITY : difference(e, newton, number, s, whole, halves, jumped || halves_jumped, early);
     *off = fmax(*off, found);
     keep(e, newton, g, number, true);
     newton->before[number] = before;
@@ -177,13 +183,14 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool 
     return status;
 }
 
-/* Record an error that remains in the result. */
-static void owe(Newton *newton, StepCheck *guard, double t)
+/* Record an error that remains in the result. Errors of separate events are independent, so their squares add up. */
+static void owe(Newton *newton, StepCheck *guard, const Span *s)
 {
     Moving *const m = &newton->moving[guard->line];
-    if (guard->unresolved++ == 0)
-        guard->time = t;
-    m->debt += guard->apart;
+    if (guard->unresolved == 0.0)
+        guard->time = s->t;
+    guard->unresolved += s->to - s->from;
+    m->debt = hypot(m->debt, guard->apart);
     guard->hopeless = m->debt > HOPELESS * fmax(m->scale, fabs(m->u1)) || guard->unresolved > MOST_UNRESOLVED;
 }
 
@@ -193,7 +200,7 @@ static void conclude(Newton *newton, int64_t number, int64_t tick, const Span *s
     StepCheck *const guard = &newton->guards[number];
     if (off > 1.0) {
         if (smallest)
-            owe(newton, guard, s->t);
+            owe(newton, guard, s);
         if (tick > guard->last)
             guard->recurrences = tick > guard->last + SOON + guard->calm ? 0
                                  : guard->recurrences < MOST_RECURRENCES ? guard->recurrences + 1

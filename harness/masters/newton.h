@@ -32,7 +32,7 @@ typedef struct {
     double u0, q0;       /* at the start */
     double u1, q1;       /* at the end, in the current iteration */
     double scale;        /* largest magnitude so far */
-    double debt;         /* sum of the errors that the guard found and could not remove */
+    double debt;         /* errors that the guard found and could not remove: root of the sum of their squares */
     double gain, offset; /* of the connection in this step, if there are manipulators */
 } Moving;
 
@@ -40,6 +40,7 @@ typedef struct {
     int64_t first, count; /* its parts, in stepping order */
     int64_t is_loop;
     int64_t unknown, unknowns; /* its first unknown and the number of unknowns */
+    int64_t held, held_count;  /* its first held input and the number of them */
 } Group;
 
 /* State of the guard of a loop, see step_check.h. */
@@ -52,10 +53,11 @@ typedef struct {
     int64_t recurrences; /* number of findings soon after the previous one */
     int64_t calm;        /* ticks for which `limit` remains in force */
     int64_t checks;      /* number of steps checked */
-    int64_t unresolved;  /* inner steps of the smallest size that were still wrong */
     int64_t hopeless;    /* no step is small enough: checks have ended */
+    int64_t jumped;      /* the solution of the last step lies at a jump of r */
     double apart;        /* error of that line */
     double limit;        /* [s] longest inner step while findings recur */
+    double unresolved;   /* inner steps of the smallest size that were still wrong: sum of their shares of the step */
     double time;         /* [s] of the first of these */
 } StepCheck;
 
@@ -66,6 +68,8 @@ typedef struct {
     const int64_t *continuous; /* of each part */
     Moving *moving;
     const int64_t *unknowns;    /* output that each unknown stands for */
+    const int64_t *held;        /* Real inputs of loops that are not lines, such as the force of a sampled law */
+    double *held_values;        /* in the last step */
     double *w, *w_last, *trend; /* value, value of the last step, slope over the last step */
     double *scale;              /* largest magnitude so far */
     double *surprise, *growth;  /* error of the last prediction; how often it changed its sign and grew */
@@ -90,6 +94,7 @@ enum { SOLVED = 0, NOT_CONVERGED = 101, MOST_EVALUATIONS = 60, MOST_BISECTIONS =
 typedef struct {
     double t, h, from, to;
     double ratio; /* of its length to the length of the previous span */
+    bool flat;    /* the values at its end are held from its start */
 } Span;
 
 /* Return q0 as if the previous step had the length of this one. q is the value of u at a time that lags by a fixed
@@ -100,6 +105,8 @@ static double mean_of(Moving *m, const Span *s)
 {
     if (!m->inner)
         return m->u0 + (m->u1 - m->u0) * 0.5 * (s->from + s->to);
+    if (s->flat)
+        return m->u1;
     const double q0 = earlier(m, s);
     m->q1 = ((1.0 - GA_F) * m->u0 + GA_F * m->u1 - (1.0 - GA_M) * q0) / GA_M;
     return (1.0 - GA_RATE) * q0 + GA_RATE * m->q1;
@@ -230,7 +237,7 @@ static Span next_span(const Newton *newton, int64_t number, const Progress *p, d
     const bool last = piece >= (p->h - p->done) * (1.0 - 1e-9);
     const double length = last ? p->h - p->done : piece, before = newton->before[number];
     return (Span){p->t + p->done, length, p->done / p->h, last ? 1.0 : (p->done + piece) / p->h,
-                  before > 0.0 ? length / before : 1.0};
+                  before > 0.0 ? length / before : 1.0, false};
 }
 
 /* Compute the error of a solved span over the tolerance: from the estimate of the adaptive master and, if the guard
@@ -308,6 +315,72 @@ static void restart_manipulated(Engine *e, Newton *newton)
     }
 }
 
+/* Return whether an input that is held during a step has another value than in the last step. */
+static bool held_inputs_jump(const Engine *e, Newton *newton, const Group *g)
+{
+    bool jump = false;
+    for (int64_t k = g->held; k < g->held + g->held_count; k++) {
+        const double value = arriving(e, newton->held[k]);
+        jump = jump || value != newton->held_values[k];
+        newton->held_values[k] = value;
+    }
+    return jump;
+}
+
+/* Find the holding force after a jump: the solution of a step that is too short for any motion. */
+static int hold_again(Engine *e, Newton *newton, int64_t number, double t)
+{
+    const Group *const g = &newton->groups[number];
+    const double h = ldexp(e->step, -MOST_HALVINGS);
+    const Span instant = {t, h, 0.0, h / e->step, 1.0, true};
+    int status = save_loop(e, newton, g, t);
+    if (status == SOLVED)
+        status = solve(e, newton, g, number, &instant, false);
+    for (int64_t i = g->first; i < g->first + g->count && status == SOLVED; i++)
+        if (restore_part(&e->parts[newton->order[i]]) > 1)
+            return failed(e, newton->order[i], RESTORE, 2, t), 2;
+    for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
+        e->signals[newton->unknowns[j]] = newton->w_last[j] = newton->w[j];
+        newton->trend[j] = 0.0;
+    }
+    return status;
+}
+
+/* Outputs that depend directly on a held input jump with it. Let the lines from them begin with the new value. */
+static int restart(Engine *e, Newton *newton, int64_t number, double t)
+{
+    const Group *const g = &newton->groups[number];
+    for (int64_t i = g->first; i < g->first + g->count; i++) {
+        EnginePart *const p = &e->parts[newton->order[i]];
+        fetch_inputs(e, p);
+        int operation = SET, status = hand_over(p, e->signals);
+        if (status <= 1) {
+            operation = GET;
+            status = fetch_outputs(p, e->signals);
+        }
+        if (status > 1) {
+            failed(e, newton->order[i], operation, status, t);
+            return status;
+        }
+    }
+    const bool sticks = newton->guards[number].jumped;
+    for (int turn = 0; turn < (sticks ? 2 : 1); turn++) {
+        for (int64_t i = g->first; i < g->first + g->count; i++)
+            for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
+                Moving *const m = &newton->moving[k];
+                const double value = arriving(e, e->lines[k].input);
+                if (m->inner && (!sticks || (turn == 0) == (m->unknown < 0)) && value != m->u0)
+                    m->u0 = m->q0 = value;
+            }
+        if (sticks && turn == 0) {
+            const int status = hold_again(e, newton, number, t);
+            if (status != SOLVED)
+                return status;
+        }
+    }
+    return SOLVED;
+}
+
 EXPORT bool newton_tick(Engine *e, int64_t tick);
 
 EXPORT bool newton_tick(Engine *e, int64_t tick)
@@ -321,13 +394,16 @@ EXPORT bool newton_tick(Engine *e, int64_t tick)
         const int64_t index = newton->order[g->first];
         EnginePart *const p = &e->parts[index];
         if (g->is_loop) {
-            const int status = step_loop(e, newton, number, tick, e->step);
+            int status = held_inputs_jump(e, newton, g) ? restart(e, newton, number, t) : SOLVED;
+            if (status == SOLVED)
+                status = step_loop(e, newton, number, tick, e->step);
             if (status == NOT_CONVERGED)
                 return failed(e, number, NOT_CONVERGED, status, t);
             if (status != SOLVED)
                 return false;
+            newton->guards[number].jumped = newton->jumped;
         } else if (newton->continuous[index] && p->every == 1) {
-            const Span whole = {t, e->step, 0.0, 1.0, 1.0};
+            const Span whole = {t, e->step, 0.0, 1.0, 1.0, false};
             if (move_part(e, newton, index, &whole) > 1)
                 return false;
         } else if (is_due(p, tick)) {

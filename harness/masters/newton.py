@@ -59,7 +59,9 @@ class Moving(ctypes.Structure):
 class Group(ctypes.Structure):
     """``Group`` of newton.h."""
 
-    _fields_ = tuple((name, _INT) for name in ("first", "count", "is_loop", "unknown", "unknowns"))
+    _fields_ = tuple(
+        (name, _INT) for name in ("first", "count", "is_loop", "unknown", "unknowns", "held", "held_count")
+    )
 
 
 @mirrors("StepCheck")
@@ -68,8 +70,8 @@ class StepCheck(ctypes.Structure):
 
     _fields_ = (
         *((name, _INT) for name in ("line", "alarm", "patience", "next", "last", "recurrences", "calm")),
-        *((name, _INT) for name in ("checks", "unresolved", "hopeless")),
-        *((name, _REAL) for name in ("apart", "limit", "time")),
+        *((name, _INT) for name in ("checks", "hopeless", "jumped")),
+        *((name, _REAL) for name in ("apart", "limit", "unresolved", "time")),
     )
 
 
@@ -80,7 +82,7 @@ class NewtonData(ctypes.Structure):
     _fields_ = (
         ("groups", _POINTER),
         ("group_count", _INT),
-        *((name, _POINTER) for name in ("order", "continuous", "moving", "unknowns")),
+        *((name, _POINTER) for name in ("order", "continuous", "moving", "unknowns", "held", "held_values")),
         *((name, _POINTER) for name in ("w", "w_last", "trend", "scale", "surprise", "growth", "r", "work", "inverse")),
         ("most_unknowns", _INT),
         *((name, _REAL) for name in ("tolerance", "error", "finest")),
@@ -109,6 +111,14 @@ def groups_of(plan: Plan, wires: Sequence[MovingWire]) -> list[list[int]]:
     sampled = [[part] for part in still if plan.parts[part].sampled]
     slow = [[part] for part in still if not plan.parts[part].sampled]
     return sampled + [[part for part in moving if label[part] == one] for one in order] + slow
+
+
+def _held_inputs(plan: Plan, group: Sequence[int], wires: Sequence[MovingWire]) -> list[int]:
+    """Return the connected Real inputs of parts that are held during a step."""
+    lines = {wire.input for wire in wires}
+    names = plan.names
+    connected = [signal for part in group for signal in range(*(int(index) for index in plan.inputs[part]))]
+    return [signal for signal in connected if signal not in lines and plan.ports[names[signal]].type == "Real"]
 
 
 class Loops(Algorithm):
@@ -140,7 +150,8 @@ class Loops(Algorithm):
         group_of = {part: number for number, group in enumerate(groups) for part in group}
         unknowns: list[int] = []
         numbers: dict[int, int] = {}
-        self._rows: list[tuple[int, ...]] = []
+        self._rows: list[Group] = []
+        self._held: list[int] = []
         first = 0
         inner = [
             wire for wire in wires if group_of[wire.source] == group_of[wire.target] and not plan.delays[wire.input]
@@ -152,8 +163,11 @@ class Loops(Algorithm):
                 if place[wire.source] >= place[wire.target] and wire.output not in numbers:
                     numbers[wire.output] = len(unknowns)
                     unknowns.append(wire.output)
-            self._rows.append((first, len(group), bool(mine), begin, len(unknowns) - begin))
+            held = _held_inputs(plan, group, wires) if mine else []
+            row = (first, len(group), bool(mine), begin, len(unknowns) - begin, len(self._held), len(held))
+            self._rows.append(Group(*row))
             first += len(group)
+            self._held += held
             if mine:
                 self._check(engine, group)
         self.groups, self.plan = groups, plan
@@ -173,18 +187,24 @@ class Loops(Algorithm):
             sizes = (value, value, value, value, abs(value), 0.0)
             moving.append(Moving(wire in self.inner, unknown, value == 0.0, *sizes, gain, offset))
         attach_lines(engine, self.wires)
-        most = max([count for *_, count in rows], default=0)
+        most = max((row.unknowns for row in rows), default=0)
         n = len(unknowns)
         self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale", "surprise", "growth")}
         self._memory["w"][:] = self._memory["w_last"][:] = plan.signals[unknowns]
         self._memory["scale"][:] = np.abs(plan.signals[unknowns])
+        self._memory["held_values"] = np.array(
+            [
+                map_of(float(plan.gains[i]), float(plan.offsets[i]), float(plan.signals[plan.sources[i]]))
+                for i in self._held
+            ]
+        )
         self._memory["inverse"] = np.tile(-np.eye(most), (len(rows), 1))
         self._memory["proposed"], self._memory["before"] = np.zeros(len(rows)), np.zeros(len(rows))
         data = self.data = NewtonData()
         keep = engine.keep
         places = Moving * max(1, len(moving))
         self._arrays = (
-            (Group * len(rows))(*(Group(*row) for row in rows)),
+            (Group * len(rows))(*rows),
             places(*moving),
             (StepCheck * len(rows))(),
             places(),
@@ -195,6 +215,7 @@ class Loops(Algorithm):
         data.order = keep(np.array(self._order, dtype=np.int64))
         data.continuous = keep(np.array([part.moves for part in plan.parts], dtype=np.int64))
         data.unknowns = keep(np.array(unknowns, dtype=np.int64))
+        data.held = keep(np.array(self._held, dtype=np.int64))
         for name, array in self._memory.items():
             setattr(data, name, keep(array))
         data.r, data.work = keep(np.zeros(n)), keep(np.zeros(6 * most + most * most))

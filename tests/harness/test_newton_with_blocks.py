@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from friction_fmus.blocks.catalogue import catalogue
-from harness import FmuPart, Result, System
+from harness import FmuPart, Result, SeriesPart, System, Wire
 
 BuildFmu = Callable[..., Path]
 LOADED = ("KarnoppMass", "SwitchMass", "FrenkelKontorova")  # have no velocity input
@@ -53,3 +53,31 @@ def test_rigid_models_stick_and_break_away(build_fmu: BuildFmu, name: str, maste
     assert np.abs(result["mass.x"].values[time < 0.49]).max() < 1e-5
     assert result["mass.x"].values[-1] > 0.01
     assert result["mass.v"].values.max() < 1.0
+
+
+@pytest.mark.parametrize("master", ["newton", "adaptive"])
+def test_a_force_that_jumps_at_samples_moves_a_sliding_mass_exactly(build_fmu: BuildFmu, master: str) -> None:
+    """1 kg on Coulomb friction of 1 N, driven by a force held for 10 ms; it moves with piecewise constant acceleration.
+
+    It sticks at 0.5 N and -0.9 N, accelerates by 0.5 m/s2 at 1.5 N, stops in 10 ms at 0 N, and accelerates by -1 m/s2
+    at -2 N. Friction opposes the motion, or balances the force as soon as that has jumped.
+    """
+    force = np.array([0.5, -0.9, 1.5, 1.5, 0.0, 0.8, -2.0, -0.9, -2.0, -2.0])
+    acceleration = np.array([0.0, 0.0, 0.5, 0.5, -1.0, 0.0, -1.0, 0.1, -1.0, -1.0])
+    friction = np.array([0.5, -0.9, 1.0, 1.0, 1.0, 0.8, -1.0, -1.0, -1.0, -1.0])
+    T, n = 0.01, 10
+    drive = SeriesPart("drive", T * np.arange(10.0), {"F": force}, {"F": "N"}, interpolation="previous", beyond="hold")
+    parts = [drive, FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu("Coulomb"))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    record = ["mass.x", "mass.v", "friction.F"]
+    with System(parts, [Wire("drive.F", "mass.F_drive"), *wires], {"friction.Fc": 1.0}) as system:
+        result = system.run(stop=10 * T, step=T / n, master=master, record=record)
+    v = np.concatenate([[0.0], np.cumsum(T * acceleration)])
+    x = np.concatenate([[0.0], np.cumsum(T * v[:-1] + 0.5 * T**2 * acceleration)])
+    np.testing.assert_allclose(result["mass.v"].values[::n], v, atol=1e-7)
+    np.testing.assert_allclose(result["mass.x"].values[::n], x, atol=1e-8)
+    for sample in range(10):
+        inside = result["friction.F"].values[sample * n + 1 : (sample + 1) * n]
+        atol = 0.02 if sample == 5 else 1e-6  # after the stop, the friction rings about its mean
+        np.testing.assert_allclose(inside, friction[sample], atol=atol, err_msg=f"sample {sample}")
+    assert result.attrs["unresolved_error"] < 1e-3

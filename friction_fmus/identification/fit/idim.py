@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import scipy.signal
@@ -285,10 +286,15 @@ def decimate(signal: Array, factor: int) -> Array:
     """
     if factor == 1:
         return signal
-    sos = scipy.signal.cheby1(8, 0.05, 0.8 / factor, output="sos")
-    smooth = np.asarray(scipy.signal.sosfiltfilt(sos, signal, axis=0, padlen=24), dtype=np.float64)
+    smooth = np.asarray(scipy.signal.sosfiltfilt(_low_pass(factor), signal, axis=0, padlen=24), dtype=np.float64)
     first = (len(signal) - 1) % factor
     return smooth[first::factor]
+
+
+@cache
+def _low_pass(factor: int) -> Array:
+    """Return the sections of the filter of `decimate`."""
+    return np.asarray(scipy.signal.cheby1(8, 0.05, 0.8 / factor, output="sos"))
 
 
 def _linear_fit(

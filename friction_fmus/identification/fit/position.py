@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import scipy.fft
@@ -204,14 +205,32 @@ def _regressor(segments: Sequence[PreparedSegment], nodes: int, used: NDArray[np
     begin, travel = float(np.min(q)), float(np.ptp(q))
     turns = segments[0].record.units == ROTARY and travel > 2.0 * np.pi
     grid = Grid(0.0, 2.0 * np.pi / nodes, nodes, True) if turns else Grid(begin, travel / (nodes - 1), nodes)
-    basis = _basis(nodes)
-    rows = []
-    for segment in segments:
-        weights = grid.weights(segment.record.column("q")) @ basis
-        direction = np.tanh(segment.inputs["v"] / v_sign)
-        # the drive works against both
-        rows.append(segment.rows(np.column_stack([-weights, direction[:, None] * weights])))
-    return Regressor(grid, v_sign, np.concatenate(rows), used)
+    columns = np.concatenate([_rows(_Path(segment), grid, v_sign) for segment in segments])
+    return Regressor(grid, v_sign, columns, used)
+
+
+class _Path:
+    """Motion of a segment; equal to another one with the same values, so that models share the rows."""
+
+    def __init__(self, segment: PreparedSegment) -> None:
+        self.segment = segment
+        self.values = segment.record.column("q").tobytes(), segment.inputs["v"].tobytes(), segment.filter
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Path) and self.values == other.values
+
+    def __hash__(self) -> int:
+        return hash(self.values)
+
+
+@lru_cache(maxsize=2 * len(NODES))
+def _rows(path: _Path, grid: Grid, v_sign: float) -> Array:
+    """Return the drive force along a segment for a unit of each coefficient."""
+    segment = path.segment
+    weights = grid.weights(segment.record.column("q")) @ _basis(grid.nodes)
+    direction = np.tanh(segment.inputs["v"] / v_sign)
+    # the drive works against both
+    return segment.rows(np.column_stack([-weights, direction[:, None] * weights]))
 
 
 def _over_speed(segment: PreparedSegment) -> Array:
