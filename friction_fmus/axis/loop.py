@@ -13,16 +13,21 @@ from friction_fmus.axis.assembly import LoopAssembly, block, typed
 from friction_fmus.axis.elements import Compensator, Plant, Trajectory
 from friction_fmus.axis.pool import PartPool
 from friction_fmus.axis.servo import Servo
-from harness import Experiment, System, Wire
+from harness import Experiment, ExperimentError, Result, System, Wire
+from harness.engine.defect import inaccurate
 
 RECORDED = ("axis.x", "servo.u")
 """Variables recorded at every sample of the servo."""
 
-FINEST = 0.25e-3
+FINEST = 0.5e-3
 """Longest communication step between mass and friction [s]."""
 
 SOFT = 0.1
 """Largest step times angular frequency of the mass on its bristles for which an explicit coupling is accurate."""
+
+
+ACCURATE = ("newton", "adaptive")
+"""Masters for runs that are reported as wrong with another one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,9 +103,35 @@ def _of_compensator(wire: Wire) -> bool:
     return wire.source.startswith("compensator.") and wire.target in ("servo.f", "force.u1")
 
 
-def run_loop(system: System) -> Trace:
-    """Run the system of an axis and return position and force."""
+def accurate(system: System) -> tuple[System, Result]:
+    """Run the system of an axis, if needed with a more accurate master, and return it with that master and the result.
+
+    Raises
+    ------
+    HarnessError
+        If the run fails, or is reported as wrong with every master.
+    """
+    assert system.experiment is not None
     result = system.run()
+    for master in ACCURATE:
+        if inaccurate(result.attrs):
+            experiment = replace(system.experiment, master=master)
+            system = System(system.parts.values(), system.wires, system.start, experiment, system.name)
+            result = system.run()
+    if inaccurate(result.attrs):
+        raise ExperimentError("the simulation of the axis is inaccurate, even with the master adaptive")
+    return system, result
+
+
+def run_loop(system: System) -> Trace:
+    """Run the system of an axis and return position and force.
+
+    Raises
+    ------
+    HarnessError
+        If the run fails, or is reported as wrong with every master.
+    """
+    _, result = accurate(system)
     # a row of the result has the position at its time and the force of the sampling period that ends there
     return Trace(
         q=np.asarray(result["axis.x"].to_numpy(), dtype=np.float64)[:-1],
@@ -113,6 +144,7 @@ __all__ = [
     "Plant",
     "Trace",
     "Trajectory",
+    "accurate",
     "block",
     "closed_loop",
     "run_loop",

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
+from friction_fmus.axis.assembly import block
 from friction_fmus.axis.elements import Compensator
 from friction_fmus.axis.pool import PartPool
 from friction_fmus.blocks.catalogue import catalogue
@@ -13,7 +14,14 @@ from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.study.cases import Case, cases
 from friction_fmus.study.compensator_records import CompensatorResult, Limits, LoopMargins, Recommendation, Rung
-from friction_fmus.study.compensators import INTEGRAL, INTEGRAL_SUMMARY, AxisKnowledge, Candidate, candidates
+from friction_fmus.study.compensators import (
+    INTEGRAL,
+    INTEGRAL_SUMMARY,
+    AxisKnowledge,
+    Candidate,
+    buildable,
+    candidates,
+)
 from friction_fmus.study.config import Compensation
 from friction_fmus.study.cost import cost_of
 from friction_fmus.study.evaluation import Evaluation, Scheme, evaluate, system_of
@@ -30,7 +38,7 @@ JOINED: Final = 3
 ESTIMATORS: Final = ("estimator", "integral action")
 """Kinds of compensators that are combined with a feedforward: they compensate what it leaves."""
 
-RunSteps: TypeAlias = Callable[[Sequence[Step]], Sequence[Evaluation]]
+RunSteps: TypeAlias = Callable[[Sequence[Step]], Sequence[Any]]
 
 
 @dataclass(frozen=True)
@@ -77,7 +85,7 @@ def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, unit: str,
     unit : str
         Unit of the position.
     run : callable
-        Runs independent steps and returns their evaluations.
+        Runs independent steps and returns their results.
 
     Raises
     ------
@@ -86,7 +94,8 @@ def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, unit: str,
     """
     servo, motion = bench.servo, bench.trajectory.motion
     alone = margins_of(servo, bench.plant, bench.speed)
-    (first,) = run([Step("servo-alone", evaluate, (bench, [Scheme(servo, margins=alone)], ()), Evaluation)])
+    builds = [Step(f"fmu-{name}", built, (name, known.rotary), Built) for name in buildable(wanted.compensators)]
+    first, *_ = run([Step("servo-alone", evaluate, (bench, [Scheme(servo, margins=alone)], ()), Evaluation), *builds])
     if first.metrics is None:
         raise FrictionError(
             f"The simulated servo is unstable even without compensation ({first.reason}); check the gains, Ts and "
@@ -154,6 +163,19 @@ def _violated(bench: Bench, scheme: Scheme) -> dict[str, str]:
     with PartPool() as pool:
         findings = examine(system_of(bench, scheme, pool))
     return {finding.condition.name: finding.condition.wrong for finding in findings if not finding.condition.ok}
+
+
+@dataclass(frozen=True)
+class Built:
+    """Block whose FMU is in the cache."""
+
+    name: str
+
+
+def built(name: str, rotary: bool) -> Built:
+    """Build the FMU of a law, if it is not in the cache, so that several processes share this work."""
+    block(name, rotary)
+    return Built(name)
 
 
 def tuned(

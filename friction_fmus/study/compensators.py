@@ -197,6 +197,13 @@ INTEGRAL: Final = Candidate("IntegralAction", "integral action", "", None)
 INTEGRAL_SUMMARY: Final = "Integral action of the servo"
 
 
+def buildable(wanted: Sequence[str] | str) -> list[str]:
+    """Return the names of the wanted laws that a study can try on some axis."""
+    uses = compensators()
+    names = list(uses) if wanted == ALL else list(wanted)
+    return [name for name in names if name in uses and not uses[name].never]
+
+
 def candidates(wanted: Sequence[str] | str, known: AxisKnowledge) -> list[Candidate]:
     """Return the compensators to compare on an axis.
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 from friction_fmus.axis.assembly import viscous_beside
-from friction_fmus.axis.loop import block, closed_loop, typed, with_gain
+from friction_fmus.axis.loop import accurate, block, closed_loop, typed, with_gain
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.export import export_law
 from friction_fmus.fmi.package import build
@@ -81,7 +81,7 @@ def export_recommended(
     with closed_loop(scheme.servo, bench.plant, bench.trajectory, compensator, fmus, feedforward=second) as system:
         inside = compensator is None or (compensator.output == "u" and has_gain)
         whole = system if inside else with_gain(system, scheme.gain)
-        whole = with_tracking_error(whole)
+        whole, _ = accurate(with_tracking_error(whole))
         whole.to_ssp(folder / "axis.ssp")
         title = "SSP archive of the whole axis: reference, compensator, servo, mass, friction"
         written.append(WrittenFile(f"{OWN}/axis.ssp", title))

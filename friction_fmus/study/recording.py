@@ -23,7 +23,9 @@ def with_tracking_error(system: System) -> System:
         The closed loop of an axis; it shares its parts with the result, so run one at a time.
     """
     assert system.experiment is not None
-    parts = [*system.parts.values(), FmuPart(ERROR, block("Sum"))]
+    # at the samples only, because the reference has its new value only then
+    part = FmuPart(ERROR, block("Sum"), every=system.experiment.decimate)
+    parts = [*system.parts.values(), part]
     wires: list[str | Wire] = [*system.wires, f"{REFERENCE} -> {ERROR}.u1", f"axis.x -> {ERROR}.u2"]
     start = {**system.start, f"{ERROR}.gain[2]": -1.0}
     experiment = replace(system.experiment, record=(REFERENCE, RECORDED[0], f"{ERROR}.y", *RECORDED[1:]))

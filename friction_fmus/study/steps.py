@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import json
 import logging
@@ -14,6 +15,7 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_complet
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from functools import cache
+from importlib import import_module
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
 from typing import Any, Final
@@ -191,7 +193,10 @@ def _quietly(function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
 
 
 def _ready() -> None:
-    """Do nothing; calling this function makes a worker process import the package."""
+    """Import what the steps need; without its objects, the garbage collector takes a twentieth of the time less."""
+    for module in ("study.comparison", "study.models", "study.refinement"):
+        import_module(f"friction_fmus.{module}")
+    gc.freeze()
 
 
 @cache

@@ -17,76 +17,12 @@
 #ifndef NEWTON_H
 #define NEWTON_H
 
-#include "line.h"
+#include "newton_data.h"
 
 #define RHO     0.5
 #define GA_M    (0.5 * (3.0 - RHO) / (1.0 + RHO))
 #define GA_F    (1.0 / (1.0 + RHO))
 #define GA_RATE (0.5 + GA_M - GA_F)
-
-/* Further data of each line. */
-typedef struct {
-    int64_t inner;       /* source and target are in the same loop */
-    int64_t unknown;     /* index of the unknown that it reads; -1: its source is stepped before */
-    int64_t from_rest;   /* the run begins with the value 0 */
-    double u0, q0;       /* at the start */
-    double u1, q1;       /* at the end, in the current iteration */
-    double scale;        /* largest magnitude so far */
-    double debt;         /* errors that the guard found and could not remove: root of the sum of their squares */
-    double gain, offset; /* of the connection in this step, if there are manipulators */
-} Moving;
-
-typedef struct {
-    int64_t first, count; /* its parts, in stepping order */
-    int64_t is_loop;
-    int64_t unknown, unknowns; /* its first unknown and the number of unknowns */
-    int64_t held, held_count;  /* its first held input and the number of them */
-} Group;
-
-/* State of the guard of a loop, see step_check.h. */
-typedef struct {
-    int64_t line;        /* line with the largest error in the last finding */
-    int64_t alarm;       /* number of undivided steps still to check */
-    int64_t patience;    /* ticks before the next suspicion counts, after a check without a finding */
-    int64_t next;        /* first tick at which a suspicion counts again */
-    int64_t last;        /* tick of the last finding */
-    int64_t recurrences; /* number of findings soon after the previous one */
-    int64_t calm;        /* ticks for which `limit` remains in force */
-    int64_t checks;      /* number of steps checked */
-    int64_t hopeless;    /* no step is small enough: checks have ended */
-    int64_t jumped;      /* the solution of the last step lies at a jump of r */
-    double apart;        /* error of that line */
-    double limit;        /* [s] longest inner step while findings recur */
-    double unresolved;   /* inner steps of the smallest size that were still wrong: sum of their shares of the step */
-    double time;         /* [s] of the first of these */
-} StepCheck;
-
-typedef struct {
-    Group *groups;
-    int64_t group_count;
-    const int64_t *order;      /* indices of the parts, group by group */
-    const int64_t *continuous; /* of each part */
-    Moving *moving;
-    const int64_t *unknowns;    /* output that each unknown stands for */
-    const int64_t *held;        /* Real inputs of loops that are not lines, such as the force of a sampled law */
-    double *held_values;        /* in the last step */
-    double *w, *w_last, *trend; /* value, value of the last step, slope over the last step */
-    double *scale;              /* largest magnitude so far */
-    double *surprise, *growth;  /* error of the last prediction; how often it changed its sign and grew */
-    double *r, *work;           /* residuals; work space of 6 n + n^2 for n = most_unknowns */
-    double *inverse;            /* inverse of dr/dw, n by n, at n^2 times the index of the group */
-    int64_t most_unknowns;      /* largest number of unknowns of a group */
-    double tolerance;           /* tolerance of r over scale */
-    double error;               /* tolerated error of a step over scale; 0: fixed steps */
-    double finest;              /* largest number of inner steps per step, unless convergence needs more */
-    double *proposed, *before;  /* [s] next inner step of each group; its last one, or 0 */
-    StepCheck *guards;          /* one for each group */
-    Moving *kept_lines;         /* copies during a check: lines, */
-    double *kept;               /* and w, w_last, trend, scale, inverse Jacobian, means of the lines */
-    double worst_residual;
-    int64_t jumped; /* the last solution lies at a jump of r */
-    int64_t evaluations, substeps, rejected;
-} Newton;
 
 enum { SOLVED = 0, NOT_CONVERGED = 101, MOST_EVALUATIONS = 60, MOST_BISECTIONS = 250, MOST_HALVINGS = 20 };
 
@@ -300,125 +236,67 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
     return SOLVED;
 }
 
-/* The onset of a manipulator is a jump: the inputs begin this step with the manipulated value. */
-static void restart_manipulated(Engine *e, Newton *newton)
-{
-    for (int64_t k = 0; k < e->lines_from[e->part_count]; k++) {
-        Moving *const m = &newton->moving[k];
-        const int64_t input = e->lines[k].input;
-        const double gain = e->gains[input], offset = e->offsets[input];
-        if (gain == m->gain && offset == m->offset)
-            continue;
-        m->gain = gain;
-        m->offset = offset;
-        m->u0 = m->q0 = arriving(e, input);
-    }
-}
+#include "restart.h"
 
-/* Return whether an input that is held during a step has another value than in the last step. */
-static bool held_inputs_jump(const Engine *e, Newton *newton, const Group *g)
+static bool moves(const Engine *e, const Newton *newton, const Group *g)
 {
-    bool jump = false;
-    for (int64_t k = g->held; k < g->held + g->held_count; k++) {
-        const double value = arriving(e, newton->held[k]);
-        jump = jump || value != newton->held_values[k];
-        newton->held_values[k] = value;
-    }
-    return jump;
-}
-
-/* Find the holding force after a jump: the solution of a step that is too short for any motion. */
-static int hold_again(Engine *e, Newton *newton, int64_t number, double t)
-{
-    const Group *const g = &newton->groups[number];
-    const double h = ldexp(e->step, -MOST_HALVINGS);
-    const Span instant = {t, h, 0.0, h / e->step, 1.0, true};
-    int status = save_loop(e, newton, g, t);
-    if (status == SOLVED)
-        status = solve(e, newton, g, number, &instant, false);
-    for (int64_t i = g->first; i < g->first + g->count && status == SOLVED; i++)
-        if (restore_part(&e->parts[newton->order[i]]) > 1)
-            return failed(e, newton->order[i], RESTORE, 2, t), 2;
-    for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
-        e->signals[newton->unknowns[j]] = newton->w_last[j] = newton->w[j];
-        newton->trend[j] = 0.0;
-    }
-    return status;
-}
-
-/* Outputs that depend directly on a held input jump with it. Let the lines from them begin with the new value. */
-static int restart(Engine *e, Newton *newton, int64_t number, double t)
-{
-    const Group *const g = &newton->groups[number];
-    for (int64_t i = g->first; i < g->first + g->count; i++) {
-        EnginePart *const p = &e->parts[newton->order[i]];
-        fetch_inputs(e, p);
-        int operation = SET, status = hand_over(p, e->signals);
-        if (status <= 1) {
-            operation = GET;
-            status = fetch_outputs(p, e->signals);
-        }
-        if (status > 1) {
-            failed(e, newton->order[i], operation, status, t);
-            return status;
-        }
-    }
-    const bool sticks = newton->guards[number].jumped;
-    for (int turn = 0; turn < (sticks ? 2 : 1); turn++) {
-        for (int64_t i = g->first; i < g->first + g->count; i++)
-            for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-                Moving *const m = &newton->moving[k];
-                const double value = arriving(e, e->lines[k].input);
-                if (m->inner && (!sticks || (turn == 0) == (m->unknown < 0)) && value != m->u0)
-                    m->u0 = m->q0 = value;
-            }
-        if (sticks && turn == 0) {
-            const int status = hold_again(e, newton, number, t);
-            if (status != SOLVED)
-                return status;
-        }
-    }
-    return SOLVED;
+    const int64_t index = newton->order[g->first];
+    return newton->continuous[index] && e->parts[index].every == 1;
 }
 
 EXPORT bool newton_tick(Engine *e, int64_t tick);
 
+/* Advance a loop or a part over a tick. */
+static bool advance_group(Engine *e, Newton *newton, int64_t number, int64_t tick)
+{
+    const Group *const g = &newton->groups[number];
+    const double t = time_of(e, tick);
+    const int64_t index = newton->order[g->first];
+    EnginePart *const p = &e->parts[index];
+    if (g->is_loop) {
+        const int status = step_loop(e, newton, number, tick, e->step);
+        if (status == NOT_CONVERGED)
+            return failed(e, number, NOT_CONVERGED, status, t);
+        newton->guards[number].jumped = newton->jumped;
+        return status == SOLVED;
+    }
+    if (moves(e, newton, g)) {
+        const Span whole = {t, e->step, 0.0, 1.0, 1.0, false};
+        return move_part(e, newton, index, &whole) <= 1;
+    }
+    if (!is_due(p, tick))
+        return true;
+    fetch_inputs(e, p);
+    int status = hand_over(p, e->signals);
+    if (status > 1)
+        return failed(e, index, SET, status, t);
+    status = step_part(p, time_of(e, tick - p->phase), (double)p->every * e->step);
+    if (status > 1)
+        return failed(e, index, STEP, status, t);
+    status = fetch_outputs(p, e->signals);
+    return status <= 1 || failed(e, index, GET, status, t);
+}
+
 EXPORT bool newton_tick(Engine *e, int64_t tick)
 {
     Newton *const newton = e->algorithm;
-    const double t = time_of(e, tick);
+    int64_t number = 0;
     if (e->manipulator_count > 0)
         restart_manipulated(e, newton);
-    for (int64_t number = 0; number < newton->group_count; number++) {
-        const Group *const g = &newton->groups[number];
-        const int64_t index = newton->order[g->first];
-        EnginePart *const p = &e->parts[index];
-        if (g->is_loop) {
-            int status = held_inputs_jump(e, newton, g) ? restart(e, newton, number, t) : SOLVED;
-            if (status == SOLVED)
-                status = step_loop(e, newton, number, tick, e->step);
+    for (; number < newton->group_count && !moves(e, newton, &newton->groups[number]); number++)
+        if (!advance_group(e, newton, number, tick)) /* sampled parts */
+            return false;
+    for (int64_t i = number; i < newton->group_count && moves(e, newton, &newton->groups[i]); i++)
+        if (jumps(e, newton, &newton->groups[i])) {
+            const int status = restart(e, newton, i, time_of(e, tick));
             if (status == NOT_CONVERGED)
-                return failed(e, number, NOT_CONVERGED, status, t);
+                return failed(e, i, NOT_CONVERGED, status, time_of(e, tick));
             if (status != SOLVED)
                 return false;
-            newton->guards[number].jumped = newton->jumped;
-        } else if (newton->continuous[index] && p->every == 1) {
-            const Span whole = {t, e->step, 0.0, 1.0, 1.0, false};
-            if (move_part(e, newton, index, &whole) > 1)
-                return false;
-        } else if (is_due(p, tick)) {
-            fetch_inputs(e, p);
-            int status = hand_over(p, e->signals);
-            if (status > 1)
-                return failed(e, index, SET, status, t);
-            status = step_part(p, time_of(e, tick - p->phase), (double)p->every * e->step);
-            if (status > 1)
-                return failed(e, index, STEP, status, t);
-            status = fetch_outputs(p, e->signals);
-            if (status > 1)
-                return failed(e, index, GET, status, t);
         }
-    }
+    for (; number < newton->group_count; number++)
+        if (!advance_group(e, newton, number, tick))
+            return false;
     for (Moving *m = newton->moving; m < newton->moving + e->lines_from[e->part_count]; m++)
         if (!m->inner)
             m->u0 = m->u1;

@@ -47,7 +47,7 @@ def master(plan: Plan, experiment: Experiment) -> Schedule:
 
 @mirrors("Moving")
 class Moving(ctypes.Structure):
-    """``Moving`` of newton.h."""
+    """``Moving`` of newton_data.h."""
 
     _fields_ = (
         *((name, _INT) for name in ("inner", "unknown", "from_rest")),
@@ -57,7 +57,7 @@ class Moving(ctypes.Structure):
 
 @mirrors("Group")
 class Group(ctypes.Structure):
-    """``Group`` of newton.h."""
+    """``Group`` of newton_data.h."""
 
     _fields_ = tuple(
         (name, _INT) for name in ("first", "count", "is_loop", "unknown", "unknowns", "held", "held_count")
@@ -66,7 +66,7 @@ class Group(ctypes.Structure):
 
 @mirrors("StepCheck")
 class StepCheck(ctypes.Structure):
-    """``StepCheck`` of newton.h."""
+    """``StepCheck`` of newton_data.h."""
 
     _fields_ = (
         *((name, _INT) for name in ("line", "alarm", "patience", "next", "last", "recurrences", "calm")),
@@ -77,7 +77,7 @@ class StepCheck(ctypes.Structure):
 
 @mirrors("Newton")
 class NewtonData(ctypes.Structure):
-    """``Newton`` of newton.h."""
+    """``Newton`` of newton_data.h."""
 
     _fields_ = (
         ("groups", _POINTER),
@@ -163,7 +163,7 @@ class Loops(Algorithm):
                 if place[wire.source] >= place[wire.target] and wire.output not in numbers:
                     numbers[wire.output] = len(unknowns)
                     unknowns.append(wire.output)
-            held = _held_inputs(plan, group, wires) if mine else []
+            held = _held_inputs(plan, group, wires) if plan.parts[group[0]].moves else []
             row = (first, len(group), bool(mine), begin, len(unknowns) - begin, len(self._held), len(held))
             self._rows.append(Group(*row))
             first += len(group)

@@ -32,7 +32,8 @@ from harness import CallablePart, Experiment, FmuPart, Part, Port, System, Wire
 
 TS = 1e-3
 SERVO = Servo("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 0.0}, TS, 20.0, quantum=1e-7)
-PLANT = Plant("LuGre", LUGRE, 1.0, 0.2)
+CONTACT = {**LUGRE, "sigma0": 4e4}  # soft enough for the explicit master, which repeats a run to the last bits
+PLANT = Plant("LuGre", CONTACT, 1.0, 0.2)
 T = TS * np.arange(1001.0)
 R = 4e-3 * (1.0 - np.cos(4.0 * np.pi * T))
 KINDS = {  # with gains at which the gain matters
@@ -67,7 +68,7 @@ def recommended(name: str, out: Path) -> Recommended:
     names = name.split(" + ")
     wanted = {model for law in names for model in compensators()[law].models} & set(identifiable())
     models = {model: start_values(model) for model in wanted}
-    known = AxisKnowledge(SERVO, PLANT, {**models, "LuGre": LUGRE}, period=500, speed=0.05)
+    known = AxisKnowledge(SERVO, PLANT, {**models, "LuGre": CONTACT}, period=500, speed=0.05)
     laws = [candidate.compensator for candidate in candidates(names, known)]
     scheme = Scheme(SERVO, GAIN, compensator=laws[-1], feedforward=laws[0] if len(laws) > 1 else None)
     found = evaluate(bench, [scheme], ())
@@ -79,6 +80,12 @@ def recommended(name: str, out: Path) -> Recommended:
 @pytest.fixture(scope="module", params=KINDS.values(), ids=KINDS)
 def files(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Recommended:
     return recommended(request.param, tmp_path_factory.mktemp("recommended"))
+
+
+def tolerance(files: Recommended, explicit: float) -> float:
+    """Only with dither, the axis needs the implicit master, whose iterations end at a residual of 3e-8."""
+    assert files.scheme.compensator is not None
+    return 1e-5 if files.scheme.compensator.model == "Dither" else explicit
 
 
 def rms_of(trace: Trace, files: Recommended) -> float:
@@ -99,7 +106,7 @@ def test_the_gain_changes_the_error(files: Recommended) -> None:
 
 def test_the_archive_repeats_the_run(files: Recommended, tmp_path: Path) -> None:
     with System.from_ssp(files.folder / "axis.ssp") as system:
-        assert rms_of(run_loop(system), files) == pytest.approx(files.rms, rel=1e-9)
+        assert rms_of(run_loop(system), files) == pytest.approx(files.rms, rel=tolerance(files, 1e-9))
     assert main(["run", str(files.folder / "axis.ssp"), "-o", str(tmp_path / "run.csv")]) == 0
     head, *rows = (tmp_path / "run.csv").read_text(encoding="utf-8").splitlines()
     names = [re.sub(r" ?\[.*", "", name).strip('"') for name in head.split(",")]
@@ -109,7 +116,22 @@ def test_the_archive_repeats_the_run(files: Recommended, tmp_path: Path) -> None
     np.testing.assert_allclose(table["reference.r"][:-1], R, atol=1e-12)
     assert np.max(np.abs(error[-3:])) < 2.0 * np.max(np.abs(error[-30:-3]))
     trace = Trace(table["axis.x"][:-1], table["servo.u"][1:])
-    assert rms_of(trace, files) == pytest.approx(files.rms, rel=1e-6)
+    assert rms_of(trace, files) == pytest.approx(files.rms, rel=tolerance(files, 1e-6))
+
+
+def test_the_archive_records_the_error_with_a_rigid_contact(tmp_path: Path) -> None:
+    """It needs the implicit master, under which other parts are stepped after the contact."""
+    plant = Plant("Coulomb", {"Fc": 1.0}, 1.0, 0.2)
+    reference = build_reference(T, R, tmp_path, "Reference")
+    bench = Bench(SERVO, plant, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2), R)
+    export_recommended(tmp_path, bench, Scheme(SERVO), "test", "", None)
+    with System.from_ssp(tmp_path / "recommended" / "axis.ssp") as system:
+        assert system.experiment is not None
+        assert system.experiment.master == "newton"
+        result = system.run()
+    error = result["reference.r"].values - result["axis.x"].values
+    np.testing.assert_allclose(result["tracking_error.y"].values, error, atol=1e-15)
+    np.testing.assert_allclose(result["reference.r"].values[:-1], R, atol=1e-12)
 
 
 def test_the_readme_names_the_figure(files: Recommended) -> None:
@@ -133,10 +155,10 @@ def test_the_code_connected_as_the_readme_says(files: Recommended, tmp_path: Pat
         else:
             laws.append(compiled(name, code, prefix, fmu, tmp_path))
     with by_hand(files, laws) as system:
-        assert rms_of(run_loop(system), files) == pytest.approx(files.rms, rel=1e-6)
+        assert rms_of(run_loop(system), files) == pytest.approx(files.rms, rel=tolerance(files, 1e-6))
 
 
-EVERY = 4  # steps of the plant in a sample: 0.25 ms
+EVERY = 2  # steps of the plant in a sample: 0.5 ms
 
 
 def connections(readme: str) -> tuple[list[Wire], dict[str, float]]:
@@ -169,7 +191,7 @@ def by_hand(files: Recommended, laws: Sequence[Part]) -> System:
         "velocity": {"Ts": TS, "window": 2},
         "encoder": {"q": 1e-7},
         "axis": {"m": 1.0, "F_load": -0.2},
-        "friction": LUGRE,
+        "friction": CONTACT,
     }
     plant = ["axis.x -> encoder.x", "servo.u -> axis.F_drive", "axis.v -> friction.v", "friction.F -> axis.F_friction"]
     given = {f"{part}.{name}": value for part, own in values.items() for name, value in own.items()}

@@ -1,0 +1,116 @@
+/* Jumps between two steps of an implicit master. A held input, such as the force of a sampled law, jumps when its
+   source is sampled; outputs that depend on it directly jump with it, and so do the inputs that they drive. The lines
+   begin the next step with the values after the jump. */
+
+#ifndef RESTART_H
+#define RESTART_H
+
+#include "quasi_newton.h"
+
+/* The onset of a manipulator is a jump: the inputs begin this step with the manipulated value. */
+static void restart_manipulated(Engine *e, Newton *newton)
+{
+    for (int64_t k = 0; k < e->lines_from[e->part_count]; k++) {
+        Moving *const m = &newton->moving[k];
+        const int64_t input = e->lines[k].input;
+        const double gain = e->gains[input], offset = e->offsets[input];
+        if (gain == m->gain && offset == m->offset)
+            continue;
+        m->gain = gain;
+        m->offset = offset;
+        m->u0 = m->q0 = arriving(e, input);
+    }
+}
+
+/* Return whether a held input has another value than in the last step, or a line from a part that was restarted has
+   another value than at its end. */
+static bool jumps(const Engine *e, Newton *newton, const Group *g)
+{
+    bool jump = false;
+    for (int64_t k = g->held; k < g->held + g->held_count; k++) {
+        const double value = arriving(e, newton->held[k]);
+        jump = jump || value != newton->held_values[k];
+        newton->held_values[k] = value;
+    }
+    for (int64_t i = g->first; i < g->first + g->count; i++)
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
+            jump = jump || (!newton->moving[k].inner && arriving(e, e->lines[k].input) != newton->moving[k].u0);
+    return jump;
+}
+
+/* Compute the outputs of a loop or a part for its inputs after the jump. */
+static int refresh(Engine *e, const Newton *newton, const Group *g, double t)
+{
+    for (int64_t i = g->first; i < g->first + g->count; i++) {
+        EnginePart *const p = &e->parts[newton->order[i]];
+        fetch_inputs(e, p);
+        int operation = SET, status = hand_over(p, e->signals);
+        if (status <= 1) {
+            operation = GET;
+            status = fetch_outputs(p, e->signals);
+        }
+        if (status > 1) {
+            failed(e, newton->order[i], operation, status, t);
+            return status;
+        }
+    }
+    return SOLVED;
+}
+
+/* Begin the lines to a loop or a part with the values that arrive; `which`: only lines that read an unknown, or only
+   the others. */
+typedef enum { ALL_LINES, KNOWN_LINES, UNKNOWN_LINES } Which;
+
+static void begin_lines(const Engine *e, Newton *newton, const Group *g, Which which)
+{
+    for (int64_t i = g->first; i < g->first + g->count; i++)
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
+            Moving *const m = &newton->moving[k];
+            const double value = arriving(e, e->lines[k].input);
+            if (value != m->u0 && (which == ALL_LINES || (which == UNKNOWN_LINES) == (m->unknown >= 0)))
+                m->u0 = m->q0 = value;
+        }
+}
+
+/* Find the holding force after the jump: the solution of a step that is too short for any motion. */
+static int hold_again(Engine *e, Newton *newton, int64_t number, double t)
+{
+    const Group *const g = &newton->groups[number];
+    const double h = ldexp(e->step, -MOST_HALVINGS);
+    const Span instant = {t, h, 0.0, h / e->step, 1.0, true};
+    int status = save_loop(e, newton, g, t);
+    if (status == SOLVED)
+        status = solve(e, newton, g, number, &instant, false);
+    for (int64_t i = g->first; i < g->first + g->count && status == SOLVED; i++) {
+        status = restore_part(&e->parts[newton->order[i]]);
+        if (status > 1)
+            failed(e, newton->order[i], RESTORE, status, t);
+        else
+            status = SOLVED;
+    }
+    for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
+        e->signals[newton->unknowns[j]] = newton->w_last[j] = newton->w[j];
+        newton->trend[j] = 0.0;
+    }
+    return status;
+}
+
+/* Restart a loop or a part after a jump. While a contact sticks, its output is not the holding force, which is the
+   unknown. */
+static int restart(Engine *e, Newton *newton, int64_t number, double t)
+{
+    const Group *const g = &newton->groups[number];
+    const bool sticks = newton->guards[number].jumped;
+    int status = refresh(e, newton, g, t);
+    if (status != SOLVED)
+        return status;
+    begin_lines(e, newton, g, sticks ? KNOWN_LINES : ALL_LINES);
+    if (!sticks)
+        return SOLVED;
+    status = hold_again(e, newton, number, t);
+    if (status == SOLVED)
+        begin_lines(e, newton, g, UNKNOWN_LINES);
+    return status;
+}
+
+#endif
