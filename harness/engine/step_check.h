@@ -9,21 +9,14 @@
 
 #include "quasi_newton.h"
 
-#define DOUBT     0.02 /* of the largest magnitude so far, between a step and its halves */
-#define AT_START  0.2  /* the same in the first EARLY ticks of a value that starts at 0, whose magnitude is unknown */
-#define SURPRISE  0.05 /* of the magnitude, between an unknown and its linear prediction */
-#define LEAP      1.5  /* over the largest magnitude so far */
-#define HOPELESS  30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
+#define DOUBT    0.02 /* of the largest magnitude so far, between a step and its halves */
+#define AT_START 0.2  /* the same in the first EARLY ticks of a value that starts at 0, whose magnitude is unknown */
+#define SURPRISE 0.05 /* of the magnitude, between an unknown and its linear prediction */
+#define LEAP     1.5  /* over the largest magnitude so far */
+#define HOPELESS 30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
 #define MOST_UNRESOLVED 40.0 /* sum of the shares of their steps */
-#define AMPLIFIED 4.0  /* ratio of error to tolerance that an amplified value counts as */
-enum {
-    CHECK_EVERY = 512,
-    ALARM = 4,
-    MOST_PATIENCE = 64,
-    SOON = 16,
-    MOST_RECURRENCES = 8,
-    EARLY = 8
-};
+#define AMPLIFIED       4.0  /* ratio of error to tolerance that an amplified value counts as */
+enum { CHECK_EVERY = 512, ALARM = 4, MOST_PATIENCE = 64, SOON = 16, MOST_RECURRENCES = 8, EARLY = 8 };
 #define GROWTHS 3.0
 
 /* Return whether a check is scheduled: at the ticks 0, 1, 2, 4, 8, ..., 512, 1024, 1536, ... */
@@ -123,8 +116,8 @@ static int solve_halves(Engine *e, Newton *newton, int64_t number, const Span *s
 
 /* Return the largest difference between a span and its halves over DOUBT. If the solution lies at a jump, the unknown
    is the holding force: only its mean counts, and the values beyond the jump are rounding errors. Keep the error that
-   would remain: the mean counts over the whole step, of which the span is a part. An instantaneous event, such as a mass
-   that stops, is never resolved, but does not matter in a span that is short enough. */
+   would remain: the mean counts over the whole step, of which the span is a part. An instantaneous event, such as a
+   mass that stops, is never resolved, but does not matter in a span that is short enough. */
 static double difference(const Engine *e, Newton *newton, int64_t number, const Span *s, const double *whole,
                          const double *halves, bool jumped, bool early)
 {

@@ -172,8 +172,12 @@ static Span next_span(const Newton *newton, int64_t number, const Progress *p, d
 {
     const bool last = piece >= (p->h - p->done) * (1.0 - 1e-9);
     const double length = last ? p->h - p->done : piece, before = newton->before[number];
-    return (Span){p->t + p->done, length, p->done / p->h, last ? 1.0 : (p->done + piece) / p->h,
-                  before > 0.0 ? length / before : 1.0, false};
+    return (Span){p->t + p->done,
+                  length,
+                  p->done / p->h,
+                  last ? 1.0 : (p->done + piece) / p->h,
+                  before > 0.0 ? length / before : 1.0,
+                  false};
 }
 
 /* Compute the error of a solved span over the tolerance: from the estimate of the adaptive master and, if the guard

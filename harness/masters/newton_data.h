@@ -48,9 +48,9 @@ typedef struct {
     const int64_t *order;      /* indices of the parts, group by group */
     const int64_t *continuous; /* of each part */
     Moving *moving;
-    const int64_t *unknowns;    /* output that each unknown stands for */
-    const int64_t *held;        /* Real inputs of continuous parts that are not lines, such as the force of a sampled law */
-    double *held_values;        /* in the last step */
+    const int64_t *unknowns; /* output that each unknown stands for */
+    const int64_t *held; /* Real inputs of continuous parts that are not lines, such as the force of a sampled law */
+    double *held_values; /* in the last step */
     double *w, *w_last, *trend; /* value, value of the last step, slope over the last step */
     double *scale;              /* largest magnitude so far */
     double *surprise, *growth;  /* error of the last prediction; how often it changed its sign and grew */
