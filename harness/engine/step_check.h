@@ -16,13 +16,15 @@
 #define HOPELESS 30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
 #define MOST_UNRESOLVED 40.0 /* sum of the shares of their steps */
 #define AMPLIFIED       4.0  /* ratio of error to tolerance that an amplified value counts as */
-enum { CHECK_EVERY = 512, ALARM = 4, MOST_PATIENCE = 64, SOON = 16, MOST_RECURRENCES = 8, EARLY = 8 };
+enum { CHECK_EVERY = 512, CHECK_SOON = 16, ALARM = 4, MOST_PATIENCE = 64, SOON = 16, MOST_RECURRENCES = 8, EARLY = 8 };
 #define GROWTHS 3.0
 
-/* Return whether a check is scheduled: at the ticks 0, 1, 2, 4, 8, ..., 512, 1024, 1536, ... */
-static bool is_scheduled(int64_t tick)
+/* Return whether a check is scheduled: at the ticks 0, 1, 2, 4, 8, every 16 ticks up to 512 ticks after the start or
+   the last finding, and every 512 ticks. */
+static bool is_scheduled(const StepCheck *guard, int64_t tick)
 {
-    return tick < CHECK_EVERY ? (tick & (tick - 1)) == 0 : tick % CHECK_EVERY == 0;
+    const int64_t since = tick - guard->last;
+    return tick < CHECK_SOON ? (tick & (tick - 1)) == 0 : since % (since < CHECK_EVERY ? CHECK_SOON : CHECK_EVERY) == 0;
 }
 
 /* Return whether an unknown is far from its prediction. */
@@ -62,8 +64,8 @@ static bool wants_check(const Engine *e, const Newton *newton, int64_t number, i
     if (guard->hopeless)
         return false;
     const Group *const g = &newton->groups[number];
-    return guard->alarm > 0 || guard->calm > 0 || (s->from == 0.0 && is_scheduled(tick)) || leaps(e, newton, g) ||
-           (tick >= guard->next && surprises(newton, g, s));
+    return guard->alarm > 0 || guard->calm > 0 || (s->from == 0.0 && is_scheduled(guard, tick)) ||
+           leaps(e, newton, g) || (tick >= guard->next && surprises(newton, g, s));
 }
 
 /* Save (or restore, if `back`) everything that a check must not change. */
