@@ -22,16 +22,13 @@ from friction_fmus.identification.fit.models import ContactModel, contact_model
 from friction_fmus.identification.fit.position import fit_with_table
 from friction_fmus.identification.fit.problem import Problem
 from friction_fmus.identification.fit.scores import Score, criteria, independent_samples, score, weak_parameters
-from friction_fmus.identification.fit.search import Loss, covariance
+from friction_fmus.identification.fit.search import Loss, covariance, unseen
 from friction_fmus.identification.fit.setup import Constraints, Setup, check_constraints
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of, traits
 from friction_fmus.identification.fit.strengthening import explanation
 from friction_fmus.identification.methods import find_method
 from friction_fmus.identification.methods.free_run import FREE_RUN, identify_free_run
 from friction_fmus.identification.result import Identification
-
-#: Relative size of a column of the Jacobian below which it counts as zero.
-UNSEEN = 1e-9
 
 
 def identify(
@@ -221,9 +218,9 @@ def _result(
     names = [*parameters, *initial]
     both = {**parameters, **initial}
     # parameters with a zero Jacobian column get no standard error
-    seen = np.linalg.norm(found.J, axis=0) > UNSEEN * max(float(np.linalg.norm(found.J)), 1e-300)
-    unseen = [name for i, name in enumerate(names) if np.any(G[i]) and not np.any((G[i] != 0.0) & seen)]
-    error = np.where(np.isin(names, unseen), np.nan, error)
+    seen = ~unseen(found.J)
+    without = [name for i, name in enumerate(names) if np.any(G[i]) and not np.any((G[i] != 0.0) & seen)]
+    error = np.where(np.isin(names, without), np.nan, error)
     errors = {name: float(value) for name, value in zip(names, error, strict=True)}
     noises = {name: float(value) for name, value in zip(names, noise, strict=True)}
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -236,7 +233,7 @@ def _result(
     warnings = [] if found.converged else ["the search reached its iteration limit; give better start values"]
     if (
         signal != "mu"
-        and "Fs" not in unseen
+        and "Fs" not in without
         and (why := _static_friction(problem, found.x, parameters, predicted, records))
     ):
         warnings.append(why)
@@ -264,7 +261,7 @@ def _result(
         aic=aic,
         bic=bic,
         weak=weak_parameters(
-            contact, list(parameters), parameters, errors, correlation, _at_bound(problem, found.x), unseen
+            contact, list(parameters), parameters, errors, correlation, _at_bound(problem, found.x), without
         ),
         warnings=tuple(warnings),
         seconds=0.0,

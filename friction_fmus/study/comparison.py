@@ -38,6 +38,9 @@ JOINED: Final = 3
 ESTIMATORS: Final = ("estimator", "integral action")
 """Kinds of compensators that are combined with a feedforward: they compensate what it leaves."""
 
+CLEAR: Final = 0.02
+"""Relative violation of a condition that is an objection to a compensator."""
+
 RunSteps: TypeAlias = Callable[[Sequence[Step]], Sequence[Any]]
 
 
@@ -159,10 +162,12 @@ def _contradicted(bench: Bench, ranked: Sequence[CompensatorResult], found: Mapp
 
 
 def _violated(bench: Bench, scheme: Scheme) -> dict[str, str]:
-    """Return the conditions that an axis violates, by name."""
+    """Return the conditions that an axis violates by more than `CLEAR`, by name."""
     with PartPool() as pool:
         findings = examine(system_of(bench, scheme, pool))
-    return {finding.condition.name: finding.condition.wrong for finding in findings if not finding.condition.ok}
+    violated = [finding.condition for finding in findings if not finding.condition.ok]
+    # the parameters of the axis are not known better
+    return {c.name: c.wrong for c in violated if not abs(c.value - c.bound) <= CLEAR * abs(c.bound)}
 
 
 @dataclass(frozen=True)

@@ -313,16 +313,17 @@ def _unlike(measured: Measured, fits: Sequence[Fit]) -> str:
     return ""
 
 
-def ranked(models: Sequence[IdentifiedModel]) -> list[IdentifiedModel]:
+def ranked(models: Sequence[IdentifiedModel], resolution: float = 0.0) -> list[IdentifiedModel]:
     """Return the models with their ranks, ordered by error.
 
-    Of models whose errors are equal within `ALIKE`, the one with the fewest parameters comes first, then the one with
-    the lowest BIC.
+    Of models whose errors are equal within `ALIKE`, or within the rms error `resolution` of the measurement, the one
+    with the fewest parameters comes first, then the one with the lowest BIC.
     """
     left = sorted((found for found in models if found.error is not None and np.isfinite(found.error)), key=_error)
     ordered: list[IdentifiedModel] = []
     while left:
-        alike = [found for found in left if _error(found) <= (1.0 + ALIKE) * _error(left[0])]
+        least = _error(left[0])
+        alike = [found for found in left if _error(found) <= max((1.0 + ALIKE) * least, np.hypot(least, resolution))]
         first = min(alike, key=_simplicity)
         ordered.append(replace(first, row=replace(first.row, rank=len(ordered) + 1)))
         left.remove(first)

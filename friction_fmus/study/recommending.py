@@ -101,8 +101,7 @@ def recommend(
         + (f", and in the worst case from {_worst(none, unit)} to {_worst(first, unit)}" if first.corners else "")
         + f". {_figures(none, first)}"
     )
-    for name, wrong in (contradicted or {}).items():
-        reason += f" {name} ranks higher, but the doctor objects to it ({wrong})."
+    reason += "".join(f" {objection}" for objection in _objections(contradicted or {}))
     improving = [row for row in tried if row.improves]
     if len(improving) < 2:
         return Recommendation(first.name, reason, first.gain)
@@ -129,6 +128,18 @@ def _start(rungs: Sequence[Rung], unit: str) -> str:
         f"{sentence}; the largest step is the one {after.title}{name}, from {shown(before.metrics.rms, unit)} to "
         f"{shown(after.metrics.rms, unit)}. "
     )
+
+
+def _objections(contradicted: Mapping[str, str]) -> list[str]:
+    """Return a sentence for each condition that the doctor finds violated, with the compensators that it objects to."""
+    groups: dict[str, list[str]] = {}
+    for name, wrong in contradicted.items():
+        groups.setdefault(wrong.split(":")[0], []).append(name)
+    return [
+        f"{' and '.join([', '.join(names[:-1]), names[-1]] if names[1:] else names)} rank{'' if names[1:] else 's'} "
+        f"higher, but the doctor objects to {'them' if names[1:] else 'it'} ({contradicted[names[0]]})."
+        for names in groups.values()
+    ]
 
 
 def _figures(none: CompensatorResult, row: CompensatorResult) -> str:

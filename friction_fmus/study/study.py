@@ -270,7 +270,8 @@ class _Study:
         steps = [Step(f"loop-{each.row.name}", refine, (each, measured, *records), IdentifiedModel) for each in chosen]
         refined = self._run(steps, 0.4, 0.6)
         better = {each.row.name: each for each in refined}
-        return ranked([better.get(each.row.name, each) for each in found])
+        rounded = config.servo.quantum / math.sqrt(12.0) if config.servo else 0.0  # rms error of a rounded position
+        return ranked([better.get(each.row.name, each) for each in found], rounded)
 
     def _missing(self, data: Data, best: IdentifiedModel) -> str:
         """Return the reason why no compensator can be simulated; empty if they can."""

@@ -68,4 +68,7 @@ def test_of_models_of_a_study_with_equal_errors_the_simpler_one_comes_first() ->
     rich = IdentifiedModel(ModelResult("rich", "", parameters=parameters, bic=1.0), error=1.0)
     plain = IdentifiedModel(ModelResult("plain", "", parameters=parameters[:2], bic=2.0), error=1.04)
     assert [model.row.name for model in ranked([rich, plain])] == ["plain", "rich"]
-    assert [model.row.name for model in ranked([rich, replace(plain, error=1.06)])] == ["rich", "plain"]
+    worse = replace(plain, error=1.06)
+    assert [model.row.name for model in ranked([rich, worse])] == ["rich", "plain"]
+    assert [model.row.name for model in ranked([rich, worse], resolution=0.3)] == ["rich", "plain"]
+    assert [model.row.name for model in ranked([rich, worse], resolution=0.4)] == ["plain", "rich"]

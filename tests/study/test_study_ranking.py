@@ -174,6 +174,9 @@ def test_a_compensator_to_which_the_doctor_objects_is_named() -> None:
     found = recommend(none, ranked(row("B", 30e-6)), (), "m", {"A": "buzz: the axis buzzes"})
     assert found.name == "B"
     assert found.reason.endswith("A ranks higher, but the doctor objects to it (buzz: the axis buzzes).")
+    objections = {"A": "buzz: at 1 Hz", "C": "delay: of 2 ms", "D": "buzz: at 2 Hz", "E": "buzz: at 3 Hz"}
+    found = recommend(none, ranked(row("B", 30e-6)), (), "m", objections)
+    assert "A, D and E rank higher, but the doctor objects to them (buzz: at 1 Hz). C ranks higher" in found.reason
 
 
 @pytest.mark.parametrize(

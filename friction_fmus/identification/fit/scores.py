@@ -119,7 +119,7 @@ def weak_parameters(
     for i, name in enumerate(names):
         reasons = []
         if name in unseen:
-            reasons.append("the record does not depend on it; it keeps its start value")
+            reasons.append("the record does not depend on it, and other values fit as well")
         elif name in at_bound:
             reasons.append(f"the estimate is at its bound {at_bound[name]:.4g}")
         elif errors[name] > WEAK * abs(values[name]) and name != "OF":

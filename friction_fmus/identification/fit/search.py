@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
 import scipy.optimize
 import scipy.stats
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from friction_fmus.identification.data.record import Array
@@ -23,11 +24,26 @@ CANDIDATES = 12
 #: Largest factor between a coordinate of a random start point and of the first one.
 SPREAD = 3.0
 
+#: Largest factor between a logarithmic coordinate and its start value; beyond it, blocks compute with rounding errors.
+FARTHEST = 1e6
+
 #: Relative change of the cost at which a search ends, on a part of the samples and on all samples.
 NEAR, CLOSE = 1e-4, 1e-7
 
 #: Smallest distance of a start point from the bounds.
 INSIDE = 1e-9
+
+#: Norm of a column of the Jacobian over that of the matrix, below which the residual does not depend on a coordinate.
+UNSEEN = 1e-9
+
+#: Relative increase of the cost for which an undetermined coordinate may be moved back towards its start value.
+SAME = 1e-4
+
+#: Shortest way that an undetermined coordinate is moved: a factor of e, or the start value.
+FAR = 1.0
+
+#: Number of halvings of the way back.
+HALVINGS = 8
 
 #: Probability (p value) below which residuals count as correlated.
 WHITE = 1e-3
@@ -94,6 +110,9 @@ def search(problem: Problem, loss: Loss, starts: int, tolerance: float = CLOSE) 
         raise FitError(f"The number of starts is {starts}; use at least 1.")
     lower, upper = problem.bounds()
     first = np.clip(problem.start(), lower, upper)
+    log = np.array([c.log for c in problem.coordinates])
+    lower = np.where(log, np.maximum(lower, first - math.log(FARTHEST)), lower)
+    upper = np.where(log, np.minimum(upper, first + math.log(FARTHEST)), upper)
     thin = problem.thinned()
     quick = thin or problem
     points = [first]
@@ -113,7 +132,44 @@ def search(problem: Problem, loss: Loss, starts: int, tolerance: float = CLOSE) 
         # repeat the simulation: the error of the block states why it rejects the start values
         problem.simulate(first, 0)
         raise FitError("The model cannot be simulated from any start point; give other start values.")
-    return best
+    return _moved_back(problem, best, first)
+
+
+def unseen(J: Array) -> NDArray[np.bool_]:
+    """Return the coordinates on which the residual does not depend, shape (p,)."""
+    flat: NDArray[np.bool_] = np.linalg.norm(J, axis=0) <= UNSEEN * max(float(np.linalg.norm(J)), 1e-300)
+    return flat
+
+
+def _moved_back(problem: Problem, found: SearchResult, first: Array) -> SearchResult:
+    """Return the solution with undetermined coordinates as near to their start values as the cost allows.
+
+    A search goes on as long as the cost decreases, for example to a stiffness of 1e14 N/m for a rigid contact, where
+    other parameters have no effect and any value. The nearest value that fits as well is one that an axis can have.
+    """
+    x, limit, flat = np.array(found.x), (1.0 + SAME) * found.cost, unseen(found.J)
+
+    def fits(i: int, share: float) -> bool:
+        moved = np.array(x)
+        moved[i] += share * (first[i] - x[i])
+        return _cost(problem.residual(moved)) <= limit
+
+    for i, c in enumerate(problem.coordinates):
+        way = abs(first[i] - x[i])
+        least = 0.0 if flat[i] else FAR / max(way, FAR)  # share of the way
+        if way == 0.0 or not (flat[i] or c.log) or not fits(i, max(least, 0.5**HALVINGS)):
+            continue
+        near, far = least, 1.0
+        if fits(i, far):
+            near = far
+        for _ in range(HALVINGS if near < far else 0):
+            middle = 0.5 * (near + far)
+            near, far = (middle, far) if fits(i, middle) else (near, middle)
+        x[i] += near * (first[i] - x[i])
+    if np.array_equal(x, found.x):
+        return found
+    residual = problem.residual(x)
+    return replace(found, x=x, residual=residual, J=problem.jacobian(x, residual))
 
 
 def _drawn(problem: Problem, first: Array, lower: Array, upper: Array, random: np.random.Generator) -> Array:
