@@ -7,6 +7,8 @@
 
 #include "quasi_newton.h"
 
+#define ROUNDED 10.0 /* smallest jump over the tolerance of a solution */
+
 /* The onset of a manipulator is a jump: the inputs begin this step with the manipulated value. */
 static void restart_manipulated(Engine *e, Newton *newton)
 {
@@ -58,7 +60,8 @@ static int refresh(Engine *e, const Newton *newton, const Group *g, double t)
 }
 
 /* Begin the lines to a loop or a part with the values that arrive; `which`: only lines that read an unknown, or only
-   the others. */
+   the others. A difference within the tolerance of the solution is no jump. The mean of a line follows from its slope
+   in the last step, which a jump does not change. */
 typedef enum { ALL_LINES, KNOWN_LINES, UNKNOWN_LINES } Which;
 
 static void begin_lines(const Engine *e, Newton *newton, const Group *g, Which which)
@@ -66,9 +69,12 @@ static void begin_lines(const Engine *e, Newton *newton, const Group *g, Which w
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
             Moving *const m = &newton->moving[k];
-            const double value = arriving(e, e->lines[k].input);
-            if (value != m->u0 && (which == ALL_LINES || (which == UNKNOWN_LINES) == (m->unknown >= 0)))
-                m->u0 = m->q0 = value;
+            const double value = arriving(e, e->lines[k].input), jump = value - m->u0;
+            if ((which == ALL_LINES || (which == UNKNOWN_LINES) == (m->unknown >= 0)) &&
+                fabs(jump) > ROUNDED * newton->tolerance * fmax(m->scale, fabs(value))) {
+                m->u0 = value;
+                m->q0 += jump;
+            }
         }
 }
 

@@ -17,7 +17,7 @@ from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.errors import FitError
 
 #: Largest number of iterations, and fractions of a step to try.
-ITERATIONS, SIZES = 12, (1.0, 0.5, 0.2)
+ITERATIONS, SIZES = 60, (1.0, 0.5, 0.2)
 
 #: Relative decrease of the cost below which the search ends.
 CLOSE = 0.01
