@@ -13,7 +13,6 @@ from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.codegen.equations import numbered
 from friction_fmus.codegen.layout import Export
 from friction_fmus.lawkit.conditions import PARAMETERS
-from friction_fmus.lawkit.emit.c_text import Real
 from friction_fmus.lawkit.emit.comments import comment
 from friction_fmus.lawkit.law import BOOLEANS, Kind, Variable
 from friction_fmus.version import VERSION
@@ -212,11 +211,11 @@ def implementation(export: Export) -> str:
             "#include <math.h>",
             "#if defined __STDC_VERSION__ && __STDC_VERSION__ >= 199901L",
             "#include <stdbool.h>",
-            "#else",
+            "#elif !defined __cplusplus",
             "typedef int bool;",
             "#endif",
             "",
-            *_prototypes(export.real, body.functions),
+            *prototypes(export),
             "#ifdef __FAST_MATH__",
             '#error "compile this file without -ffast-math, which breaks the detection of NaN inputs"',
             "#endif",
@@ -257,9 +256,10 @@ def _sample_comment(export: Export) -> str:
     return comment(text)
 
 
-def _prototypes(real: Real, functions: frozenset[str]) -> list[str]:
+def prototypes(export: Export) -> list[str]:
     """Return prototypes of functions that <math.h> does not declare in C89."""
-    new = sorted(name for name in functions if name not in _C89)
+    real = export.real
+    new = sorted(name for name in export.kernel.functions if name not in _C89)
     if not new:
         return []
     return [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from pathlib import Path
 
 import pytest
 from casadi import SX
@@ -29,6 +30,13 @@ def test_no_value_is_without_a_name_of_the_law(name: str) -> None:
     text = body(name)
     assert not re.search(r"\bt\d+\b", text)
     assert max(len(line.strip()) for line in text.splitlines()) <= 120
+
+
+def test_the_example_in_the_documentation_is_what_codegen_writes() -> None:
+    """`friction-fmus codegen ExtendedStateObserver -o c` writes both files, `docs/generated` has copies."""
+    folder, export = Path(__file__).parents[2] / "docs" / "generated", make_export("ExtendedStateObserver")
+    assert (folder / "law.c").read_text(encoding="utf-8") == implementation(export)
+    assert (folder / "law.h").read_text(encoding="utf-8") == header(export)
 
 
 @pytest.mark.parametrize("name", LAWS)

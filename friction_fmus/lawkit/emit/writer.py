@@ -232,7 +232,7 @@ class Writer:
         """Return a select as an expression; on one side of a decision on the same condition, only this side is left."""
         condition = self._nodes[number].arguments[0]
         decided = self._decided.get(condition)
-        if decided and all(self._nodes[other].operation in _LEAVES for other in self._others(number, decided)):
+        if decided and all(map(self._is_dispensable, self._others(number, decided))):
             return self._side(number, decided)
         sides = self._side(number, 1), self._side(number, 2)
         opposite = self._opposite(condition)
@@ -241,6 +241,10 @@ class Writer:
     def _others(self, number: int, side: int) -> list[int]:
         """Return the value of a select on the other side, unless it is 0."""
         return [value for i, value in enumerate(self._nodes[number].arguments) if i not in (0, side)]
+
+    def _is_dispensable(self, number: int) -> bool:
+        """Return whether a value is an argument, a number, or also used elsewhere."""
+        return self._nodes[number].operation in _LEAVES or len(self._users[number]) > 1
 
     def _opposite(self, condition: int) -> int:
         """Return the node that a condition negates, or -1 if it is not a negation or has a name."""
