@@ -79,11 +79,11 @@ def placed(
     named: Sequence[Named],
     results: Mapping[str, int],
     commands: Collection[int],
-) -> dict[int, list[str]]:
+) -> tuple[dict[int, list[str]], list[str]]:
     """Return the comments for operations.
 
     An equation whose left-hand side is no variable of the law is added to one that contains this side: to the next
-    equation, or else to one before it; if none does, to the previous equation.
+    equation, or else to one before it.
 
     Parameters
     ----------
@@ -100,22 +100,21 @@ def placed(
 
     Returns
     -------
-    dict of int to list of str
-        The texts of equations by node.
+    tuple of dict of int to list of str and list of str
+        The texts of equations by node, and the remaining equations.
     """
-    own = {equation.number: _node(equation.name, nodes, named, results, commands) for equation in equations}
-    for place in (*range(len(equations) - 1, -1, -1), *range(len(equations))):  # chains of such equations in both ways
-        equation = equations[place]
-        for other in equations[place + 1 : place + 2] + equations[place - 1 :: -1] if place else equations[1:2]:
-            if own[equation.number] is None and re.search(rf"\b{equation.name}\b", other.text):
-                own[equation.number] = own[other.number]
-    found: dict[int, list[str]] = {}
-    node = next(filter(None, own.values()), None)
-    for equation in equations:
-        node = node if own[equation.number] is None else own[equation.number]
+    own = [_node(equation.name, nodes, named, results, commands) for equation in equations]
+    places = range(len(equations))
+    for place in (*reversed(places), *places):  # in both directions, as an equation may belong to one of the same kind
+        name = re.compile(rf"\b{equations[place].name}\b")
+        for other in (place + 1, *range(place - 1, -1, -1)):
+            if own[place] is None and other in places and name.search(equations[other].text):
+                own[place] = own[other]
+    comments: dict[int, list[str]] = {}
+    for node, equation in zip(own, equations, strict=True):
         if node is not None:
-            found.setdefault(node, []).append(equation.text)
-    return found
+            comments.setdefault(node, []).append(equation.text)
+    return comments, [equation.text for node, equation in zip(own, equations, strict=True) if node is None]
 
 
 def _node(

@@ -14,6 +14,7 @@ from friction_fmus.codegen.equations import equations_of, placed
 from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.declarations import FAULT
 from friction_fmus.lawkit.emit.c_text import DOUBLE, Kernel, Lows, Real, kernel
+from friction_fmus.lawkit.emit.comments import comment_lines
 from friction_fmus.lawkit.emit.graph import LIBM, graph
 from friction_fmus.lawkit.emit.names import Named
 from friction_fmus.lawkit.emit.pairs import Weight, positions, rounded
@@ -61,11 +62,13 @@ class Export:
     @cached_property
     def kernel(self) -> Kernel:
         """One sample as statements on the structs."""
-        return self.statements(self.law.function, self.law.given, self.results, self._lows, self.named, self._remarks)
+        remarks, others = self._remarks
+        found = self.statements(self.law.function, self.law.given, self.results, self._lows, self.named, remarks)
+        return replace(found, lines=(*comment_lines(others), *found.lines))
 
     @property
-    def _remarks(self) -> dict[int, list[str]]:
-        """Equations of the law by the operation that computes them."""
+    def _remarks(self) -> tuple[dict[int, list[str]], list[str]]:
+        """Equations of the law by the operation that computes them, and the others."""
         nodes, numbers = graph(self.law.function)
         results: dict[str, int] = {}
         for (variable, _), number in zip(_scalars(self.law.results), numbers, strict=True):

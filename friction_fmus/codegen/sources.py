@@ -250,6 +250,8 @@ def _guarded(condition: str, statements: Sequence[str]) -> list[str]:
 
 def _sample_comment(export: Export) -> str:
     text = f"The numbers in comments are those of the equations in {export.prefix}.h. Results are stored at the end."
+    if export.kernel.lines[0].startswith("/*"):
+        text += "\nThe first equations contain symbols that are not variables of the code."
     zero = f"+ {export.real.literal(0.0)}"
     if any(zero in line for line in export.kernel.lines):
         text += f"\nx {zero} is x, but 0 for x = -0, as in the FMU."

@@ -99,9 +99,9 @@ def test_the_unit_test_fails_on_the_target(tmp_path: Path) -> None:
     compile_law(make_export("PID", real="float", start={"Kp": 12001.0}), M4F, tmp_path)
     assert 0 < result_on_target(export, M4F, tmp_path) <= N
     text = (tmp_path / "law.c").read_text(encoding="utf-8").replace("= 12001.0f", "= 12000.0f")
-    guard = re.search(r"outputs->fault = !\(.*?\);", text, re.S)
+    guard = re.search(r"if \(FINITE\(inputs.*?\{", text, re.S)
     assert guard
-    (tmp_path / "law.c").write_text(text.replace(guard[0], "outputs->fault = 0;"), encoding="utf-8")
+    (tmp_path / "law.c").write_text(text.replace(guard[0], "if (1) {"), encoding="utf-8")
     call(tmp_path, target.COMPILER, *M4F.flags, *target.FLAGS, "-c", "law.c")
     assert result_on_target(export, M4F, tmp_path) == N + 1
 

@@ -10,6 +10,9 @@ from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import check_identifier
 from friction_fmus.lawkit.emit.graph import Node
 
+_LIBRARY = {"abort", "atoi", "calloc", "exit", "free", "malloc", "printf", "puts", "rand", "realloc", "system"}
+"""Functions of the C library with names that a law may use for its variables."""
+
 
 class Named(NamedTuple):
     """A name that the source of a function gives to a node.
@@ -116,4 +119,4 @@ def _valid(name: str) -> str:
         check_identifier("", "", name)
     except FrictionError:
         return f"{name}_value"
-    return name
+    return f"{name}_value" if name in _LIBRARY else name

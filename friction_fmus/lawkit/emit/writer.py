@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from friction_fmus.lawkit.emit.branches import DECIDES, Block, Decision
-from friction_fmus.lawkit.emit.comments import comment_text
+from friction_fmus.lawkit.emit.comments import comment_lines
 from friction_fmus.lawkit.emit.expressions import (
     CHOICE,
     COMPARISON,
@@ -29,7 +28,6 @@ from friction_fmus.lawkit.emit.signed_zeros import Zeros
 
 _WIDTH = 84  # longest expression that is not divided
 _IN_A_LINE = 80  # length of a list of declared variables
-_COMMENT = 96  # length of a line in a comment
 
 _LEAVES = ("CONST", "INPUT")
 
@@ -276,8 +274,7 @@ class Writer:
 
     def _remark(self, number: int) -> list[str]:
         """Return the comment of a node, once."""
-        texts = [f"/* {comment_text(text)} */" for text in self._remarks.pop(number, ())]
-        return [line for text in texts for line in textwrap.wrap(text, _COMMENT, subsequent_indent="   ")]
+        return comment_lines(self._remarks.pop(number, ()))
 
     def _is_limit(self, first: int, second: int) -> bool:
         """Return whether a comparison reads better with the second value first."""
