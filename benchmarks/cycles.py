@@ -15,9 +15,9 @@ sys.path[0] = str(Path(__file__).parents[1])  # in this folder harness.py would 
 import tomli_w
 
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.codegen import CORES, measure
-from friction_fmus.codegen.cycles import cycles_of
+from friction_fmus.codegen import measure
 from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.target import EMULATOR, M4F, PACKAGES
 from friction_fmus.study.cost import TABLE
 from harness.storage.atomic import atomic_path
 
@@ -26,9 +26,10 @@ HEADING = "# Cost of the laws in single precision on a Cortex-M4F; written by be
 
 def row(law: str) -> dict[str, int]:
     """Return mean cycles of a sample, rounded to two digits as they are estimates, and flash of a law."""
-    export = make_export(law, real="float")
-    mean, _ = cycles_of(export)
-    return {"cycles": int(float(f"{mean:.2g}")), "flash": measure(export, CORES[0]).flash}
+    cost = measure(make_export(law, real="float"), M4F)
+    if cost.cycles is None:
+        raise SystemExit(f"{EMULATOR} is missing; install it with apt-get install {PACKAGES[EMULATOR]}")
+    return {"cycles": int(float(f"{cost.cycles.mean:.2g}")), "flash": cost.flash}
 
 
 def main() -> None:

@@ -8,10 +8,14 @@ from pathlib import Path
 from typing import Literal
 
 from friction_fmus.blocks.catalogue import find
-from friction_fmus.codegen.cost import COMPILER, CORES, Cost, measure, missing
+from friction_fmus.codegen.cost import Cost, measure
 from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.readme import readme
 from friction_fmus.codegen.sources import example, header, implementation
+from friction_fmus.codegen.target import COMPILER, CORES, missing
+from friction_fmus.codegen.unit_test import unit_test
+from friction_fmus.codegen.vectors import vectors
+from friction_fmus.codegen.wrapper import wrapper
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.lawkit.declarations import check_identifier
 from friction_fmus.lawkit.emit.c_text import DOUBLE, FLOAT
@@ -35,7 +39,8 @@ def export_law(
     model : str or Path
         Name of a law, or path of a law file.
     out_dir : path-like
-        Folder for ``law.h``, ``law.c``, ``main.c`` and ``README.md``; it is created if needed.
+        Folder for ``law.h``, ``law.c``, ``law_test.c``, ``law.hpp``, ``main.c`` and ``README.md``; it is created if
+        needed.
     real : {"float", "double"}
         Type of all numbers.
     start : mapping of str to number, optional
@@ -58,6 +63,8 @@ def export_law(
     texts = {
         f"{prefix}.h": header(export),
         f"{prefix}.c": implementation(export),
+        f"{prefix}_test.c": unit_test(export, vectors(export)),
+        f"{prefix}.hpp": wrapper(export),
         "main.c": example(export),
         "README.md": readme(export, costs),
     }

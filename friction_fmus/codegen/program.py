@@ -6,6 +6,8 @@ the library functions that it calls; they are the same on every core with this i
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from friction_fmus.codegen.layout import INPUTS, Export
@@ -40,11 +42,20 @@ def samples(export: Export, n: int, seed: int = 1) -> dict[str, np.ndarray]:
     return {variable.name: draw(variable) for variable in export.law.select(*INPUTS)}
 
 
-def program(export: Export, given: dict[str, np.ndarray]) -> str:
+def program(export: Export, given: Mapping[str, np.ndarray], restart: int = 0) -> str:
     """Return the text of the program.
 
     For every sample, the program writes a line with the bytes of the results and of the lower parts of pairs, and at
-    the end the depth of the stack [bytes]. With the macro QUIET it writes nothing.
+    the end the depth of the stack [bytes]. With the macro QUIET it runs the law once and writes only that depth.
+
+    Parameters
+    ----------
+    export : Export
+        The law.
+    given : mapping of str to array, shape (n,)
+        Samples by input.
+    restart : int
+        Sample before which the start values are set again.
     """
     p, inputs = export.prefix, export.law.select(*INPUTS)
     n = len(next(iter(given.values()))) if given else 1
@@ -58,17 +69,18 @@ def program(export: Export, given: dict[str, np.ndarray]) -> str:
             f"static const {export.real.name} given[{n}][{max(len(inputs), 1)}] = {{",
             *(rows if inputs else ["    {0},"]),
             "};",
-            _CALLS,
+            CALLS,
             *(f"static {p}_{group} {group};" for group in export.groups),
             "",
             "static volatile unsigned char *stack; /* of the step */",
             "",
-            "static void run(int writes)",
+            "static void __attribute__((noinline, noclone)) run(unsigned n, int writes)",
             "{",
             "    unsigned k;",
             '    __asm__ volatile("mov %0, sp" : "=r"(stack));',
-            f"    {p}_init(&parameters, &states, &inputs, &outputs);",
-            f"    for (k = 0; k < {n}; k++) {{",
+            "    for (k = 0; k < n; k++) {",
+            f"        if (k == 0 || k == {restart})",
+            f"            {p}_init(&parameters, &states, &inputs, &outputs);",
             *(
                 f"        inputs.{v.name} = {'(int)' if v.kind in BOOLEANS else ''}given[k][{i}];"
                 for i, v in enumerate(inputs)
@@ -84,19 +96,17 @@ def program(export: Export, given: dict[str, np.ndarray]) -> str:
             "void start(void);",
             "void start(void)",
             "{",
-            "#ifdef QUIET",
-            "    run(0);",
-            "#else",
             "    unsigned depth;",
-            "    run(0);",
+            "    run(0, 0);",
             f"    for (depth = 1; depth <= {STACK}; depth++)",
             "        *(stack - depth) = 0xA5;",
-            "    run(0);",
+            f"    run({n}, 0);",
             f"    for (depth = {STACK}; depth > 0 && *(stack - depth) == 0xA5; depth--)",
             "        ;",
-            "    run(1);",
-            "    hex(&depth, sizeof depth);",
+            "#ifndef QUIET",
+            f"    run({n}, 1);",
             "#endif",
+            "    hex(&depth, sizeof depth);",
             "    linux(1, 0, 0, 0);",
             "}",
             "",
@@ -104,7 +114,7 @@ def program(export: Export, given: dict[str, np.ndarray]) -> str:
     )
 
 
-_CALLS = """
+CALLS = """
 static void linux(long number, long a, const void *b, long c)
 {
     register long r7 __asm__("r7") = number;

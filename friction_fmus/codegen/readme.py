@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Callable, Sequence
 
-from friction_fmus.codegen.cost import COMPILER, EMULATOR, FLAGS, PACKAGES, Cost
+from friction_fmus.codegen.cost import Cost
+from friction_fmus.codegen.emulation import RANDOM
 from friction_fmus.codegen.layout import Export
+from friction_fmus.codegen.target import COMPILER, EMULATOR, FLAGS, PACKAGES
+from friction_fmus.codegen.vectors import N
+from friction_fmus.codegen.wrapper import class_name
 from friction_fmus.version import VERSION
 
 TRAVEL = (0.0, 0.1, 1.0, 10.0)
@@ -37,6 +42,10 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
         f"* `{p}.h`, `{p}.c`: the law. C89 and C99, no memory allocation, no variables outside the four structs, so "
         f"that a program can have several instances. It {library}."
     )
+    test = (
+        f"* `{p}_test.c`: a unit test of {N} samples for the target; `{p}_test()` returns 0 or the number of the first "
+        f"wrong one. On a PC: `cc -D{p.upper()}_TEST_MAIN {p}_test.c {p}.c -lm`."
+    )
     use = (
         f"`{p}_init` sets the start values, `{p}_check` checks the parameters, and `{p}_step` computes one sample; "
         "call it every `Ts` seconds. While an input is NaN or infinite, outputs and states are held and `fault` is 1. "
@@ -47,6 +56,8 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
 {_fill(origin)}
 
 {_fill(files, "  ")}
+{_fill(test, "  ")}
+* `{p}.hpp`: the law as the C++ class `{class_name(p)}`, C++11; link `{p}.c` compiled as C.
 * `main.c`: an example, `cc main.c {p}.c -lm`.
 
 {_fill(use)}
@@ -134,8 +145,11 @@ _ROWS: tuple[tuple[str, Callable[[Cost], float | None]], ...] = (
     ("RAM of the C library [bytes]", lambda cost: cost.static),
     ("stack of the law [bytes]", lambda cost: cost.frame),
     ("stack with called functions [bytes]", lambda cost: cost.stack),
-    ("instructions per step, mean", lambda cost: cost.mean),
-    ("instructions per step, largest", lambda cost: cost.most),
+    ("instructions per step, mean", lambda cost: cost.instructions.mean if cost.instructions else None),
+    ("instructions per step, longest path seen", lambda cost: cost.instructions.most if cost.instructions else None),
+    ("cycles per step, mean", lambda cost: cost.cycles.mean if cost.cycles else None),
+    ("cycles per step, longest path seen", lambda cost: cost.cycles.most if cost.cycles else None),
+    ("executed part of the law [%]", lambda cost: None if cost.covered is None else math.floor(100.0 * cost.covered)),
 )
 
 
@@ -146,18 +160,21 @@ def _table(costs: Sequence[Cost]) -> str:
     ]
     for title, value in _ROWS:
         cells = [value(cost) for cost in costs]
-        if None not in cells:
-            lines.append(f"| {title} | {' | '.join(f'{cell:.0f}' for cell in cells)} |")
+        if any(cell is not None for cell in cells):
+            lines.append(f"| {title} | {' | '.join('' if cell is None else f'{cell:.0f}' for cell in cells)} |")
     counted = (
-        "Instructions and the stack with called functions were measured in qemu-arm with random inputs. Instructions "
-        "are not cycles, and other inputs may take other branches in the functions of the C library."
-        if costs[0].most is not None
+        f"Instructions and the stack with called functions were measured in qemu-arm, with {RANDOM} random samples for "
+        f"the mean and the samples of the unit test. Other inputs may take longer paths: the last row is the part of "
+        "the instructions of the law that these samples executed. Cycles are estimates without wait states: each "
+        "instruction takes the cycles in Arm's Technical Reference Manuals (Cortex-M0+ r0p1 with the fast multiplier, "
+        "Cortex-M4 r0p1). Arm publishes none for the Cortex-M7, which can issue two instructions in a cycle."
+        if costs[0].instructions is not None
         else f"Instructions were not counted, because {EMULATOR} is not installed; on Debian, run `apt-get install "
         f"{PACKAGES[EMULATOR]}`."
     )
     explained = (
         "Called functions belong to the C library or, if the core has no instructions for them, are floating-point "
-        "operations. The stack of the law is the result of `-fstack-usage`, summed over the chain of calls. "
+        "operations. The stack of the law is the sum of gcc's `-fstack-usage` over the longest chain of calls. "
     )
     cores = "".join(f"* {cost.core.name}: `{' '.join(cost.core.flags)}`\n" for cost in costs)
     return "\n".join(

@@ -13,7 +13,7 @@ import pytest
 
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.codegen import CORES, cost, export, export_law, measure
+from friction_fmus.codegen import CORES, export, export_law, measure, target
 from friction_fmus.codegen.export import make_export
 from friction_fmus.errors import FrictionError, UnknownNameError
 from friction_fmus.lawkit.files import discover_laws
@@ -42,7 +42,7 @@ def elements(
 @pytest.fixture(autouse=True)
 def without_target(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is measured: that is test_cost.py."""
-    monkeypatch.setattr(export, "missing", lambda: list(cost.PACKAGES))
+    monkeypatch.setattr(export, "missing", lambda: list(target.PACKAGES))
 
 
 @pytest.fixture
@@ -141,8 +141,8 @@ def test_without_the_compiler_the_readme_says_so(tmp_path: Path, capsys: pytest.
     assert "The cost was not measured, because arm-none-eabi-gcc is not installed." in text
     assert "apt-get install gcc-arm-none-eabi" in text
     assert "parameters->Kp = 5.0f;" in (tmp_path / "law.c").read_text(encoding="utf-8")
-    files = [str(tmp_path / name) for name in ("law.h", "law.c", "main.c", "README.md")]
-    assert capsys.readouterr().out.splitlines()[:4] == files
+    files = [str(tmp_path / name) for name in ("law.h", "law.c", "law_test.c", "law.hpp", "main.c", "README.md")]
+    assert capsys.readouterr().out.splitlines()[:6] == files
 
 
 def test_the_command_says_what_to_install(

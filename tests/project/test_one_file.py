@@ -161,7 +161,7 @@ def test_they_stand_in_lists_and_tables(
 
 def test_the_law_is_exported_as_c(folder: Path, tmp_path: Path) -> None:
     files = {path.name for path in export_law("SlippingFeedforward", tmp_path / "c")}
-    assert {"law.c", "law.h", "README.md"} <= files
+    assert {"law.c", "law.h", "law.hpp", "law_test.c", "README.md"} <= files
 
 
 def test_a_study_identifies_the_model_tries_the_law_and_asks_the_doctor(folder: Path, tmp_path: Path) -> None:

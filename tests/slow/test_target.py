@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,17 @@ import pytest
 from codegen.test_numbers import LAWS, same_bits
 
 from benchmarks.law_runs import LawC, rows_of
-from friction_fmus.codegen import CORES, cost, export_law, measure
-from friction_fmus.codegen.cost import assembly, run
+from friction_fmus.codegen import CORES, Core, export_law, measure, target
+from friction_fmus.codegen.cycles import DURATIONS
+from friction_fmus.codegen.emulation import run, trace
 from friction_fmus.codegen.export import make_export
-from friction_fmus.codegen.program import samples
+from friction_fmus.codegen.program import CALLS, samples
+from friction_fmus.codegen.target import EMULATOR, M0PLUS, M4F, assembly, call, compile_law, emulate, link_program
+from friction_fmus.codegen.unit_test import unit_test
+from friction_fmus.codegen.vectors import N, vectors
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Werror")
-pytestmark = pytest.mark.skipif(bool(cost.missing()), reason=f"{' and '.join(cost.missing())} not installed")
+pytestmark = pytest.mark.skipif(bool(target.missing()), reason=f"{' and '.join(target.missing())} not installed")
 
 STRAIGHT = """
 from casadi import SX
@@ -36,7 +41,7 @@ def straight(
 @pytest.mark.parametrize("core", CORES, ids=lambda core: core.name)
 @pytest.mark.parametrize("real", ["float", "double"])
 @pytest.mark.parametrize("name", LAWS)
-def test_the_target_computes_the_same(name: str, real: str, core, tmp_path: Path) -> None:
+def test_the_target_computes_the_same(name: str, real: str, core: Core, tmp_path: Path) -> None:
     """Bit by bit, but for another C library's exp and pow."""
     export = make_export(name, real=real)
     given = samples(export, 200)
@@ -65,21 +70,77 @@ def test_the_float_build_has_no_double_in_it(name: str) -> None:
         assert called - runtime - own <= export.kernel.functions
 
 
+UNIT_TEST = """
+#include "law_test.c"
+void start(void);
+void start(void) { linux(1, law_test(), 0, 0); }
+"""
+
+
+def result_on_target(export, core: Core, folder: Path) -> int:
+    """What the unit test of a law returns on a core."""
+    (folder / "law_test.c").write_text(unit_test(export, vectors(export)), encoding="utf-8")
+    link_program(export, core, folder, CALLS + UNIT_TEST)
+    return subprocess.run([EMULATOR, "-cpu", "max", "./program"], cwd=folder, check=False).returncode
+
+
+@pytest.mark.parametrize("core", CORES, ids=lambda core: core.name)
+@pytest.mark.parametrize("real", ["float", "double"])
+@pytest.mark.parametrize("name", LAWS)
+def test_the_unit_test_passes_on_the_target(name: str, real: str, core: Core, tmp_path: Path) -> None:
+    export = make_export(name, real=real)
+    compile_law(export, core, tmp_path)
+    assert result_on_target(export, core, tmp_path) == 0
+
+
+def test_the_unit_test_fails_on_the_target(tmp_path: Path) -> None:
+    """A law with another gain, and one without its guard."""
+    export = make_export("PID", real="float")
+    compile_law(make_export("PID", real="float", start={"Kp": 12001.0}), M4F, tmp_path)
+    assert 0 < result_on_target(export, M4F, tmp_path) <= N
+    text = (tmp_path / "law.c").read_text(encoding="utf-8").replace("= 12001.0f", "= 12000.0f")
+    guard = re.search(r"outputs->fault = !\(.*?\);", text, re.S)
+    assert guard
+    (tmp_path / "law.c").write_text(text.replace(guard[0], "outputs->fault = 0;"), encoding="utf-8")
+    call(tmp_path, target.COMPILER, *M4F.flags, *target.FLAGS, "-c", "law.c")
+    assert result_on_target(export, M4F, tmp_path) == N + 1
+
+
+COLUMNS = {core.name: i for i, core in enumerate(CORES)}
+
+
+def table(text: str, core: str) -> dict[str, int]:
+    """The column of a core in the table of a README."""
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("| ")]
+    cells = {row[0].split(" [")[0]: row[1 + COLUMNS[core]] for row in rows[1:]}
+    return {title: int(cell) for title, cell in cells.items() if cell}
+
+
 def test_the_cost_of_a_law_is_in_its_readme(tmp_path: Path) -> None:
     """PID has 12 parameters, 3 states, 6 Real inputs, two of them pairs, 2 Boolean ones, 2 outputs and `fault`."""
     export_law("PID", tmp_path, real="float")
     text = (tmp_path / "README.md").read_text(encoding="utf-8")
-    rows = {row[0]: int(row[1]) for row in re.findall(r"^\| ([a-zA-Z ,]+?)(?: \[bytes\])? \| (\d+) \|", text, re.M)}
-    assert rows["RAM of an instance"] == 4 * (12 + 3 + (6 + 2) + 2 + 3)
-    assert rows["RAM of the C library"] == 0
-    assert rows["flash of the law"] == rows["flash with called functions"] <= 1000
-    assert rows["stack of the law"] == rows["stack with called functions"]
-    # at least the 22 floating-point operations and two instructions for each test of an input
-    assert 22 + 2 * 6 <= rows["instructions per step, mean"] <= rows["instructions per step, largest"] <= 200
-    double = measure(make_export("PID"), CORES[0])
+    for core in ("Cortex-M4F", "Cortex-M7"):
+        rows = table(text, core)
+        assert rows["RAM of an instance"] == 4 * (12 + 3 + (6 + 2) + 2 + 3)
+        assert rows["RAM of the C library"] == 0
+        assert rows["flash of the law"] == rows["flash with called functions"] <= 1000
+        assert rows["stack of the law"] == rows["stack with called functions"]
+        # at least the 22 floating-point operations and two instructions for each test of an input
+        mean, most = (rows[f"instructions per step, {word}"] for word in ("mean", "longest path seen"))
+        assert 22 + 2 * 6 <= mean <= most <= 200
+        assert 90 <= rows["executed part of the law"] <= 100
+    rows = table(text, "Cortex-M4F")
+    assert mean < rows["cycles per step, mean"] < rows["cycles per step, longest path seen"]
+    assert "cycles per step, mean" not in table(text, "Cortex-M7")
+    soft = table(text, "Cortex-M0+")
+    assert soft["instructions per step, mean"] > 10 * rows["instructions per step, mean"]
+    assert soft["stack with called functions"] > soft["stack of the law"]
+    double = measure(make_export("PID"), M4F)
     assert double.instance == 8 * (12 + 3 + 6 + 2) + 4 * 2 + 8
     # every operation of the double build is a call on a core with a single-precision unit
-    assert double.mean is not None and double.mean > 5 * rows["instructions per step, mean"]
+    assert double.instructions is not None
+    assert double.instructions.mean > 5 * rows["instructions per step, mean"]
 
 
 def test_instructions_are_counted_exactly(tmp_path: Path) -> None:
@@ -87,11 +148,53 @@ def test_instructions_are_counted_exactly(tmp_path: Path) -> None:
     path = tmp_path / "straight.py"
     path.write_text(STRAIGHT, encoding="utf-8")
     export = make_export(path, real="float")
-    found = measure(export, CORES[0])
-    text = cost.assembly(export, CORES[0])
+    found = measure(export, M4F).instructions
+    assert found is not None
+    text = assembly(export, M4F)
     body = text[text.index("law_step:") : text.index(".size\tlaw_step")]
     listed = [line.split()[0] for line in body.splitlines() if re.match(r"\t[a-z]", line)]
     # of a branch each way ends in its own return; a bad input leaves right behind the compare
     returns = [i for i, word in enumerate(listed) if word == "bx" or word.startswith("pop")]
     assert found.mean == found.most
     assert found.most in [i + 1 for i in returns] + [len(listed)], listed
+
+
+@pytest.mark.parametrize("core", CORES, ids=lambda core: core.name)
+def test_blocks_have_the_instructions_of_single_steps(core: Core, tmp_path: Path) -> None:
+    """QEMU logs one instruction a line if it translates them one by one."""
+    export = make_export("LuGreFeedforward")
+    compile_law(export, core, tmp_path)
+    found = trace(export, core, tmp_path)
+    single = "-one-insn-per-tb" if "one-insn-per-tb" in call(tmp_path, EMULATOR, "--help") else "-singlestep"
+    emulate(tmp_path, single, "-d", "exec,nochain", "-D", "single")
+    lines = (tmp_path / "single").read_text(encoding="utf-8").splitlines()
+    addresses = [int(match[1], 16) for line in lines if (match := re.search(r"\[[0-9a-f]+/([0-9a-f]+)/", line))]
+    entry = next(address for address, at in found.code.items() if at.function == "law_step")
+    steps = [[address for i in step for address in found.blocks[i]] for step in found.steps]
+    begins = [i for i, address in enumerate(addresses) if address == entry]
+    assert len(begins) == len(steps)
+    for begin, step in zip(begins, steps, strict=True):
+        assert addresses[begin : begin + len(step)] == step
+        assert addresses[begin + len(step)] == addresses[begin - 1] + 4  # behind the call
+
+
+@pytest.mark.parametrize(
+    ("core", "text", "cycles"),
+    [
+        (M4F, "vdiv.f32\ts15, s14, s15", 14),
+        (M4F, "ldr.w\tr3, [r0, #4]", 2),
+        (M4F, "push\t{r4, r5, lr}", 4),
+        (M4F, "vpop\t{s16-s19}", 5),
+        (M4F, "adds\tr0, #1", 1),
+        (M0PLUS, "ldr\tr3, [r0, #4]", 2),
+        (M0PLUS, "muls\tr3, r0", 1),
+        (M0PLUS, "push\t{r4, r5, lr}", 4),
+        (M0PLUS, "b.n\t8000", 1),
+        (M0PLUS, "bl\t8000 <f>", 2),
+        (M0PLUS, "bx\tlr", 1),
+        (M0PLUS, "pop\t{r4, pc}", 4),
+    ],
+)
+def test_durations_are_those_of_the_manuals(core: Core, text: str, cycles: int) -> None:
+    """Without a taken branch, 2 cycles on the M4F, 1 on the M0+: B takes 2 there, BL 3, and POP of the PC 3 + N."""
+    assert DURATIONS[core].of(text) == cycles

@@ -1,6 +1,7 @@
 """Generate C code of a law for an embedded target, with its cost.
 
-The code has a struct of parameters and allocates no memory. Its cost is stated for two microcontrollers.
+The code has a struct of parameters and allocates no memory. A unit test for the target belongs to it. Its cost is
+stated for three microcontrollers.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Write the files and print their paths."""
     from friction_fmus.cli.console import console
-    from friction_fmus.codegen.cost import PACKAGES, missing
     from friction_fmus.codegen.export import export_law
+    from friction_fmus.codegen.target import PACKAGES, missing
 
     start = parse_assignments(options.set)
     for path in export_law(options.law, options.output, real=options.real, start=start, prefix=options.prefix):

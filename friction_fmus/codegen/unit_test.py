@@ -1,0 +1,208 @@
+"""The unit test of an exported law, which its user runs on the target."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+
+import numpy as np
+
+from friction_fmus.codegen.layout import INPUTS, Export
+from friction_fmus.codegen.sources import comment, number
+from friction_fmus.codegen.vectors import N, Vectors, parts
+from friction_fmus.lawkit.emit.c_text import DOUBLE
+from friction_fmus.lawkit.law import BOOLEANS, Kind, Variable
+from friction_fmus.version import VERSION
+
+
+def unit_test(export: Export, samples: Vectors) -> str:
+    """Return the text of ``PREFIX_test.c``."""
+    p, real = export.prefix, export.real.name
+    inputs, outputs = export.law.select(*INPUTS), export.law.select(Kind.OUTPUT)
+    given = [[cell for v in inputs for cell in _cells(export, v, samples.given[v.name][k])] for k in range(N)]
+    expected = [
+        [cell for i, v in enumerate(outputs) for cell in _cells(export, v, samples.expected[k, i])] + ["0"]
+        for k in range(N)
+    ]
+    variables = [f"    {p}_{group} {group};" for group in export.groups]
+    return "\n".join(
+        [
+            comment(_heading(export, samples)),
+            "",
+            f'#include "{p}.h"',
+            "",
+            f"#define SAMPLES {N}",
+            "",
+            *_table(f"{p}_inputs given", given),
+            *_table(f"{p}_outputs expected", expected),
+            *([] if samples.exact else _allowed(export, samples.allowed)),
+            *_agrees(real),
+            "/* Return whether the outputs of sample k are as expected. */",
+            f"static int right(const {p}_outputs *found, int k)",
+            "{",
+            *_comparison(export, outputs, exact=samples.exact),
+            "}",
+            "",
+            f"int {p}_test(void);",
+            f"int {p}_test(void)",
+            "{",
+            *variables,
+            *_volatile(export),
+            "    int k;",
+            "",
+            f"    {p}_init(&parameters, &states, &inputs, &outputs);",
+            f"    if ({p}_check(&parameters) != 0)",
+            "        return -1;",
+            "    for (k = 0; k < SAMPLES; k++) {",
+            "        inputs = given[k];",
+            f"        {p}_step(&parameters, &states, &inputs, &outputs);",
+            "        if (outputs.fault || !right(&outputs, k))",
+            "            return k + 1;",
+            "    }",
+            *_fault(export),
+            "    return 0;",
+            "}",
+            "",
+            f"#ifdef {p.upper()}_TEST_MAIN",
+            "int main(void)",
+            "{",
+            f"    return {p}_test();",
+            "}",
+            "#endif",
+            "",
+        ]
+    )
+
+
+def _heading(export: Export, samples: Vectors) -> str:
+    p = export.prefix
+    motion = "\n".join(f"{f'{first} to {last}' if last > first else first}: {text}" for first, last, text in parts())
+    paragraphs = [
+        f"Unit test of {p}.c, to be run on the target. {p}_test() returns 0 if all is right, the number of the first "
+        f"wrong sample, or -1 if {p}_check() rejects the start values. It calls nothing but {p}.c. With "
+        f"{p.upper()}_TEST_MAIN defined, this file is a program with the same result as its status.",
+        f"The expected values are not from {p}.c: friction-fmus {VERSION} computed them in double from the equations "
+        "of the law.",
+        tolerance(export, samples),
+        *([untested(samples)] if untested(samples) else []),
+        f"Samples, counted from 1:\n{motion}",
+        *([f"{N + 1}: an input is NaN; the outputs are held and fault is set."] if _first_real(export) else []),
+    ]
+    return "\n\n".join(_fill(text) for text in paragraphs)
+
+
+def tolerance(export: Export, samples: Vectors) -> str:
+    """Return how far an output may be from its expected value, and why."""
+    if samples.exact:
+        return (
+            "Outputs must equal the expected values: the law calls no function of the C library that rounds, and all "
+            "other operations are exact in IEEE arithmetic. A difference means that the compiler contracts a product "
+            "and a sum (gcc does so without -ffp-contract=off) or that the target has no IEEE double."
+        )
+    why = (
+        "float rounds each operation to 6e-8"
+        if export.real is not DOUBLE
+        else f"C libraries round {', '.join(sorted(export.kernel.functions))} differently"
+    )
+    return (
+        f"The differences in the table `allowed` are accepted because {why}: {samples.relative:g} of the output, or of "
+        "its median if this is larger, or four times the effect of random rounding of parameters and states."
+    )
+
+
+def untested(samples: Vectors) -> str:
+    """Return what the samples do not show; empty if they show everything."""
+    texts = []
+    if samples.untested:
+        texts.append(f"No sample shows a change by 1 % of: {', '.join(samples.untested)}.")
+    if not samples.limited:
+        texts.append("No sample reaches a limit u_min or u_max.")
+    return " ".join(texts)
+
+
+def _fill(text: str) -> str:
+    return "\n".join(
+        textwrap.fill(line, 114, break_on_hyphens=False, break_long_words=False) for line in text.split("\n")
+    )
+
+
+def _literal(export: Export, value: float) -> str:
+    """Return the shortest literal of the type of the export."""
+    if export.real is DOUBLE or not math.isfinite(np.float32(value)):
+        return export.real.literal(value)
+    text = f"{np.float32(value)!s}{export.real.suffix}"
+    return f"({text})" if text.startswith("-") else text
+
+
+def _cells(export: Export, variable: Variable, value: float) -> list[str]:
+    """Return the members of a variable in an initialiser: one, or two for a pair."""
+    if variable.kind in BOOLEANS:
+        return [number(export, variable, value)]
+    if variable.name not in export.pairs:
+        return [_literal(export, value)]
+    return [_literal(export, value), _literal(export, value - float(np.float32(value)))]
+
+
+def _table(declaration: str, rows: Sequence[Sequence[str]]) -> list[str]:
+    return [
+        f"static const {declaration}[SAMPLES] = {{",
+        *(f"    {{{', '.join(row).replace('(', '').replace(')', '') or '0'}}}," for row in rows),
+        "};",
+        "",
+    ]
+
+
+def _allowed(export: Export, allowed: np.ndarray) -> list[str]:
+    """Return the table of tolerances, with two digits."""
+    suffix = export.real.suffix
+    rows = (", ".join(f"{value:.1e}{suffix}" for value in row) for row in allowed)
+    return [
+        f"static const {export.real.name} allowed[SAMPLES][{allowed.shape[1]}] = {{",
+        *(f"    {{{row}}}," for row in rows),
+        "};",
+        "",
+    ]
+
+
+def _agrees(real: str) -> list[str]:
+    return [
+        f"static int agrees({real} difference, {real} bound)",
+        "{",
+        "    return difference <= bound && -difference <= bound; /* not if it is NaN */",
+        "}",
+        "",
+    ]
+
+
+def _comparison(export: Export, outputs: Sequence[Variable], *, exact: bool) -> list[str]:
+    """Return the comparison of all outputs."""
+    calls = []
+    for i, variable in enumerate(outputs):
+        name = variable.name
+        difference = f"found->{name} - expected[k].{name}"
+        if name in export.pairs:
+            difference = f"({difference}) + (found->{name}_low - expected[k].{name}_low)"
+        calls.append(f"agrees({difference}, {export.real.literal(0.0) if exact else f'allowed[k][{i}]'})")
+    return ["    return " + "\n           && ".join(calls) + ";"]
+
+
+def _first_real(export: Export) -> Variable | None:
+    return next(iter(export.law.select(Kind.INPUT, Kind.OPTIONAL)), None)
+
+
+def _volatile(export: Export) -> list[str]:
+    """Return a zero that the compiler cannot divide by itself."""
+    return [f"    volatile {export.real.name} zero = 0;"] if _first_real(export) else []
+
+
+def _fault(export: Export) -> list[str]:
+    variable = _first_real(export)
+    if variable is None:
+        return []
+    return [
+        f"    inputs.{variable.name} = zero / zero;",
+        f"    {export.prefix}_step(&parameters, &states, &inputs, &outputs);",
+        "    if (!outputs.fault || !right(&outputs, SAMPLES - 1))",
+        "        return SAMPLES + 1;",
+    ]

@@ -1,0 +1,274 @@
+"""Test vectors of an exported law: inputs of one run, and its outputs computed in double by casadi."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+from typing import Final
+
+import numpy as np
+
+from friction_fmus.codegen.layout import INPUTS, STATES, Export
+from friction_fmus.codegen.sources import unit_text
+from friction_fmus.lawkit.conditions import PARAMETERS
+from friction_fmus.lawkit.emit.c_text import DOUBLE
+from friction_fmus.lawkit.law import BOOLEANS, Kind, Law, Variable
+
+SEGMENTS: Final = (
+    ("at rest", 2, 0.0),
+    ("forward, 10 mm/s", 7, 1e-2),
+    ("backward, 10 mm/s", 7, -1e-2),
+    ("at rest", 3, 0.0),
+    ("forward, 0.1 m/s", 6, 0.1),
+    ("backward, 0.1 m/s", 6, -0.1),
+    ("forward, 1 mm/s", 2, 1e-3),
+    ("backward, 1 mm/s", 2, -1e-3),
+    ("forward, 1 mm/s", 2, 1e-3),
+    ("to the upper limit", 2, 0.1),
+    ("to the lower limit", 3, -0.5),
+    ("forward, 10 mm/s", 4, 1e-2),
+    ("commands switched off", 2, 1e-2),
+    ("commands at their start values", 3, -1e-2),
+    ("commands switched on", 1, -1e-2),
+    ("commands at their start values", 2, 1e-2),
+)
+"""Text, number of samples and peak velocity [m/s or rad/s] of each part of the motion."""
+
+N: Final = sum(count for _, count, _ in SEGMENTS)
+"""Number of samples."""
+
+_ORIGIN: Final = 0.3  # m; far enough from zero to need the lower part of a pair
+_REACH: Final = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # factors of the inputs on the way to a limit
+_EXACT: Final = frozenset({"fabs", "floor", "ceil", "sqrt", "fma", "copysign"})
+_RUNS: Final = 8  # with random rounding
+_MARGIN: Final = 4.0  # of the tolerance over the largest deviation of these runs
+_CHANGE: Final = 0.01
+
+
+@dataclass(frozen=True)
+class Vectors:
+    """Samples of one run that starts with the start values of the export.
+
+    Attributes
+    ----------
+    given : dict of str to float64 array, shape (N,)
+        Inputs by name, as the type of the export holds them.
+    expected : float64 array, shape (N, outputs)
+        Outputs in double.
+    allowed : float64 array, shape (N, outputs)
+        Largest difference of an output from its expected value.
+    relative : float
+        Smallest tolerance relative to an output; 0 if outputs must equal the expected values.
+    limited : bool
+        Whether an output reaches ``u_min`` and ``u_max``.
+    untested : tuple of str
+        Parameters whose change by 1 % no output shows.
+    """
+
+    given: Mapping[str, np.ndarray]
+    expected: np.ndarray
+    allowed: np.ndarray
+    relative: float
+    limited: bool
+    untested: tuple[str, ...]
+
+    @property
+    def exact(self) -> bool:
+        """Whether outputs must be equal to the expected values."""
+        return self.relative == 0.0
+
+
+def parts() -> list[tuple[int, int, str]]:
+    """Return the first and the last sample of each part of the motion, counted from 1, and its text."""
+    ends = accumulate((count for _, count, _ in SEGMENTS), initial=0)
+    return [(a + 1, b, text) for (a, b), (text, _, _) in zip(pairwise(ends), SEGMENTS, strict=True)]
+
+
+def inputs(export: Export) -> dict[str, np.ndarray]:
+    """Return the inputs of the test vectors of an export."""
+    return _inputs(export, _reach(export, _Run(export))[0])
+
+
+def vectors(export: Export) -> Vectors:
+    """Return the test vectors of an export."""
+    run = _Run(export)
+    reach, limited = _reach(export, run)
+    given = _inputs(export, reach)
+    expected = run.outputs(given)
+    outputs = export.law.select(Kind.OUTPUT)
+    # a pair holds a position; its resolution is the resolution of the motion about the first one
+    offsets = np.array([row if v.name in export.pairs else 0.0 for v, row in zip(outputs, expected[0], strict=True)])
+    values = expected - offsets
+    functions = {name.removesuffix(export.real.suffix) for name in export.kernel.functions}
+    relative = 3e-5 if export.real is not DOUBLE else 0.0 if functions <= _EXACT else 1e-12
+    size = np.array([np.median(np.abs(column[column != 0.0])) if column.any() else 0.0 for column in values.T])
+    allowed = relative * np.maximum(np.abs(values), size)
+    if relative:
+        allowed = np.maximum(allowed, _MARGIN * _deviation(run, given, expected))
+    untested = tuple(
+        variable.name
+        for variable in export.law.select(*PARAMETERS)
+        if (np.abs(run.outputs(given, changed=variable) - expected) <= allowed).all()
+    )
+    return Vectors(given, expected, allowed, relative, limited, untested)
+
+
+def _deviation(run: _Run, given: Mapping[str, np.ndarray], expected: np.ndarray) -> np.ndarray:
+    """Return the largest deviation of each output in runs with randomly rounded parameters and states."""
+    runs = [np.abs(run.outputs(given, seed=seed) - expected) for seed in range(_RUNS)]
+    return np.max(runs, axis=0)  # type: ignore[no-any-return]
+
+
+def _reach(export: Export, run: _Run) -> tuple[float, bool]:
+    """Return the smallest factor of the inputs with which an output reaches both of its limits; 1 if none does."""
+    limits = [export.start[name][0] for name in ("u_max", "u_min") if name in export.start]
+    if len(limits) < 2:
+        return 1.0, False
+    first = min(first for first, _, text in parts() if text.endswith("limit"))
+    for factor in _REACH:
+        found = run.outputs(_inputs(export, factor))[first - 1 :]
+        if all((found == run.rounded(limit)).any() for limit in limits):
+            return factor, True
+    return 1.0, False
+
+
+def _inputs(export: Export, reach: float) -> dict[str, np.ndarray]:
+    """Return the inputs by name; the inputs with the same unit follow one another with a lag of one sample."""
+    Ts = export.start["Ts"][0]
+    speed, way, other = _motion(reach)
+    change = np.append(0.0, np.diff(speed))
+    position = np.round(Ts * np.cumsum(speed), 10)
+    found: dict[str, np.ndarray] = {}
+    for variable in export.law.select(*INPUTS):
+        start = variable.starts[0]
+        if variable.kind in BOOLEANS:
+            switched = "commands switched off" if start else "commands switched on"
+            found[variable.name] = np.where([text == switched for text in way], 1.0 - start, start)
+            continue
+        unit = unit_text(variable)
+        before = sum(unit_text(v) == unit for v in export.law.select(*INPUTS) if v.name in found)
+        shape, offset = {
+            **dict.fromkeys(("m", "rad"), (position, _ORIGIN)),
+            **dict.fromkeys(("m/s", "rad/s"), (speed, 0.0)),
+            **dict.fromkeys(("m/s2", "rad/s2"), (np.round(change / 1e-2, 4), 0.0)),
+        }.get(unit, (0.7 * max(abs(start), 1.0) * other, start))
+        lagged = np.append(np.full(before, shape[0]), shape[: N - before])
+        values = np.round(offset + (1.0 - 0.02 * before) * lagged, 12)
+        found[variable.name] = _held(export, variable, values)
+    return found
+
+
+def _motion(reach: float) -> tuple[np.ndarray, list[str], np.ndarray]:
+    """Return velocity, text of the part, and the shape of all other inputs, by sample."""
+    speed, text, other = [], [], []
+    for title, count, peak in SEGMENTS:
+        phase = np.pi * np.arange(1, count + 1) / (count + 1)
+        factor = reach if title.endswith("limit") else 1.0
+        speed += list(factor * peak * np.sin(phase))
+        other += list(factor * np.sign(peak) * (0.6 + 0.4 * np.cos(phase)) if peak else np.full(count, 0.4))
+        text += [title] * count
+    return np.round(speed, 6), text, np.round(other, 4)
+
+
+def _held(export: Export, variable: Variable, values: np.ndarray) -> np.ndarray:
+    """Return values as the export holds them: in double, in float, or in a pair of floats."""
+    if export.real is DOUBLE or variable.kind in BOOLEANS:
+        return values
+    high = values.astype(np.float32).astype(float)
+    return high + (values - high).astype(np.float32) if variable.name in export.pairs else high
+
+
+class _Run:
+    """Runs of the law in double from its start values, with the states fed back."""
+
+    def __init__(self, export: Export) -> None:
+        law = export.law
+        labels = [variable for variable in law.given for _ in variable.starts]
+        self._export = export
+        self._start = np.concatenate([_held(export, v, np.array(export.start[v.name])) for v in law.given])
+        self._names = [v.name for v in labels]
+        self._inputs = [i for i, v in enumerate(labels) if v.kind in INPUTS]
+        self._is_state = np.array([v.kind in STATES for v in labels])
+        self._states = np.flatnonzero(self._is_state)
+        # twice the rounding of one operation, as a sample has many
+        self._rounding = np.array([_resolution(export, v) for v in labels])
+        self._evaluator = _Evaluator(law)
+
+    def rounded(self, value: float) -> float:
+        """Return a number in the type of the export."""
+        return value if self._export.real is DOUBLE else float(np.float32(value))
+
+    def outputs(
+        self, given: Mapping[str, np.ndarray], *, seed: int | None = None, changed: Variable | None = None
+    ) -> np.ndarray:
+        """Return the outputs of every sample.
+
+        Parameters
+        ----------
+        given : mapping of str to array, shape (N,)
+            Inputs.
+        seed : int, optional
+            Rounds the parameters and, in every sample, the states at random.
+        changed : Variable, optional
+            A parameter to be changed: a switch is turned over, a number is changed by 1 %, or by 0.01 if it is zero.
+        """
+        arguments = self._start.copy()
+        if changed is not None:
+            mine = [name == changed.name for name in self._names]
+            values = arguments[mine]
+            if changed.kind in BOOLEANS:
+                arguments[mine] = 1.0 - values
+            else:
+                arguments[mine] = np.where(values == 0.0, _CHANGE, values * (1.0 + _CHANGE))
+        random = np.random.default_rng(seed)
+        if seed is not None:
+            arguments = self._rounded(arguments, random)
+        arguments[self._states] = self._start[self._states]
+        count = len(self._export.law.select(Kind.OUTPUT))
+        found = np.empty((N, count))
+        for k, row in enumerate(_rows(given, [self._names[i] for i in self._inputs])):
+            arguments[self._inputs] = row
+            results = self._evaluator(arguments)
+            found[k], arguments[self._states] = results[:count], results[count:]
+            if seed is not None:
+                rounded = self._rounded(arguments, random)
+                # a state that stores an input has no rounding error
+                arguments = np.where(np.isin(arguments, row) | ~self._is_state, arguments, rounded)
+        return found
+
+    def _rounded(self, arguments: np.ndarray, random: np.random.Generator) -> np.ndarray:
+        """Return arguments with random rounding errors; integers such as flags and signs have none."""
+        noise = self._rounding * random.choice((-1.0, 0.0, 1.0), arguments.size)
+        return np.where(arguments == np.round(arguments), arguments, arguments * (1.0 + noise))
+
+
+def _rows(given: Mapping[str, np.ndarray], names: list[str]) -> Iterator[list[float]]:
+    return ([float(given[name][k]) for name in names] for k in range(N))
+
+
+def _resolution(export: Export, variable: Variable) -> float:
+    """Return twice the relative rounding error of a variable."""
+    if variable.kind in BOOLEANS:
+        return 0.0
+    if export.real is DOUBLE:
+        return 2.0**-52
+    return float(2.0**-46 if variable.name in export.pairs else 2.0**-23)
+
+
+class _Evaluator:
+    """One sample of a law by casadi."""
+
+    def __init__(self, law: Law) -> None:
+        self._buffer, self._evaluate = law.function.buffer()
+        self._given = np.zeros(law.function.n_in())
+        self._found = np.zeros(law.function.n_out())
+        for i in range(self._given.size):
+            self._buffer.set_arg(i, memoryview(self._given[i : i + 1]))  # type: ignore[call-arg, arg-type]
+        for i in range(self._found.size):
+            self._buffer.set_res(i, memoryview(self._found[i : i + 1]))  # type: ignore[call-arg, arg-type]
+
+    def __call__(self, arguments: np.ndarray) -> np.ndarray:
+        self._given[:] = arguments
+        self._evaluate()
+        return self._found.copy()

@@ -1,0 +1,156 @@
+"""The unit test that belongs to an exported law: it passes for the law, and fails for a law with one change."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from itertools import product
+from pathlib import Path
+from typing import Literal
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from benchmarks.law_runs import compile_
+from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.layout import Export
+from friction_fmus.codegen.sources import header, implementation
+from friction_fmus.codegen.unit_test import unit_test
+from friction_fmus.codegen.vectors import N, vectors
+from friction_fmus.lawkit.conditions import PARAMETERS
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import BOOLEANS
+from harness.compiling import toolchain
+
+LAWS = [law.name for law in discover_laws(laws_folder())]
+VARIED = ("PID", "LuGreFeedforward", "KalmanFriction", "AdaptiveLuGre", "TustinFeedback", "Prefilter")
+"""A controller, a feedforward law, an observer, an adaptive law, a law with a table, and one whose output is a pair."""
+REALS: tuple[Literal["double", "float"], ...] = ("double", "float")
+WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Werror")
+
+
+def write(export: Export, folder: Path, law: str = "") -> None:
+    """The three files; the law may be another text."""
+    (folder / "law.h").write_text(header(export), encoding="utf-8")
+    (folder / "law.c").write_text(law or implementation(export), encoding="utf-8")
+    (folder / "law_test.c").write_text(unit_test(export, vectors(export)), encoding="utf-8")
+
+
+def status(folder: Path, command: list[str], *flags: str) -> int:
+    """Compile both files and return what the test returns."""
+    files = ["-DLAW_TEST_MAIN", "law.c", "law_test.c", "-o", "program", "-lm"]
+    subprocess.run([*command, *WARNINGS, *flags, *files], cwd=folder, check=True)
+    return subprocess.run([folder / "program"], check=False).returncode
+
+
+def check_passes(name: str, folder: Path, *flags: str) -> None:
+    for real in REALS:
+        write(make_export(name, real=real), folder)
+        assert status(folder, toolchain.compiler(), "-O2", *flags) == 0, real
+
+
+@pytest.mark.parametrize("name", VARIED)
+def test_the_law_passes(name: str, tmp_path: Path) -> None:
+    check_passes(name, tmp_path, "-std=c99")
+
+
+@pytest.mark.skipif(not shutil.which("g++"), reason="g++ not installed")
+@pytest.mark.parametrize("name", VARIED[:3])
+def test_the_law_passes_as_cpp(name: str, tmp_path: Path) -> None:
+    for real in REALS:
+        write(make_export(name, real=real), tmp_path)
+        assert status(tmp_path, ["g++", "-x", "c++", "-std=c++11", "-ffp-contract=off"]) == 0
+
+
+@pytest.mark.parametrize(("name", "real"), list(product(VARIED, REALS)))
+def test_every_parameter_but_those_that_the_test_names_is_tested(name: str, real: str, tmp_path: Path) -> None:
+    """A change by 1 %, or from 0 to 0.01, or of a switch, as the header says."""
+    export = make_export(name, real="double" if real == "double" else "float")
+    write(export, tmp_path)
+    changes = []
+    parameters = export.law.select(*PARAMETERS)
+    for number, variable in enumerate(parameters):
+        for place in export.places(variable):
+            value = place.replace("parameters->", "p->")
+            new = f"!{value}" if variable.kind in BOOLEANS else f"{value} == 0 ? TYPE(0.01) : TYPE(1.01) * {value}"
+            changes.append(f"    if (changed == {number}) {value} = {new};")
+        changes += [f"    if (changed == {number}) p->{variable.name}_low *= 1.01f;"] * (variable.name in export.pairs)
+    text = "\n".join(
+        [
+            f"#define TYPE(x) (({real})(x))",
+            '#include "law.h"',
+            "#define law_init start",
+            "void law_init(law_parameters *p, law_states *s, law_inputs *i, law_outputs *o);",
+            '#include "law.c"',
+            "#undef law_init",
+            "static int changed;",
+            "void law_init(law_parameters *p, law_states *s, law_inputs *i, law_outputs *o)",
+            "{",
+            "    start(p, s, i, o);",
+            *changes,
+            "}",
+            '#include "law_test.c"',
+            "int tested(int number);",
+            "int tested(int number) { changed = number; return law_test(); }",
+        ]
+    )
+    (tmp_path / "changed.c").write_text(text, encoding="utf-8")
+    library = compile_(tmp_path / "changed.c")
+    assert library.tested(-1) == 0
+    passed = {variable.name for i, variable in enumerate(parameters) if library.tested(i) == 0}
+    assert passed == set(vectors(export).untested)
+
+
+@pytest.mark.parametrize(("name", "real"), list(product(("KalmanFriction", "ImplicitSuperTwisting"), REALS)))
+def test_every_changed_constant_fails(name: str, real: Literal["double", "float"], tmp_path: Path) -> None:
+    """Each number in the equations but 0 and 1, changed by 1 %."""
+    export = make_export(name, real=real)
+    text = implementation(export)
+    first, last = text.index("static void sample"), text.index("void law_init")
+    places = re.compile(r"(?<![\w.])\d+\.\d+(?:e-?\d+)?f?")
+    old = [number for number in places.findall(text[first:last]) if float(number.rstrip("f")) not in (0.0, 1.0)]
+    assert len(old) >= 2
+    numbers = iter(range(len(old)))
+
+    def changed(match: re.Match[str]) -> str:
+        value = float(match[0].rstrip("f"))
+        if value in (0.0, 1.0):
+            return match[0]
+        return f"(changed == {next(numbers)} ? {1.01 * value!r}{export.real.suffix} : {match[0]})"
+
+    write(export, tmp_path, text[:first] + places.sub(changed, text[first:last]) + text[last:])
+    (tmp_path / "changed.c").write_text(
+        'static int changed;\n#include "law.c"\n#include "law_test.c"\n'
+        "int tested(int number);\nint tested(int number) { changed = number; return law_test(); }\n",
+        encoding="utf-8",
+    )
+    library = compile_(tmp_path / "changed.c")
+    assert library.tested(-1) == 0
+    assert all(0 < library.tested(i) <= N for i in range(len(old)))
+
+
+def test_a_law_without_its_guard_fails(tmp_path: Path) -> None:
+    export = make_export("PID")
+    text = re.sub(r"outputs->fault = !\(.*?\);", "outputs->fault = 0;", implementation(export), flags=re.S)
+    write(export, tmp_path, text)
+    assert status(tmp_path, toolchain.compiler(), "-std=c99", "-Wno-unused-macros") == N + 1
+
+
+def test_the_header_says_what_is_tested() -> None:
+    """PID reaches its limits, has no C library call that rounds, and its defaults switch the dead-band off."""
+    double, single = (make_export("PID", real=real) for real in REALS)
+    text = " ".join(unit_test(double, vectors(double)).split())
+    assert "Outputs must equal the expected values" in text
+    assert "No sample shows a change by 1 % of: db_ratio, v_zc." in text
+    assert f"{N + 1}: an input is NaN" in text
+    assert "float rounds each operation to 6e-8: 3e-05 of the output" in " ".join(
+        unit_test(single, vectors(single)).split()
+    )
+    lugre = make_export("LuGreFeedforward")
+    assert "C libraries round exp, expm1, fabs, pow differently" in unit_test(lugre, vectors(lugre)).replace("\n  ", "")
+    text = unit_test(make_export("Prefilter"), vectors(make_export("Prefilter")))
+    assert "No sample reaches a limit u_min or u_max." in text

@@ -1,0 +1,96 @@
+"""The C++ class of an exported law computes what the C functions compute, and its objects are values."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from itertools import product
+from pathlib import Path
+from typing import Literal
+
+import pytest
+
+from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.sources import header, implementation
+from friction_fmus.codegen.unit_test import unit_test
+from friction_fmus.codegen.vectors import vectors
+from friction_fmus.codegen.wrapper import class_name, wrapper
+
+REALS: tuple[Literal["double", "float"], ...] = ("double", "float")
+
+PROGRAM = """
+#include "law.hpp"
+#include "law.hpp"
+#include "law_test.c"
+#include <cstring>
+#include <type_traits>
+
+static_assert(std::is_trivially_copyable<Law>::value, "a value");
+static_assert(noexcept(Law().step(Law::start())), "no exception");
+
+template <class T> static bool equal(const T &a, const T &b) { return std::memcmp(&a, &b, sizeof a) == 0; }
+
+int main()
+{
+    law_parameters parameters; law_states states; law_inputs inputs; law_outputs outputs;
+    std::memset(&outputs, 0, sizeof outputs);
+    law_init(&parameters, &states, &inputs, &outputs);
+    Law law, early;
+    if (!equal(law.parameters, parameters) || Law::start().enable != inputs.enable || Law::start().r != 0 || law.check() != 0)
+        return 1;
+    for (int k = 0; k < SAMPLES; k++) {
+        law_step(&parameters, &states, &given[k], &outputs);
+        const Law::Outputs found = law.step(given[k]);
+        if (found.u != outputs.u || found.fault != outputs.fault || !equal(law.states(), states))
+            return 2;
+        if (k == 20)
+            early = law;
+    }
+    for (int k = 21; k < SAMPLES; k++)  /* the copy goes its own way */
+        if (early.step(given[k]).fault || (k == SAMPLES - 1 && !equal(early.states(), law.states())))
+            return 3;
+
+    law.parameters.Kp = -1;
+    if (law.check() == 0)
+        return 4;
+    law.parameters.Kp = 5;
+    law.reset();  /* keeps the parameters */
+    Law::Parameters other = Law().parameters;
+    other.Kp = 5;
+    Law second(other);
+    if (!equal(law.parameters, second.parameters) || !equal(law.states(), second.states()))
+        return 5;
+    Law::Inputs far = Law::start();
+    far.r = 1;
+    if (law.step(far).u != second.step(far).u || law.step(far).u == Law().step(far).u)
+        return 6;
+    return law_test();
+}
+"""
+
+
+@pytest.mark.skipif(not shutil.which("g++"), reason="g++ not installed")
+@pytest.mark.parametrize(("real", "standard"), list(product(REALS, ("c++11", "c++20"))))
+def test_the_class_computes_what_the_functions_compute(
+    real: Literal["double", "float"], standard: str, tmp_path: Path
+) -> None:
+    export = make_export("PID", real=real)
+    texts = {
+        "law.h": header(export),
+        "law.c": implementation(export),
+        "law.hpp": wrapper(export),
+        "law_test.c": unit_test(export, vectors(export)),
+        "program.cpp": PROGRAM,
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    subprocess.run(["gcc", "-std=c99", "-O2", "-ffp-contract=off", "-c", "law.c"], cwd=tmp_path, check=True)
+    warnings = ["-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Werror"]
+    command = ["g++", f"-std={standard}", "-O2", *warnings, "program.cpp", "law.o", "-o", "program"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    assert subprocess.run([tmp_path / "program"], check=False).returncode == 0
+
+
+def test_the_class_has_the_name_of_the_prefix() -> None:
+    assert [class_name(prefix) for prefix in ("law", "inner_loop", "_x", "PID")] == ["Law", "InnerLoop", "X", "PID"]
+    assert "class InnerLoop {" in wrapper(make_export("PID", prefix="inner_loop"))
