@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import csv
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -22,7 +23,8 @@ INTRODUCTION = """# Claims of the literature
 This project started from a traineeship report, *A study of friction models and friction compensation*. This page lists
 its claims in our words, chapter by chapter. Each has a verdict and, in parentheses, a link to the [effect](effects.md)
 that supports it, with figures that the effect does not show. (1.3) is an equation of the report, [24] one of its
-references.
+references. [paragraphs.csv](../examples/paragraphs.csv) lists its systems, methods, figures and equations by paragraph,
+each with its files, a script or test that shows it, and its state.
 
 {counts}
 
@@ -56,11 +58,10 @@ class Script(NamedTuple):
 
 
 class Literature(NamedTuple):
-    """The table of claims: sections of the report, their claims and figures, and equations that are misprinted."""
+    """The table of claims: sections of the report, their claims, and equations that are misprinted or ambiguous."""
 
     section: list[dict[str, Any]]
     claim: list[dict[str, Any]]
-    figure: list[dict[str, Any]]
     equation: list[dict[str, Any]]
 
 
@@ -71,6 +72,12 @@ class MissingNumberError(LookupError):
 def read() -> Literature:
     """Return the table of claims."""
     return Literature(**tomllib.loads((EXAMPLES / "literature.toml").read_text(encoding="utf-8")))
+
+
+def paragraphs() -> list[dict[str, str]]:
+    """Return the systems, methods, figures and equations of the report, the rows of paragraphs.csv."""
+    with (EXAMPLES / "paragraphs.csv").open(encoding="utf-8", newline="") as lines:
+        return list(csv.DictReader(lines))
 
 
 def shown(docs: Path) -> dict[str, Script]:
@@ -133,21 +140,25 @@ def item(claim: Mapping[str, Any], scripts: Mapping[str, Script]) -> str:
 
 
 def misprint(equation: Mapping[str, Any], scripts: Mapping[str, Script]) -> str:
-    """Return a misprinted equation as an item of a list."""
+    """Return a misprinted, incomplete or ambiguous equation as an item of a list."""
     return f"- **{equation['number']}** {equation['wrong']} {equation['right']}{evidence(equation, scripts)}"
 
 
-def counterpart(figure: Mapping[str, Any], scripts: Mapping[str, Script]) -> str:
-    """Return where a figure of the report is drawn, as an item of a list."""
-    return f"- {figure['number']}: [{figure['shows']}]({scripts[figure['script']].link})"
+def counterparts(scripts: Mapping[str, Script]) -> str:
+    """Return links to the first script of each figure of the report, by its number."""
+    found = [(row["what"], Path(row["shown by"].split()[0])) for row in paragraphs() if row["kind"] == "figure"]
+    numbers = (re.findall(r"Figure (\S+):", what)[0] for what, _ in found)
+    links = (scripts[f"{path.parent.name}/{path.stem}"].link for _, path in found)
+    return ", ".join(f"[{number}]({link})" for number, link in zip(numbers, links, strict=True)) + "."
 
 
 def count(claims: Iterable[Mapping[str, Any]]) -> str:
     """Return how many claims have which verdict."""
     of = [claim["verdict"] for claim in claims]
     hold, conditional, wrong, untested = (of.count(verdict) for verdict in VERDICTS)
+    verb = "does" if wrong == 1 else "do"
     return (
-        f"Of {len(of)} claims, {hold} hold, {conditional} hold under a stated condition, {wrong} do not hold, "
+        f"Of {len(of)} claims, {hold} hold, {conditional} hold under a stated condition, {wrong} {verb} not hold, "
         f"and {untested}, which are left out here, are history or opinion and cannot be tested."
     )
 
@@ -161,10 +172,10 @@ def page(docs: Path) -> str:
         claims = [claim for claim in literature.claim if claim["section"] == section["title"]]
         items = [item(claim, scripts) for claim in claims if claim["verdict"] != VERDICTS[-1]]
         parts += ["\n".join(items) + "\n"] if items else []
-    parts.append("## Misprinted or incomplete equations\n")
+    parts.append("## Misprinted, incomplete or ambiguous equations\n")
     parts.append("\n".join(misprint(equation, scripts) for equation in literature.equation) + "\n")
     parts.append("## Counterparts of the report's figures\n")
-    parts.append("\n".join(counterpart(figure, scripts) for figure in literature.figure) + "\n")
+    parts.append(counterparts(scripts) + "\n")
     return "\n".join(parts)
 
 

@@ -108,11 +108,11 @@ SHA256 = {
         "elements in a spring-driven mass": "e3e63666d07755e1d65efa214ac57f9bd3f4c0534ad8a5f0311ab920d4837e7e",
         "a lag and a memory": "a1a8c15ca7ce21de4af9a3d97771e26cc640579cf8c41cb0b28ec337002e849b",
         "a belt that sticks": "8af0e95a500850c33e1735df52acf377c61ffc07242a340e4780f29fa7d17eca",
-        "two masses on two contacts": "688b119efba7f4a1397bbe3f8ef04b3e004f3e4fb31fa5c1f805f44944cbbe7c",
+        "two masses on two contacts": "bca77125c474fdb79614cf69363e79695cd2265dedf2a266408de6bf019be2cd",
         "a chain of blocks": "6d08a4cd95ecaafb93bc1f1a8464035b102643ce384b2c52457a0ed4212fa451",
         "a controller with an encoder": "10013bd55e43625c857aeafdcbe585c20888331f97746fbb7147746c9837d652",
-        "a resetting controller with a feedforward": "2a63c4f39f09f2601aae771c7d31e0cd9ac80462afba22570febbfc14fd883a6",
-        "a cascade with an observer": "2bc81babc3b97e2c90899391f91e95ce048f26621c037feeab160316f3c598d2",
+        "a resetting controller with a feedforward": "e77b0332450bff68a6c8a3ea494b6a0daae5d2a232cb319f8f7f0d5f8d65b4ff",
+        "a cascade with an observer": "0735a6615f5562f17d732144dcb92f7e9f48382c8e29345fe515e7b14c2e203c",
         "a sliding mode": "ac8bdf059c7122f9d5ab70698770b0b00e70e5c1e7b3117c1b8e6cb7325d3d1c",
     }
 }

@@ -1,14 +1,13 @@
-"""Four misprinted equations and what they do
+"""Four ambiguous or incomplete equations and what they can do
 
-Four equations of the [report](literature.md) from which this project started are wrong or incomplete. The figure shows
-them as printed (red) next to the models (blue).
+Four equations of the [report](literature.md) from which this project started leave out a sign or a rule. The figure
+shows what follows if they are read literally (red) next to the models (blue).
 
-(1.23), slip of a GMS element, dz/dt = sgn(v) C (1 - z/s(v)) with a positive s: for v < 0 its rest is at z = s, on the
-wrong side, and unstable: from z = -s the element runs away as z = s (1 - 2 exp(C t/s)). With the sign of v in s, or as
-C (sgn(v) - z/s), it goes to sgn(v) s at the rate C/s.
-
-(1.22), sticking "until z = s(v)": with a positive s an element that moves backward never slips. It is a spring without
-end. The right test is sgn(v) z >= s(v).
+(1.22) and (1.23), a GMS element: dz/dt = v "until z = s(v)", then dz/dt = sgn(v) C (1 - z/s(v)). Both hold if s carries
+the sign of v, as S(v) of (1.15) does (dashed). The report does not say so, and s is usually a positive level. With a
+positive s, an element that moves backward never slips and is a spring without end; if it slips, its rest is at z = s,
+on the wrong side, and unstable: from z = -s it runs away as z = s (1 - 2 exp(C t/s)). Written for a positive s, the
+test is sgn(v) z >= s(v) and the rate C (sgn(v) - z/s); then z goes to sgn(v) s at the rate C/s.
 
 (1.19) and (1.20), a Maxwell slip element with the position zeta, do not say how zeta moves. If zeta stays, the force
 returns on the line on which it rose. In slip it must be dragged along, zeta = z - sgn(z - zeta) W/k, for a loop of the
@@ -26,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from _common import BLUE, GREY, RED, along, command_line, panels, polyline, save
+from _common import BLACK, BLUE, GREY, RED, Array, along, command_line, panels, polyline, save
 
 ONE = {"N": 1.0, "k[1]": 1e5}  # one element [N/m]
 LEVEL, C = 1.0, 100.0  # of the element [N], [N/s]
@@ -36,17 +35,27 @@ A, W = 2e-5, 0.5  # [m], [N]
 FAST = 0.02  # much faster than the Stribeck velocity [m/s]
 
 
+def signed_level(t: Array) -> Array:
+    """Force of the element backward from rest, with (1.22) and (1.23) where s has the sign of v [N]."""
+    force = 1e5 * BACK * t
+    return np.where(force <= -LEVEL, -LEVEL, force)  # where z reaches s, (1.23) keeps it
+
+
 def main(folder: Path) -> str:
     """Draw the equations as printed and the FMUs, check what goes wrong."""
-    figure, (slip, stick, element, leuven) = panels("Equations as printed (red) and the FMUs (blue)", 2, 2, (9.0, 6.4))
+    title = "Equations read literally (red) and the FMUs (blue)"
+    figure, (slip, stick, element, leuven) = panels(title, 2, 2, (9.0, 6.4))
     t = STEP * np.arange(301)
     backward = along("GMS", BACK * t, STEP, GMS)["friction.F"].to_numpy()
     run_away = LEVEL * (1.0 - 2.0 * np.exp(C * t / LEVEL))  # from -s
-    slip.plot(1e3 * t, run_away, color=RED, lw=1.5, label="(1.23)")
+    slip.plot(1e3 * t, run_away, color=RED, lw=1.5, label="(1.23), s > 0")
     slip.plot(1e3 * t, backward, color=BLUE, lw=1.5, label="GMS")
     slip.set(xlabel="time at -10 mm/s [ms]", ylabel="force of the element [N]", ylim=(-12.0, 1.0))
-    stick.plot(1e3 * t, 1e5 * BACK * t, color=RED, lw=1.5, label="(1.22)")
+    stick.plot(1e3 * t, 1e5 * BACK * t, color=RED, lw=1.5, label="(1.22), s > 0")
     stick.plot(1e3 * t, backward, color=BLUE, lw=1.5, label="GMS")
+    signed = signed_level(t)
+    for axis in (slip, stick):
+        axis.plot(1e3 * t, signed, color=BLACK, lw=1.0, ls="--", label="s < 0, as v")
     stick.set(xlabel="time at -10 mm/s, from rest [ms]", ylabel="force of the element [N]", ylim=(-12.0, 1.0))
 
     x = polyline([0.0, A, -A, A], 1e-5, 5e-3)
@@ -70,14 +79,14 @@ def main(folder: Path) -> str:
         axis.legend(fontsize=8.5)
     save(figure, __file__, folder)
 
-    assert np.abs(backward[1:] + np.minimum(LEVEL, 1e5 * -BACK * t[1:])).max() < 1e-12
+    assert np.abs(backward - signed)[1:].max() < 1e-12
     forward = along("GMS", -BACK * t, STEP, GMS)["friction.F"].to_numpy()
     assert np.array_equal(forward, -backward)
     assert run_away[-1] < -30.0
     # the drawn curve solves (1.23)
     rate = np.gradient(run_away, STEP)[1:-1]
     assert np.allclose(rate, -C * (1.0 - run_away[1:-1] / LEVEL), rtol=1e-4)
-    # with the signs right an element above the level goes to it at the rate C/s, in either direction
+    # an element above the level goes to it at the rate C/s, in either direction: (1.23) with s = -LEVEL
     above = along("GMS", BACK * t, STEP, GMS | {"Fi[1]": -1.5})["friction.F"].to_numpy()
     attracted = float(np.abs(above + LEVEL + 0.5 * np.exp(-C * t / LEVEL))[1:].max())
     assert attracted < 1e-9
@@ -85,9 +94,10 @@ def main(folder: Path) -> str:
     assert abs(area / (4.0 * W * (A - W / 1e5)) - 1.0) < 1e-9 and abs(float(np.trapezoid(held[400:], x[400:]))) < 1e-18
     assert Fb > LEVEL and abs(Fh[-1] - LEVEL) < 1e-9
     return (
-        f"At -10 mm/s, (1.23) reaches {run_away[-1]:.0f} N after 30 ms; GMS goes to {backward[-1]:.0f} N at the rate "
-        f"C/s = {C / LEVEL:g} 1/s. The loop of (1.19) dissipates nothing, the loop of MaxwellSlip {1e6 * area:.0f} µJ. "
-        f"From {Fb:.2f} N, (1.14) rises to at least {least[-1]:.1f} N, where Leuven falls to {Fh[-1]:.1f} N."
+        f"At -10 mm/s, (1.23) with a positive s reaches {run_away[-1]:.0f} N after 30 ms; with a negative s it is the "
+        f"FMU, which goes to {backward[-1]:.0f} N at the rate C/s = {C / LEVEL:g} 1/s. The loop of (1.19) dissipates "
+        f"nothing, the loop of MaxwellSlip {1e6 * area:.0f} µJ. From {Fb:.2f} N, (1.14) rises to at least "
+        f"{least[-1]:.1f} N, where Leuven falls to {Fh[-1]:.1f} N."
     )
 
 

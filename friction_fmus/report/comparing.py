@@ -71,7 +71,10 @@ def ladder_bars(rungs: Sequence[tuple[str, bool]], errors: Array, title: str) ->
         width=0.36,
         orientation="h",
         marker={"color": ["#0072B2" if best else FAINT for _, best in rungs]},
-        text=[f"{error:.3g}" for error in errors],
+        text=[
+            f"{float(f'{error:.3g}'):,.0f}".replace(",", "\u202f") if error >= 1e3 else f"{error:.3g}"
+            for error in errors
+        ],
         textposition="outside",
         cliponaxis=False,
         hovertext=[escaped(name) for name in names],
@@ -82,7 +85,9 @@ def ladder_bars(rungs: Sequence[tuple[str, bool]], errors: Array, title: str) ->
         figure.add_annotation(
             x=float(low), y=y + 0.18, text=escaped(name), showarrow=False, xanchor="left", yanchor="bottom"
         )
-    figure.update_xaxes(title=escaped(title), type="log", range=[float(low), float(high)], dtick=1)
+    figure.update_xaxes(
+        title=escaped(title), type="log", range=[float(low), float(high)], dtick=1, exponentformat="none"
+    )
     figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, range=[-len(rungs) + 0.45, 0.8])
     return finished(figure, 90 + 52 * len(rungs))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from friction_fmus.study.compensator_records import CompensatorResult, Metrics, Recommendation, Rung
+from friction_fmus.study.compensators import INTEGRAL
 from friction_fmus.study.ranking import WORTH
 
 AS_MEASURED = "as measured"
@@ -123,7 +124,7 @@ def _start(rungs: Sequence[Rung], unit: str) -> str:
     if step is None:
         return f"{sentence}. "
     before, after = step
-    name = f" ({after.name})" if after.name not in ("", "none") else ""
+    name = f" ({after.name})" if after.name not in ("", "none", INTEGRAL.name) else ""
     return (
         f"{sentence}; the largest step is the one {after.title}{name}, from {shown(before.metrics.rms, unit)} to "
         f"{shown(after.metrics.rms, unit)}. "

@@ -14,9 +14,13 @@ from typing import Any
 import pytest
 from matplotlib.figure import Figure
 
+from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.lawkit.files import discover_laws
+
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-FIGURES = {f"Figure {number}" for number in ("1.1", "1.2", "1.3", "1.4", "2.1", "2.2", "2.3")}
+FIGURES = {f"Figure {number}" for number in ("1.1", "1.2", "1.3", "1.4", "1.5", "1.6", "1.7", "2.1", "2.2", "2.3")}
+EQUATIONS = {f"(1.{number})" for number in range(1, 24)} | {f"(2.{number})" for number in range(1, 6)}
 FOLDERS = ("models", "compensation")
 BEYOND = {
     "compensation/friction_from_displacements": "an estimator that the report does not know",
@@ -60,7 +64,6 @@ def test_no_equation_is_without_a_script(literature: ModuleType) -> None:
 def test_every_script_is_there(literature: ModuleType) -> None:
     table = literature.read()
     named = {name for entry in (*table.claim, *table.equation) for name in entry.get("scripts", ())}
-    named |= {figure["script"] for figure in table.figure}
     assert [name for name in sorted(named) if not (ROOT / "examples" / f"{name}.py").is_file()] == []
     assert [name for name in sorted(named) if not (DOCS / "figures" / f"{Path(name).name}.png").is_file()] == []
 
@@ -72,13 +75,32 @@ def test_every_script_about_the_literature_is_named_by_a_claim(literature: Modul
     assert sorted(there - named) == sorted(BEYOND)
 
 
-def test_every_section_has_claims_and_every_figure_a_counterpart(literature: ModuleType) -> None:
+def test_every_section_has_claims(literature: ModuleType) -> None:
     table = literature.read()
     titles = [section["title"] for section in table.section]
     assert {claim["section"] for claim in table.claim} <= set(titles)
     empty = set(titles) - {claim["section"] for claim in table.claim}
     assert empty <= {"Chapter 2: friction compensation"}
-    assert {figure["number"] for figure in table.figure} == FIGURES
+
+
+def test_table_of_paragraphs_is_complete_and_its_files_are_there(literature: ModuleType) -> None:
+    rows = literature.paragraphs()
+    assert [row for row in rows if not all(row.values())] == []
+    files = {file for row in rows for file in (*row["files"].split(), *row["shown by"].split())}
+    assert [file for file in sorted(files) if not (ROOT / file).is_file()] == []
+    of = {kind: [row["what"] for row in rows if row["kind"] == kind] for kind in {row["kind"] for row in rows}}
+    assert of.keys() == {"system", "method", "figure", "equation"}
+    assert sorted(of["equation"]) == sorted(EQUATIONS)
+    assert sorted(figure.partition(":")[0] for figure in of["figure"]) == sorted(FIGURES)
+    assert len(set(of["system"] + of["method"])) == len(of["system"] + of["method"])
+
+
+def test_what_shows_a_block_of_the_table_of_paragraphs_names_it(literature: ModuleType) -> None:
+    names = {law.path: law.name for law in discover_laws(laws_folder())}
+    for row in literature.paragraphs():
+        shown = "".join((ROOT / file).read_text(encoding="utf-8") for file in row["shown by"].split())
+        files = [ROOT / file for file in row["files"].split() if file.startswith(("fmu_src", "friction_fmus/laws"))]
+        assert [name for file in files if (name := names.get(file, file.stem)) not in shown] == [], row["what"]
 
 
 def test_a_number_is_a_measured_figure_or_part_of_what_is_printed(literature: ModuleType) -> None:
