@@ -11,6 +11,7 @@ from itertools import product
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
@@ -22,6 +23,7 @@ from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import N, vectors
+from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import BOOLEANS
@@ -149,6 +151,48 @@ def test_a_law_without_fault_fails(tmp_path: Path) -> None:
     export = make_export("PID")
     write(export, tmp_path, without_fault(export))
     assert status(tmp_path) == N + 1
+
+
+ODD = """
+from casadi import SX, exp, sqrt
+from friction_fmus.lawkit.law import *
+
+@law("Root", "Root of an input", source="none", Ts=1e-3, outputs={{"u": Output(FORCE, "force")}})
+def root({inputs}k: SX = Parameter(FORCE, 3.0, "force")) -> dict[str, SX]:
+    '''Not finite for a negative load, and beyond float for a large one.'''
+    return {{"u": {u}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("inputs", "u", "repeated"),
+    [
+        ('Fn: SX = Input("N", 1.0, "load"), ', "k * sqrt(Fn - 0.5)", True),
+        ('Fn: SX = Input("N", 0.0, "load"), ', "k * exp(200.0 * Fn)", True),
+        ('on: SX = Command(True, "on"), ', "k * on", False),
+    ],
+)
+@pytest.mark.parametrize("real", REALS)
+def test_odd_laws(inputs: str, u: str, repeated: bool, real: Literal["double", "float"], tmp_path: Path) -> None:
+    """Outputs that are not finite, or not in float; no input but a command."""
+    path = tmp_path / "root.py"
+    path.write_text(ODD.format(inputs=inputs, u=u), encoding="utf-8")
+    export = make_export(path, real=real)
+    found = vectors(export)
+    assert bool(found.repeated) == (repeated and not ("exp" in u and real == "double"))
+    assert np.isfinite(found.expected).all()
+    write(export, tmp_path)
+    assert status(tmp_path) == 0
+    write(export, tmp_path, implementation(export).replace("3.0", "3.1"))
+    assert 0 < status(tmp_path) <= N
+
+
+def test_a_law_that_is_never_finite_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "root.py"
+    path.write_text(ODD.format(inputs='Fn: SX = Input("N", 0.0, "load"), ', u="sqrt(-1.0 - k)"), encoding="utf-8")
+    message = r"Root has an output that is not finite in sample 1 of its unit test, where the inputs are Fn = 0.28"
+    with pytest.raises(FrictionError, match=message):
+        vectors(make_export(path))
 
 
 def test_the_header_says_what_is_tested() -> None:
