@@ -118,6 +118,9 @@ def untested(samples: Vectors) -> str:
         texts.append(f"No sample shows a change by 1 % of: {', '.join(samples.untested)}.")
     if not samples.limited:
         texts.append("No sample reaches a limit u_min or u_max.")
+    if samples.repeated:
+        numbers = ", ".join(map(str, samples.repeated))
+        texts.append(f"Repeated inputs, as an output would not be finite: samples {numbers}.")
     return " ".join(texts)
 
 
