@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from friction_fmus.codegen.cost import Cost
 from friction_fmus.codegen.emulation import RANDOM
 from friction_fmus.codegen.layout import Export
+from friction_fmus.codegen.misra import deviations
 from friction_fmus.codegen.target import COMPILER, EMULATOR, FLAGS, PACKAGES
 from friction_fmus.codegen.vectors import N
 from friction_fmus.codegen.wrapper import class_name
@@ -63,10 +64,26 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
 
 {_fill(use)}
 {_positions(export)}
+## MISRA C:2012
+
+{_misra(export)}
+
 ## Cost
 
 {_table(costs) if costs else _not_measured()}
 """
+
+
+def _misra(export: Export) -> str:
+    p = export.prefix
+    found = _fill(
+        f"`cppcheck --addon=misra --std=c99 --enable=style {p}.c` reports deviations from these rules, and from no "
+        "others; the addon does not check all rules:"
+    )
+    reasons = {f"Rule {rule}": reason for rule, reason in deviations(export).items()}
+    types = {"Directive 4.6 (not checked)": f"numbers are `{export.real.name}`; a flag is an `int` that is 0 or 1."}
+    listed = "\n".join(_fill(f"* {rule}: {reason}", "  ") for rule, reason in (reasons | types).items())
+    return f"{found}\n\n{listed}"
 
 
 _PAIRS = """

@@ -9,9 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from friction_fmus.codegen.layout import INPUTS, Export
-from friction_fmus.codegen.sources import comment, number
+from friction_fmus.codegen.sources import number
 from friction_fmus.codegen.vectors import N, Vectors, parts
 from friction_fmus.lawkit.emit.c_text import DOUBLE
+from friction_fmus.lawkit.emit.comments import comment
 from friction_fmus.lawkit.law import BOOLEANS, Kind, Variable
 from friction_fmus.version import VERSION
 
