@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 
 from casadi import Function
 
+from friction_fmus.codegen.equations import equations_of, placed
 from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.declarations import FAULT
 from friction_fmus.lawkit.emit.c_text import DOUBLE, Kernel, Lows, Real, kernel
 from friction_fmus.lawkit.emit.graph import LIBM, graph
+from friction_fmus.lawkit.emit.names import Named
 from friction_fmus.lawkit.emit.pairs import Weight, positions, rounded
 from friction_fmus.lawkit.law import ANGLE, BOOLEANS, LENGTH, NO_UNIT, VECTORS, Kind, Law, Variable
 
@@ -20,6 +23,8 @@ INPUTS = (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND)
 STATES = (Kind.STATE, Kind.STATES)
 
 Values = Mapping[str, tuple[float, ...]]
+
+EMPTY: Mapping[int, Sequence[str]] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,29 @@ class Export:
     @cached_property
     def kernel(self) -> Kernel:
         """One sample as statements on the structs."""
-        return self.statements(self.law.function, self.law.given, self.results, self._lows)
+        return self.statements(self.law.function, self.law.given, self.results, self._lows, self.named, self._remarks)
+
+    @property
+    def _remarks(self) -> dict[int, list[str]]:
+        """Equations of the law by the operation that computes them."""
+        nodes, numbers = graph(self.law.function)
+        results: dict[str, int] = {}
+        for (variable, _), number in zip(_scalars(self.law.results), numbers, strict=True):
+            results.setdefault(variable.name, number)
+        commands = {i for i, (v, _) in enumerate(_scalars(self.law.given)) if v.kind is Kind.COMMAND}
+        return placed(equations_of(self.law.documentation), nodes, self.named, results, commands)
+
+    @cached_property
+    def named(self) -> tuple[Named, ...]:
+        """Names of the intermediate results."""
+        function, labels = self.law.intermediate()
+        count = len(graph(self.law.function)[0])
+        found = graph(function)[1][self.law.function.n_out() :]  # both graphs begin with the same nodes
+        return tuple(
+            Named(label.name, node, label.depth, label.assigned)
+            for label, node in zip(labels, found, strict=True)
+            if node < count
+        )
 
     @property
     def results(self) -> list[str]:
@@ -121,18 +148,33 @@ class Export:
         return dict(self._lows.writes) if self._lows else {}
 
     def statements(
-        self, function: Function, given: Sequence[Variable], writes: Sequence[str], lows: Lows | None = None
+        self,
+        function: Function,
+        given: Sequence[Variable],
+        writes: Sequence[str],
+        lows: Lows | None = None,
+        named: Sequence[Named] = (),
+        remarks: Mapping[int, Sequence[str]] = EMPTY,
     ) -> Kernel:
-        """Return a function of variables of the structs as statements."""
+        """Return a function of variables of the structs as statements; see `kernel`."""
         scalars = [variable for variable in given for _ in variable.starts]
-        return kernel(
+        booleans = {v.name: self.places(v)[0] for v in given if v.kind in BOOLEANS}
+        found = kernel(
             function,
-            [place for variable in given for place in self.places(variable)],
+            [v.name if v.name in booleans else place for v in given for place in self.places(v)],
             writes,
             real=self.real,
             conditions=[i for i, variable in enumerate(scalars) if variable.kind in BOOLEANS],
+            positive=[i for i, variable in enumerate(scalars) if variable.min >= 0.0],
             lows=lows,
+            named=named,
+            remarks=remarks,
+            taken=[*self.groups, *booleans],
         )
+        text = re.sub(r"/\*.*?\*/", "", "\n".join(found.lines), flags=re.DOTALL)
+        used = [name for name in booleans if re.search(rf"(?<!->)\b{name}\b", text)]
+        copies = [f"const bool {name} = {booleans[name]} != 0;" for name in used]
+        return replace(found, lines=(*copies, *found.lines))
 
     def places(self, variable: Variable) -> list[str]:
         """Return the C expressions of a variable's scalars, by way of pointers with the names of the structs."""

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from friction_fmus.codegen.cost import Cost
 from friction_fmus.codegen.emulation import RANDOM
 from friction_fmus.codegen.layout import Export
+from friction_fmus.codegen.misra import deviations
 from friction_fmus.codegen.target import COMPILER, EMULATOR, FLAGS, PACKAGES
 from friction_fmus.codegen.vectors import N
 from friction_fmus.codegen.wrapper import class_name
@@ -42,9 +43,10 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
         f"* `{p}.h`, `{p}.c`: the law. C89 and C99, no memory allocation, no variables outside the four structs, so "
         f"that a program can have several instances. It {library}."
     )
+    contract = "" if export.real.suffix else " -ffp-contract=off"
     test = (
         f"* `{p}_test.c`: a unit test of {N} samples for the target; `{p}_test()` returns 0 or the number of the first "
-        f"wrong one. On a PC: `cc -D{p.upper()}_TEST_MAIN {p}_test.c {p}.c -lm`."
+        f"wrong one. On a PC: `cc{contract} -D{p.upper()}_TEST_MAIN {p}_test.c {p}.c -lm`."
     )
     use = (
         f"`{p}_init` sets the start values, `{p}_check` checks the parameters, and `{p}_step` computes one sample; "
@@ -62,10 +64,26 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
 
 {_fill(use)}
 {_positions(export)}
+## MISRA C:2012
+
+{_misra(export)}
+
 ## Cost
 
 {_table(costs) if costs else _not_measured()}
 """
+
+
+def _misra(export: Export) -> str:
+    p = export.prefix
+    found = _fill(
+        f"`cppcheck --addon=misra --std=c99 --enable=style {p}.c` reports deviations from these rules, and from no "
+        "others; the addon does not check all rules:"
+    )
+    reasons = {f"Rule {rule}": reason for rule, reason in deviations(export).items()}
+    types = {"Directive 4.6 (not checked)": f"numbers are `{export.real.name}`; a flag is an `int` that is 0 or 1."}
+    listed = "\n".join(_fill(f"* {rule}: {reason}", "  ") for rule, reason in (reasons | types).items())
+    return f"{found}\n\n{listed}"
 
 
 _PAIRS = """

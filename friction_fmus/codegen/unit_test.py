@@ -9,9 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from friction_fmus.codegen.layout import INPUTS, Export
-from friction_fmus.codegen.sources import comment, number
+from friction_fmus.codegen.sources import number
 from friction_fmus.codegen.vectors import N, Vectors, parts
 from friction_fmus.lawkit.emit.c_text import DOUBLE
+from friction_fmus.lawkit.emit.comments import comment
 from friction_fmus.lawkit.law import BOOLEANS, Kind, Variable
 from friction_fmus.version import VERSION
 
@@ -118,6 +119,9 @@ def untested(samples: Vectors) -> str:
         texts.append(f"No sample shows a change by 1 % of: {', '.join(samples.untested)}.")
     if not samples.limited:
         texts.append("No sample reaches a limit u_min or u_max.")
+    if samples.repeated:
+        numbers = ", ".join(map(str, samples.repeated))
+        texts.append(f"Repeated inputs, as an output would not be finite: samples {numbers}.")
     return " ".join(texts)
 
 

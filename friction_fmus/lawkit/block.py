@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-import textwrap
 from collections.abc import Sequence
 
 from casadi import Function
 
 from friction_fmus.lawkit.declarations import FAULT, c_string
 from friction_fmus.lawkit.emit.c_text import kernel
+from friction_fmus.lawkit.emit.comments import comment
 from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, Variable
 
 
@@ -35,7 +35,7 @@ def block_source(law: Law) -> str:
     origin = f"Generated from the law file {law.path.name}: change that file, not this one."
     return "\n".join(
         [
-            _comment(f"{law.documentation}\n\n{origin}"),
+            comment(f"{law.documentation}\n\n{origin}"),
             "",
             f"#define MODEL   {law.name}",
             f"#define SUMMARY {c_string(law.summary)}",
@@ -50,7 +50,7 @@ def block_source(law: Law) -> str:
             "",
             '#include "block.h"',
             "",
-            "/* One constant per operation, in casadi's order of evaluation; the results are stored at the end. */",
+            "/* The operations of the law in casadi's order of evaluation; the results are stored at the end. */",
             "static void sample(Model *model)",
             "{",
             "    GIVEN(model)",
@@ -64,11 +64,14 @@ def block_source(law: Law) -> str:
 
 def _statements(function: Function, given: Sequence[Variable], writes: Sequence[str]) -> tuple[str, ...]:
     """Return the C statements of a function of these variables, which are available as constants."""
-    reads = [name for variable in given for name in _elements(variable)]
+    # GIVEN copies scalars, but has only pointers to vectors: a state vector is named as where results are stored
+    places = [("model->" if variable.kind is Kind.STATES else "", variable) for variable in given]
+    reads = [f"{prefix}{name}" for prefix, variable in places for name in _elements(variable)]
     scalars = [variable for variable in given for _ in variable.starts]
     booleans = [i for i, variable in enumerate(scalars) if variable.kind in BOOLEANS]
     taken = [*(variable.name for variable in given), *(re.findall(r"\w+", " ".join(writes)))]
-    return kernel(function, reads, writes, conditions=booleans, taken=taken).lines
+    positive = [i for i, variable in enumerate(scalars) if variable.min >= 0.0]
+    return kernel(function, reads, writes, conditions=booleans, positive=positive, taken=taken).lines
 
 
 def _relations(law: Law) -> list[str]:
@@ -93,11 +96,6 @@ def _elements(variable: Variable) -> list[str]:
     if variable.kind in VECTORS:
         return [f"{variable.name}[{i}]" for i in range(len(variable.starts))]
     return [variable.name]
-
-
-def _comment(text: str) -> str:
-    harmless = text.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
-    return f"/* {textwrap.indent(harmless, '   ').lstrip()} */"
 
 
 def _limit(value: float) -> str:

@@ -59,7 +59,8 @@ from friction_fmus.lawkit.declarations import (
     check_identifier,
     check_line,
 )
-from friction_fmus.lawkit.results import Equations, function_of
+from friction_fmus.lawkit.labels import Label
+from friction_fmus.lawkit.results import Equations, function_of, intermediate_results, results_of
 from friction_fmus.lawkit.sizes import Size, resized, wanted_sizes
 
 __all__ = [
@@ -123,6 +124,8 @@ class Law:
         Parameters whose start values determine the length of vectors.
     remade : callable
         Returns the law with these parameters fixed to other values.
+    intermediate : callable
+        Returns `function` with additional results, the intermediate results, and their names.
     """
 
     name: str
@@ -136,6 +139,7 @@ class Law:
     about: About
     sizes: Mapping[str, Size]
     remade: Callable[[Mapping[str, int]], Law]
+    intermediate: Callable[[], tuple[Function, tuple[Label, ...]]]
 
     def with_room(self, start: Mapping[str, Any]) -> Law:
         """Return the law with vectors that are long enough for these start values.
@@ -309,12 +313,13 @@ def law(
                 source,
                 documentation,
                 variables,
-                function_of(where, name, equations, declared, variables),
+                function_of(where, name, results_of(where, equations, declared, variables)),
                 path,
                 conditions_of(where, conditions or {}, variables),
                 about,
                 sizes or {},
                 made,
+                lambda: intermediate_results(where, equations, declared, variables),
             )
 
         return made({})

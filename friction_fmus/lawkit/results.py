@@ -3,25 +3,102 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from casadi import SX, Function, vertcat
 
 from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.lawkit.declarations import Kind, Variable
+from friction_fmus.lawkit.labels import Label, labelled
 
 Equations = Callable[..., Mapping[str, Any]]
 
 
-def function_of(
-    where: str, name: str, equations: Equations, declared: tuple[Variable, ...], variables: tuple[Variable, ...]
-) -> Function:
-    """Call the equations with symbols and check what they return.
+@dataclass(frozen=True, eq=False)
+class Results:
+    """Symbols and expressions of a law.
+
+    Attributes
+    ----------
+    arguments, expressions : tuple of SX
+        Scalars that a sample reads, and outputs followed by next states.
+    labels, names : tuple of str
+        Names of both.
+    """
+
+    arguments: tuple[SX, ...]
+    expressions: tuple[SX, ...]
+    labels: tuple[str, ...]
+    names: tuple[str, ...]
+
+
+def function_of(where: str, name: str, results: Results) -> Function:
+    """Return one sample as a function.
 
     Parameters
     ----------
     where, name : str
         Prefix of messages, and name of the function.
+    results : Results
+        The expressions.
+
+    Raises
+    ------
+    FrictionError
+        If the expressions contain other symbols.
+    """
+    # unused arguments stay; the tests of the FMU find variables without effect
+    options = {"allow_free": True}
+    function = Function(name, results.arguments, results.expressions, results.labels, results.names, options)
+    if function.has_free():
+        raise FrictionError(
+            f"{where} uses the symbols {', '.join(function.get_free())}, which are not its variables; "
+            "declare them as arguments"
+        )
+    return function
+
+
+def intermediate_results(
+    where: str, equations: Equations, declared: tuple[Variable, ...], variables: tuple[Variable, ...]
+) -> tuple[Function, tuple[Label, ...]]:
+    """Return the intermediate results of a law.
+
+    Parameters
+    ----------
+    where : str
+        Prefix of messages.
+    equations : callable
+        The function in the law's file.
+    declared, variables : tuple of Variable
+        Arguments of the function, and all variables in the order of the block.
+
+    Returns
+    -------
+    tuple of casadi.Function and tuple of Label
+        The function of the law with one more result for each label.
+    """
+    labels: list[Label] = []
+
+    def traced(**symbols: SX) -> Mapping[str, Any]:
+        returned, found = labelled(equations, symbols)
+        labels.extend(found)
+        return returned  # type: ignore[no-any-return]
+
+    results = results_of(where, traced, declared, variables)
+    values = [label.value for label in labels]
+    return Function("intermediate", results.arguments, [*results.expressions, *values]), tuple(labels)
+
+
+def results_of(
+    where: str, equations: Equations, declared: tuple[Variable, ...], variables: tuple[Variable, ...]
+) -> Results:
+    """Call the equations with symbols and check what they return.
+
+    Parameters
+    ----------
+    where : str
+        Prefix of messages.
     equations : callable
         The function in the law's file.
     declared, variables : tuple of Variable
@@ -65,14 +142,7 @@ def function_of(
 
     arguments = [symbol for variable in given for symbol in elements[variable.name]]
     labels = [scalar for variable in given for scalar in variable.scalars]
-    # unused arguments stay; the tests of the FMU find variables without effect
-    function = Function(name, arguments, expressions, labels, names, {"allow_free": True})
-    if function.has_free():
-        raise FrictionError(
-            f"{where} uses the symbols {', '.join(function.get_free())}, which are not its variables; "
-            "declare them as arguments"
-        )
-    return function
+    return Results(tuple(arguments), tuple(expressions), tuple(labels), tuple(names))
 
 
 def scalars(where: str, variable: Variable, value: Any) -> list[SX]:

@@ -100,14 +100,14 @@ def disturbance_observer(
     old = if_else(new, 0.0, d)
     first = old - expm1(-w_Ts) * (F_m - old)
     q = w_Ts / sqrt(2.0)
-    y, p = old - F_m, if_else(new, 0.0, d_rate)
-    second = F_m + exp(-q) * (y * (cos(q) + sin(q)) + sqrt(2.0) * p * sin(q))
-    rate = exp(-q) * (p * (cos(q) - sin(q)) - sqrt(2.0) * y * sin(q))
+    y, p_old = old - F_m, if_else(new, 0.0, d_rate)
+    second = F_m + exp(-q) * (y * (cos(q) + sin(q)) + sqrt(2.0) * p_old * sin(q))
+    p = exp(-q) * (p_old * (cos(q) - sin(q)) - sqrt(2.0) * y * sin(q))
     F_hat = if_else(second_order, second, first)
     return {
         **compensation(F_hat, gain, u_min, u_max, enable),
         "d": if_else(enable, F_hat, 0.0),
-        "d_rate": if_else(enable, if_else(second_order, rate, 0.0), 0.0),
+        "d_rate": if_else(enable, if_else(second_order, p, 0.0), 0.0),
         "v_last": if_else(enable, v, 0.0),
         "running": enable,
     }

@@ -57,6 +57,7 @@ class Workshop:
         text = "\n".join(
             [
                 "#include <math.h>",
+                "#include <stdbool.h>",
                 f"void sample(const {real.name} *given, {real.name} *result);",
                 f"void sample(const {real.name} *given, {real.name} *result)",
                 "{",

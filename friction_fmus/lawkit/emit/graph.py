@@ -21,20 +21,10 @@ LIBM = {
     "CONSTPOW": "pow",
     "FMA": "fma",  # for pairs; casadi has no fma
 }
-# {0}, {1}: arguments
-FORMULA = {
-    "NEG": "-{0}",
-    "SQ": "{0} * {0}",
-    "TWICE": "{two} * {0}",
-    "INV": "{one} / {0}",
-    "SIGN": "{0} < {zero} ? {minus_one} : {0} > {zero} ? {one} : {0}",
-    # returns the first of equal arguments, like fmin; a NaN in the first argument stays, unlike fmin
-    "FMIN": "{1} < {0} ? {1} : {0}",
-    "FMAX": "{1} > {0} ? {1} : {0}",
-}
+FORMULAS = {"NEG", "SQ", "TWICE", "INV", "SIGN", "FMIN", "FMAX"}
 CALLS = {*LIBM} - {"FABS", "COPYSIGN", "SQRT"}  # the others compile to instructions
 _NAMES = {getattr(casadi, name): name.removeprefix("OP_") for name in dir(casadi) if name.startswith("OP_")}
-OPERATIONS = {*INFIX, *CONDITIONS, *LIBM, *FORMULA, "IF_ELSE_ZERO"}
+OPERATIONS = {*INFIX, *CONDITIONS, *LIBM, *FORMULAS, "IF_ELSE_ZERO"}
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,9 @@ from friction_fmus.lawkit.emit.graph import COMPARE, Node
 
 SUMS = {"ADD": 1.0, "SUB": -1.0}
 
+Pair = tuple[int, int | None]
+"""Nodes of the upper and of the lower part; None for a lower part of 0."""
+
 
 class Weight(NamedTuple):
     """Factor with which a value contains the distance of the axis from zero.
@@ -175,7 +178,7 @@ def split(
     wide: Mapping[int, Weight],
     reads: Mapping[int, int],
     writes: Iterable[int],
-) -> tuple[list[Node], list[int]]:
+) -> tuple[list[Node], list[int], list[Pair]]:
     """Replace pairs by operations on floats.
 
     Parameters
@@ -191,8 +194,9 @@ def split(
 
     Returns
     -------
-    tuple of list of Node and list of int
-        Nodes and results in floats; the results are followed by the lower parts of those that are pairs.
+    tuple of list of Node, list of int and list of Pair
+        Nodes and results in floats, and the pair of each given node. The results are followed by the lower parts of
+        those that are pairs.
     """
     written = list(writes)
     weights = _needed(nodes, _weights(nodes, wide), {results[i] for i in written})
@@ -200,11 +204,8 @@ def split(
     for number in range(len(nodes)):
         writer.write(number)
     highs = [writer.pairs[number][0] for number in results]
-    return writer.nodes, highs + [writer.low(results[i]) for i in written]
-
-
-Pair = tuple[int, int | None]
-"""Nodes of the upper and of the lower part; None for a lower part of 0."""
+    results = highs + [writer.low(results[i]) for i in written]
+    return writer.nodes, results, writer.pairs
 
 
 class _Splitter:

@@ -8,11 +8,13 @@ from collections.abc import Collection, Iterable, Sequence
 from friction_fmus.lawkit.emit.graph import COMPARE, CONDITIONS, LOGIC, Node
 
 # results that are never -0.0, whatever the arguments
-_NO_MINUS_ZERO = {"FABS", "SQ", "EXP", "COSH", "HYPOT", "SELECT", *CONDITIONS}
+_NO_MINUS_ZERO = {"FABS", "SQ", "EXP", "COS", "COSH", "ACOS", "HYPOT", "SELECT", *CONDITIONS}
+_NEVER_NEGATIVE = {"FABS", "SQ", "EXP", "COSH", "ACOS", "HYPOT", *CONDITIONS}
 # the sign of a zero argument has no effect
-_BLIND = {*COMPARE, *LOGIC, "NOT", "FABS", "SQ", "EXP"}
+_BLIND = {*COMPARE, *LOGIC, "NOT", "FABS", "SQ", "EXP", "COS", "COSH", "ACOS", "LOG", "ACOSH", "HYPOT"}
 # the sign of a zero argument affects at most the sign of a zero result; so does the first argument of DIV
-_PASSES = {"ADD", "SUB", "MUL", "NEG", "TWICE", "FMIN", "FMAX", "SQRT", "EXPM1"}
+_PASSES = {"MUL", "NEG", "TWICE", "FMIN", "FMAX", "SIGN", "SQRT", "EXPM1", "LOG1P", "FLOOR", "CEIL"}
+_PASSES |= {"SIN", "TAN", "ASIN", "ATAN", "SINH", "TANH", "ASINH", "ATANH", "ERF"}
 
 
 class Zeros:
@@ -24,14 +26,17 @@ class Zeros:
         All operations, arguments before their users.
     results : iterable of int
         Indices of the results.
-    conditions : collection of int
-        Indices of the arguments of the function that are truth values.
+    unsigned, positive : collection of int
+        Indices of the arguments of the function that are never -0.0, and of those that are never negative either.
     """
 
-    def __init__(self, nodes: Sequence[Node], results: Iterable[int], conditions: Collection[int]) -> None:
+    def __init__(
+        self, nodes: Sequence[Node], results: Iterable[int], unsigned: Collection[int], positive: Collection[int]
+    ) -> None:
         """Find the zeros whose sign affects a result."""
         self._nodes = nodes
-        self._conditions = conditions
+        self._unsigned = unsigned
+        self._positive = positive
         self._seen = set(results)
         for number in range(len(nodes) - 1, -1, -1):
             self._seen.update(self._shown(number))
@@ -42,12 +47,36 @@ class Zeros:
         if node.operation == "CONST":
             return node.value != 0.0 or math.copysign(1.0, node.value) > 0.0
         if node.operation == "INPUT":
-            return int(node.value) in self._conditions
+            return int(node.value) in self._unsigned
         if node.operation in ("IF_ELSE_ZERO", "SUB"):
             return self.never_minus(node.arguments[1 if node.operation == "IF_ELSE_ZERO" else 0])
         if node.operation == "ADD":
             return any(map(self.never_minus, node.arguments))
+        if node.operation in ("MUL", "DIV"):
+            return all(map(self._never_negative, node.arguments))
         return node.operation in _NO_MINUS_ZERO
+
+    def _never_negative(self, number: int) -> bool:
+        """Return whether a node is neither negative nor -0.0, as far as this is easy to see."""
+        node = self._nodes[number]
+        if node.operation == "CONST":
+            return math.copysign(1.0, node.value) > 0.0
+        if node.operation == "INPUT":
+            return int(node.value) in self._positive
+        if node.operation in ("ADD", "MUL", "DIV"):
+            return all(map(self._never_negative, node.arguments))
+        if node.operation in ("SELECT", "IF_ELSE_ZERO"):
+            condition, first, *second = node.arguments
+            return (self._never_negative(first) or self._holds_if_positive(condition, first)) and all(
+                map(self._never_negative, second)
+            )
+        return node.operation in _NEVER_NEGATIVE
+
+    def _holds_if_positive(self, condition: int, value: int) -> bool:
+        """Return whether a condition is ``0 < value``."""
+        node = self._nodes[condition]
+        zero, compared = node.arguments if node.operation == "LT" else (condition, condition)
+        return compared == value and self._nodes[zero].operation == "CONST" and self._nodes[zero].value == 0.0
 
     def becomes_plus(self, select: int, side: int) -> bool:
         """Return whether -0.0 on a side of a select must become 0.0."""
@@ -63,8 +92,23 @@ class Zeros:
             return [node.arguments[1]] if seen else []
         if node.operation == "SELECT":
             return [node.arguments[side] for side in (1, 2) if seen and not self.becomes_plus(number, side)]
+        if node.operation in ("ADD", "SUB"):
+            return self._terms(node) if seen else []
         if node.operation in _PASSES:
             return list(node.arguments) if seen else []
         if node.operation == "DIV" and not seen:
             return [node.arguments[1]]
         return list(node.arguments)
+
+    def _terms(self, node: Node) -> list[int]:
+        """Return the terms whose sign affects the sign of a sum of zeros: it is -0.0 only if both terms are."""
+        first, second = node.arguments
+        if node.operation == "ADD":
+            shown = [(first, not self.never_minus(second)), (second, not self.never_minus(first))]
+        else:
+            shown = [(first, not self._never_zero(second)), (second, not self.never_minus(first))]
+        return [term for term, shows in shown if shows and not self._never_zero(term)]
+
+    def _never_zero(self, number: int) -> bool:
+        node = self._nodes[number]
+        return node.operation == "CONST" and node.value != 0.0
