@@ -64,7 +64,7 @@ def knowledge(name: str) -> str:
     names = {v.name for v in described(name).variables if v.role in (PARAMETER, FIXED)}
     if not names & {"Fc", "Fc0"}:
         return "none"
-    return "presliding" if names & {"sigma", "sigma0", "sigma1"} else "static"
+    return "presliding" if names & {"sigma", "sigma0", "sigma1", "alpha[1]"} else "static"
 
 
 def suited_models(motion: Motion) -> list[str]:
