@@ -42,17 +42,11 @@ EXACT: Final = frozenset({"fabs", "floor", "ceil", "sqrt", "fma", "copysign"})
 N: Final = sum(count for _, count, _ in SEGMENTS)
 """Number of samples."""
 
-_ORIGIEXACT: Final = frozenset({"fabs", "floor", "ceil", "sqrt", "fma", "copysign"})
-"""Functions of the C library that IEEE 754 determines to the last bit."""
-
-N: Final = 0.3  # m; far enough from zero to need the lower part of a pair
+_ORIGIN: Final = 0.3  # m; far enough from zero to need the lower part of a pair
 _REACH: Final = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # factors of the inputs on the way to a limit
 _RUNS: Final = 8  # with random rounding
-_MARGIEXACT: Final = frozenset({"fabs", "floor", "ceil", "sqrt", "fma", "copysign"})
-"""Functions of the C library that IEEE 754 determines to the last bit."""
-
-N: Final = 4.0  # of the tolerance over the largest deviation of these runs
-_CHANGE: Final = 0.01
+_MARGIN: Final = 4.0  # of the tolerance over the largest deviation of these runs
+_CHANGE: Final = 0.01  # of a parameter that the samples must show
 
 
 @dataclass(frozen=True)
