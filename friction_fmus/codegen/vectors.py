@@ -36,15 +36,17 @@ SEGMENTS: Final = (
 )
 """Text, number of samples and peak velocity [m/s or rad/s] of each part of the motion."""
 
+EXACT: Final = frozenset({"fabs", "floor", "ceil", "sqrt", "fma", "copysign"})
+"""Functions of the C library that IEEE 754 determines to the last bit."""
+
 N: Final = sum(count for _, count, _ in SEGMENTS)
 """Number of samples."""
 
 _ORIGIN: Final = 0.3  # m; far enough from zero to need the lower part of a pair
 _REACH: Final = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # factors of the inputs on the way to a limit
-_EXACT: Final = frozenset({"fabs", "floor", "ceil", "sqrt", "fma", "copysign"})
 _RUNS: Final = 8  # with random rounding
 _MARGIN: Final = 4.0  # of the tolerance over the largest deviation of these runs
-_CHANGE: Final = 0.01
+_CHANGE: Final = 0.01  # of a parameter that the samples must show
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ def vectors(export: Export) -> Vectors:
     offsets = np.array([row if v.name in export.pairs else 0.0 for v, row in zip(outputs, expected[0], strict=True)])
     values = expected - offsets
     functions = {name.removesuffix(export.real.suffix) for name in export.kernel.functions}
-    relative = 3e-5 if export.real is not DOUBLE else 0.0 if functions <= _EXACT else 1e-12
+    relative = 3e-5 if export.real is not DOUBLE else 0.0 if functions <= EXACT else 1e-12
     size = np.array([np.median(np.abs(column[column != 0.0])) if column.any() else 0.0 for column in values.T])
     allowed = relative * np.maximum(np.abs(values), size)
     if relative:
