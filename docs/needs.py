@@ -146,6 +146,7 @@ QUESTIONS = (
     Question("real stop", "a mass that comes to a complete stop", words("drift-free, mass inside")),
     Question("known forces", "friction at rest from known forces on the mass", words("needs force")),
     Question("changing normal force", "a normal force that changes during a run", inputs=words("Fn")),
+    Question("transmitted force", "friction proportional to the force that a gear transmits", inputs=words("F_t")),
     Question("random", "friction that varies randomly along the path", words("random")),
 )
 

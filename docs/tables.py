@@ -64,7 +64,7 @@ def knowledge(name: str) -> str:
     names = {v.name for v in described(name).variables if v.role in (PARAMETER, FIXED)}
     if not names & {"Fc", "Fc0"}:
         return "none"
-    return "presliding" if names & {"sigma", "sigma0", "sigma1"} else "static"
+    return "presliding" if names & {"sigma", "sigma0", "sigma1", "alpha[1]"} else "static"
 
 
 def suited_models(motion: Motion) -> list[str]:
@@ -183,9 +183,10 @@ def questions() -> str:
 
 def others(question: Question) -> str:
     """Return the alternatives for a need; those that only need an input are too many to list."""
-    if question.inputs:
+    rest = [name for name in answering_models(question) if name not in choices(question.name)]
+    if question.inputs and rest:
         return f"every model with the input {', '.join(f'`{name}`' for name in sorted(question.inputs))}"
-    return ", ".join(model_link(name) for name in answering_models(question) if name not in choices(question.name))
+    return ", ".join(map(model_link, rest)) or "–"
 
 
 def situations() -> str:

@@ -32,11 +32,6 @@ class Figure(NamedTuple):
     unit: str
     bounds: str
 
-    @property
-    def text(self) -> str:
-        """The value, or the bounds if it has none, with the unit."""
-        return f"{self.value or self.bounds.replace('0 to ', 'at most ')} {self.unit}".rstrip()
-
 
 def read(path: Path = FILE) -> dict[str, dict[str, Figure]]:
     """Return the figures of each effect by name."""

@@ -22,13 +22,13 @@ INTRODUCTION = """# Claims of the literature
 
 This project started from a traineeship report, *A study of friction models and friction compensation*. This page lists
 its claims in our words, chapter by chapter. Each has a verdict and, in parentheses, a link to the [effect](effects.md)
-that supports it, with figures that the effect does not show. (1.3) is an equation of the report, [24] one of its
-references. [paragraphs.csv](../examples/paragraphs.csv) lists its systems, methods, figures and equations by paragraph,
-each with its files, a script or test that shows it, and its state.
+that supports it. (1.3) is an equation of the report, [24] one of its references.
+[paragraphs.csv](../examples/paragraphs.csv) lists its systems, methods, figures and equations by paragraph, each with
+its files, a script or test that shows it, and its state.
 
 {counts}
 
-The claims are in `examples/literature.toml`. This command writes the page from them:
+The claims are in `examples/literature.toml`, each with the figures that support it. This command writes the page:
 
 ```console
 $ python examples/literature.py docs
@@ -47,14 +47,14 @@ class Script(NamedTuple):
         The heading of that section.
     printed : str
         The sentences that it prints.
-    figures : mapping of str to str
-        What it measures by name.
+    figures : frozenset of str
+        Names of what it measures.
     """
 
     link: str
     title: str
     printed: str
-    figures: Mapping[str, str]
+    figures: frozenset[str]
 
 
 class Literature(NamedTuple):
@@ -84,52 +84,44 @@ def shown(docs: Path) -> dict[str, Script]:
     """Return all scripts by folder/name: what docs/effects.md shows of them and what they measure."""
     text = (docs / effects.FILE).read_text(encoding="utf-8")
     printed = dict(re.findall(r"^!\[.*\]\(figures/(\w+)\.png\)\n\n> (.+)$", text, re.M))
-    measured = {name: {each.name: each.text for each in found.values()} for name, found in figures.read().items()}
+    measured = {name: frozenset(found) for name, found in figures.read().items()}
     return {
         f"{folder}/{name}": Script(
-            effects.link(folder, name), effects.title(folder, name), printed[name], measured.get(name, {})
+            effects.link(folder, name), effects.title(folder, name), printed[name], measured.get(name, frozenset())
         )
         for folder in effects.CHAPTERS
         for name in effects.scripts(folder)
     }
 
 
-def number(script: Script, wanted: str) -> str:
-    """Return a number of a script, as far as docs/effects.md does not show it.
+def confirm(script: Script, wanted: str) -> None:
+    """Raise an error unless a script gives a number.
 
     Parameters
     ----------
     script : Script
         The script.
     wanted : str
-        Name of something that it measures, or a part of the sentences that it prints, with # for each number. The
-        latter is on docs/effects.md and gives an empty text.
+        Name of something that it measures, or a part of the sentences that it prints, with # for each number.
 
     Raises
     ------
     MissingNumberError
         If there is no such number.
     """
-    if wanted in script.figures:
-        return f"{wanted}: {script.figures[wanted]}"
     pattern = NUMBER.join(re.escape(part) for part in wanted.split("#"))
-    match = re.search(rf"(?<![\d.]){pattern}", script.printed) if "#" in wanted else None
-    if match is None:
+    printed = "#" in wanted and re.search(rf"(?<![\d.]){pattern}", script.printed)
+    if wanted not in script.figures and not printed:
         raise MissingNumberError(
             f"'{wanted}' is not a number of '{script.title}': see what the script prints and measures"
         )
-    return ""
 
 
 def evidence(claim: Mapping[str, Any], scripts: Mapping[str, Script]) -> str:
-    """Return links to the scripts of a claim in parentheses, with the figures that docs/effects.md does not show."""
-    found: dict[str, list[str]] = {}
+    """Return links to the scripts of a claim in parentheses, once its numbers are confirmed."""
     for name, wanted in zip(claim.get("scripts", ()), claim.get("numbers", ()), strict=True):
-        found.setdefault(name, []).append(number(scripts[name], wanted))
-    links = []
-    for name, numbers in found.items():
-        measured = "; ".join(filter(None, numbers))
-        links.append(f"[{Path(name).name}]({scripts[name].link})" + (f": {measured}" if measured else ""))
+        confirm(scripts[name], wanted)
+    links = [f"[{Path(name).name}]({scripts[name].link})" for name in dict.fromkeys(claim.get("scripts", ()))]
     return f" ({'; '.join(links)})" if links else ""
 
 

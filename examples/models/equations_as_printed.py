@@ -1,7 +1,7 @@
 """Four ambiguous or incomplete equations and what they can do
 
-Four equations of the [report](literature.md) from which this project started leave out a sign or a rule. The figure
-shows what follows if they are read literally (red) next to the models (blue).
+Four equations of the [report](literature.md) leave out a sign or a rule. The figure shows them read literally (red)
+next to the models (blue).
 
 (1.22) and (1.23), a GMS element: dz/dt = v "until z = s(v)", then dz/dt = sgn(v) C (1 - z/s(v)). Both hold if s carries
 the sign of v, as S(v) of (1.15) does (dashed). The report does not say so, and s is usually a positive level. With a
@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from _common import BLACK, BLUE, GREY, RED, Array, along, command_line, panels, polyline, save
+from _common import BLACK, BLUE, GREY, RED, along, command_line, panels, polyline, save
 
 ONE = {"N": 1.0, "k[1]": 1e5}  # one element [N/m]
 LEVEL, C = 1.0, 100.0  # of the element [N], [N/s]
@@ -33,12 +33,6 @@ GMS = ONE | {"alpha[1]": 1.0, "C": C, "Fc": LEVEL, "Fs": LEVEL, "sigma2": 0.0}
 BACK, STEP = -0.01, 1e-4  # [m/s], [s]
 A, W = 2e-5, 0.5  # [m], [N]
 FAST = 0.02  # much faster than the Stribeck velocity [m/s]
-
-
-def signed_level(t: Array) -> Array:
-    """Force of the element backward from rest, with (1.22) and (1.23) where s has the sign of v [N]."""
-    force = 1e5 * BACK * t
-    return np.where(force <= -LEVEL, -LEVEL, force)  # where z reaches s, (1.23) keeps it
 
 
 def main(folder: Path) -> str:
@@ -51,9 +45,10 @@ def main(folder: Path) -> str:
     slip.plot(1e3 * t, run_away, color=RED, lw=1.5, label="(1.23), s > 0")
     slip.plot(1e3 * t, backward, color=BLUE, lw=1.5, label="GMS")
     slip.set(xlabel="time at -10 mm/s [ms]", ylabel="force of the element [N]", ylim=(-12.0, 1.0))
-    stick.plot(1e3 * t, 1e5 * BACK * t, color=RED, lw=1.5, label="(1.22), s > 0")
+    spring = 1e5 * BACK * t
+    stick.plot(1e3 * t, spring, color=RED, lw=1.5, label="(1.22), s > 0")
     stick.plot(1e3 * t, backward, color=BLUE, lw=1.5, label="GMS")
-    signed = signed_level(t)
+    signed = np.where(spring <= -LEVEL, -LEVEL, spring)  # with s = -LEVEL, (1.23) keeps z where it reaches s
     for axis in (slip, stick):
         axis.plot(1e3 * t, signed, color=BLACK, lw=1.0, ls="--", label="s < 0, as v")
     stick.set(xlabel="time at -10 mm/s, from rest [ms]", ylabel="force of the element [N]", ylim=(-12.0, 1.0))

@@ -1,8 +1,8 @@
 """A GMS element sticks as a spring and is then attracted to its level
 
-Left: the elements of GMS, with the deflections z_i of their springs. Right: three elements that move at 0.2 mm/s, jump
-to 20 mm/s after 0.3 s and reverse 50 ms later. Each sticks until z_i reaches its level s_i(v) (dashed) and then slips.
-After the jump it is attracted to the lower level at a finite rate: friction lags behind the speed.
+Left: the elements of GMS. Right: three elements at 0.2 mm/s, from 0.3 s on at 20 mm/s, and back. Each sticks until its
+deflection z_i reaches the level s_i(v) (dashed). After the jump of the speed it is attracted to the lower level at a
+finite rate: friction lags.
 
 The script compares (1.22) and (1.23) with the FMU: until it slips z_i = v t; in slip at constant speed, z_i - s_i falls
 as exp(-C t/S). Here s_i = sgn(v) alpha_i S(v)/k_i, and the rate C_i of (1.23) is C alpha_i/k_i. The sigma_i of (1.21)

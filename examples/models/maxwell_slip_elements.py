@@ -1,8 +1,7 @@
 """Maxwell slip adds springs that start to slide one after the other
 
-Left: N massless elements in parallel, each a spring k_i that drags a slider with the friction W_i; zeta_i is the
-position of the slider. Right: three elements and their sum, which is the hysteresis force of the modified Leuven model,
-on a path between 30 µm and -30 µm. Each element that starts to slide adds a kink.
+Left: N massless elements in parallel, each a spring k_i that drags a slider at zeta_i with the friction W_i. Right:
+three elements and their sum, the hysteresis force of the modified Leuven model, on a path between 30 µm and -30 µm.
 
 The elements obey (1.18) to (1.20), F_i = k_i (z - zeta_i) while |z - zeta_i| < W_i/k_i, and in slip zeta_i = z - sgn(z
 - zeta_i) W_i/k_i. The script computes them in this form, with the positions zeta_i; the FMU integrates the forces. From

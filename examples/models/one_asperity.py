@@ -1,8 +1,8 @@
 """An asperity sticks, slips, detaches, oscillates and lands
 
-Left: an asperity of the block GenericAsperity, a tip mass on three springs: normal, tangential, and one whose
-hysteresis damps the free tip. Right: its force over the path on a rough profile. It sticks like a spring, breaks away,
-slips uphill until slip becomes unstable, detaches, oscillates freely, and lands without load.
+Left: an asperity of GenericAsperity, a tip mass on three springs: normal, tangential, and one whose hysteresis damps
+the free tip. Right: its force on a rough profile. It sticks like a spring, breaks away, slips uphill until slip becomes
+unstable, detaches, oscillates, and lands without load.
 
 The asperity starts at a crest, without adhesion and creep. The script solves each phase on its own. Stuck: F = k_t x,
 up to mu0 N with N = k_n (h + A). In slip the tip p is where the force of the spring balances the profile w = A cos(2 pi

@@ -32,7 +32,8 @@
    While an input is NaN or infinite, the outputs are held and the period continues, but nothing is learned from this
    sample, the one before it and the one after it.
 
-   Limits: N is at most 4096, M at most N - 2. If the period differs from N Ts, the highest harmonics are affected
+   Limits: N is at most 4096; an FMU that is built with a larger N, up to 16384, has memory for this N. M is at most N -
+   2. If the period differs from N Ts, the highest harmonics are affected
    first. Q is not 1 at harmonics near fq, so they are suppressed only partly. u_min must not exceed u_max. */
 
 #define MODEL    RepetitiveController
@@ -83,7 +84,10 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-enum { LONGEST = 4096, TAPS = 64, RING = LONGEST + TAPS + 1 };
+#define LONGEST 4096
+#define SIZES   SIZE(N, LONGEST, 16384)
+
+enum { TAPS = 64, RING = LONGEST + TAPS + 1 };
 
 #define SAMPLED
 #define GUARDED

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from friction_fmus.blocks.about import About, about_c_block
+from friction_fmus.blocks.customise import with_long_arrays
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.lawkit.headings import law_paths, read_headings
 from harness.extras import require
@@ -279,14 +280,16 @@ def find(model: str | Path) -> Block:
 
 
 def with_room(block: Block, start: Mapping[str, Any]) -> Block:
-    """Return the block; for a law, with vectors as large as these start values need.
+    """Return the block with vectors and arrays as large as these start values need.
 
     Raises
     ------
     FrictionError
         If a start value exceeds the largest size or is not an integer.
     """
-    if block.kind != "law" or not start:
+    if block.kind != "law":
+        return replace(block, code=with_long_arrays(block.code, block.name, start))
+    if not start:
         return block
     from friction_fmus.lawkit.block import block_source
     from friction_fmus.lawkit.files import discover_laws

@@ -6,6 +6,7 @@ import hashlib
 import re
 from collections.abc import Mapping
 
+from friction_fmus.blocks.macros import table
 from friction_fmus.errors import BuildError, UnknownNameError, nearest
 
 START_ARGUMENT = {
@@ -56,6 +57,44 @@ def identified(sources: Mapping[str, str], name: str) -> dict[str, str]:
 def rotational(code: str) -> str:
     """Return the source of the rotational twin, with torques for forces and angles for lengths."""
     return re.sub(r"^(#define\s+MODEL\s+\w+)$", r"#define ROTATIONAL\n\1Rotational", code, count=1, flags=re.M)
+
+
+def with_long_arrays(code: str, name: str, start: Start) -> str:
+    """Return the source with arrays that are long enough for these start values.
+
+    A row ``SIZE(N, LONGEST, 16384)`` of its macro ``SIZES`` states that the parameter N can be up to the value of the
+    macro ``LONGEST``, a number, which can be raised to 16384.
+
+    Parameters
+    ----------
+    code, name : str
+        Source and name of a block.
+    start : mapping of str to number
+        Start values of any variables.
+
+    Raises
+    ------
+    BuildError
+        If a start value exceeds the largest size or is not an integer, or if a row is malformed.
+    FrictionError
+        If ``SIZES`` has other rows.
+    """
+    for _, arguments in table(code, "SIZES", ("SIZE",)):
+        parameter, limit, most = (*arguments, "", "", "")[:3]
+        definition = re.compile(rf"^(#define\s+{re.escape(limit)}\s+)(\d+)$", re.M)
+        found = definition.search(code)
+        if found is None or not most.isdecimal():
+            raise BuildError(
+                f"{name} has the malformed row SIZE({', '.join(arguments)}); write SIZE(parameter, macro, largest "
+                "size) and define the macro as a number"
+            )
+        present, value = int(found[2]), float(start.get(parameter, 0.0))
+        if present < value < float("inf"):
+            if value > int(most) or value != int(value):
+                rule = f"above {present}, give an integer up to {most}"
+                raise BuildError(f"{name} cannot have {parameter} = {value:g}: {rule}")
+            code = definition.sub(rf"\g<1>{int(value)}", code)
+    return code
 
 
 def with_start_values(code: str, start: Start) -> str:

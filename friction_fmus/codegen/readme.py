@@ -43,9 +43,10 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
         f"* `{p}.h`, `{p}.c`: the law. C89 and C99, no memory allocation, no variables outside the four structs, so "
         f"that a program can have several instances. It {library}."
     )
+    contract = "" if export.real.suffix else " -ffp-contract=off"
     test = (
         f"* `{p}_test.c`: a unit test of {N} samples for the target; `{p}_test()` returns 0 or the number of the first "
-        f"wrong one. On a PC: `cc -D{p.upper()}_TEST_MAIN {p}_test.c {p}.c -lm`."
+        f"wrong one. On a PC: `cc{contract} -D{p.upper()}_TEST_MAIN {p}_test.c {p}.c -lm`."
     )
     use = (
         f"`{p}_init` sets the start values, `{p}_check` checks the parameters, and `{p}_step` computes one sample; "

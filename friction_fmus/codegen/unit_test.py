@@ -10,7 +10,7 @@ import numpy as np
 
 from friction_fmus.codegen.layout import INPUTS, Export
 from friction_fmus.codegen.sources import number
-from friction_fmus.codegen.vectors import N, Vectors, parts
+from friction_fmus.codegen.vectors import EXACT, N, Vectors, parts
 from friction_fmus.lawkit.emit.c_text import DOUBLE
 from friction_fmus.lawkit.emit.comments import comment
 from friction_fmus.lawkit.law import BOOLEANS, Kind, Variable
@@ -104,7 +104,7 @@ def tolerance(export: Export, samples: Vectors) -> str:
     why = (
         "float rounds each operation to 6e-8"
         if export.real is not DOUBLE
-        else f"C libraries round {', '.join(sorted(export.kernel.functions))} differently"
+        else f"C libraries round {', '.join(sorted(export.kernel.functions - EXACT))} differently"
     )
     return (
         f"The differences in the table `allowed` are accepted because {why}: {samples.relative:g} of the output, or of "
@@ -119,6 +119,9 @@ def untested(samples: Vectors) -> str:
         texts.append(f"No sample shows a change by 1 % of: {', '.join(samples.untested)}.")
     if not samples.limited:
         texts.append("No sample reaches a limit u_min or u_max.")
+    if samples.repeated:
+        numbers = ", ".join(map(str, samples.repeated))
+        texts.append(f"Repeated inputs, as an output would not be finite: samples {numbers}.")
     return " ".join(texts)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from friction_fmus.codegen.layout import INPUTS, STATES, Export
 from friction_fmus.codegen.sources import unit_text
+from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE
 from friction_fmus.lawkit.law import BOOLEANS, Kind, Law, Variable
@@ -35,15 +36,17 @@ SEGMENTS: Final = (
 )
 """Text, number of samples and peak velocity [m/s or rad/s] of each part of the motion."""
 
+EXACT: Final = frozenset({"fabs", "floor", "ceil", "sqrt", "fma", "copysign"})
+"""Functions of the C library that IEEE 754 determines to the last bit."""
+
 N: Final = sum(count for _, count, _ in SEGMENTS)
 """Number of samples."""
 
 _ORIGIN: Final = 0.3  # m; far enough from zero to need the lower part of a pair
 _REACH: Final = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # factors of the inputs on the way to a limit
-_EXACT: Final = frozenset({"fabs", "floor", "ceil", "sqrt", "fma", "copysign"})
 _RUNS: Final = 8  # with random rounding
 _MARGIN: Final = 4.0  # of the tolerance over the largest deviation of these runs
-_CHANGE: Final = 0.01
+_CHANGE: Final = 0.01  # of a parameter that the samples must show
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,8 @@ class Vectors:
         Whether an output reaches ``u_min`` and ``u_max``.
     untested : tuple of str
         Parameters whose change by 1 % no output shows.
+    repeated : tuple of int
+        Samples, counted from 1, that repeat the inputs before because an output would not be finite.
     """
 
     given: Mapping[str, np.ndarray]
@@ -72,6 +77,7 @@ class Vectors:
     relative: float
     limited: bool
     untested: tuple[str, ...]
+    repeated: tuple[int, ...]
 
     @property
     def exact(self) -> bool:
@@ -87,21 +93,22 @@ def parts() -> list[tuple[int, int, str]]:
 
 def inputs(export: Export) -> dict[str, np.ndarray]:
     """Return the inputs of the test vectors of an export."""
-    return _inputs(export, _reach(export, _Run(export))[0])
+    run = _Run(export)
+    return _finite(export, run, _inputs(export, _reach(export, run)[0]))[0]
 
 
 def vectors(export: Export) -> Vectors:
     """Return the test vectors of an export."""
     run = _Run(export)
     reach, limited = _reach(export, run)
-    given = _inputs(export, reach)
+    given, repeated = _finite(export, run, _inputs(export, reach))
     expected = run.outputs(given)
     outputs = export.law.select(Kind.OUTPUT)
     # a pair holds a position; its resolution is the resolution of the motion about the first one
     offsets = np.array([row if v.name in export.pairs else 0.0 for v, row in zip(outputs, expected[0], strict=True)])
     values = expected - offsets
     functions = {name.removesuffix(export.real.suffix) for name in export.kernel.functions}
-    relative = 3e-5 if export.real is not DOUBLE else 0.0 if functions <= _EXACT else 1e-12
+    relative = 3e-5 if export.real is not DOUBLE else 0.0 if functions <= EXACT else 1e-12
     size = np.array([np.median(np.abs(column[column != 0.0])) if column.any() else 0.0 for column in values.T])
     allowed = relative * np.maximum(np.abs(values), size)
     if relative:
@@ -111,7 +118,7 @@ def vectors(export: Export) -> Vectors:
         for variable in export.law.select(*PARAMETERS)
         if (np.abs(run.outputs(given, changed=variable) - expected) <= allowed).all()
     )
-    return Vectors(given, expected, allowed, relative, limited, untested)
+    return Vectors(given, expected, allowed, relative, limited, untested, repeated)
 
 
 def _deviation(run: _Run, given: Mapping[str, np.ndarray], expected: np.ndarray) -> np.ndarray:
@@ -128,9 +135,30 @@ def _reach(export: Export, run: _Run) -> tuple[float, bool]:
     first = min(first for first, _, text in parts() if text.endswith("limit"))
     for factor in _REACH:
         found = run.outputs(_inputs(export, factor))[first - 1 :]
-        if all((found == run.rounded(limit)).any() for limit in limits):
+        if np.isfinite(found).all() and all((found == run.rounded(limit)).any() for limit in limits):
             return factor, True
     return 1.0, False
+
+
+def _finite(export: Export, run: _Run, given: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[int, ...]]:
+    """Return the inputs with repeated samples in place of those with outputs that are not finite, and their numbers."""
+    given = {name: column.copy() for name, column in given.items()}
+    repeated: list[int] = []
+    while True:
+        found = run.outputs(given)
+        wrong = ~(np.isfinite(found) & (np.abs(found) <= export.real.largest)).all(axis=1)
+        if not wrong.any():
+            return given, tuple(repeated)
+        k = int(np.argmax(wrong))
+        if k == 0 or (repeated and k + 1 <= repeated[-1]):
+            raise FrictionError(
+                f"{export.law.name} has an output that is not finite in sample {k + 1} of its unit test, where the "
+                f"inputs are {', '.join(f'{name} = {column[k]:g}' for name, column in given.items())}; correct the law "
+                "or its start values"
+            )
+        repeated.append(k + 1)
+        for column in given.values():
+            column[k] = column[k - 1]
 
 
 def _inputs(export: Export, reach: float) -> dict[str, np.ndarray]:

@@ -48,12 +48,13 @@ def injection_of_error(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
 
 
 def feeds_stiffness_back(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
-    """Yield the condition on a law whose bristle model follows the measured motion."""
+    """Yield the condition on a law whose contact model, of bristles or elements, follows the measured motion."""
     gains = axis.servo.gains if axis.servo else None
     if gains is not None and axis.contact is not None:
         stiffness = axis.contact.stiffness + axis.stiffness + gains.Kp
         if axis.contact.stiffness:  # a rigid contact is stiffer than any model of it
-            yield conditions.fed_back_stiffness(share_of(used) * used.values["sigma0"], stiffness)
+            fed_back = float(evaluate("either(sigma0, sum(k))", used.values))
+            yield conditions.fed_back_stiffness(share_of(used) * fed_back, stiffness)
 
 
 def covers_friction(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:

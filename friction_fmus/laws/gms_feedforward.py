@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-from casadi import SX, ceil, exp, fabs, fmin, if_else, logic_and, logic_or
+from casadi import SX, ceil, exp, fabs, if_else, logic_and
 
 from friction_fmus.lawkit.expressions import stribeck_level
 from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
     NO_UNIT,
-    STIFFNESS,
     Friction,
     Input,
     Loop,
     Output,
     Parameter,
     SampleTime,
-    State,
     Use,
     law,
 )
-from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts import maxwell_slip, variables
 from friction_fmus.lawkit.parts.feedforward import feedforward, increment, when
-
-ELEMENTS = 10
+from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, used_elements
 
 
 @law(
@@ -42,11 +39,7 @@ ELEMENTS = 10
         "slips": Output(NO_UNIT, "number of slipping elements"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
-    conditions={
-        "alpha[1] + ... + alpha[N] > 0": lambda alpha, N: (
-            sum(if_else(i < N, alpha[i], 0.0) for i in range(ELEMENTS)) > 0.0
-        ),
-    },
+    conditions=maxwell_slip.CONDITIONS,
 )
 def gms_feedforward(
     r: SX = variables.R,
@@ -55,22 +48,17 @@ def gms_feedforward(
     Fn: SX = Input("N", 1.0, "normal force", optional=True),
     enable: SX = variables.ENABLE_STATES,
     reset: SX = variables.RESET,
-    Fi: SX = State(FORCE, (0.0,) * ELEMENTS, "force of the element", nominal=0.1),
-    slipping: SX = State(NO_UNIT, (0.0,) * ELEMENTS, "1 if the element slips"),
-    way: SX = State(NO_UNIT, 0.0, "sign of the last motion"),
+    Fi: SX = maxwell_slip.FI,
+    slipping: SX = maxwell_slip.SLIPPING,
+    way: SX = maxwell_slip.WAY,
     last: SX = variables.LAST,
     started: SX = variables.STARTED,
     gain: SX = variables.GAIN,
     m: SX = variables.INERTIA,
-    N: SX = Parameter(NO_UNIT, 10.0, "number of elements in use", min=1.0, max=float(ELEMENTS)),
-    k: SX = Parameter(
-        STIFFNESS,
-        (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3),
-        "stiffness of the element",
-        min=0.0,
-    ),
-    alpha: SX = Parameter(NO_UNIT, (0.1,) * ELEMENTS, "weight of the element in the Stribeck level", min=0.0),
-    C: SX = Parameter(FORCE + "/s", 100.0, "attraction to the Stribeck level", min=0.0),
+    N: SX = maxwell_slip.N,
+    k: SX = maxwell_slip.K,
+    alpha: SX = maxwell_slip.ALPHA,
+    C: SX = maxwell_slip.C,
     sigma: SX = Parameter(DAMPING, 0.0, "damping of each element", min=0.0),
     sigma2: SX = variables.SIGMA2,
     Fc: SX = variables.POSITIVE_FC,
@@ -120,25 +108,15 @@ def gms_feedforward(
     dr = increment(r, last, started, reset)  # 0 during reset
     moving, side = dr != 0.0, if_else(dr > 0.0, 1.0, -1.0)
     S = stribeck_level(fabs(dr / Ts), Fc, Fs, vs, delta)
-    used = [i < N for i in range(ELEMENTS)]
-    every = used[-1]  # decided first, which saves a decision per element
-    shares = [if_else(every, alpha[i], if_else(used[i], alpha[i], 0.0)) for i in range(ELEMENTS)]
-    total = sum(shares)
-    unit = S / if_else(total > 0.0, total, 1.0)
-    decay = exp(-C * Ts / S)
-
     forces, slips, creep = [], [], SX(0.0)
-    for i, share in enumerate(shares):
-        level, along = share * unit, side * Fi[i]
-        slipped = logic_or(logic_and(side == way, slipping[i] > 0.0), along >= level)
-        stuck = along + k[i] * fabs(dr)
-        moved = if_else(slipped, level + (along - level) * decay, fmin(stuck, level))
-        creep += if_else(logic_and(slipped, k[i] > 0.0), (moved - level) / if_else(k[i] > 0.0, k[i], 1.0), 0.0)
-        forces.append(if_else(moving, side * moved, if_else(reset, 0.0, Fi[i])))
-        slips.append(if_else(moving, if_else(slipped, 1.0, stuck >= level), 0.0))
-    slips = [if_else(every, slip, if_else(used[i], slip, 0.0)) for i, slip in enumerate(slips)]
+    for i, element in enumerate(slide(Fi, slipping, way, k, alpha, N, dr, S, exp(-C * Ts / S))):
+        elastic = logic_and(element.slipped, k[i] > 0.0)
+        creep += if_else(elastic, (element.moved - element.level) / if_else(k[i] > 0.0, k[i], 1.0), 0.0)
+        forces.append(if_else(moving, side * element.moved, if_else(reset, 0.0, Fi[i])))
+        slips.append(if_else(moving, element.slips, 0.0))
+    slips = used_elements(slips, N)
     F_pre = sum(forces)
-    stretching = rd * (if_else(every, ELEMENTS, ceil(N)) - sum(slips))
+    stretching = rd * (if_else(ELEMENTS - 1 < N, ELEMENTS, ceil(N)) - sum(slips))
     # in this order, everything that needs S follows the single decision on motion
     creeping = if_else(moving, if_else(sigma > 0.0, side * (C * creep / S), 0.0), 0.0)
     F_el = F_pre + sigma * (stretching - creeping)

@@ -70,6 +70,9 @@ def karnopp_feedforward(
     Connect u to the input f of a position controller, whose parameter m must then be 0. While enable is false, u, F_hat
     and u_sat are 0. The law has no state. Feedforward does not change the stability of the loop.
 
+    For feedback, connect rd to the measured velocity. DV must then also exceed its noise and the velocity of
+    oscillations in presliding; otherwise F_hat, a relay of the velocity, makes the axis oscillate at rest.
+
     Limits: F_hat jumps at |rd| = DV by Fc + Fv DV minus the force in the band. In the band, nothing is compensated at
     constant velocity, so DV must be below the slowest relevant speed. Presliding is not modelled. u_min must not exceed
     u_max.

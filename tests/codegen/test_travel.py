@@ -48,6 +48,7 @@ START: dict[str, dict[str, float]] = {
     "DiscreteInverse": {"a[1]": -1.9, "a[2]": 0.9},
     "InverseDynamics": {"compliance": 1e-4},
     "LuGreObserver": {"k": 50.0},
+    "GMSObserver": {"k_e": 50.0},
     "TustinFeedback": {"x0": 0.0071} | {f"cogging[{i + 1}]": float(np.sin(np.pi * i / 8.0)) for i in range(16)},
 }
 """Parameters with which the position counts, and which a float does not hold."""

@@ -6,10 +6,12 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
@@ -21,6 +23,7 @@ from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import N, vectors
+from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import BOOLEANS
@@ -40,30 +43,41 @@ def write(export: Export, folder: Path, law: str = "") -> None:
     (folder / "law_test.c").write_text(unit_test(export, vectors(export)), encoding="utf-8")
 
 
-def status(folder: Path, command: list[str], *flags: str) -> int:
-    """Compile both files and return what the test returns."""
-    files = ["-DLAW_TEST_MAIN", "law.c", "law_test.c", "-o", "program", "-lm"]
-    subprocess.run([*command, *WARNINGS, *flags, *files], cwd=folder, check=True)
+def status(folder: Path, *flags: str, test: Sequence[str] = ()) -> int:
+    """Compile both files, the test by another command if one is given, and return what the test returns."""
+    compiler = [*toolchain.compiler(), "-std=c99", *WARNINGS, *flags]
+    subprocess.run([*compiler, "-c", "law.c"], cwd=folder, check=True)
+    subprocess.run([*(test or compiler), "-DLAW_TEST_MAIN", "-c", "law_test.c"], cwd=folder, check=True)
+    subprocess.run([*compiler, "law.o", "law_test.o", "-o", "program", "-lm"], cwd=folder, check=True)
     return subprocess.run([folder / "program"], check=False).returncode
+
+
+def without_fault(export: Export) -> str:
+    """The law, but `fault` is always 0."""
+    return implementation(export).replace("law_step(", "guarded_step(") + (
+        "void law_step(const law_parameters *p, law_states *s, const law_inputs *i, law_outputs *o)\n"
+        "{ guarded_step(p, s, i, o); o->fault = 0; }\n"
+    )
 
 
 def check_passes(name: str, folder: Path, *flags: str) -> None:
     for real in REALS:
         write(make_export(name, real=real), folder)
-        assert status(folder, toolchain.compiler(), "-O2", *flags) == 0, real
+        assert status(folder, "-O2", *flags) == 0, real
 
 
 @pytest.mark.parametrize("name", VARIED)
 def test_the_law_passes(name: str, tmp_path: Path) -> None:
-    check_passes(name, tmp_path, "-std=c99")
+    check_passes(name, tmp_path)
 
 
 @pytest.mark.skipif(not shutil.which("g++"), reason="g++ not installed")
 @pytest.mark.parametrize("name", VARIED[:3])
-def test_the_law_passes_as_cpp(name: str, tmp_path: Path) -> None:
+def test_the_law_passes_a_test_in_cpp(name: str, tmp_path: Path) -> None:
+    """Only the test is compiled as C++."""
     for real in REALS:
         write(make_export(name, real=real), tmp_path)
-        assert status(tmp_path, ["g++", "-x", "c++", "-std=c++11", "-ffp-contract=off"]) == 0
+        assert status(tmp_path, test=("g++", "-x", "c++", "-std=c++11", *WARNINGS)) == 0
 
 
 @pytest.mark.parametrize(("name", "real"), list(product(VARIED, REALS)))
@@ -133,11 +147,52 @@ def test_every_changed_constant_fails(name: str, real: Literal["double", "float"
     assert all(0 < library.tested(i) <= N for i in range(len(old)))
 
 
-def test_a_law_without_its_guard_fails(tmp_path: Path) -> None:
+def test_a_law_without_fault_fails(tmp_path: Path) -> None:
     export = make_export("PID")
-    text = re.sub(r"if \(FINITE\(inputs.*?\{", "if (1) {", implementation(export), flags=re.S)
-    write(export, tmp_path, text)
-    assert status(tmp_path, toolchain.compiler(), "-std=c99", "-Wno-unused-macros") == N + 1
+    write(export, tmp_path, without_fault(export))
+    assert status(tmp_path) == N + 1
+
+
+ODD = """
+from casadi import SX, exp, sqrt
+from friction_fmus.lawkit.law import *
+
+@law("Root", "Root of an input", source="none", Ts=1e-3, outputs={{"u": Output(FORCE, "force")}})
+def root({inputs}k: SX = Parameter(FORCE, 3.0, "force")) -> dict[str, SX]:
+    '''Not finite for a negative load, and beyond float for a large one.'''
+    return {{"u": {u}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("inputs", "u", "repeated"),
+    [
+        ('Fn: SX = Input("N", 1.0, "load"), ', "k * sqrt(Fn - 0.5)", True),
+        ('Fn: SX = Input("N", 0.0, "load"), ', "k * exp(200.0 * Fn)", True),
+        ('on: SX = Command(True, "on"), ', "k * on", False),
+    ],
+)
+@pytest.mark.parametrize("real", REALS)
+def test_odd_laws(inputs: str, u: str, repeated: bool, real: Literal["double", "float"], tmp_path: Path) -> None:
+    """Outputs that are not finite, or not in float; no input but a command."""
+    path = tmp_path / "root.py"
+    path.write_text(ODD.format(inputs=inputs, u=u), encoding="utf-8")
+    export = make_export(path, real=real)
+    found = vectors(export)
+    assert bool(found.repeated) == (repeated and not ("exp" in u and real == "double"))
+    assert np.isfinite(found.expected).all()
+    write(export, tmp_path)
+    assert status(tmp_path) == 0
+    write(export, tmp_path, implementation(export).replace("3.0", "3.1"))
+    assert 0 < status(tmp_path) <= N
+
+
+def test_a_law_that_is_never_finite_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "root.py"
+    path.write_text(ODD.format(inputs='Fn: SX = Input("N", 0.0, "load"), ', u="sqrt(-1.0 - k)"), encoding="utf-8")
+    message = r"Root has an output that is not finite in sample 1 of its unit test, where the inputs are Fn = 0.28"
+    with pytest.raises(FrictionError, match=message):
+        vectors(make_export(path))
 
 
 def test_the_header_says_what_is_tested() -> None:
@@ -151,6 +206,6 @@ def test_the_header_says_what_is_tested() -> None:
         unit_test(single, vectors(single)).split()
     )
     lugre = make_export("LuGreFeedforward")
-    assert "C libraries round exp, expm1, fabs, pow differently" in unit_test(lugre, vectors(lugre)).replace("\n  ", "")
+    assert "C libraries round exp, expm1, pow differently" in unit_test(lugre, vectors(lugre)).replace("\n  ", "")
     text = unit_test(make_export("Prefilter"), vectors(make_export("Prefilter")))
     assert "No sample reaches a limit u_min or u_max." in text

@@ -451,6 +451,8 @@ def _number(text: str | None) -> bool:
 def test_rows_of_laws_name_their_parameters(law) -> None:  # type: ignore[no-untyped-def]
     """A row reads nothing but what the law has; with the start values its rules can be evaluated."""
     values = {variable.name: float(variable.start) for variable in law.variables if np.isscalar(variable.start)}
+    vectors = [variable for variable in law.variables if not np.isscalar(variable.start)]
+    values |= {f"{vector.name}[{i + 1}]": value for vector in vectors for i, value in enumerate(vector.start)}
     servo = ActiveLaw("pid", named("PID"), {"Kp": 12e3, "Kd": 600.0, "Ki": 0.0, "m": 0.0, "Ts": 1e-3})
     level = Level(1.0, 1.5, 0.4, 1e-3)
     used = ActiveLaw("law", named(law.name), values)

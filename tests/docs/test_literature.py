@@ -104,13 +104,12 @@ def test_what_shows_a_block_of_the_table_of_paragraphs_names_it(literature: Modu
 
 
 def test_a_number_is_a_measured_figure_or_part_of_what_is_printed(literature: ModuleType) -> None:
-    script = literature.Script("effects.md#a", "A", "It is 1.5e-3 m after 12 s, and 0.", {"error": "3 µm"})
-    assert literature.number(script, "error") == "error: 3 µm"
-    for printed in ("It is # m after # s", "# s, and #"):  # docs/effects.md shows it
-        assert literature.number(script, printed) == ""
+    script = literature.Script("effects.md#a", "A", "It is 1.5e-3 m after 12 s, and 0.", frozenset({"error"}))
+    for given in ("error", "It is # m after # s", "# s, and #"):
+        literature.confirm(script, given)
     for missing in ("It is # N", "It is 1.5e-3 m", "late error"):
         with pytest.raises(literature.MissingNumberError, match=re.escape(missing)):
-            literature.number(script, missing)
+            literature.confirm(script, missing)
 
 
 def test_a_claim_that_names_a_missing_number_is_not_written(

@@ -27,7 +27,7 @@ ON_A_MASS = (
     *("BlimanSorine", "Bristle", "BurridgeKnopoff", "Coulomb", "Dahl", "DeadZoneTorque", "ElastoPlastic", "GMS"),
     *("FrenkelKontorovaTomlinson", "GenericAsperity", "Karnopp", "Leuven", "LuGre", "MaxwellSlip", "ModifiedLeuven"),
     *("PrandtlTomlinson", "RateAndState", "ResetIntegrator", "SevenParameter", "Stiction", "Stribeck", "Tustin"),
-    "Viscous",
+    *("LoadDependentDahl", "Viscous"),
 )
 EXPECTED = FLANGES | dict.fromkeys(ON_A_MASS, INPUT_V)
 """Flanges of the blocks by their equations; the others have none."""

@@ -28,6 +28,7 @@ TWINS = {
     "DeadZoneFeedforward": "DeadZoneTorque",
     "ElastoPlasticFeedforward": "ElastoPlastic",
     "GMSFeedforward": "GMS",
+    "GMSObserver": "GMS",
     "KarnoppFeedforward": "Karnopp",
     "LeuvenFeedforward": "Leuven",
     "LuGreFeedforward": "LuGre",

@@ -140,3 +140,10 @@ def test_an_integral_reset_shortens_the_period_and_does_not_end_hunting(hunting)
     plain, reset = hunting(), hunting(reversal=0.0)
     assert period(reset) < 0.8 * period(plain)
     assert np.ptp(reset) > 0.9 * np.ptp(plain)
+
+
+def test_reversing_friction_in_the_integral_nearly_ends_hunting_unless_the_spring_back_is_hidden(hunting):
+    plain = np.ptp(hunting())
+    assert np.ptp(hunting(reversal=-1.0)) < 0.05 * plain
+    assert np.ptp(hunting(Fc_turned=1.0)) < 0.01 * plain
+    assert np.ptp(hunting(Fc_turned=1.0, v_zc=1e-3)) > 2.0 * plain

@@ -41,12 +41,15 @@ CASES: list[tuple[str, str, Mapping[str, float], Mapping[str, float]]] = [
             (name, "2 Ts Kp < 4 Kd + Ts^2 Ki", {"Ts": 1e-3, "Kd": 5.93}, {"Ts": 1e-3, "Kd": 5.94}),
         )
     ],
-    (
-        "GMSFeedforward",
-        "alpha[1] + ... + alpha[N] > 0",
-        {"N": 1.0, "alpha[1]": 0.0},
-        {"N": 1.0, "alpha[1]": 1e-9, "alpha[2]": 0.0},
-    ),
+    *[
+        (
+            name,
+            "alpha[1] + ... + alpha[N] > 0",
+            {"N": 1.0, "alpha[1]": 0.0},
+            {"N": 1.0, "alpha[1]": 1e-9, "alpha[2]": 0.0},
+        )
+        for name in ("GMSFeedforward", "GMSObserver")
+    ],
     ("DiscreteInverse", "zero = 0, |zero| > 1 or zero_phase", {"zero": -1.0}, {"zero": -1.01}),
     ("DiscreteInverse", "zero = 0, |zero| > 1 or zero_phase", {"zero": 0.5}, {"zero": 0.5, "zero_phase": 1.0}),
     ("DiscreteInverse", "pair = 0, |pair| > 1 or zero_phase", PAIR | {"pair[2]": 0.8}, PAIR),

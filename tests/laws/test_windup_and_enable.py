@@ -29,6 +29,7 @@ LIMIT = 0.05
 START = {
     "CascadePPI": {"ki": 6e3},
     "LuGreObserver": {"k": 50.0},
+    "GMSObserver": {"k_e": 50.0},
     "IterativeLearning": {"N": 20, "fq": 0.0},
     "RepetitiveController": {"N": 20, "M": 2},
     "DisturbanceObserver": {"fq": 30.0},

@@ -10,6 +10,9 @@ import pytest
 from scipy.signal import butter, filtfilt
 from shell.instance import Instance, load
 
+from friction_fmus import build
+from friction_fmus.blocks.customise import with_long_arrays
+from friction_fmus.errors import BuildError
 from harness import CallablePart, FmuPart, System
 
 BuildFmu = Callable[..., Path]
@@ -296,6 +299,33 @@ def test_repetition_is_the_formula(samples, N, M, fq):
         y[k] = F[k] + rate * Le[k]
     assert np.abs(found[:, 0] - F).max() < 1e-9 * np.abs(F).max()
     assert np.array_equal(found[:, 1], 0.5 * found[:, 0])
+
+
+def test_a_long_period_is_chosen_when_it_is_built(build_fmu, tmp_path):
+    """With an error at a single sample and Q = 1, the force is an impulse that returns every N samples."""
+    N, n = 16384, 3 * 16384
+    e = np.zeros(n)
+    e[100] = 1e-3
+    found = np.zeros(n)
+    with Instance(load(build_fmu("RepetitiveController", N=N))) as block:
+        block.initialise(M=0, fq=0.0, rate=1.0, m=0.0, Kp=1e3, Kd=0.0, Ki=0.0)
+        for k in range(n):
+            block.set({"r": e[k]})
+            block.step(k * 1e-3, 1e-3)
+            found[k] = block.get1("F_hat")
+    expected = np.zeros(n)
+    expected[[100 + N, 100 + 2 * N]] = 1.0
+    assert np.array_equal(found, expected)
+    for value in (16385, 5000.5):
+        with pytest.raises(BuildError, match=f"N = {value:g}: above 4096, give an integer up to 16384"):
+            build("RepetitiveController", tmp_path, start={"N": value})
+
+
+@pytest.mark.parametrize("row", ["SIZE(N, LONGEST)", "SIZE(N, TAPS, 16384)", "SIZE(N, LONGEST, many)"])
+def test_a_malformed_size_is_named(row):
+    code = f"#define LONGEST 4096\n#define SIZES {row}\n"
+    with pytest.raises(BuildError, match="Mine has the malformed row SIZE"):
+        with_long_arrays(code, "Mine", {"N": 5000})
 
 
 def test_repetition_forgets_on_reset_and_disable_and_keeps_its_limits(samples):

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from codegen.test_export import COMPILERS, LAWS, compiled, without_target  # noqa: F401
 from codegen.test_numbers import check_double, check_float
+from codegen.test_unit_test import check_passes
 from laws.conftest import GCC, Workshop, by_casadi_fixture, different_bits_fixture  # noqa: F401
 from laws.test_emit import (  # noqa: F401
     test_every_law_has_casadis_bits,
@@ -55,6 +56,11 @@ def test_c89_and_c99_without_a_warning_and_the_example_runs(name: str, tmp_path:
         assert not re.search(r"\b(malloc|calloc|free)\b|\bstatic (?!void )", text)
         if real == "float":
             assert not re.search(r"\bdouble\b|\b\d+\.\d+(e[-+]?\d+)?(?![\d.ef])", text)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_unit_test_passes(name: str, tmp_path: Path) -> None:
+    check_passes(name, tmp_path, "-std=c89")
 
 
 @pytest.mark.parametrize("name", LAWS)

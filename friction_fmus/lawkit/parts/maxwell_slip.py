@@ -1,0 +1,80 @@
+"""Elements of generalised Maxwell slip, shared by the laws that compute this friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from casadi import SX, fabs, fmin, if_else, logic_and, logic_or
+
+from friction_fmus.lawkit.law import FORCE, NO_UNIT, STIFFNESS, Parameter, State
+
+ELEMENTS = 10
+
+FI: Any = State(FORCE, (0.0,) * ELEMENTS, "force of the element", nominal=0.1)
+SLIPPING: Any = State(NO_UNIT, (0.0,) * ELEMENTS, "1 if the element slips")
+WAY: Any = State(NO_UNIT, 0.0, "sign of the last motion")
+N: Any = Parameter(NO_UNIT, 10.0, "number of elements in use", min=1.0, max=float(ELEMENTS))
+K: Any = Parameter(
+    STIFFNESS, (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3), "stiffness of the element", min=0.0
+)
+ALPHA: Any = Parameter(NO_UNIT, (0.1,) * ELEMENTS, "weight of the element in the Stribeck level", min=0.0)
+C: Any = Parameter(FORCE + "/s", 100.0, "attraction to the Stribeck level", min=0.0)
+
+CONDITIONS = {
+    "alpha[1] + ... + alpha[N] > 0": lambda alpha, N: sum(if_else(i < N, alpha[i], 0.0) for i in range(ELEMENTS)) > 0.0
+}
+"""Condition on the weights, for `law`."""
+
+
+@dataclass(frozen=True)
+class Element:
+    """An element in a sample with the displacement dx; forces are positive in the direction of dx.
+
+    Attributes
+    ----------
+    level : SX
+        Force at which it slips [force].
+    moved : SX
+        Its force after the displacement [force].
+    slipped, slips : SX
+        Whether it slips during the displacement, and 1 or 0 after it.
+    """
+
+    level: SX
+    moved: SX
+    slipped: SX
+    slips: SX
+
+
+def used_elements(values: Sequence[SX], N: SX) -> list[SX]:
+    """Return the values of the first N elements and 0 for the others."""
+    every = ELEMENTS - 1 < N  # decided first, which saves a decision per element
+    return [if_else(every, value, if_else(i < N, value, 0.0)) for i, value in enumerate(values)]
+
+
+def slide(Fi: SX, slipping: SX, way: SX, k: SX, alpha: SX, N: SX, dx: SX, S: SX, decay: SX) -> list[Element]:
+    """Return the elements after a displacement dx at the Stribeck level S.
+
+    Parameters
+    ----------
+    Fi, slipping, way : SX
+        States before.
+    k, alpha, N : SX
+        Stiffness and weight of each element, number of elements.
+    dx, S, decay : SX
+        Displacement in the sample, Stribeck level, and exp(-C Ts / S).
+    """
+    side = if_else(dx > 0.0, 1.0, -1.0)
+    shares = used_elements([alpha[i] for i in range(ELEMENTS)], N)
+    total = sum(shares)
+    unit = S / if_else(total > 0.0, total, 1.0)
+    found = []
+    for i, share in enumerate(shares):
+        level, along = share * unit, side * Fi[i]
+        slipped = logic_or(logic_and(side == way, slipping[i] > 0.0), along >= level)
+        stuck = along + k[i] * fabs(dx)
+        moved = if_else(slipped, level + (along - level) * decay, fmin(stuck, level))
+        found.append(Element(level, moved, slipped, if_else(slipped, 1.0, stuck >= level)))
+    return found
