@@ -123,14 +123,16 @@ def trace(export: Export, core: Core, folder: Path) -> Trace:
     depth = emulate(folder, "-d", "in_asm,exec,nochain", "-D", "log")
     code = _disassembled(folder)
     entry = next(address for address, at in code.items() if at.function == f"{export.prefix}_step")
-    blocks, steps = _steps((folder / "log").read_bytes(), entry)
+    blocks, steps = _steps((folder / "log").read_bytes(), code, entry)
     count = max((len(column) for column in given.values()), default=1)
     if len(steps) != count:
         raise FrictionError(f"{EMULATOR} logged {len(steps)} steps of {export.law.name} instead of {count}")
     return Trace(code, blocks, steps, _number(depth))
 
 
-def _steps(log: bytes, entry: int) -> tuple[tuple[tuple[int, ...], ...], tuple[tuple[int, ...], ...]]:
+def _steps(
+    log: bytes, code: Mapping[int, Instruction], entry: int
+) -> tuple[tuple[tuple[int, ...], ...], tuple[tuple[int, ...], ...]]:
     """Return the blocks of instructions and, for each step, the indices of its blocks."""
     blocks: list[tuple[int, ...]] = []
     index: dict[bytes, int] = {}  # of the block last translated, by its address
@@ -146,7 +148,7 @@ def _steps(log: bytes, entry: int) -> tuple[tuple[tuple[int, ...], ...], tuple[t
         else:
             if listed:
                 index[executed] = len(blocks)
-                blocks.append(tuple(int(address, 16) for address in listed))
+                blocks.append(_between(code, int(listed[0], 16), int(listed[-1], 16)))
                 starts.append(blocks[-1][0])
                 listed = []
             if executed not in index:
@@ -163,6 +165,18 @@ def _steps(log: bytes, entry: int) -> tuple[tuple[tuple[int, ...], ...], tuple[t
                 steps[-1].append(here)
             last = here
     return tuple(blocks), tuple(map(tuple, steps))
+
+
+def _between(code: Mapping[int, Instruction], first: int, last: int) -> tuple[int, ...]:
+    """Return the addresses of the instructions from one to the other.
+
+    QEMU's own list is no substitute: its disassembler reads the code in pieces, and may show the second half of an
+    instruction as another one.
+    """
+    found = [first]
+    while (following := found[-1] + code[found[-1]].size) <= last:
+        found.append(following)
+    return tuple(found)
 
 
 def _disassembled(folder: Path) -> dict[int, Instruction]:

@@ -13,8 +13,8 @@ from codegen.test_unit_test import without_fault
 
 from benchmarks.law_runs import LawC, rows_of
 from friction_fmus.codegen import CORES, Core, export_law, measure, target
-from friction_fmus.codegen.cycles import DURATIONS
-from friction_fmus.codegen.emulation import run, trace
+from friction_fmus.codegen.cycles import DURATIONS, cycles_of
+from friction_fmus.codegen.emulation import RANDOM, run, trace
 from friction_fmus.codegen.export import make_export
 from friction_fmus.codegen.program import CALLS, samples
 from friction_fmus.codegen.target import EMULATOR, M0PLUS, M4F, assembly, call, compile_law, emulate, link_program
@@ -89,9 +89,15 @@ def result_on_target(export, core: Core, folder: Path) -> int:
 @pytest.mark.parametrize("real", ["float", "double"])
 @pytest.mark.parametrize("name", LAWS)
 def test_the_unit_test_passes_on_the_target(name: str, real: str, core: Core, tmp_path: Path) -> None:
+    """And its instructions can be counted."""
     export = make_export(name, real=real)
     compile_law(export, core, tmp_path)
     assert result_on_target(export, core, tmp_path) == 0
+    found = trace(export, core, tmp_path)
+    assert len(found.counts) == RANDOM + N
+    assert min(found.counts) > 10
+    cycles = cycles_of(found, core)
+    assert cycles is None or all(count < cycle for count, cycle in zip(found.counts, cycles, strict=True))
 
 
 def test_the_unit_test_fails_on_the_target(tmp_path: Path) -> None:
