@@ -23,7 +23,7 @@ def keep(path: Path, content: bytes) -> None:
         If the file cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    for target, data in ((path, content), (_beside(path), _hash(content))):
+    for target, data in ((_beside(path), _hash(content)), (path, content)):  # a file that exists has its hash
         with atomic_path(target) as temporary:
             temporary.write_bytes(data)
 

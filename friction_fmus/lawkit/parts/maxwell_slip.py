@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from casadi import SX, fabs, fmin, if_else, logic_and, logic_or
+from casadi import SX, fabs, if_else, logic_and, logic_or
 
 from friction_fmus.lawkit.law import FORCE, NO_UNIT, STIFFNESS, Parameter, State
 
@@ -75,6 +75,6 @@ def slide(Fi: SX, slipping: SX, way: SX, k: SX, alpha: SX, N: SX, dx: SX, S: SX,
         level, along = share * unit, side * Fi[i]
         slipped = logic_or(logic_and(side == way, slipping[i] > 0.0), along >= level)
         stuck = along + k[i] * fabs(dx)
-        moved = if_else(slipped, level + (along - level) * decay, fmin(stuck, level))
+        moved = if_else(slipped, level + (along - level) * decay, if_else(stuck > level, level, stuck))  # keeps NaN
         found.append(Element(level, moved, slipped, if_else(slipped, 1.0, stuck >= level)))
     return found
