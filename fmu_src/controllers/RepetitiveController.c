@@ -32,9 +32,9 @@
    While an input is NaN or infinite, the outputs are held and the period continues, but nothing is learned from this
    sample, the one before it and the one after it.
 
-   Limits: N is at most 4096; an FMU that is built with a larger N, up to 16384, has memory for this N. M is at most N -
-   2. If the period differs from N Ts, the highest harmonics are affected
-   first. Q is not 1 at harmonics near fq, so they are suppressed only partly. u_min must not exceed u_max. */
+   Limits: N is at most 4096, or the larger N with which the FMU was built, at most 16384. M is at most N - 2. If the
+   period differs from N Ts, the highest harmonics are affected first. Q is not 1 at harmonics near fq, so they are
+   suppressed only partly. u_min must not exceed u_max. */
 
 #define MODEL    RepetitiveController
 #define SUMMARY  "Repetitive learning of the force against a periodic error during operation"

@@ -9,9 +9,9 @@
        F_position = F0 + a_c C(x) - a_f D(x) tanh(v / v_sign)
 
    C and D are the columns of the table, a_c = cogging_gain and a_f = friction_gain. F_position acts on the mass in the
-   positive direction, unlike a friction force; connect it to the input F_load of a plant. D is the friction in addition
-   to that of a friction model beside this block, and is negative where friction is below its average. At v = 0, the
-   second part is zero: the friction model alone holds the mass.
+   positive direction, unlike a friction force; connect it to the input F_load of a plant. D adds to the friction model
+   beside this block and is negative where friction is below its mean. At v = 0 the second part is zero: only the
+   friction model holds the mass.
 
    With the reference position and velocity as inputs, -F_position is the feedforward that compensates the map.
 

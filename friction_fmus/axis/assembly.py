@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -65,12 +66,10 @@ class LoopAssembly:
         return part
 
     def _part(self, name: str, fmu: Hashable, path: Callable[[], Path], every: int) -> FmuPart:
-        other = self.fmus.get(name)
-        part = (
-            self.pool.part(name, fmu, path, every)
-            if other is None
-            else self.pool.part(name, other, lambda: other, every)
-        )
+        given = self.fmus.get(name)
+        if given is not None:
+            fmu, path = given, partial(Path, given)
+        part = self.pool.part(name, fmu, path, every)
         self.parts.append(part)
         return part
 

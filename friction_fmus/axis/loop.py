@@ -25,7 +25,6 @@ FINEST = 0.5e-3
 SOFT = 0.1
 """Largest step times angular frequency of the mass on its bristles for which an explicit coupling is accurate."""
 
-
 ACCURATE = ("newton", "adaptive")
 """Masters for runs that are reported as wrong with another one."""
 

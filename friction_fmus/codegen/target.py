@@ -19,7 +19,7 @@ EMULATOR: Final = "qemu-arm"
 PACKAGES: Final = {COMPILER: "gcc-arm-none-eabi libnewlib-arm-none-eabi", EMULATOR: "qemu-user"}
 """Debian packages of each tool."""
 
-FLAGS: Final = (*("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections"),)
+FLAGS: Final = ("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections")
 """Compiler options for the measurement."""
 
 _CPU: Final = "max"  # has all instructions of all cores; some versions of qemu-arm cannot run the M profile

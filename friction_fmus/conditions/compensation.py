@@ -9,6 +9,9 @@ import numpy as np
 from friction_fmus.conditions.condition import Condition, at_least, at_most, below
 from friction_fmus.conditions.linear import Matrix, held_mass, is_stable, longest_sample, spectral_radius
 
+OVERCOMPENSATION = "over-compensation"
+"""Name of the condition `overcompensation`."""
+
 
 def injection(m: float, Kp: float, Kd: float, Ki: float, s0: float, s1: float) -> Condition:
     """Check that a LuGre observer may be corrected by the position error: s1 Kd >= s0 m and s0 Kp >= s1 Ki.
@@ -200,7 +203,7 @@ def overcompensation(share: float, measured: bool = True) -> Condition:
         else "the excess force pushes in the direction of the reference: the axis overshoots at each reversal"
     )
     return Condition(
-        name="over-compensation",
+        name=OVERCOMPENSATION,
         ok=at_most(share, 1.0),
         value=share,
         bound=1.0,

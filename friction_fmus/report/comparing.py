@@ -11,6 +11,7 @@ from plotly.subplots import make_subplots
 
 from friction_fmus.identification import Array
 from friction_fmus.report.figures import FAINT, INK, STYLES, escaped, finished, thinned
+from friction_fmus.report.numbers import number
 from friction_fmus.study.records import Curve
 
 
@@ -71,10 +72,7 @@ def ladder_bars(rungs: Sequence[tuple[str, bool]], errors: Array, title: str) ->
         width=0.36,
         orientation="h",
         marker={"color": ["#0072B2" if best else FAINT for _, best in rungs]},
-        text=[
-            f"{float(f'{error:.3g}'):,.0f}".replace(",", "\u202f") if error >= 1e3 else f"{error:.3g}"
-            for error in errors
-        ],
+        text=[number(float(error)) for error in errors],
         textposition="outside",
         cliponaxis=False,
         hovertext=[escaped(name) for name in names],

@@ -10,6 +10,7 @@ from friction_fmus.axis.assembly import block
 from friction_fmus.axis.elements import Compensator
 from friction_fmus.axis.pool import PartPool
 from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.conditions.compensation import OVERCOMPENSATION
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.study.cases import Case, cases
@@ -38,8 +39,8 @@ JOINED: Final = 3
 ESTIMATORS: Final = ("estimator", "integral action")
 """Kinds of compensators that are combined with a feedforward: they compensate what it leaves."""
 
-CLEAR: Final = 0.02
-"""Relative violation of a condition that is an objection to a compensator."""
+CLEAR: Final = 1.02
+"""Compensation over the friction of the axis above which it is an objection; friction is not known better."""
 
 RunSteps: TypeAlias = Callable[[Sequence[Step]], Sequence[Any]]
 
@@ -162,12 +163,11 @@ def _contradicted(bench: Bench, ranked: Sequence[CompensatorResult], found: Mapp
 
 
 def _violated(bench: Bench, scheme: Scheme) -> dict[str, str]:
-    """Return the conditions that an axis violates by more than `CLEAR`, by name."""
+    """Return the conditions that an axis violates, by name; over-compensation above `CLEAR` only."""
     with PartPool() as pool:
         findings = examine(system_of(bench, scheme, pool))
     violated = [finding.condition for finding in findings if not finding.condition.ok]
-    # the parameters of the axis are not known better
-    return {c.name: c.wrong for c in violated if not abs(c.value - c.bound) <= CLEAR * abs(c.bound)}
+    return {c.name: c.wrong for c in violated if c.name != OVERCOMPENSATION or c.value > CLEAR}
 
 
 @dataclass(frozen=True)

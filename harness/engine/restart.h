@@ -24,8 +24,8 @@ static void restart_manipulated(Engine *e, Newton *newton)
     }
 }
 
-/* Return whether a held input has another value than in the last step, or a line from a part that was restarted has
-   another value than at its end. */
+/* Remember the held inputs. Return whether one of them has another value than in the last step, or a line from a part
+   that was restarted has another value than at its end. */
 static bool jumps(const Engine *e, Newton *newton, const Group *g)
 {
     bool jump = false;

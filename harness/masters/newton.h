@@ -248,8 +248,6 @@ static bool moves(const Engine *e, const Newton *newton, const Group *g)
     return newton->continuous[index] && e->parts[index].every == 1;
 }
 
-EXPORT bool newton_tick(Engine *e, int64_t tick);
-
 /* Advance a loop or a part over a tick. */
 static bool advance_group(Engine *e, Newton *newton, int64_t number, int64_t tick)
 {
@@ -280,6 +278,8 @@ static bool advance_group(Engine *e, Newton *newton, int64_t number, int64_t tic
     status = fetch_outputs(p, e->signals);
     return status <= 1 || failed(e, index, GET, status, t);
 }
+
+EXPORT bool newton_tick(Engine *e, int64_t tick);
 
 EXPORT bool newton_tick(Engine *e, int64_t tick)
 {

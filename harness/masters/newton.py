@@ -37,7 +37,7 @@ FINEST_ADAPTIVE: Final = 1024.0
 """Largest number of inner steps per communication step in the master adaptive."""
 
 HOPELESS: Final = 30.0
-"""Sum of the errors over the magnitude of the value at which checks end, as in step_check.h."""
+"""Remaining error over the magnitude of the value at which checks end, as in step_check.h."""
 
 
 def master(plan: Plan, experiment: Experiment) -> Schedule:
@@ -238,7 +238,7 @@ class Loops(Algorithm):
         -------
         dict
             For all loops: numbers of evaluations, inner steps, rolled-back steps and steps checked against their
-            halves; the largest sum of remaining errors over the magnitude of the value.
+            halves; the largest remaining error over the magnitude of its value.
         """
         data, (_, moving, guards, _) = self.data, self._arrays
         checks = sum(int(guard.checks) for guard in guards)
@@ -253,8 +253,8 @@ class Loops(Algorithm):
             names = list(self.plan.ports)
             group = next(number for number, parts in enumerate(self.groups) if wire.target in parts)
             _LOG.warning(
-                "%s -> %s changes too fast for the step from t = %.6g s on: errors that add up to %.2g of its size "
-                "remain: %s; use a shorter step",
+                "%s -> %s changes too fast for the step from t = %.6g s on: errors of %.2g of its size remain: %s; "
+                "use a shorter step",
                 names[wire.output],
                 names[wire.input],
                 guards[group].time,

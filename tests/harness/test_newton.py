@@ -156,3 +156,21 @@ def test_loop_without_a_solution_is_named() -> None:
     b = CallablePart("b", lambda t, u, x: u[0] + 1.0, ["u"], ["y"])
     with pytest.raises(ExperimentError, match=r"the loop .*b\.y -> a\.u.* does not converge at t = 0 s"):
         System([a, b], ["a.y -> b.u", "b.y -> a.u"]).run(stop=1.0, step=0.1, master="newton")
+
+
+def noisy_loop(size: float) -> System:
+    """y = u/2 + 1 + noise with u = y, four times."""
+    random, u, y = np.random.default_rng(1), [f"u{i}" for i in range(4)], [f"y{i}" for i in range(4)]
+    start, none = [2.0] * 4, dict.fromkeys(y, ())
+    a = CallablePart("a", lambda t, u, x: x, u, y, advance=lambda t, h, u, x: u, state=start, dependencies=none)
+    b = CallablePart("b", lambda t, u, x: 0.5 * u + 1.0 + size * random.uniform(-1.0, 1.0, 4), u, y)
+    return System([a, b], [f"{one}.y{i} -> {other}.u{i}" for one, other in ("ab", "ba") for i in range(4)])
+
+
+def test_a_part_with_noisy_outputs_is_solved_to_ten_times_the_tolerance() -> None:
+    """The tolerance is 3e-8; the noise is up to 1.5e-7 or 5e-5 of y."""
+    result = noisy_loop(3e-7).run(stop=0.2, step=0.1, master="newton")
+    np.testing.assert_allclose(result["b.y1"].values[1:], 2.0, rtol=1e-6)
+    assert result.attrs["substeps"] == 2
+    with pytest.raises(ExperimentError, match="does not converge"):
+        noisy_loop(1e-4).run(stop=0.2, step=0.1, master="newton")

@@ -43,6 +43,9 @@ MATTERS = 0.005
 #: Cross-validation errors within this factor of the smallest count as equal; the table with fewer nodes is then used.
 ALIKE = 1.05
 
+#: Largest number of rows times nodes of a regression that is kept for the next model.
+KEPT = 1_000_000
+
 #: Speeds over the largest one, between which any friction over speed counts as known in the cross-validation.
 SPEEDS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 
@@ -205,7 +208,9 @@ def _regressor(segments: Sequence[PreparedSegment], nodes: int, used: NDArray[np
     begin, travel = float(np.min(q)), float(np.ptp(q))
     turns = segments[0].record.units == ROTARY and travel > 2.0 * np.pi
     grid = Grid(0.0, 2.0 * np.pi / nodes, nodes, True) if turns else Grid(begin, travel / (nodes - 1), nodes)
-    columns = np.concatenate([_rows(_Path(segment), grid, v_sign) for segment in segments])
+    small = sum(len(segment.measured) for segment in segments) * nodes <= KEPT
+    rows = _rows if small else _rows.__wrapped__
+    columns = np.concatenate([rows(_Path(segment), grid, v_sign) for segment in segments])
     return Regressor(grid, v_sign, columns, used)
 
 

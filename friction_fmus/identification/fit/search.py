@@ -24,7 +24,8 @@ CANDIDATES = 12
 #: Largest factor between a coordinate of a random start point and of the first one.
 SPREAD = 3.0
 
-#: Largest factor between a logarithmic coordinate and its start value; beyond it, blocks compute with rounding errors.
+#: Largest factor between the value of a logarithmic coordinate and its start value: beyond it, a contact is as good as
+#: rigid, and rounding errors decide.
 FARTHEST = 1e6
 
 #: Relative change of the cost at which a search ends, on a part of the samples and on all samples.
@@ -110,9 +111,8 @@ def search(problem: Problem, loss: Loss, starts: int, tolerance: float = CLOSE) 
         raise FitError(f"The number of starts is {starts}; use at least 1.")
     lower, upper = problem.bounds()
     first = np.clip(problem.start(), lower, upper)
-    log = np.array([c.log for c in problem.coordinates])
-    lower = np.where(log, np.maximum(lower, first - math.log(FARTHEST)), lower)
-    upper = np.where(log, np.minimum(upper, first + math.log(FARTHEST)), upper)
+    farthest = np.where([c.log for c in problem.coordinates], math.log(FARTHEST), np.inf)
+    lower, upper = np.maximum(lower, first - farthest), np.minimum(upper, first + farthest)
     thin = problem.thinned()
     quick = thin or problem
     points = [first]
@@ -156,10 +156,12 @@ def _moved_back(problem: Problem, found: SearchResult, first: Array) -> SearchRe
 
     for i, c in enumerate(problem.coordinates):
         way = abs(first[i] - x[i])
-        least = 0.0 if flat[i] else FAR / max(way, FAR)  # share of the way
-        if way == 0.0 or not (flat[i] or c.log) or not fits(i, max(least, 0.5**HALVINGS)):
+        shortest = 0.0 if flat[i] else FAR
+        if way <= shortest or not (flat[i] or c.log):
             continue
-        near, far = least, 1.0
+        near, far = shortest / way, 1.0  # shares of the way
+        if near > 0.0 and not fits(i, near):
+            continue
         if fits(i, far):
             near = far
         for _ in range(HALVINGS if near < far else 0):
