@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from harness.engine.fixed_point import fixed_point
 from harness.errors import AlgebraicLoopError, PartError
 from harness.parts.guard import Guard
 from harness.parts.part import StartValue, Values
@@ -141,8 +142,6 @@ class Initialisation:
 
     def _solve(self, spread: Callable[[], None]) -> None:
         """Find values of the connections against the order that a sweep reproduces."""
-        from scipy.optimize import root  # slow to import, and few systems need it
-
         signals = self._plan.signals
         places = sorted({self._plan.columns[wire.source] for wire in self._back})
 
@@ -151,7 +150,7 @@ class Initialisation:
             spread()
             return np.asarray(signals[places] - w)
 
-        w = root(residual, signals[places].copy(), tol=1e-13).x
+        w = fixed_point(residual, signals[places].copy())
         rest = np.abs(residual(w))
         size = np.maximum(np.maximum(np.abs(signals[places]), np.abs(w)), 1e-300)
         missed = rest / size
