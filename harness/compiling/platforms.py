@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -70,7 +70,14 @@ def select(names: tuple[str, ...]) -> tuple[Platform, ...]:
     return tuple({platform.folder: platform for name in names for platform in known[name]}.values())
 
 
-def compiled(platform: Platform, sources: Mapping[str, str], name: str, *, headers: bool = True) -> bytes:
+def compiled(
+    platform: Platform,
+    sources: Mapping[str, str],
+    name: str,
+    *,
+    headers: bool = True,
+    units: Sequence[str] | None = None,
+) -> bytes:
     """Compile a library for a platform.
 
     Parameters
@@ -78,27 +85,32 @@ def compiled(platform: Platform, sources: Mapping[str, str], name: str, *, heade
     platform : Platform
         The target platform.
     sources : mapping of str to str
-        Text of each file, among them ``NAME.c``, which is compiled.
+        Text of each file, by its path.
     name : str
         Name of the library.
     headers : bool
         Whether the sources include the FMI headers.
+    units : sequence of str or None
+        The files to compile; None stands for ``NAME.c``.
 
     Raises
     ------
     BuildError
         If the sources do not compile.
     """
-    slices = [_kept(target, platform.suffix, sources, name, headers)[1] for target in platform.targets]
+    files = tuple(units or (f"{name}.c",))
+    slices = [_kept(target, platform.suffix, sources, name, headers, files)[1] for target in platform.targets]
     return universal(slices) if len(slices) > 1 else slices[0]
 
 
 def native_library(sources: Mapping[str, str], name: str, *, headers: bool = True) -> Path:
     """Compile a library for this machine and return its path in the cache; see `compiled`."""
-    return _kept(None, NATIVE.suffix, sources, name, headers)[0]
+    return _kept(None, NATIVE.suffix, sources, name, headers, (f"{name}.c",))[0]
 
 
-def _kept(target: str | None, suffix: str, sources: Mapping[str, str], name: str, headers: bool) -> tuple[Path, bytes]:
+def _kept(
+    target: str | None, suffix: str, sources: Mapping[str, str], name: str, headers: bool, units: tuple[str, ...]
+) -> tuple[Path, bytes]:
     """Return the path in the cache and the content of a library for one architecture; compile it if needed."""
     digest = hashlib.sha256()
     for text in (toolchain.identity(target), name, *(part for item in sorted(sources.items()) for part in item)):
@@ -109,9 +121,11 @@ def _kept(target: str | None, suffix: str, sources: Mapping[str, str], name: str
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix="compile-", dir=path.parent) as scratch:
             for file, text in sources.items():
-                (Path(scratch) / file).write_text(text, encoding="utf-8", newline="\n")
+                place = Path(scratch) / file
+                place.parent.mkdir(parents=True, exist_ok=True)
+                place.write_text(text, encoding="utf-8", newline="\n")
             library = Path(scratch) / f"{name}{suffix}"
-            toolchain.compile_library(Path(scratch), f"{name}.c", library, headers=headers, target=target)
+            toolchain.compile_library(Path(scratch), units, library, headers=headers, target=target)
             return library.read_bytes()
 
     return path, cached(path, compile_it)

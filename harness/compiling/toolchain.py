@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -93,16 +94,16 @@ def identity(target: str | None = None) -> str:
 
 
 def compile_library(
-    folder: Path, source: str, library: Path, *, headers: bool = True, target: str | None = None
+    folder: Path, units: Sequence[str], library: Path, *, headers: bool = True, target: str | None = None
 ) -> None:
-    """Compile a C file to a shared library.
+    """Compile C files to a shared library.
 
     Parameters
     ----------
     folder : Path
         Folder of the sources; the compiler runs there, so that no path enters the binary.
-    source : str
-        The file to compile.
+    units : sequence of str
+        The files to compile.
     library : Path
         The library to write.
     headers : bool
@@ -113,10 +114,10 @@ def compile_library(
     Raises
     ------
     BuildError
-        If the file does not compile; the message quotes the compiler's first error.
+        If a file does not compile; the message quotes the compiler's first error.
     """
     include = ["-I", str(header_folder())] if headers else []
-    command = [*compiler(target), *FLAGS, *include, source, "-o", str(library), *LINK_FLAGS]
+    command = [*compiler(target), *FLAGS, *include, *units, "-o", str(library), *LINK_FLAGS]
     if "linux" in (target or sys.platform):
         command.append("-Wl,--build-id=none")
     elif "macos" in (target or "") or sys.platform == "darwin":
@@ -125,4 +126,4 @@ def compile_library(
     run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if run.returncode != 0:
         complaints = [line for line in run.stderr.splitlines() if "error" in line] or run.stderr.splitlines()
-        raise BuildError(f"{source} does not compile: {complaints[0] if complaints else 'the compiler failed'}")
+        raise BuildError(f"{units[0]} does not compile: {complaints[0] if complaints else 'the compiler failed'}")

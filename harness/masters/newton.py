@@ -251,14 +251,15 @@ class Loops(Algorithm):
             )
         return {**counts, "checks": checks, "unresolved_error": worst}
 
+    def shown(self, number: int) -> str:
+        """Return the connections of a loop as text."""
+        names, group = self.plan.names, set(self.groups[number])
+        return ", ".join(f"{names[wire.output]} -> {names[wire.input]}" for wire in self.inner if wire.target in group)
+
     def failure(self, number: int, time: float) -> ExperimentError:
         """Return the error for a loop that does not converge."""
-        names = list(self.plan.ports)
-        group = set(self.groups[number])
-        wires = [wire for wire in self.inner if wire.target in group]
-        shown = ", ".join(f"{names[wire.output]} -> {names[wire.input]}" for wire in wires)
         return ExperimentError(
-            f"the loop {shown} does not converge at t = {time:.12g} s, even with a millionth of the step: its residual "
+            f"the loop {self.shown(number)} does not converge at t = {time:.12g} s, even with a millionth of the step: its residual "
             f"is {self.data.worst_residual:.2g} of the size of the values; look for a part whose outputs do not settle"
         )
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from harness.composite.package import compose
 from harness.engine.tap import Progress, Tap
 from harness.errors import (
     ExperimentError,
@@ -199,6 +200,45 @@ class System:
             If the file cannot be written.
         """
         write_ssp(self, Path(path))
+
+    def to_fmu(
+        self,
+        path: str | Path,
+        *,
+        name: str | None = None,
+        step: float | None = None,
+        master: str | None = None,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        platforms: Sequence[str] = ("native",),
+    ) -> None:
+        """Write the system as one FMI 2.0 co-simulation FMU, which solves the loops between its parts.
+
+        Parameters
+        ----------
+        path : path-like
+            The .fmu file.
+        name : str or None
+            Model identifier; None takes the name of the file.
+        step : float or None
+            Communication step inside the FMU [s]; None takes the step of the experiment.
+        master : {"newton", "adaptive"} or None
+            Master algorithm inside the FMU; None takes adaptive if the experiment does, and newton otherwise.
+        inputs : sequence of str or None
+            Inputs of the FMU, as "part.port"; None takes all inputs that nothing drives. The others are parameters.
+        outputs : sequence of str or None
+            Outputs of the FMU, with ``*`` and ``?``; None takes all outputs. The others are local variables.
+        platforms : sequence of str
+            ``"native"``, ``"all"`` or names such as ``"win64"``.
+
+        Raises
+        ------
+        BuildError, ExperimentError, UnknownNameError
+            If a part has no sources or is written in Python, or an argument is invalid; nothing is written.
+        """
+        compose(
+            self, Path(path), name=name, step=step, master=master, inputs=inputs, outputs=outputs, platforms=platforms
+        )
 
     def with_parameters(
         self, parameters: str | Path | ParameterSet | Mapping[str, Parameter | StartValue], prefix: str = ""
