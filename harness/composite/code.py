@@ -95,9 +95,7 @@ def part_codes(parts: Mapping[str, Part], name: str) -> dict[str, PartCode]:
             folder = next(
                 folder for k in range(len(taken) + 1) if (folder := identifier + f"_{k + 1}" * (k > 0)) not in taken
             )
-            codes[part.name] = next(
-                same, PartCode(folder, f"{name}_{folder}_", identifier, guid, files, compiled)
-            )
+            codes[part.name] = next(same, PartCode(folder, f"{name}_{folder}_", identifier, guid, files, compiled))
     return codes
 
 
@@ -109,7 +107,7 @@ def _read(part: FmuPart) -> tuple[str, str, dict[str, str], tuple[str, ...]]:
         )
         simulation = root.find("CoSimulation")
         assert simulation is not None, "the part has checked its archive"
-        listed = tuple(str(name) for name in simulation.xpath("SourceFiles/File/@name"))
+        listed = tuple(str(file.get("name")) for file in simulation.iterfind("SourceFiles/File"))
         _check(part.name, part.path, members, listed)
         try:
             files = {

@@ -46,9 +46,7 @@ def start_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[
         The variables of the FMU; indices count from 1.
     """
     drivers = _drivers(system.wires)
-    knowns = {
-        v.name: i for i, v in enumerate(variables, start=1) if v.causality == "input" or v.initial == "exact"
-    }
+    knowns = {v.name: i for i, v in enumerate(variables, start=1) if v.causality == "input" or v.initial == "exact"}
     stated = {name: _stated(part) for name, part in system.parts.items() if isinstance(part, FmuPart)}
     if any(found is None for found in stated.values()):
         return {v.name: None for v in variables if v.causality == "output"}

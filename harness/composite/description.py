@@ -95,9 +95,7 @@ def composite_description(
         text = "; ".join(filter(None, stated))
         if text:
             root.set(name, text)
-    simulation = etree.SubElement(
-        root, "CoSimulation", {"modelIdentifier": texts.identifier, **capabilities(parts)}
-    )
+    simulation = etree.SubElement(root, "CoSimulation", {"modelIdentifier": texts.identifier, **capabilities(parts)})
     files = etree.SubElement(simulation, "SourceFiles")
     for source in texts.sources:
         etree.SubElement(files, "File", name=source)
@@ -222,9 +220,7 @@ def _variable(parent: etree._Element, variable: Variable, reference: int, types:
     etree.SubElement(scalar, port.type, typed)
 
 
-def _unknowns(
-    structure: etree._Element, name: str, unknowns: Iterable[tuple[int, Sequence[int] | None]]
-) -> None:
+def _unknowns(structure: etree._Element, name: str, unknowns: Iterable[tuple[int, Sequence[int] | None]]) -> None:
     listed = sorted(unknowns)
     if listed:
         parent = etree.SubElement(structure, name)

@@ -146,9 +146,7 @@ def check_parts(system: Assembly) -> None:
 def opened(system: Assembly, interface: Interface) -> OpenSystem:
     """Return the system with a part that drives the inputs, if there are any."""
     if not interface.inputs:
-        return OpenSystem(
-            system.name, system.parts, system.wires, system.start, system.strict, system.experiment
-        )
+        return OpenSystem(system.name, system.parts, system.wires, system.start, system.strict, system.experiment)
     name = "inputs"
     while name in system.parts:
         name += "_"

@@ -14,7 +14,7 @@ from html import escape
 from pathlib import Path
 from typing import Final
 
-from harness.compiling.platforms import compiled, select
+from harness.compiling.platforms import linked, select
 from harness.composite.code import PartCode, part_codes
 from harness.composite.dependencies import start_dependencies, step_dependencies
 from harness.composite.description import Texts, composite_description
@@ -55,7 +55,7 @@ def compose(
     identifier = path.stem if name is None else name
     if not re.fullmatch(r"[A-Za-z_]\w{0,99}", identifier, re.ASCII):
         raise BuildError(
-            f"{identifier!r} cannot be the name of an FMU: give a name of letters, digits and _ that begins with a letter"
+            f"{identifier!r} cannot be the name of an FMU: give a name of letters, digits and _, with a letter first"
         )
     experiment = _experiment(system, step, master)
     targets = select(tuple(platforms))
@@ -78,9 +78,7 @@ def compose(
     tolerance = experiment.loop_tolerance or LOOP_TOLERANCE
 
     def tables(guid: str) -> str:
-        return table_file(
-            identifier, guid, whole, plan, start, codes, variables, ERRORS[experiment.master], tolerance
-        )
+        return table_file(identifier, guid, whole, plan, start, codes, variables, ERRORS[experiment.master], tolerance)
 
     files = {**_shell(), **{key: text for code in codes.values() for key, text in code.sources.items()}}
     units = (f"{identifier}.c", *dict.fromkeys(key for code in codes.values() for key in code.wrappers))
@@ -101,9 +99,9 @@ def compose(
     members: dict[str, bytes] = {"modelDescription.xml": description(guid)}
     members |= {f"sources/{key}": text.encode() for key, text in files.items()}
     members |= _documentation(system, identifier, codes, variables)
+    compiling = {unit: _includes(unit, files) for unit in units}
     for target in targets:
-        library = compiled(target, files, identifier, units=units)
-        members[f"binaries/{target.folder}/{identifier}{target.suffix}"] = library
+        members[f"binaries/{target.folder}/{identifier}{target.suffix}"] = linked(target, compiling, identifier)
     content = _zipped(members, made)
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
@@ -124,8 +122,8 @@ def _experiment(system: Assembly, step: float | None, master: str | None) -> Exp
         raise ExperimentError(f"the system '{system.name}' has no experiment: give a step")
     if experiment is not None and experiment.manipulators:
         raise BuildError(
-            f"the experiment of '{system.name}' has the manipulator {experiment.manipulators[0]}, which a composite FMU "
-            "cannot contain: remove it"
+            f"the experiment of '{system.name}' has the manipulator {experiment.manipulators[0]}, which a composite "
+            "FMU cannot contain: remove it"
         )
     chosen = master or (experiment.master if experiment and experiment.master in ERRORS else "newton")
     if experiment is None:
@@ -152,6 +150,17 @@ def _shell() -> dict[str, str]:
             found[name] = engine[name]
             pending += re.findall(r'^#include "([^"]+)"', found[name], re.M)
     return found
+
+
+def _includes(unit: str, files: Mapping[str, str]) -> dict[str, str]:
+    """Return the text of a file to compile and of the files that it can include."""
+    folders = set(re.findall(r'^#include "([^"/]+)/', files[unit], re.M))
+    found = (
+        {name: text for name, text in files.items() if name.split("/")[0] in folders}
+        if folders
+        else {name: text for name, text in files.items() if "/" not in name and name.endswith(".h")}
+    )
+    return {unit: files[unit], **found}
 
 
 def _guid(files: Mapping[str, str], *texts: str) -> str:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.composite.code import PartCode
 from harness.composite.interface import InputsPart, OpenSystem
@@ -94,7 +95,7 @@ class _Writer:
         self._system, self._plan, self._loops, self._start = system, plan, loops, start
         self._codes, self._variables = codes, variables
         self._index = {part.name: index for index, part in enumerate(plan.parts)}
-        self._delayed = [int(i) for i in np.flatnonzero(plan.delays)]
+        self._lengths = {int(i): delay_length(plan, int(i), int(plan.delays[i])) for i in np.flatnonzero(plan.delays)}
         self._inputs = [variable for variable in variables if variable.causality == "input"]
         self._sources = [part for part in plan.parts if not isinstance(part, FmuPart)]
         self._starts = [
@@ -105,7 +106,6 @@ class _Writer:
 
     def constants(self) -> list[str]:
         plan, loops = self._plan, self._loops
-        lengths = [delay_length(plan, i, int(plan.delays[i])) for i in self._delayed]
         inputs = next((i for i, part in enumerate(plan.parts) if isinstance(part, InputsPart)), -1)
         sizes = {
             "PARTS": len(plan.parts),
@@ -114,8 +114,8 @@ class _Writer:
             "INPUTS": len(self._inputs),
             "SIGNALS": len(plan.signals),
             "MAPPED": 0 if plan.plain else len(plan.signals),
-            "PAST": sum(lengths),
-            "DELAYS": len(lengths),
+            "PAST": sum(self._lengths.values()),
+            "DELAYS": len(self._lengths),
             "LINES": len(loops.wires),
             "GROUPS": len(loops.rows),
             "UNKNOWNS": len(loops.unknowns),
@@ -179,11 +179,11 @@ class _Writer:
     def connections(self) -> list[str]:
         plan, loops = self._plan, self._loops
         delays = []
-        for i in self._delayed:
+        for i in self._lengths:
             target = self._owner(plan.inputs, i)
             fresh = plan.fresh_inputs(Schedule(implicit=True))[i]
-            row = (i, delay_length(plan, i, int(plan.delays[i])), int(plan.every[target]), int(plan.phase[target]), int(fresh))
-            delays.append(f"    {{{', '.join(str(x) for x in row)}}},")
+            row = (i, self._lengths[i], plan.every[target], plan.phase[target], fresh)
+            delays.append(f"    {{{', '.join(str(int(x)) for x in row)}}},")
         begins = np.searchsorted([wire.target for wire in loops.wires], range(len(plan.parts) + 1))
         numbers = zip(loops.wires, loops.numbers, strict=True)
         lines = [f"    {{{int(wire in loops.inner)}, {unknown}}}," for wire, unknown in numbers]
@@ -199,9 +199,7 @@ class _Writer:
 
     def loops(self) -> list[str]:
         plan, loops = self._plan, self._loops
-        groups = [
-            f"    {{{', '.join(str(getattr(row, field)) for field, *_ in row._fields_)}}}," for row in loops.rows
-        ]
+        groups = [f"    {{{', '.join(str(getattr(row, field)) for field, *_ in row._fields_)}}}," for row in loops.rows]
         names = [f"    {_text(loops.shown(number))}," for number in range(len(loops.rows))]
         return [
             *_rows("Group group_data", groups, "{0, 0, 0, 0, 0, 0, 0}"),
@@ -266,7 +264,7 @@ class _Writer:
         places = np.cumsum([first, *(types.count(kind) for kind in TYPE_ORDER[:3])])
         return "{" + ", ".join(str(int(place)) for place in places) + "}"
 
-    def _owner(self, ranges: Sequence[Sequence[int]], signal: int) -> int:
+    def _owner(self, ranges: NDArray[np.int64], signal: int) -> int:
         return next(part for part, (first, last) in enumerate(ranges) if first <= signal < last)
 
     def _from_outside(self, signal: int) -> bool:

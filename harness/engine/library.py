@@ -15,7 +15,8 @@ from harness.compiling.platforms import NATIVE, native_library
 from harness.parts.shared_library import missing_bytes
 
 _POINTER, _INT = ctypes.c_void_p, ctypes.c_int64
-RESIDUAL: Final = ctypes.CFUNCTYPE(ctypes.c_bool, _POINTER, ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_double))
+_NUMBERS = ctypes.POINTER(ctypes.c_double)
+RESIDUAL: Final = ctypes.CFUNCTYPE(ctypes.c_bool, _POINTER, _NUMBERS, _NUMBERS)
 """``Residual`` of fixed_point.h."""
 
 _MIRRORS: Final[dict[str, type[ctypes.Structure]]] = {}

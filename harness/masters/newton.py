@@ -192,7 +192,9 @@ class Loops(Algorithm):
         places = Moving * max(1, len(self.wires))
         self._arrays = (
             (Group * len(rows))(*rows),
-            places(*(Moving(wire in self.inner, unknown) for wire, unknown in zip(self.wires, self.numbers, strict=True))),
+            places(
+                *(Moving(wire in self.inner, unknown) for wire, unknown in zip(self.wires, self.numbers, strict=True))
+            ),
             (StepCheck * len(rows))(),
             places(),
         )
@@ -259,8 +261,9 @@ class Loops(Algorithm):
     def failure(self, number: int, time: float) -> ExperimentError:
         """Return the error for a loop that does not converge."""
         return ExperimentError(
-            f"the loop {self.shown(number)} does not converge at t = {time:.12g} s, even with a millionth of the step: its residual "
-            f"is {self.data.worst_residual:.2g} of the size of the values; look for a part whose outputs do not settle"
+            f"the loop {self.shown(number)} does not converge at t = {time:.12g} s, even with a millionth of the step: "
+            f"its residual is {self.data.worst_residual:.2g} of the size of the values; look for a part whose outputs do "
+            "not settle"
         )
 
     def _check(self, engine: Engine, group: Sequence[int]) -> None:
