@@ -137,7 +137,7 @@ class LoopAssembly:
             self.wires.append(Wire(f"compensator.{compensator.output}", "servo.f", offset=offset))
         else:
             self._add_law("feedforward", feedforward)
-            self.add("force", "Sum", {})
+            self.add("force", "SampledSum", {"Ts": self.servo.Ts})
             self.wires += [
                 f"compensator.{compensator.output} -> force.u1",
                 f"feedforward.{feedforward.output} -> force.u2",
@@ -151,7 +151,7 @@ class LoopAssembly:
         if feedforward is None:
             self.wires.append(fed_back)
         else:
-            self.add("unexplained", "Sum", {"gain[2]": -1.0})
+            self.add("unexplained", "SampledSum", {"gain[2]": -1.0, "Ts": self.servo.Ts})
             self.wires.append(replace(fed_back, target="unexplained.u1"))
             self.wires.append(Wire(f"feedforward.{feedforward.output}", "unexplained.u2", delay=self.every))
             self.wires.append("unexplained.y -> compensator.u_prev")

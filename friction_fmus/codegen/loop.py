@@ -17,7 +17,7 @@ from casadi import SX, if_else
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.composition import Composition
 from friction_fmus.codegen.laws import law_of, start_values
-from friction_fmus.codegen.loop_file import LoopFile
+from friction_fmus.codegen.loop_file import SHARED, LoopFile
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.declarations import (
@@ -49,9 +49,6 @@ SIGNALS: Final[Mapping[str, Any]] = {
     "reset": Command(False, "true: all laws are reset"),
 }
 """Inputs of a loop; inputs of laws with these names are connected to them."""
-
-SHARED: Final = ("Ts", "u_min", "u_max")
-"""Parameters that all laws have in common, unless the file gives the limit of one."""
 
 Named: TypeAlias = tuple[str, SX]
 """A signal with its name or formula."""

@@ -19,6 +19,9 @@ LOOP_FILE: Final = "loop.toml"
 LAWS: Final = ("feedforward", "compensator", "servo")
 """The tables of the laws, in the order in which the laws are computed."""
 
+SHARED: Final = ("Ts", "u_min", "u_max")
+"""Parameters that all laws have in common, unless the file gives the limit of one."""
+
 MOST: Final = 64
 """Largest number of samples over which the velocity is computed."""
 
