@@ -11,7 +11,8 @@ from friction_fmus.axis.loop import accurate, block, closed_loop, typed, with_ga
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.export import export_law
 from friction_fmus.fmi.package import build
-from friction_fmus.study.evaluation import Scheme
+from friction_fmus.study.compensators import TABLE
+from friction_fmus.study.evaluation import Scheme, with_table
 from friction_fmus.study.metrics import Bench
 from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.recording import with_tracking_error
@@ -78,7 +79,12 @@ def export_recommended(
                 written.append(WrittenFile(_path(out, file), f"C code of {law.model} for an embedded target"))
     compensator = laws.get("compensator")
     second = laws.get("feedforward")
-    with closed_loop(scheme.servo, bench.plant, bench.trajectory, compensator, fmus, feedforward=second) as system:
+    table = bench.plant.position
+    if scheme.table and table is not None:
+        fmus["table"] = table.to_fmu(folder, TABLE.name, bench.trajectory.rotary)
+        written.append(WrittenFile(_path(out, fmus["table"]), "Force over position; connected to the reference"))
+    trajectory = with_table(bench, scheme)
+    with closed_loop(scheme.servo, bench.plant, trajectory, compensator, fmus, feedforward=second) as system:
         inside = compensator is None or (compensator.output == "u" and has_gain)
         whole = system if inside else with_gain(system, scheme.gain)
         whole, _ = accurate(with_tracking_error(whole))
