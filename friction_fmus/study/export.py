@@ -11,13 +11,14 @@ from friction_fmus.axis.loop import accurate, block, closed_loop, typed, with_ga
 from friction_fmus.codegen.export import export_law
 from friction_fmus.codegen.loop_file import LOOP_FILE, LoopFile, loop_text
 from friction_fmus.fmi.package import build
-from friction_fmus.study.evaluation import Scheme
-from friction_fmus.study.loop import recommended_loop
+from friction_fmus.study.compensators import TABLE
+from friction_fmus.study.evaluation import Scheme, with_table
+from friction_fmus.study.loop import recommended_loop, without_code
 from friction_fmus.study.metrics import Bench
 from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.recording import with_tracking_error
 from friction_fmus.study.records import WrittenFile
-from friction_fmus.study.wiring import Figures, wiring
+from friction_fmus.study.wiring import NOTHING, Figures, wiring
 from harness import FmuPart, Parameter, ParameterSet, open_archive, write_ssv
 from harness.storage.atomic import atomic_path
 
@@ -77,20 +78,25 @@ def export_recommended(
         chosen[part] = values
     compensator = laws.get("compensator")
     second = laws.get("feedforward")
-    with closed_loop(scheme.servo, bench.plant, bench.trajectory, compensator, fmus, feedforward=second) as system:
+    table = bench.plant.position
+    if scheme.table and table is not None:
+        fmus["table"] = table.to_fmu(folder, TABLE.name, bench.trajectory.rotary)
+        written.append(WrittenFile(_path(out, fmus["table"]), "Force over position; connected to the reference"))
+    trajectory = with_table(bench, scheme)
+    with closed_loop(scheme.servo, bench.plant, trajectory, compensator, fmus, feedforward=second) as system:
         inside = compensator is None or (compensator.output == "u" and has_gain)
         whole = system if inside else with_gain(system, scheme.gain)
         whole, _ = accurate(with_tracking_error(whole))
         whole.to_ssp(folder / "axis.ssp")
         title = "SSP archive of the whole axis: reference, compensator, servo, mass, friction"
         written.append(WrittenFile(f"{OWN}/axis.ssp", title))
-        loop = None
-        if (laws or scheme.servo != bench.servo) and not bench.trajectory.rotary:
+        missing = without_code(whole, scheme.servo, laws, bench.trajectory.rotary)
+        recommends = bool(laws) or "table" in fmus or scheme.servo != bench.servo
+        if recommends and not missing:
             loop = recommended_loop(whole, scheme.servo, laws, chosen, folder / LOOP_FILE)
-        if loop is not None:
             written += _controller(out, loop, f"Recommended loop of {name}")
         with atomic_path(folder / "README.md") as temporary:
-            text = wiring(whole, scheme.servo, figures, loop is not None)
+            text = wiring(whole, scheme.servo, figures, missing) if recommends else NOTHING
             temporary.write_text(text, encoding="utf-8", newline="\n")
         written.append(WrittenFile(f"{OWN}/README.md", "Connections of the compensator, as co-simulated"))
     return tuple(written)

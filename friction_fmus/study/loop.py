@@ -14,14 +14,25 @@ from friction_fmus.lawkit.law import Kind
 from harness import System
 
 
+def without_code(system: System, servo: Servo, laws: Mapping[str, Compensator], rotary: bool) -> str:
+    """Return a sentence that says why a loop cannot be written as one unit in C; empty if it can."""
+    if rotary:
+        return "There is no C code, because it would state the units of a linear axis."
+    in_c = [name for name in (servo.law, *(law.model for law in laws.values())) if find(name).kind != "law"]
+    in_c += ["PositionMap"] if "table" in system.parts else []
+    if in_c:
+        return f"There is no C code of the loop, because {in_c[0]} is a block in C; use the source code in its FMU."
+    return ""
+
+
 def recommended_loop(
     system: System,
     servo: Servo,
     laws: Mapping[str, Compensator],
     given: Mapping[str, Mapping[str, float | bool]],
     path: Path,
-) -> LoopFile | None:
-    """Return the loop of an axis; None if one of its laws is written in C.
+) -> LoopFile:
+    """Return the loop of an axis, which `without_code` has nothing against.
 
     Parameters
     ----------
@@ -37,8 +48,6 @@ def recommended_loop(
         The file.
     """
     outputs = {"servo": Compensator(servo.law)} | dict(laws)
-    if any(find(law.model).kind != "law" for law in outputs.values()):
-        return None
     start = {name: value for name, value in system.start.items() if not isinstance(value, str)}
     own = {name.partition(".")[2]: value for name, value in start.items() if name.startswith("servo.")}
     wires = {wire.target: wire for wire in system.wires}

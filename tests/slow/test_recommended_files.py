@@ -159,8 +159,9 @@ def test_the_code_is_the_whole_controller(files: Recommended, tmp_path: Path) ->
         assert not (files.folder / "loop.toml").exists()
         return
     with System.from_ssp(files.folder / "axis.ssp") as system:
-        expected = run_loop(system)
-    with in_one(files, compiled("servo", code, "loop", tmp_path)) as system:
+        expected, experiment = run_loop(system), system.experiment
+    assert experiment is not None
+    with in_one(files, compiled("servo", code, "loop", tmp_path), experiment) as system:
         found = run_loop(system)
     assert rms_of(found, files) == pytest.approx(files.rms, rel=tolerance(files, 1e-9))
     if files.scheme.compensator is None or files.scheme.compensator.model != "Dither":
@@ -211,7 +212,7 @@ def by_hand(files: Recommended, laws: Sequence[Part]) -> System:
     return System(parts, [*wires, *plant], {**given, **start}, experiment)
 
 
-def in_one(files: Recommended, controller: Part) -> System:
+def in_one(files: Recommended, controller: Part, experiment: Experiment) -> System:
     """The axis with a controller that has the reference and the measured position as inputs."""
     parts: list[Part] = [FmuPart("reference", files.bench.trajectory.reference, every=EVERY), controller]
     parts.append(FmuPart("encoder", block("Quantiser"), every=EVERY))
@@ -222,10 +223,7 @@ def in_one(files: Recommended, controller: Part) -> System:
     trajectory = files.bench.trajectory
     start = {"encoder.q": 1e-7, "axis.m": 1.0, "axis.F_load": -0.2, "axis.x0": trajectory.x0, "axis.v0": trajectory.v0}
     start |= {f"friction.{name}": value for name, value in CONTACT.items()}
-    experiment = Experiment(
-        stop=len(T) * TS, step=TS / EVERY, master="gauss-seidel", record=("axis.x", "servo.u"), decimate=EVERY
-    )
-    return System(parts, wires, start, experiment)
+    return System(parts, wires, start, replace(experiment, record=("axis.x", "servo.u")))
 
 
 def compiled(name: str, code: Path, prefix: str, tmp_path: Path) -> Part:
