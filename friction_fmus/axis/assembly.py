@@ -137,7 +137,7 @@ class LoopAssembly:
         if len(forces) == 1:
             self.wires.append(replace(forces[0], target="servo.f", offset=offset))
         else:
-            self.add("force", "Sum", {})
+            self.add("force", "SampledSum", {"Ts": self.servo.Ts})
             self.wires += [replace(wire, target=f"force.u{i}") for i, wire in enumerate(forces, start=1)]
             self.wires.append(Wire("force.y", "servo.f", offset=offset))
         part = next((part for part in self.parts if part.name == "compensator"), None)
@@ -149,7 +149,8 @@ class LoopAssembly:
         if not known:
             self.wires.append(fed_back)
             return
-        self.add("unexplained", "Sum", {f"gain[{i}]": -1.0 for i in range(2, 2 + len(known))})
+        gains = {f"gain[{i}]": -1.0 for i in range(2, 2 + len(known))}
+        self.add("unexplained", "SampledSum", {**gains, "Ts": self.servo.Ts})
         self.wires.append(replace(fed_back, target="unexplained.u1"))
         self.wires += [
             replace(wire, target=f"unexplained.u{i}", delay=self.every) for i, wire in enumerate(known, start=2)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from friction_fmus.axis.servo import Servo
+from friction_fmus.codegen.loop_file import LOOP_FILE
 from friction_fmus.study.recording import ERROR
 from harness import FmuPart, System, Wire
 from harness.system.wire import parse_wire, split_name
@@ -50,7 +51,7 @@ def wiring(system: System, servo: Servo, figures: Figures | None, has_code: bool
     figures : Figures or None
         Figures of the report; None if the axis has no compensator.
     has_code : bool
-        Whether the folder contains the compensator as C code.
+        Whether the folder contains the loop as C code.
     """
     assert system.experiment is not None
     every = round(servo.Ts / system.experiment.step)
@@ -95,10 +96,10 @@ def _paragraphs(
         "the start values of the laws fit the motion."
     )
     if has_code:
-        laws = "both laws" if "feedforward" in system.parts else "the compensator"
         yield (
-            f"`c/` contains {laws} with these parameters. Once per sample, assign the inputs of a law, call its "
-            "function `step`, and use its output in place of the output of the part."
+            f"`c/` contains all of this as one function, from `{LOOP_FILE}`: servo, laws, velocity, sums, limits and "
+            "delays. Once per sample, assign reference and measured position to `loop_inputs`, call `loop_step`, and "
+            "pass `u` to the drive."
         )
     if figures is not None:
         yield (
