@@ -16,8 +16,7 @@ typedef int bool;
 #define FINITE(value) ((value) - (value) == 0.0) /* NaN if not finite */
 #endif
 
-/* The numbers in comments are those of the equations in law.h. Results are stored at the end.
-   x + 0.0 is x, but 0 for x = -0, as in the FMU. */
+/* The numbers in comments are those of the equations in law.h. Results are stored at the end. */
 static void sample(const law_parameters *parameters, law_states *states, const law_inputs *inputs, law_outputs *outputs)
 {
     const bool enable = inputs->enable != 0;
@@ -59,7 +58,7 @@ static void sample(const law_parameters *parameters, law_states *states, const l
         u_sat_2 = wanted > parameters->u_max;
         /* (7) w = m (wc^2 (r - x_hat) + 2 wc (rd - v_hat) + rdd) + gain F_hat */
         /* (8) u = clip(w, u_min, u_max) */
-        outputs->u = u_sat_1 ? parameters->u_min : (u_sat_2 ? parameters->u_max : (wanted + 0.0));
+        outputs->u = u_sat_1 ? parameters->u_min : (u_sat_2 ? parameters->u_max : wanted);
         outputs->F_hat = friction;
         states->F_est = friction;
         outputs->u_sat = u_sat_1 ? (-1.0) : (u_sat_2 ? 1.0 : 0.0);

@@ -127,7 +127,12 @@ def kernel(
     named = [entry for entry in named if nodes[entry.node].operation not in ("CONST", "INPUT")]
     names = Names(nodes, named, {number: place_name(places[0]) for number, places in targets.items()}, taken)
     unsigned = truths if positive is None else range(len(reads))
-    zeros = Zeros(nodes, results, unsigned, truths | {*(positive or ())})
+    kept: dict[int, list[int]] = {}
+    places = {place_name(place): i for i, place in enumerate(reads)}
+    for number, target in zip(results, writes, strict=True):
+        if place_name(target) in places:
+            kept.setdefault(places[place_name(target)], []).append(number)
+    zeros = Zeros(nodes, kept, unsigned, truths | {*(positive or ())})
     writer = Writer(nodes, reads, real, truths, zeros, names, writes, remarks or {})
     lines = writer.statements(plan(nodes, results), targets)
     return Kernel(tuple(lines), frozenset(writer.functions))
