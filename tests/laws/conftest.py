@@ -50,10 +50,13 @@ class Workshop:
         assert run.returncode == 0, run.stderr
         return target
 
-    def evaluator(self, function: Function, real: Real = DOUBLE, *flags: str) -> Evaluate:
-        """Rows of arguments -> rows of results, by compiled C."""
+    def evaluator(self, function: Function, real: Real = DOUBLE, *flags: str, in_place: bool = False) -> Evaluate:
+        """Rows of arguments -> rows of results, by compiled C; in place, results overwrite arguments in reverse order."""
         n, m = function.n_in(), function.n_out()
-        written = kernel(function, [f"given[{i}]" for i in range(n)], [f"result[{i}]" for i in range(m)], real=real)
+        reads, writes = [f"given[{i}]" for i in range(n)], [f"result[{i}]" for i in range(m)]
+        if in_place:
+            reads = [f"result[{m - 1 - i}]" for i in range(n)]
+        written = kernel(function, reads, writes, real=real)
         text = "\n".join(
             [
                 "#include <math.h>",
@@ -61,6 +64,7 @@ class Workshop:
                 f"void sample(const {real.name} *given, {real.name} *result);",
                 f"void sample(const {real.name} *given, {real.name} *result)",
                 "{",
+                *([f"    {place} = given[{i}];" for i, place in enumerate(reads)] if in_place else []),
                 *written.lines,
                 "}",
                 '__attribute__((visibility("default")))',

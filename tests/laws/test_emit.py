@@ -221,22 +221,24 @@ def test_random_decisions_have_casadis_bits(seed, workshop, by_casadi, different
     function = random_function(random)
     zeros = np.array([(a, b) for a in (0.0, -0.0, 1.0, -1.0) for b in (0.0, -0.0, 1.0, -1.0)])
     rows = np.concatenate([random.normal(size=(300, 2)), random.integers(-1, 2, (50, 2)).astype(float), zeros])
-    assert not different_bits(by_casadi(function, rows), workshop.evaluator(function)(rows)).any()
+    expected = by_casadi(function, rows)
+    assert not different_bits(expected, workshop.evaluator(function)(rows)).any()
+    assert not different_bits(expected, workshop.evaluator(function, in_place=True)(rows)).any()
 
 
 def test_literals_read_back_exactly():
     random = np.random.default_rng(4)
     numbers = [*(random.normal(size=200) * 10.0 ** random.uniform(-300, 300, 200)), 0.1, 1e-320, 1e22, 1 / 3, -2.0, 0.0]
     for number in numbers:
-        assert float(DOUBLE.literal(number).strip("()")) == number
+        assert float(DOUBLE.literal(number)) == number
         assert re.search(r"[.e]", DOUBLE.literal(number))
-    assert DOUBLE.literal(-0.0) == "(-0.0)"
+    assert DOUBLE.literal(-0.0) == "-0.0"
     assert FLOAT.literal(0.5) == "0.5f"
 
 
 def test_a_guard_against_zero_stays_above_zero_in_float():
     for guard in (1e-300, -1e-300, 1e-45):
-        literal = np.float32(FLOAT.literal(guard).strip("()f"))
+        literal = np.float32(FLOAT.literal(guard).strip("f"))
         assert abs(literal) == np.finfo(np.float32).tiny
         assert np.sign(literal) == np.sign(guard)
     assert FLOAT.literal(0.0) == "0.0f"
