@@ -51,7 +51,7 @@ class Workshop:
         return target
 
     def evaluator(self, function: Function, real: Real = DOUBLE, *flags: str, in_place: bool = False) -> Evaluate:
-        """Rows of arguments -> rows of results, by compiled C; in place, results overwrite arguments in reverse order."""
+        """Rows of arguments -> rows of results, by compiled C; in place, results replace arguments in reverse order."""
         n, m = function.n_in(), function.n_out()
         reads, writes = [f"given[{i}]" for i in range(n)], [f"result[{i}]" for i in range(m)]
         if in_place:
