@@ -38,6 +38,9 @@
 #ifndef LAW_H
 #define LAW_H
 
+#include <stdbool.h>
+#include <stdint.h>
+
 typedef struct {
     double gain; /* fraction of the friction that is compensated, 0 to 1 */
     double m; /* [kg] moving mass, at least 1e-12 */
@@ -61,8 +64,8 @@ typedef struct {
     double rdd; /* [m/s2] reference acceleration */
     double x; /* [m] measured position */
     double u_prev; /* [N] force applied since the last sample, after all limits */
-    int enable; /* false: u = 0, F_hat = 0 and the observer is at its start values */
-    int reset; /* true: the observer restarts at the measured position */
+    bool enable; /* false: u = 0, F_hat = 0 and the observer is at its start values */
+    bool reset; /* true: the observer restarts at the measured position */
 } law_inputs;
 
 typedef struct {
@@ -70,12 +73,15 @@ typedef struct {
     double F_hat; /* [N] estimated friction force; u contains gain F_hat */
     double u_sat; /* active limit: -1 lower, +1 upper, 0 none */
     double v_est; /* [m/s] estimated velocity */
-    int fault; /* true: an input is NaN or infinite; outputs and states are held */
+    bool fault; /* true: an input is NaN or infinite; outputs and states are held */
 } law_outputs;
 
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+/* If law.c is compiled with LAW_CHECK_POINTERS, law_init and law_step do nothing if a pointer is NULL,
+   and law_check then returns -1. */
 
 /* Set all start values. */
 void law_init(law_parameters *parameters, law_states *states, law_inputs *inputs, law_outputs *outputs);
@@ -90,10 +96,10 @@ void law_init(law_parameters *parameters, law_states *states, law_inputs *inputs
    6: u_max is finite
    7: Ts is finite, at least 1e-09
    8: u_min <= u_max */
-int law_check(const law_parameters *parameters);
+int32_t law_check(const law_parameters *parameters);
 
 /* Compute one sample: the outputs for these inputs, and the next states. Call it every `Ts` seconds.
-   While an input is NaN or infinite, outputs and states are held and `fault` is 1. */
+   While an input is NaN or infinite, outputs and states are held and `fault` is true. */
 void law_step(const law_parameters *parameters, law_states *states, const law_inputs *inputs, law_outputs *outputs);
 
 #ifdef __cplusplus

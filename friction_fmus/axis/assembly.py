@@ -149,8 +149,8 @@ class LoopAssembly:
         if not known:
             self.wires.append(fed_back)
             return
-        minus = {f"gain[{i}]": -1.0 for i in range(2, 2 + len(known))}
-        self.add("unexplained", "SampledSum", {**minus, "Ts": self.servo.Ts})
+        gains = {f"gain[{i}]": -1.0 for i in range(2, 2 + len(known))}
+        self.add("unexplained", "SampledSum", {**gains, "Ts": self.servo.Ts})
         self.wires.append(replace(fed_back, target="unexplained.u1"))
         self.wires += [
             replace(wire, target=f"unexplained.u{i}", delay=self.every) for i, wire in enumerate(known, start=2)

@@ -26,8 +26,8 @@ SOFT = 0.1
 """Largest step times angular frequency of the mass on its bristles for which an explicit coupling is accurate."""
 
 TOLERANCE = 1e-7
-"""Relative tolerance of the solvers in the blocks: a run takes less than half of the time of one with the default, 1e-11,
-and the position of EMPS changes by less than 1e-13 m."""
+"""Relative tolerance of the solvers in the blocks. A run takes less than half of the time of one with the default of
+1e-11, and the position of EMPS changes by less than 1e-13 m."""
 
 ACCURATE = ("newton", "adaptive")
 """Masters for runs that are reported as wrong with another one."""

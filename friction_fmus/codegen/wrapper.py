@@ -58,7 +58,7 @@ public:
     }}
 
     /* Return 0 if the parameters are valid, else the number of the first violated rule in {p}.h. */
-    int check() const noexcept
+    int32_t check() const noexcept
     {{
         return {p}_check(&parameters);
     }}
