@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, if_else
+from casadi import SX, if_else, logic_and, logic_or
 
 from friction_fmus.lawkit.law import (
     FORCE,
@@ -18,6 +18,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.estimators import compensation, starts_now
+from friction_fmus.lawkit.parts.tracking import carried
 
 
 @law(
@@ -47,6 +48,8 @@ def predictive_filter(
     u_prev: SX = variables.U_PREV,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and the filter is at its start values"),
     reset: SX = Command(False, "true: the filter restarts at the measured velocity"),
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     v_hat: SX = variables.V_HAT,
     running: SX = variables.RUNNING,
     gain: SX = variables.GAIN,
@@ -68,6 +71,9 @@ def predictive_filter(
         F_hat = -(m/Ts) a rho
         v_hat = v_hat + Ts/m (u_prev - F_hat)
         u     = clip(gain F_hat, u_min, u_max)
+        F_hat = u_track/gain, within the limits, while track is true, and
+        v_hat = v + (1/a - 1) Ts/m F_hat, with which a constant friction
+                keeps F_hat
 
     Crassidis, Markley: Predictive filtering for nonlinear systems, Journal of Guidance, Control, and Dynamics 20(3),
     1997, from memory, for a mass with a velocity measurement. It is not certain that Ray, Ramasubramanian, Townsend
@@ -83,7 +89,7 @@ def predictive_filter(
         F - F_hat = c Ts (1/a - 1/2)
 
     The first sample and a sample with reset adopt v and set F_hat to 0. While enable is false, u, F_hat, u_sat and all
-    states are 0.
+    states are 0. With track, the states are set while enable is false, too; with gain = 0, track has no effect.
 
     Limits: with v_noise = 0, the estimate is dead-beat: F_hat is the mean force in the last interval, with the noise of
     the difference of two samples times m/Ts. With a wrong mass, F_hat contains the difference of the inertia forces.
@@ -91,10 +97,14 @@ def predictive_filter(
     """
     new = starts_now(reset, running)
     predicted = if_else(new, v, v_hat + Ts / m * u_prev)
-    a = 1.0 / (1.0 + (v_noise / F_size * m / Ts) ** 2)
+    lag = (v_noise / F_size * m / Ts) ** 2
+    a = 1.0 / (1.0 + lag)
     residual = a * (v - predicted)
+    F_hat = carried(track, u_track, SX(0.0), gain, u_min, u_max, -m / Ts * residual)
+    follows = logic_and(track, gain > 0.0)
+    runs = logic_or(enable, track)
     return {
-        **compensation(-m / Ts * residual, gain, u_min, u_max, enable),
-        "v_hat": if_else(enable, predicted + residual, 0.0),
-        "running": enable,
+        **compensation(F_hat, gain, u_min, u_max, enable),
+        "v_hat": if_else(runs, if_else(follows, v + lag * Ts / m * F_hat, predicted + residual), 0.0),
+        "running": runs,
     }

@@ -1,0 +1,36 @@
+"""Bumpless start of laws: memories for which the output of a law continues from a given force.
+
+While the input ``track`` is true, a law computes its memory backwards from the input ``u_track`` and continues with it:
+Astrom, Hagglund: Advanced PID Control, ISA 2006 (tracking mode and bumpless transfer); Hanus, Kinnaert, Henrotte:
+Conditioning technique, a general anti-windup and bumpless transfer method, Automatica 23(6), 1987. It does so while
+``enable`` is false, too, so that both commands may change in the same sample.
+"""
+
+from __future__ import annotations
+
+from casadi import SX, if_else, logic_and, logic_or
+
+from friction_fmus.lawkit.expressions import clip
+
+
+def runs(enable: SX, reset: SX, track: SX) -> SX:
+    """Return whether the states continue: while the law is enabled or tracks, except during a reset without track."""
+    return logic_or(track, if_else(reset, 0.0, enable))
+
+
+def carried(track: SX, u_track: SX, rest: SX, gain: SX, u_min: SX, u_max: SX, otherwise: SX) -> SX:
+    """Return the memory with which a law begins a sample.
+
+    Parameters
+    ----------
+    track, u_track : SX
+        Whether the law tracks a force, and this force.
+    rest, gain : SX
+        The output of the law before its limits is rest + gain memory, with gain >= 0.
+    u_min, u_max : SX
+        Limits of the output, which also limit u_track.
+    otherwise : SX
+        The memory if the law does not track, or if gain = 0, so that the memory does not act on the output.
+    """
+    follows = logic_and(track, gain > 0.0)
+    return if_else(follows, (clip(u_track, u_min, u_max) - rest) / if_else(follows, gain, 1.0), otherwise)
