@@ -22,6 +22,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import adapted, limited, relaxed
+from friction_fmus.lawkit.parts.tracking import carried, runs
 
 
 @law(
@@ -71,6 +72,8 @@ def adaptive_lugre(
     v: SX = variables.V,
     enable: SX = Command(True, "false: u = 0, F_hat = 0, z = 0 and theta = theta0"),
     reset: SX = Command(False, "true: z = 0 and theta = theta0"),
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     z: SX = State(LENGTH, 0.0, "observed mean bristle deflection", nominal=1e-5),
     learned: SX = State(NO_UNIT, 0.0, "theta - theta0"),
     gain: SX = variables.GAIN,
@@ -103,6 +106,8 @@ def adaptive_lugre(
         u          = clip(w, u_min, u_max)
         theta_next = theta + Ts Gamma s F_n,  within theta_min and theta_max
         theta_next = theta while u is limited and s pushes further into that limit
+        z such that w = u_track, as far as |z| <= g(v)/sigma0, and
+        theta_next = theta while track is true
 
     Canudas de Wit, Lischinsky: Adaptive friction compensation with partially known dynamic friction model,
     International Journal of Adaptive Control and Signal Processing 11, 1997. As far as remembered, the paper adapts
@@ -131,21 +136,25 @@ def adaptive_lugre(
     breaks away or theta reaches theta_max. Errors of the mass or of sigma2 bias theta. theta_min <= theta0 <= theta_max
     and u_min <= u_max are required.
     """
-    old = if_else(reset, 0.0, z)
     theta = theta0 + if_else(reset, 0.0, learned)
     e, ed = r - x, rd - v
     s = ed + lam * e
 
-    rate = sigma0 * fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
+    level = stribeck_level(fabs(v), Fc, Fs, vs, delta)
+    rate = sigma0 * fabs(v) / level
+    tracking = m * (rdd + lam * ed) + Ks * s
+    rest, stiffness = tracking + gain * ((theta * sigma1 + sigma2) * v), gain * theta * (sigma0 - sigma1 * rate)
+    kept = if_else(reset, 0.0, z)
+    old = carried(track, u_track, rest, stiffness, u_min, u_max, kept, most=level / sigma0)
     F_n = sigma0 * old + sigma1 * (v - rate * old)
     F_hat = theta * F_n + sigma2 * v
-    outputs = limited(m * (rdd + lam * ed) + Ks * s, F_hat, gain, enable, u_min, u_max)
+    outputs = limited(tracking, F_hat, gain, enable, u_min, u_max)
 
-    runs = if_else(reset, 0.0, enable)
+    continues = runs(enable, reset, track)
     after = adapted(theta, Gamma * s * F_n, s, outputs["u_sat"], theta_min, theta_max, Ts)
     return {
         **outputs,
         "theta": if_else(enable, theta, theta0),
-        "z": if_else(runs, relaxed(old, v, rate, Ts), 0.0),
-        "learned": if_else(runs, after - theta0, 0.0),
+        "z": if_else(continues, relaxed(old, v, rate, Ts), 0.0),
+        "learned": if_else(continues, if_else(track, theta, after) - theta0, 0.0),
     }

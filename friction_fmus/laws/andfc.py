@@ -23,6 +23,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import limited, relaxed
+from friction_fmus.lawkit.parts.tracking import carried
 
 
 @law(
@@ -70,6 +71,8 @@ def andfc(
     u_prev: SX = variables.U_PREV,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and all states are at their start values"),
     reset: SX = Command(False, "true: all states are reset to their start values"),
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     running: SX = variables.RUNNING,
     x_hat: SX = variables.X_HAT,
     v_hat: SX = variables.V_HAT,
@@ -120,6 +123,8 @@ def andfc(
         w      = m (rdd + lam (rd - v_hat)) + Ks s + gain F_hat
         u      = clip(w, u_min, u_max)
         theta_i_next = theta_i + Ts Gamma_i s f_i,  within 0 and theta_max
+        z0 such that w = u_track, as far as |z0| <= g(v_hat)/sigma0, and
+        theta_i_next = theta_i while track is true
 
     Tan, Kanellakopoulos: Adaptive nonlinear friction compensation with parametric uncertainties, American Control
     Conference, 1999 (the dual observers, from memory; the velocity observer and the scaling are this library's). g(v) =
@@ -160,31 +165,38 @@ def andfc(
     position = if_else(fresh, x, x_p + (1.0 - p**2) * (x - x_p))
     v = if_else(fresh, 0.0, v_p + (1.0 - p) ** 2 / Ts * (x - x_p))
 
-    a0, a1 = if_else(fresh, 0.0, z0), if_else(fresh, 0.0, z1)
+    a1 = if_else(fresh, 0.0, z1)
     thetas = [1.0 + if_else(fresh, 0.0, part) for part in (learned0, learned1, learned2)]
-    flow = fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
-    parts = [sigma0 * a0, -sigma0 * sigma1 * flow * a1, (sigma1 + sigma2) * v]
+    level = stribeck_level(fabs(v), Fc, Fs, vs, delta)
+    flow = fabs(v) / level
+    ed = rd - v
+    s = ed + lam * (r - x)
+    tracking = m * (rdd + lam * ed) + Ks * s
+    others = [-sigma0 * sigma1 * flow * a1, (sigma1 + sigma2) * v]
+    rest = tracking + gain * (thetas[1] * others[0] + thetas[2] * others[1])
+    stiffness, kept = gain * thetas[0] * sigma0, if_else(fresh, 0.0, z0)
+    a0 = carried(track, u_track, rest, stiffness, u_min, u_max, kept, most=level / sigma0)
+    parts = [sigma0 * a0, *others]
     bound = theta_max * if_else(Fs > Fc, Fs, Fc) + sigma2 * fabs(v)
     friction = clip(thetas[0] * parts[0] + thetas[1] * parts[1] + thetas[2] * parts[2], -bound, bound)
 
-    ed = rd - v
-    s = ed + lam * (r - x)
-    outputs = limited(m * (rdd + lam * ed) + Ks * s, friction, gain, enable, u_min, u_max)
+    outputs = limited(tracking, friction, gain, enable, u_min, u_max)
+    runs = logic_or(enable, track)
     heard = unless_winding_up(s, outputs["u_sat"])
     speeds = (Gamma0, Gamma1, Gamma2)
     after = [
-        clip(theta + Ts * speed * heard * part, SX(0.0), theta_max)
+        if_else(track, theta, clip(theta + Ts * speed * heard * part, SX(0.0), theta_max))
         for theta, speed, part in zip(thetas, speeds, parts, strict=True)
     ]
     return {
         **outputs,
         **{f"theta_{i}": if_else(enable, theta, 1.0) for i, theta in enumerate(thetas)},
         "v_est": if_else(enable, v, 0.0),
-        "running": enable,
-        "x_hat": if_else(enable, position, 0.0),
-        "v_hat": if_else(enable, v, 0.0),
-        "F_last": if_else(enable, friction, 0.0),
-        "z0": if_else(enable, relaxed(a0, v + k0 * heard, sigma0 * flow, Ts), 0.0),
-        "z1": if_else(enable, relaxed(a1, v - k1 * flow * heard, sigma0 * flow, Ts), 0.0),
-        **{f"learned{i}": if_else(enable, theta - 1.0, 0.0) for i, theta in enumerate(after)},
+        "running": runs,
+        "x_hat": if_else(runs, position, 0.0),
+        "v_hat": if_else(runs, v, 0.0),
+        "F_last": if_else(runs, friction, 0.0),
+        "z0": if_else(runs, relaxed(a0, v + k0 * heard, sigma0 * flow, Ts), 0.0),
+        "z1": if_else(runs, relaxed(a1, v - k1 * flow * heard, sigma0 * flow, Ts), 0.0),
+        **{f"learned{i}": if_else(runs, theta - 1.0, 0.0) for i, theta in enumerate(after)},
     }

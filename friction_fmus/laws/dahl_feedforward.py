@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, expm1, fabs, if_else, log1p, logic_and, sign
+from casadi import SX, expm1, fabs, if_else, log1p, logic_and, logic_or, sign
 
 from friction_fmus.lawkit.law import (
     DAMPING,
@@ -20,6 +20,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.feedforward import feedforward, increment, when
+from friction_fmus.lawkit.parts.tracking import carried
 
 
 def closed(gap: SX, path: SX, n: SX) -> SX:
@@ -53,6 +54,8 @@ def dahl_feedforward(
     rdd: SX = variables.RDD,
     enable: SX = variables.ENABLE_STATES,
     reset: SX = variables.RESET,
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     z: SX = State(LENGTH, 0.0, "deflection of the contact", nominal=1e-5),
     last: SX = variables.LAST,
     started: SX = variables.STARTED,
@@ -73,6 +76,7 @@ def dahl_feedforward(
         n /= 1:  |w|^(1-n) becomes |w|^(1-n) - (1 - n) sigma |dr| / Fc
         F_hat = sigma z + Fv rd,   z of the new w
         u     = clip(m rdd + gain F_hat, u_min, u_max)
+        z     such that u = u_track while track is true, as far as |z| <= Fc/sigma
 
     Dahl friction depends on the path only, so the step over the displacement dr is exact for any motion of the
     reference without a reversal in between. The friction model is the block Dahl, with the same parameters. Lampaert,
@@ -95,8 +99,11 @@ def dahl_feedforward(
     gap = sign(dr) * Fc / sigma - before  # distance to the deflection of steady sliding
     size, path = fabs(gap) * sigma / Fc, fabs(dr) * sigma / Fc
     moves = logic_and(path != 0.0, size != 0.0)
-    now = before + if_else(moves, gap * closed(if_else(moves, size, 1.0), path, n), 0.0)
+    moved = before + if_else(moves, gap * closed(if_else(moves, size, 1.0), path, n), 0.0)
+    rest = m * rdd + gain * (Fv * rd)
+    now = carried(track, u_track, rest, gain * sigma, u_min, u_max, moved, most=Fc / sigma)
     return {
         **feedforward(m * rdd, sigma * now + Fv * rd, gain, enable, u_min, u_max),
-        **when(enable, z_hat=now, z=now, last=r, started=1.0),
+        **when(enable, z_hat=now),
+        **when(logic_or(enable, track), z=now, last=r, started=1.0),
     }

@@ -23,6 +23,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import limited
+from friction_fmus.lawkit.parts.tracking import carried
 
 
 @law(
@@ -50,6 +51,8 @@ def elasto_plastic_estimator(
     v: SX = Input(VELOCITY, 0.0, "measured velocity, for viscous friction only", optional=True),
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and z = 0"),
     reset: SX = Command(False, "true: z = 0"),
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     running: SX = variables.RUNNING,
     x_last: SX = State(LENGTH, 0.0, "position in the previous sample", nominal=1e-3),
     z: SX = State(LENGTH, 0.0, "elastic deflection", nominal=1e-5),
@@ -68,6 +71,7 @@ def elasto_plastic_estimator(
         alpha = 0                       if z opposes the motion, or |z| <= z_b
         alpha = (|z| - z_b)/(z_m - z_b)  beyond
         F_hat = sigma0 z + Fv v,   u = clip(gain F_hat, u_min, u_max)
+        z     such that u = u_track while track is true, as far as |z| <= z_m
 
     Hayward, Armstrong, Altpeter, Dupont: Discrete-time elasto-plastic friction estimation, IEEE Transactions on Control
     Systems Technology 17(3), 2009 (the idea; the equations are from memory of the elasto-plastic model of Dupont et
@@ -104,11 +108,13 @@ def elasto_plastic_estimator(
     y = z_m - (along + free)
     D = 2.0 * z_m - z_b
     q = exp(-D * (path - free) / (z_m * (z_m - z_b)))
-    after = if_else(step == 0.0, old, sign(step) * (z_m - D * y * q / (D - y * (1.0 - q))))
+    moved = if_else(step == 0.0, old, sign(step) * (z_m - D * y * q / (D - y * (1.0 - q))))
+    after = carried(track, u_track, gain * (Fv * v), gain * sigma0, u_min, u_max, moved, most=z_m)
+    runs = logic_or(enable, track)
 
     return {
         **limited(SX(0.0), sigma0 * after + Fv * v, gain, enable, u_min, u_max),
-        "running": enable,
-        "x_last": if_else(enable, x, 0.0),
-        "z": if_else(enable, after, 0.0),
+        "running": runs,
+        "x_last": if_else(runs, x, 0.0),
+        "z": if_else(runs, after, 0.0),
     }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from casadi import SX, atan2, cos, expm1, fabs, if_else, log1p, logic_and, sign, sin
+from casadi import SX, atan2, cos, expm1, fabs, if_else, log1p, logic_and, logic_or, sign, sin
 
 from friction_fmus.lawkit.expressions import stribeck_level
 from friction_fmus.lawkit.law import (
@@ -23,6 +23,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.feedforward import at_most, fading, feedforward, increment, relax, when
+from friction_fmus.lawkit.parts.tracking import carried
 
 
 def approach(y: SX, k: SX, p: SX) -> SX:
@@ -91,6 +92,8 @@ def elasto_plastic_feedforward(
     rdd: SX = variables.RDD,
     enable: SX = variables.ENABLE_STATES,
     reset: SX = variables.RESET,
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     z: SX = State(LENGTH, 0.0, "mean bristle deflection", nominal=1e-5),
     last: SX = variables.LAST,
     started: SX = variables.STARTED,
@@ -117,6 +120,7 @@ def elasto_plastic_feedforward(
         dz/dt = rd (1 - alpha(z, sgn(rd)) sgn(rd) sigma0 z / S(rd))
         F_hat = sigma0 z + sigma1(rd) dz/dt + sigma2 rd
         u     = clip(m rdd + gain F_hat, u_min, u_max)
+        z     such that u = u_track while track is true, as far as |z| <= z_ba
 
     Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002. alpha, sigma1(v) and the parameters are the same as in
     the block ElastoPlastic: alpha is 0 up to the break-away deflection z_ba and for motion against the deflection, 1
@@ -140,16 +144,21 @@ def elasto_plastic_feedforward(
     side = sign(dr)
     z_max = stribeck_level(fabs(dr / Ts), Fc, Fs, vs, delta) / sigma0
     before = if_else(reset, 0.0, z)
-    now = if_else(dr == 0.0, before, side * slid(side * before, fabs(dr), z_max, z_ba))
+    moved = if_else(dr == 0.0, before, side * slid(side * before, fabs(dr), z_max, z_ba))
 
     steady = stribeck_level(fabs(rd), Fc, Fs, vs, delta) / sigma0
+    damping = fading(sigma1, rd, v_d)
+    # up to the break-away deflection, where alpha = 0
+    rest, elastic = m * rdd + gain * ((damping + sigma2) * rd), at_most(z_ba, steady)
+    now = carried(track, u_track, rest, gain * sigma0, u_min, u_max, moved, most=elastic)
     along = sign(rd) * now
     inside = logic_and(along > z_ba, along < steady)
     phase = 0.5 * math.pi * (along - z_ba) / if_else(inside, steady - z_ba, 1.0)
     alpha = if_else(inside, sin(phase) ** 2, along >= steady)
     stretching = rd * (1.0 - alpha * along / steady)
-    friction = sigma0 * now + fading(sigma1, rd, v_d) * stretching + sigma2 * rd
+    friction = sigma0 * now + damping * stretching + sigma2 * rd
     return {
         **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
-        **when(enable, z_hat=now, z=now, last=r, started=1.0),
+        **when(enable, z_hat=now),
+        **when(logic_or(enable, track), z=now, last=r, started=1.0),
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, fabs, if_else, logic_and, sign
+from casadi import SX, fabs, if_else, logic_and, logic_or, sign
 
 from friction_fmus.lawkit.expressions import stribeck_level
 from friction_fmus.lawkit.law import (
@@ -23,6 +23,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.feedforward import fading, feedforward, increment, relax, when
+from friction_fmus.lawkit.parts.tracking import carried
 
 
 @law(
@@ -47,6 +48,8 @@ def lugre_feedforward(
     rdd: SX = variables.RDD,
     enable: SX = variables.ENABLE_STATES,
     reset: SX = variables.RESET,
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     z: SX = State(LENGTH, 0.0, "mean bristle deflection", nominal=1e-5),
     last: SX = variables.LAST,
     started: SX = variables.STARTED,
@@ -79,6 +82,8 @@ def lugre_feedforward(
         F_hat = sigma0 z + sigma1(rd) (rd - sigma0 |rd| z/g(rd)) + sigma2 rd
         sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d > 0, else sigma1
         u     = clip(m rdd + gain F_hat, u_min, u_max)
+        z     such that u = u_track while track is true, as far as
+              |z| <= g(rd)/sigma0
 
     Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995 (the model, start values from its Table I);
     Lampaert, Swevers, Al-Bender, American Control Conference, 2004, compare it in feedforward with the Dahl, Leuven and
@@ -113,11 +118,18 @@ def lugre_feedforward(
 
     dr = increment(r, last, started, reset)
     g = level(dr / Ts)
-    now = relax(if_else(reset, 0.0, z), sign(dr) * g / sigma0, sigma0 * fabs(dr) / g)
-    stretching = rd - sigma0 * fabs(rd) / level(rd) * now
+    moved = relax(if_else(reset, 0.0, z), sign(dr) * g / sigma0, sigma0 * fabs(dr) / g)
+    steady = level(rd)
+    rate = sigma0 * fabs(rd) / steady
     viscous = if_else(logic_and(asymmetric, rd < 0.0), sigma2_neg, sigma2)
-    friction = sigma0 * now + fading(sigma1, rd, v_d) * stretching + viscous * rd
+    damping = fading(sigma1, rd, v_d)
+    rest = m * rdd + gain * ((damping + viscous) * rd)
+    stiffness = gain * (sigma0 - damping * rate)
+    now = carried(track, u_track, rest, stiffness, u_min, u_max, moved, most=steady / sigma0)
+    stretching = rd - rate * now
+    friction = sigma0 * now + damping * stretching + viscous * rd
     return {
         **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
-        **when(enable, z_hat=now, z=now, last=r, started=1.0),
+        **when(enable, z_hat=now),
+        **when(logic_or(enable, track), z=now, last=r, started=1.0),
     }

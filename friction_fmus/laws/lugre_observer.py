@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, fabs, if_else
+from casadi import SX, fabs, if_else, logic_and, logic_not
 
 from friction_fmus.lawkit.expressions import limits, stribeck_level, unless_winding_up
 from friction_fmus.lawkit.law import (
@@ -21,6 +21,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import acting, limited
+from friction_fmus.lawkit.parts.tracking import carried, runs
 
 
 @law(
@@ -49,6 +50,8 @@ def lugre_observer(
     v: SX = variables.V,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and z is at its start value"),
     reset: SX = Command(False, "true: z is reset to its start value"),
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     z: SX = State(LENGTH, 0.0, "observed mean bristle deflection", nominal=1e-5),
     gain: SX = variables.GAIN,
     k: SX = Parameter("1/s", 0.0, "injection of the position error; 0: observer without correction", min=0.0),
@@ -71,6 +74,8 @@ def lugre_observer(
                 into that limit
         F_hat = sigma0 z + sigma1 z' + sigma2 v
         u     = clip(gain F_hat, u_min, u_max)
+        z     such that u = u_track while track is true, as far as
+              |z| <= g(v)/sigma0
 
     Canudas de Wit, Olsson, Astrom, Lischinsky: A new model for control of systems with friction, IEEE TAC 40(3), 1995.
     Connect u to the input f of a position controller H(s), which gives the law of the paper, u = H(s) (r - x) + F_hat +
@@ -105,14 +110,19 @@ def lugre_observer(
     Limits: the law needs a measured velocity, whose delay and noise are amplified by sigma1. If the parameters exceed
     the parameters of the axis, the estimate drives the axis; set gain < 1 in this case. u_min must not exceed u_max.
     """
-    rate = sigma0 * fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
+    level = stribeck_level(fabs(v), Fc, Fs, vs, delta)
+    rate = sigma0 * fabs(v) / level
     injected = k * (r - x)
-    slope = v + injected - rate * z
-    F_hat = if_else(reset, sigma1 * (v + injected), sigma0 * z + sigma1 * slope) + sigma2 * v
+    stretch = v + injected
+    rest, stiffness = gain * (sigma1 * stretch + sigma2 * v), gain * (sigma0 - sigma1 * rate)
+    old = carried(track, u_track, rest, stiffness, u_min, u_max, z, most=level / sigma0)
+    fresh = logic_and(reset, logic_not(track))
+    slope = stretch - rate * old
+    F_hat = if_else(fresh, sigma1 * stretch, sigma0 * old + sigma1 * slope) + sigma2 * v
     active = limits(gain * F_hat, u_min, u_max)
     # separate from the usual case, where the slope is already computed for F_hat
-    held = if_else(active != 0.0, v + unless_winding_up(injected, active) - rate * z, slope)
+    held = if_else(active != 0.0, v + unless_winding_up(injected, active) - rate * old, slope)
     return {
         **limited(SX(0.0), F_hat, gain, enable, u_min, u_max),
-        "z": if_else(enable, if_else(reset, 0.0, z + acting(rate, Ts) * held), 0.0),
+        "z": if_else(runs(enable, reset, track), old + acting(rate, Ts) * held, 0.0),
     }

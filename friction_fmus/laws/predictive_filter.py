@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, if_else, logic_and, logic_or
+from casadi import SX, if_else, logic_or
 
 from friction_fmus.lawkit.law import (
     FORCE,
@@ -71,9 +71,8 @@ def predictive_filter(
         F_hat = -(m/Ts) a rho
         v_hat = v_hat + Ts/m (u_prev - F_hat)
         u     = clip(gain F_hat, u_min, u_max)
-        F_hat = u_track/gain, within the limits, while track is true, and
-        v_hat = v + (1/a - 1) Ts/m F_hat, with which a constant friction
-                keeps F_hat
+        v_hat such that u = u_track, within the limits, while track is true:
+                v_hat + Ts/m u_prev is replaced by v + Ts/(m a) F_hat
 
     Crassidis, Markley: Predictive filtering for nonlinear systems, Journal of Guidance, Control, and Dynamics 20(3),
     1997, from memory, for a mass with a velocity measurement. It is not certain that Ray, Ramasubramanian, Townsend
@@ -96,15 +95,14 @@ def predictive_filter(
     Full compensation with F_hat can cause hunting if friction decreases with velocity. u_min must not exceed u_max.
     """
     new = starts_now(reset, running)
-    predicted = if_else(new, v, v_hat + Ts / m * u_prev)
-    lag = (v_noise / F_size * m / Ts) ** 2
-    a = 1.0 / (1.0 + lag)
+    a = 1.0 / (1.0 + (v_noise / F_size * m / Ts) ** 2)
+    slope = gain * (m / Ts * a)
+    kept = if_else(new, v, v_hat + Ts / m * u_prev)
+    predicted = carried(track, u_track, -slope * v, slope, u_min, u_max, kept)
     residual = a * (v - predicted)
-    F_hat = carried(track, u_track, SX(0.0), gain, u_min, u_max, -m / Ts * residual)
-    follows = logic_and(track, gain > 0.0)
     runs = logic_or(enable, track)
     return {
-        **compensation(F_hat, gain, u_min, u_max, enable),
-        "v_hat": if_else(runs, if_else(follows, v + lag * Ts / m * F_hat, predicted + residual), 0.0),
+        **compensation(-m / Ts * residual, gain, u_min, u_max, enable),
+        "v_hat": if_else(runs, predicted + residual, 0.0),
         "running": runs,
     }

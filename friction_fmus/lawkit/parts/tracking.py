@@ -18,7 +18,9 @@ def runs(enable: SX, reset: SX, track: SX) -> SX:
     return logic_or(track, if_else(reset, 0.0, enable))
 
 
-def carried(track: SX, u_track: SX, rest: SX, gain: SX, u_min: SX, u_max: SX, otherwise: SX) -> SX:
+def carried(
+    track: SX, u_track: SX, rest: SX, gain: SX, u_min: SX, u_max: SX, otherwise: SX, *, most: SX | None = None
+) -> SX:
     """Return the memory with which a law begins a sample.
 
     Parameters
@@ -26,11 +28,14 @@ def carried(track: SX, u_track: SX, rest: SX, gain: SX, u_min: SX, u_max: SX, ot
     track, u_track : SX
         Whether the law tracks a force, and this force.
     rest, gain : SX
-        The output of the law before its limits is rest + gain memory, with gain >= 0.
+        The output of the law before its limits is rest + gain memory.
     u_min, u_max : SX
         Limits of the output, which also limit u_track.
     otherwise : SX
         The memory if the law does not track, or if gain = 0, so that the memory does not act on the output.
+    most : SX, optional
+        Largest magnitude of a memory that tracks, such as the deflection of a contact that slides.
     """
-    follows = logic_and(track, gain > 0.0)
-    return if_else(follows, (clip(u_track, u_min, u_max) - rest) / if_else(follows, gain, 1.0), otherwise)
+    follows = logic_and(track, gain != 0.0)
+    memory = (clip(u_track, u_min, u_max) - rest) / if_else(follows, gain, 1.0)
+    return if_else(follows, memory if most is None else clip(memory, -most, most), otherwise)
