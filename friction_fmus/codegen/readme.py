@@ -64,6 +64,10 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
 
 {_fill(use)}
 {_positions(export)}
+## Start without a jump
+
+{_start(export)}
+
 ## MISRA C:2012
 
 {_misra(export)}
@@ -137,6 +141,31 @@ def _positions(export: Export) -> str:
     )
     accuracy += loss
     return _PAIRS.format(name=first, positions=_fill(text), accuracy=_fill(accuracy))
+
+
+_TRACK = """{lead}
+
+```c
+inputs.track = 1;
+inputs.u_track = force;
+{p}_step(&parameters, &states, &inputs, &outputs);
+inputs.track = 0; /* from the next sample on */
+```
+
+{detail}"""
+
+
+def _start(export: Export) -> str:
+    """Return how the law takes over from another controller."""
+    p = export.prefix
+    if not export.tracks:
+        return _fill(f"The law has no memory that could carry a force. `{p}.h` says what happens when it is enabled.")
+    lead = "To take over an axis on which `force` acts, at the measured position:"
+    detail = (
+        "`outputs.u` is then `force`, as far as the limits and the memory of the law allow, and continues from it. "
+        "`track` may stay 1 as long as another controller acts, also while `enable` is 0."
+    )
+    return _TRACK.format(p=p, lead=lead, detail=_fill(detail))
 
 
 def _fill(text: str, indent: str = "") -> str:

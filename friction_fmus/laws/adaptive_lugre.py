@@ -130,7 +130,8 @@ def adaptive_lugre(
     one load. The reference must move, as theta adapts during motion only. The law is a complete controller with Kp = Ks
     lam, Kd = Ks + m lam and no integral action.
 
-    While enable is false, u, F_hat and u_sat are 0, z = 0 and theta = theta0; reset takes effect in the same sample.
+    While enable is false, u, F_hat and u_sat are 0 and theta is theta0; z is 0 unless track is true. reset takes effect
+    in the same sample.
 
     Limits: at rest within the stiction band, F_n cannot be observed from v alone, and theta integrates s until the axis
     breaks away or theta reaches theta_max. Errors of the mass or of sigma2 bias theta. theta_min <= theta0 <= theta_max

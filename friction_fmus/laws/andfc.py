@@ -151,7 +151,7 @@ def andfc(
     limits; in a system, it is the input F_ext of the plant.
 
     The first sample after the start, a reset or a time with enable false adopts x and assumes rest. While enable is
-    false, u, F_hat, u_sat, v_est and all states are 0 and each theta is 1.
+    false, u, F_hat, u_sat and v_est are 0 and each theta is 1; all states are 0 unless track is true.
 
     Limits: the factors converge to their true values only with a reference that excites them; tracking does not require
     this. Fc, Fs and vs are not adapted separately. A wrong mass causes an error of the velocity. u_min must not exceed

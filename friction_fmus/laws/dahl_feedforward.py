@@ -86,9 +86,10 @@ def dahl_feedforward(
     Use it for small motions of bearings and guides, where friction changes within micrometres after a reversal and the
     sign of the velocity is too abrupt. It has two parameters: the level Fc and the stiffness sigma after a reversal.
 
-    The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat, u_sat and
-    the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
-    position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
+    The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat and u_sat are
+    0, and so are the states unless track is true; when enable becomes true again, dr is 0, however far r has moved.
+    Connect u to the input f of a position controller, whose parameter m must then be 0. Feedforward does not change the
+    stability of the loop.
 
     Limits: the model has no Stribeck effect, and z drifts under a constant force with vibration. z is the deflection of
     a contact that moves like the reference; it keeps its value after the last motion, even during a long rest. A

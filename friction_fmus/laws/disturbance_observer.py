@@ -88,8 +88,8 @@ def disturbance_observer(
     sample.
 
     For friction that grows at the rate c, the estimate of order 1 lags by c Ts (1/a - 1/2). The first sample and a
-    sample with reset set F_hat to 0. While enable is false, u, F_hat, u_sat and all states are 0. With track, F_hat is
-    set while enable is false, too; with gain = 0, track has no effect.
+    sample with reset set F_hat to 0. While enable is false, u, F_hat and u_sat are 0, and so are all states unless
+    track is true. With gain = 0, F_hat is not set.
 
     The loop is stable if |Q D| < 1 at all frequencies, where D is the relative error of the inverse model. In
     presliding, the plant is 1/(m s^2 + Kt), and D is not small: stability then depends on the poles of the loop with

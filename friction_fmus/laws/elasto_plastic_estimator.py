@@ -89,7 +89,7 @@ def elasto_plastic_estimator(
     Connect u to the input f of a position controller. v is needed for Fv only.
 
     The first sample, a sample with reset, and the first sample after a time with enable false start with z = 0. While
-    enable is false, u, F_hat, u_sat and all states are 0.
+    enable is false, u, F_hat and u_sat are 0, and so are the states unless track is true.
 
     Limits: the model has no Stribeck effect and no lag; identify Fc at the working speed. Below break-away, the law is
     a positive feedback with the stiffness gain sigma0, which must not exceed the sum of the stiffnesses of the real

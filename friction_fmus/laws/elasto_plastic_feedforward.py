@@ -132,9 +132,10 @@ def elasto_plastic_feedforward(
     Use it instead of LuGreFeedforward if the reference rests or moves by less than z_ba in small steps and F_hat must
     not drift: z then equals the displacement.
 
-    The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat, u_sat and
-    the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
-    position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
+    The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat and u_sat are
+    0, and so are the states unless track is true; when enable becomes true again, dr is 0, however far r has moved.
+    Connect u to the input f of a position controller, whose parameter m must then be 0. Feedforward does not change the
+    stability of the loop.
 
     Limits: choose 0 < z_ba < min(Fc, Fs)/sigma0; a larger z_ba is replaced by S/sigma0. A jump of rd causes a jump of
     F_hat by sigma1 times the jump of rd, as in LuGreFeedforward. A reversal between two samples is missed. u_min must

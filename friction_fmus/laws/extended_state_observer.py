@@ -86,8 +86,8 @@ def extended_state_observer(
         F - F_est = c Ts (3/2 (1 + p)/(1 - p) - 1/2),   about 3 c/wo for small wo Ts
 
     The first sample after the start, a reset or a time with enable false adopts x and assumes rest without friction.
-    While enable is false, u, F_hat, u_sat, v_est and all states are 0. While track is true, the observer runs with
-    enable false, too, and F_est is set; with gain = 0 it is not.
+    While enable is false, u, F_hat, u_sat and v_est are 0, and so are all states unless track is true. With gain = 0,
+    F_est is not set.
 
     Limits: at a reversal, the estimate lags by about 3/wo. Noise of x enters F_est with the factor m (1 - p)^3/Ts^2.
     Full compensation with F_est is an integral action, which causes hunting if static friction exceeds Coulomb

@@ -103,9 +103,10 @@ def gms_feedforward(
     one that remembers all reversal points. It needs the Stribeck curve from steady velocities and the elements from a
     presliding loop.
 
-    The first sample and a sample with reset start at r: dr = 0 and Fi = 0. While enable is false, u, F_hat, u_sat and
-    the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
-    position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
+    The first sample and a sample with reset start at r: dr = 0 and Fi = 0. While enable is false, u, F_hat and u_sat
+    are 0, and so are the states unless track is true; when enable becomes true again, dr is 0, however far r has moved.
+    Connect u to the input f of a position controller, whose parameter m must then be 0. Feedforward does not change the
+    stability of the loop.
 
     Limits: a reversal between two samples is missed. With noise in r, the elements switch between stick and slip, so
     r must be the reference, not a measurement. u_min must not exceed u_max.

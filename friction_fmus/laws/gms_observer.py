@@ -103,7 +103,8 @@ def gms_observer(
     Use it if the motion is not known in advance, reversals are nested, and a GMS model of the axis is available. With a
     known reference, GMSFeedforward needs no measured velocity.
 
-    While enable is false, u, F_hat, u_sat and the elements are 0; reset sets the elements to 0 in the same sample.
+    While enable is false, u, F_hat and u_sat are 0, and so are the elements unless track is true; reset sets the
+    elements to 0 in the same sample.
 
     Limits: the law needs a measured velocity; its delay counts, and its noise at rest moves the elements to and fro. No
     condition on k_e is known; increase it from 0 until the error no longer falls. If the parameters exceed the

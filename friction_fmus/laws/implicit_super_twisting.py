@@ -96,8 +96,8 @@ def implicit_super_twisting(
     Use it for precise tracking with smooth friction, with the bound L of its rate as the only model. Connect a friction
     feedforward without its inertia part to f.
 
-    While enable is false, u, F_hat, u_sat and w are 0; reset takes effect in the same sample. With track, w is
-    set while enable is false, too; with gain = 0, track has no effect.
+    While enable is false, u, F_hat, u_sat and w are 0; reset takes effect in the same sample. track sets w while enable
+    is false, too, unless gain = 0.
 
     Limits: a jump of friction at a reversal is followed with a rate of at most c2 L. The gain on s is up to 2 m/Ts:
     delays, flexible loads and noise of v have the same effects as in ImplicitSlidingMode, and a true mass below m

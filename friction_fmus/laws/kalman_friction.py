@@ -103,9 +103,8 @@ def kalman_friction(
         F - F_hat = c (m |K2/K3| - Ts/2)
 
     where K2 (1/s) and K3 (N/m) are the gains of velocity and force. The first sample and a sample with reset adopt x
-    and v (v = 0 if unconnected), and set F_hat to 0 and P to diag(n^2, 2 n^2, 1). While enable is false, u, F_hat,
-    u_sat and all states are 0. With track, the filter runs while enable is false, too; with gain = 0, F_walk is not
-    set.
+    and v (v = 0 if unconnected), and set F_hat to 0 and P to diag(n^2, 2 n^2, 1). While enable is false, u, F_hat and
+    u_sat are 0, and so are all states unless track is true. With gain = 0, F_walk is not set.
 
     Limits: a wrong mass puts the missing inertia force into F_hat. At a reversal, the estimate lags by about the time
     constant of the filter. Full compensation with F_hat is an integral action, which can hunt if static friction

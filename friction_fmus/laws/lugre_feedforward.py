@@ -96,9 +96,10 @@ def lugre_feedforward(
     Use it for axes that reverse often or move by micrometres, where the sign of the velocity is too abrupt. Sliding
     friction must be known within a few per cent, the stiffness much less accurately.
 
-    The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat, u_sat and
-    the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
-    position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
+    The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat and u_sat are
+    0, and so are the states unless track is true; when enable becomes true again, dr is 0, however far r has moved.
+    Connect u to the input f of a position controller, whose parameter m must then be 0. Feedforward does not change the
+    stability of the loop.
 
     Limits: in the model, z drifts under a constant force with vibration, reversal points are not remembered, and a jump
     of rd causes a jump of F_hat by sigma1 times the jump of rd. With the start values, F_hat may even drive the axis

@@ -105,7 +105,8 @@ def lugre_observer(
     (derived for this library). With the start values and 1 kg, this requires Kd >= 316 N.s/m. A position loop of 10 Hz
     has less damping; the tracking error then grows again above a certain k.
 
-    While enable is false, u, F_hat, u_sat and z are 0; reset sets z to 0 in the same sample.
+    While enable is false, u, F_hat and u_sat are 0, and so is z unless track is true; reset sets z to 0 in the same
+    sample.
 
     Limits: the law needs a measured velocity, whose delay and noise are amplified by sigma1. If the parameters exceed
     the parameters of the axis, the estimate drives the axis; set gain < 1 in this case. u_min must not exceed u_max.

@@ -91,8 +91,8 @@ def pid(
 
     To take over from another controller without a jump, keep track true until the law controls the axis, with the
     present force in u_track: u is then u_track, within u_min and u_max, and continues from it when track becomes false.
-    The integral follows while enable is false, too. If f is switched on or off in the same sample, u contains it as
-    before. With Ki = 0 there is no memory, and track has no effect.
+    The integral follows while enable is false, too. The integral also absorbs the jump of a compensator at f that is
+    enabled in such a sample. With Ki = 0 there is no memory, and track has no effect.
 
     Dead-band and reversal act against hunting; the start values disable them. A dead-band with db_ratio > 1 does not
     chatter with a noisy error. reversal = 0 resets the integral, -1 reverses its sign like Coulomb friction, and values

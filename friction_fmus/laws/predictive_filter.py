@@ -87,8 +87,8 @@ def predictive_filter(
 
         F - F_hat = c Ts (1/a - 1/2)
 
-    The first sample and a sample with reset adopt v and set F_hat to 0. While enable is false, u, F_hat, u_sat and all
-    states are 0. With track, the states are set while enable is false, too; with gain = 0, track has no effect.
+    The first sample and a sample with reset adopt v and set F_hat to 0. While enable is false, u, F_hat and u_sat are
+    0, and so are all states unless track is true. With gain = 0, v_hat is not set.
 
     Limits: with v_noise = 0, the estimate is dead-beat: F_hat is the mean force in the last interval, with the noise of
     the difference of two samples times m/Ts. With a wrong mass, F_hat contains the difference of the inertia forces.

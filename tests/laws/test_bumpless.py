@@ -6,6 +6,7 @@ of u is therefore found with forces far beyond it; within it u must be u_track, 
 
 from __future__ import annotations
 
+import ctypes
 import re
 import sys
 from collections.abc import Callable
@@ -19,9 +20,11 @@ from shell.instance import Instance, load
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from benchmarks.law_runs import LawC, casadi_by_rows, rows_of
+from benchmarks.law_runs import LawC, casadi_by_rows, compile_, rows_of
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.readme import readme
+from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Kind, Law
 
@@ -185,6 +188,41 @@ def test_c_holds_a_resting_axis(name: str, real: Literal["double", "float"], tmp
         given = {v.name: np.array([values.get(v.name, v.starts[0]) for values in inputs]) for v in moved}
         found = law.run(rows_of(export, given), feeds_back=True)[:, 0]
         check_held(name, inputs, list(found), 1e-9 if real == "double" else 1e-5)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_readme_of_an_export_says_how_a_law_starts(name: str) -> None:
+    text = " ".join(readme(make_export(name), ()).split("## Start without a jump")[1].split("##")[0].split())
+    assert ("inputs.u_track = force;" in text) == (name in TRACKING)
+    assert ("no memory that could carry a force" in text) == (name not in TRACKING)
+
+
+def test_the_readme_is_right(tmp_path: Path) -> None:
+    """Its piece of C: u is the force, and stays near it."""
+    export = make_export("PID")
+    (piece,) = re.findall(r"```c\n(.*?)```", readme(export, ()).split("## Start without a jump")[1], re.S)
+    for file, text in (("law.h", header(export)), ("law.c", implementation(export))):
+        (tmp_path / file).write_text(text, encoding="utf-8")
+    source = tmp_path / "take_over.c"
+    source.write_text(
+        f"""#include "law.c"
+        void take_over(double force, double *u)
+        {{
+            law_parameters parameters; law_states states; law_inputs inputs; law_outputs outputs;
+            law_init(&parameters, &states, &inputs, &outputs);
+            inputs.r = 1e-3;
+            {piece}
+            u[0] = outputs.u;
+            law_step(&parameters, &states, &inputs, &outputs);
+            u[1] = outputs.u;
+        }}
+        """,
+        encoding="utf-8",
+    )
+    u = (ctypes.c_double * 2)()
+    compile_(source).take_over(ctypes.c_double(30.0), u)
+    # Kp e = 12 N would be the first output without the start; each sample adds Ki Ts e
+    assert list(u) == pytest.approx([30.0, 30.0 + 250e3 * 1e-3 * 1e-3], rel=1e-12)
 
 
 def test_the_integral_of_pid_follows_from_its_equation() -> None:

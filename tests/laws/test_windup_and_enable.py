@@ -171,7 +171,8 @@ def disabled(library: Library, seed: int, count: int) -> list[dict[str, float]]:
 
 
 def enabled(library: Library, seed: int, count: int) -> list[dict[str, float]]:
-    calm = {"enable": 1.0} | {name: library.start(name) for name in ("reset", "track", "trial_end") if name in library.variables}
+    others = [name for name in ("reset", "track", "trial_end") if name in library.variables]
+    calm = {"enable": 1.0} | {name: library.start(name) for name in others}
     return [values | calm for values in signals(library, seed, count)]
 
 
