@@ -22,39 +22,50 @@ static void sample(const law_parameters *parameters, law_states *states, const l
 {
     const bool enable = inputs->enable != 0;
     const bool reset = inputs->reset != 0;
+    const bool track = inputs->track != 0;
     if (enable) {
         const bool fresh = reset || (states->running <= 0.5);
-        const double friction_1 = parameters->Ts * parameters->Ts;
+        const double estimated_1 = parameters->Ts * parameters->Ts;
         const double force = (inputs->u_prev - states->F_est) / parameters->m;
         /* (1) x_p = x_hat + Ts v_hat + Ts^2/(2 m) (u_prev - F_est) */
-        const double x_p = states->x_hat + parameters->Ts * states->v_hat + friction_1 / 2.0 * force;
+        const double x_p = states->x_hat + parameters->Ts * states->v_hat + estimated_1 / 2.0 * force;
         const double p = exp(-(parameters->wo * parameters->Ts));
         const double residual = inputs->x - x_p;
         /* (3) x_hat = x_p + (1 - p^3) (x - x_p) */
         const double position = fresh ? inputs->x : (x_p + (1.0 - p * (p * p)) * residual);
-        double velocity, wanted_1, friction, tracking_1, tracking_2, tracking, wanted;
-        bool u_sat_1, u_sat_2;
+        const double estimated_2 = 1.0 - p;
+        const double estimated_3 = estimated_2 * estimated_2;
+        double velocity, tracking_1, tracking_2, tracking, friction, wanted;
+        bool follows, u_sat_1, u_sat_2;
         /* (4) v_hat = v_p + 3/2 (1 - p)^2 (1 + p)/Ts (x - x_p) */
-        /* (5) F_est = F_est - m (1 - p)^3/Ts^2 (x - x_p), p = exp(-wo Ts) */
-        /* (6) F_hat = F_est */
         if (fresh) {
             velocity = 0.0;
-            wanted_1 = 0.0;
-            friction = 0.0;
         } else {
             /* (2) v_p = v_hat + Ts/m (u_prev - F_est) */
             const double v_p = states->v_hat + parameters->Ts * force;
-            const double friction_2 = 1.0 - p;
-            const double friction_3 = friction_2 * friction_2;
-            const double friction_4 = states->F_est - parameters->m * (friction_2 * friction_3) / friction_1 * residual;
-            velocity = v_p + 1.5 * friction_3 * (1.0 + p) / parameters->Ts * residual;
-            wanted_1 = parameters->gain * friction_4;
-            friction = friction_4;
+            velocity = v_p + 1.5 * estimated_3 * (1.0 + p) / parameters->Ts * residual;
         }
         tracking_1 = parameters->wc * parameters->wc * (inputs->r - position);
         tracking_2 = tracking_1 + 2.0 * parameters->wc * (inputs->rd - velocity) + inputs->rdd;
         tracking = parameters->m * tracking_2;
-        wanted = tracking + wanted_1;
+        follows = track && (parameters->gain != 0.0);
+        /* (5) F_est = F_est - m (1 - p)^3/Ts^2 (x - x_p), p = exp(-wo Ts) */
+        /* (6) F_hat = F_est */
+        if (follows) {
+            const double memory_value_1 = (parameters->u_max < inputs->u_track) ? parameters->u_max : inputs->u_track;
+            const double memory_value_2 = (inputs->u_track < parameters->u_min) ? parameters->u_min : memory_value_1;
+            const double memory_value = (memory_value_2 - tracking) / parameters->gain;
+            friction = memory_value + 0.0;
+        } else {
+            double estimated;
+            if (fresh) {
+                estimated = 0.0;
+            } else {
+                estimated = states->F_est - parameters->m * (estimated_2 * estimated_3) / estimated_1 * residual;
+            }
+            friction = estimated;
+        }
+        wanted = tracking + parameters->gain * friction;
         u_sat_1 = wanted < parameters->u_min;
         u_sat_2 = wanted > parameters->u_max;
         /* (7) w = m (wc^2 (r - x_hat) + 2 wc (rd - v_hat) + rdd) + gain F_hat */
@@ -87,6 +98,8 @@ void law_init(law_parameters *parameters, law_states *states, law_inputs *inputs
     inputs->u_prev = 0.0;
     inputs->enable = 1;
     inputs->reset = 0;
+    inputs->track = 0;
+    inputs->u_track = 0.0;
     states->running = 0.0;
     states->x_hat = 0.0;
     states->v_hat = 0.0;
@@ -148,7 +161,8 @@ void law_step(const law_parameters *parameters, law_states *states, const law_in
         && FINITE(inputs->rd)
         && FINITE(inputs->rdd)
         && FINITE(inputs->x)
-        && FINITE(inputs->u_prev)) {
+        && FINITE(inputs->u_prev)
+        && FINITE(inputs->u_track)) {
         outputs->fault = 0;
         sample(parameters, states, inputs, outputs);
     } else {

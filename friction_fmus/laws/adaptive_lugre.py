@@ -22,7 +22,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import adapted, limited, relaxed
-from friction_fmus.lawkit.parts.tracking import carried, runs
+from friction_fmus.lawkit.parts.tracking import carried, restarts
 
 
 @law(
@@ -106,8 +106,6 @@ def adaptive_lugre(
         u          = clip(w, u_min, u_max)
         theta_next = theta + Ts Gamma s F_n,  within theta_min and theta_max
         theta_next = theta while u is limited and s pushes further into that limit
-        z such that w = u_track, as far as |z| <= g(v)/sigma0, and
-        theta_next = theta while track is true
 
     Canudas de Wit, Lischinsky: Adaptive friction compensation with partially known dynamic friction model,
     International Journal of Adaptive Control and Signal Processing 11, 1997. As far as remembered, the paper adapts
@@ -130,8 +128,9 @@ def adaptive_lugre(
     one load. The reference must move, as theta adapts during motion only. The law is a complete controller with Kp = Ks
     lam, Kd = Ks + m lam and no integral action.
 
-    While enable is false, u, F_hat and u_sat are 0 and theta is theta0; z is 0 unless track is true. reset takes effect
-    in the same sample.
+    While enable is false, u, F_hat and u_sat are 0, z = 0 and theta = theta0; reset takes effect in the same sample.
+    While track is true, theta is held and z is such that w = u_track, as far as |z| <= g(v)/sigma0: the law takes over
+    friction, but no load.
 
     Limits: at rest within the stiction band, F_n cannot be observed from v alone, and theta integrates s until the axis
     breaks away or theta reaches theta_max. Errors of the mass or of sigma2 bias theta. theta_min <= theta0 <= theta_max
@@ -151,11 +150,11 @@ def adaptive_lugre(
     F_hat = theta * F_n + sigma2 * v
     outputs = limited(tracking, F_hat, gain, enable, u_min, u_max)
 
-    continues = runs(enable, reset, track)
+    runs = if_else(restarts(reset, track), 0.0, enable)
     after = adapted(theta, Gamma * s * F_n, s, outputs["u_sat"], theta_min, theta_max, Ts)
     return {
         **outputs,
         "theta": if_else(enable, theta, theta0),
-        "z": if_else(continues, relaxed(old, v, rate, Ts), 0.0),
-        "learned": if_else(continues, if_else(track, theta, after) - theta0, 0.0),
+        "z": if_else(runs, relaxed(old, v, rate, Ts), 0.0),
+        "learned": if_else(runs, if_else(track, theta, after) - theta0, 0.0),
     }

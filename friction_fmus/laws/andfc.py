@@ -123,8 +123,6 @@ def andfc(
         w      = m (rdd + lam (rd - v_hat)) + Ks s + gain F_hat
         u      = clip(w, u_min, u_max)
         theta_i_next = theta_i + Ts Gamma_i s f_i,  within 0 and theta_max
-        z0 such that w = u_track, as far as |z0| <= g(v_hat)/sigma0, and
-        theta_i_next = theta_i while track is true
 
     Tan, Kanellakopoulos: Adaptive nonlinear friction compensation with parametric uncertainties, American Control
     Conference, 1999 (the dual observers, from memory; the velocity observer and the scaling are this library's). g(v) =
@@ -151,7 +149,8 @@ def andfc(
     limits; in a system, it is the input F_ext of the plant.
 
     The first sample after the start, a reset or a time with enable false adopts x and assumes rest. While enable is
-    false, u, F_hat, u_sat and v_est are 0 and each theta is 1; all states are 0 unless track is true.
+    false, u, F_hat, u_sat, v_est and all states are 0 and each theta is 1. While track is true, each theta is held and
+    z0 is such that w = u_track, as far as |z0| <= g(v_hat)/sigma0: the law takes over friction, but no load.
 
     Limits: the factors converge to their true values only with a reference that excites them; tracking does not require
     this. Fc, Fs and vs are not adapted separately. A wrong mass causes an error of the velocity. u_min must not exceed
@@ -181,7 +180,6 @@ def andfc(
     friction = clip(thetas[0] * parts[0] + thetas[1] * parts[1] + thetas[2] * parts[2], -bound, bound)
 
     outputs = limited(tracking, friction, gain, enable, u_min, u_max)
-    runs = logic_or(enable, track)
     heard = unless_winding_up(s, outputs["u_sat"])
     speeds = (Gamma0, Gamma1, Gamma2)
     after = [
@@ -192,11 +190,11 @@ def andfc(
         **outputs,
         **{f"theta_{i}": if_else(enable, theta, 1.0) for i, theta in enumerate(thetas)},
         "v_est": if_else(enable, v, 0.0),
-        "running": runs,
-        "x_hat": if_else(runs, position, 0.0),
-        "v_hat": if_else(runs, v, 0.0),
-        "F_last": if_else(runs, friction, 0.0),
-        "z0": if_else(runs, relaxed(a0, v + k0 * heard, sigma0 * flow, Ts), 0.0),
-        "z1": if_else(runs, relaxed(a1, v - k1 * flow * heard, sigma0 * flow, Ts), 0.0),
-        **{f"learned{i}": if_else(runs, theta - 1.0, 0.0) for i, theta in enumerate(after)},
+        "running": enable,
+        "x_hat": if_else(enable, position, 0.0),
+        "v_hat": if_else(enable, v, 0.0),
+        "F_last": if_else(enable, friction, 0.0),
+        "z0": if_else(enable, relaxed(a0, v + k0 * heard, sigma0 * flow, Ts), 0.0),
+        "z1": if_else(enable, relaxed(a1, v - k1 * flow * heard, sigma0 * flow, Ts), 0.0),
+        **{f"learned{i}": if_else(enable, theta - 1.0, 0.0) for i, theta in enumerate(after)},
     }

@@ -20,7 +20,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.tracking import carried, runs
+from friction_fmus.lawkit.parts.tracking import carried, restarts
 
 
 @law(
@@ -76,8 +76,8 @@ def cascade_ppi(
 
     The integral used in a sample does not contain w of that sample. While reset is true, the integral is 0, in the same
     sample and in the next one. While enable is false, u, u_sat and the integral are 0. When enable becomes true again,
-    u does not jump if the reference starts at the state of the axis (r = x, rd = v, rdd = 0). While track is true, also
-    with enable false, I is such that u = u_track within the limits, as in PID; with ki = 0, track has no effect.
+    u does not jump if the reference starts at the state of the axis (r = x, rd = v, rdd = 0). While track is true, I is
+    such that u = u_track within the limits, as in PID; with ki = 0, track has no effect.
 
     Limits: as for PID. The integral action causes hunting if static friction exceeds Coulomb friction. If f contains
     the inertia force, like u of StaticFeedforward, m must be 0. u_min must not exceed u_max.
@@ -88,8 +88,9 @@ def cascade_ppi(
     old = carried(track, u_track, feedback + f, ki, u_min, u_max, if_else(reset, start, integral))
     wanted = feedback + ki * old + f
     u_sat = limits(wanted, u_min, u_max)
+    after = old + Ts * unless_winding_up(w, u_sat)
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
         "u_sat": if_else(enable, u_sat, 0.0),
-        "integral": if_else(runs(enable, reset, track), old + Ts * unless_winding_up(w, u_sat), start),
+        "integral": if_else(restarts(reset, track), start, if_else(enable, after, start)),
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, expm1, fabs, if_else, log1p, logic_and, logic_or, sign
+from casadi import SX, expm1, fabs, if_else, log1p, logic_and, sign
 
 from friction_fmus.lawkit.law import (
     DAMPING,
@@ -76,7 +76,6 @@ def dahl_feedforward(
         n /= 1:  |w|^(1-n) becomes |w|^(1-n) - (1 - n) sigma |dr| / Fc
         F_hat = sigma z + Fv rd,   z of the new w
         u     = clip(m rdd + gain F_hat, u_min, u_max)
-        z     such that u = u_track while track is true, as far as |z| <= Fc/sigma
 
     Dahl friction depends on the path only, so the step over the displacement dr is exact for any motion of the
     reference without a reversal in between. The friction model is the block Dahl, with the same parameters. Lampaert,
@@ -86,10 +85,10 @@ def dahl_feedforward(
     Use it for small motions of bearings and guides, where friction changes within micrometres after a reversal and the
     sign of the velocity is too abrupt. It has two parameters: the level Fc and the stiffness sigma after a reversal.
 
-    The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat and u_sat are
-    0, and so are the states unless track is true; when enable becomes true again, dr is 0, however far r has moved.
-    Connect u to the input f of a position controller, whose parameter m must then be 0. Feedforward does not change the
-    stability of the loop.
+    The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat, u_sat and
+    the states are 0; when enable becomes true again, dr is 0, however far r has moved. While track is true, z is such
+    that u = u_track, as far as |z| <= Fc/sigma. Connect u to the input f of a position controller, whose parameter m
+    must then be 0. Feedforward does not change the stability of the loop.
 
     Limits: the model has no Stribeck effect, and z drifts under a constant force with vibration. z is the deflection of
     a contact that moves like the reference; it keeps its value after the last motion, even during a long rest. A
@@ -105,6 +104,5 @@ def dahl_feedforward(
     now = carried(track, u_track, rest, gain * sigma, u_min, u_max, moved, most=Fc / sigma)
     return {
         **feedforward(m * rdd, sigma * now + Fv * rd, gain, enable, u_min, u_max),
-        **when(enable, z_hat=now),
-        **when(logic_or(enable, track), z=now, last=r, started=1.0),
+        **when(enable, z_hat=now, z=now, last=r, started=1.0),
     }

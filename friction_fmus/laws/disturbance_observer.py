@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import pi, sqrt
 
-from casadi import SX, cos, exp, expm1, if_else, logic_not, logic_or, sin
+from casadi import SX, cos, exp, expm1, if_else, logic_and, logic_not, sin
 
 from friction_fmus.lawkit.law import (
     FORCE,
@@ -68,7 +68,6 @@ def disturbance_observer(
         F_hat = Q F_m
         Q     = w/(s + w)  or  w^2/(s^2 + sqrt(2) w s + w^2),   w = 2 pi fq
         u     = clip(gain F_hat, u_min, u_max)
-        F_hat = u_track/gain, within the limits, and p = 0 while track is true
 
     Q is integrated exactly for F_m constant over the interval:
 
@@ -88,8 +87,8 @@ def disturbance_observer(
     sample.
 
     For friction that grows at the rate c, the estimate of order 1 lags by c Ts (1/a - 1/2). The first sample and a
-    sample with reset set F_hat to 0. While enable is false, u, F_hat and u_sat are 0, and so are all states unless
-    track is true. With gain = 0, F_hat is not set.
+    sample with reset set F_hat to 0. While enable is false, u, F_hat, u_sat and all states are 0. While track is true,
+    p = 0 and F_hat is such that u = u_track, within the limits; with gain = 0 it is not changed.
 
     The loop is stable if |Q D| < 1 at all frequencies, where D is the relative error of the inverse model. In
     presliding, the plant is 1/(m s^2 + Kt), and D is not small: stability then depends on the poles of the loop with
@@ -109,11 +108,10 @@ def disturbance_observer(
     second = F_m + exp(-q) * (y * (cos(q) + sin(q)) + sqrt(2.0) * p_old * sin(q))
     p = exp(-q) * (p_old * (cos(q) - sin(q)) - sqrt(2.0) * y * sin(q))
     F_hat = carried(track, u_track, SX(0.0), gain, u_min, u_max, if_else(second_order, second, first))
-    runs = logic_or(enable, track)
     return {
         **compensation(F_hat, gain, u_min, u_max, enable),
-        "d": if_else(runs, F_hat, 0.0),
-        "d_rate": if_else(logic_or(track, logic_not(enable)), 0.0, if_else(second_order, p, 0.0)),
-        "v_last": if_else(runs, v, 0.0),
-        "running": runs,
+        "d": if_else(enable, F_hat, 0.0),
+        "d_rate": if_else(enable, if_else(logic_and(second_order, logic_not(track)), p, 0.0), 0.0),
+        "v_last": if_else(enable, v, 0.0),
+        "running": enable,
     }

@@ -71,7 +71,6 @@ def elasto_plastic_estimator(
         alpha = 0                       if z opposes the motion, or |z| <= z_b
         alpha = (|z| - z_b)/(z_m - z_b)  beyond
         F_hat = sigma0 z + Fv v,   u = clip(gain F_hat, u_min, u_max)
-        z     such that u = u_track while track is true, as far as |z| <= z_m
 
     Hayward, Armstrong, Altpeter, Dupont: Discrete-time elasto-plastic friction estimation, IEEE Transactions on Control
     Systems Technology 17(3), 2009 (the idea; the equations are from memory of the elasto-plastic model of Dupont et
@@ -89,7 +88,8 @@ def elasto_plastic_estimator(
     Connect u to the input f of a position controller. v is needed for Fv only.
 
     The first sample, a sample with reset, and the first sample after a time with enable false start with z = 0. While
-    enable is false, u, F_hat and u_sat are 0, and so are the states unless track is true.
+    enable is false, u, F_hat, u_sat and all states are 0. While track is true, z is such that u = u_track, as far as
+    |z| <= z_m.
 
     Limits: the model has no Stribeck effect and no lag; identify Fc at the working speed. Below break-away, the law is
     a positive feedback with the stiffness gain sigma0, which must not exceed the sum of the stiffnesses of the real
@@ -110,11 +110,10 @@ def elasto_plastic_estimator(
     q = exp(-D * (path - free) / (z_m * (z_m - z_b)))
     moved = if_else(step == 0.0, old, sign(step) * (z_m - D * y * q / (D - y * (1.0 - q))))
     after = carried(track, u_track, gain * (Fv * v), gain * sigma0, u_min, u_max, moved, most=z_m)
-    runs = logic_or(enable, track)
 
     return {
         **limited(SX(0.0), sigma0 * after + Fv * v, gain, enable, u_min, u_max),
-        "running": runs,
-        "x_last": if_else(runs, x, 0.0),
-        "z": if_else(runs, after, 0.0),
+        "running": enable,
+        "x_last": if_else(enable, x, 0.0),
+        "z": if_else(enable, after, 0.0),
     }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from casadi import SX, atan2, cos, expm1, fabs, if_else, log1p, logic_and, logic_or, sign, sin
+from casadi import SX, atan2, cos, expm1, fabs, if_else, log1p, logic_and, sign, sin
 
 from friction_fmus.lawkit.expressions import stribeck_level
 from friction_fmus.lawkit.law import (
@@ -120,7 +120,6 @@ def elasto_plastic_feedforward(
         dz/dt = rd (1 - alpha(z, sgn(rd)) sgn(rd) sigma0 z / S(rd))
         F_hat = sigma0 z + sigma1(rd) dz/dt + sigma2 rd
         u     = clip(m rdd + gain F_hat, u_min, u_max)
-        z     such that u = u_track while track is true, as far as |z| <= z_ba
 
     Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002. alpha, sigma1(v) and the parameters are the same as in
     the block ElastoPlastic: alpha is 0 up to the break-away deflection z_ba and for motion against the deflection, 1
@@ -132,10 +131,10 @@ def elasto_plastic_feedforward(
     Use it instead of LuGreFeedforward if the reference rests or moves by less than z_ba in small steps and F_hat must
     not drift: z then equals the displacement.
 
-    The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat and u_sat are
-    0, and so are the states unless track is true; when enable becomes true again, dr is 0, however far r has moved.
-    Connect u to the input f of a position controller, whose parameter m must then be 0. Feedforward does not change the
-    stability of the loop.
+    The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat, u_sat and
+    the states are 0; when enable becomes true again, dr is 0, however far r has moved. While track is true, z is such
+    that u = u_track, as far as |z| <= z_ba. Connect u to the input f of a position controller, whose parameter m must
+    then be 0. Feedforward does not change the stability of the loop.
 
     Limits: choose 0 < z_ba < min(Fc, Fs)/sigma0; a larger z_ba is replaced by S/sigma0. A jump of rd causes a jump of
     F_hat by sigma1 times the jump of rd, as in LuGreFeedforward. A reversal between two samples is missed. u_min must
@@ -160,6 +159,5 @@ def elasto_plastic_feedforward(
     friction = sigma0 * now + damping * stretching + sigma2 * rd
     return {
         **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
-        **when(enable, z_hat=now),
-        **when(logic_or(enable, track), z=now, last=r, started=1.0),
+        **when(enable, z_hat=now, z=now, last=r, started=1.0),
     }

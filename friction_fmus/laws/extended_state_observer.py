@@ -70,7 +70,6 @@ def extended_state_observer(
         F_hat = F_est
         w     = m (wc^2 (r - x_hat) + 2 wc (rd - v_hat) + rdd) + gain F_hat
         u     = clip(w, u_min, u_max)
-        F_est such that w = u_track, within the limits, while track is true
 
     Gao: Scaling and bandwidth-parameterization based controller tuning, American Control Conference, 2003 (from
     memory). Here the observer is in sampled time, exact for a force that is constant over a sample, with all three
@@ -86,8 +85,8 @@ def extended_state_observer(
         F - F_est = c Ts (3/2 (1 + p)/(1 - p) - 1/2),   about 3 c/wo for small wo Ts
 
     The first sample after the start, a reset or a time with enable false adopts x and assumes rest without friction.
-    While enable is false, u, F_hat, u_sat and v_est are 0, and so are all states unless track is true. With gain = 0,
-    F_est is not set.
+    While enable is false, u, F_hat, u_sat, v_est and all states are 0. While track is true, F_est is such that w =
+    u_track, within the limits; with gain = 0 it is not changed.
 
     Limits: at a reversal, the estimate lags by about 3/wo. Noise of x enters F_est with the factor m (1 - p)^3/Ts^2.
     Full compensation with F_est is an integral action, which causes hunting if static friction exceeds Coulomb
@@ -105,12 +104,11 @@ def extended_state_observer(
 
     tracking = m * (wc**2 * (r - position) + 2.0 * wc * (rd - velocity) + rdd)
     friction = carried(track, u_track, tracking, gain, u_min, u_max, estimated)
-    runs = logic_or(enable, track)
     return {
         **limited(tracking, friction, gain, enable, u_min, u_max),
         "v_est": if_else(enable, velocity, 0.0),
-        "running": runs,
-        "x_hat": if_else(runs, position, 0.0),
-        "v_hat": if_else(runs, velocity, 0.0),
-        "F_est": if_else(runs, friction, 0.0),
+        "running": enable,
+        "x_hat": if_else(enable, position, 0.0),
+        "v_hat": if_else(enable, velocity, 0.0),
+        "F_est": if_else(enable, friction, 0.0),
     }

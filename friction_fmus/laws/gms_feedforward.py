@@ -87,8 +87,6 @@ def gms_feedforward(
         zi'   = rd for a sticking element,
                 sgn(dr) C (alpha_i - sgn(dr) Fi/S(w))/ki for a slipping one
         u     = clip(m rdd + gain F_hat, u_min, u_max)
-        track:  dr = 0, and Fi in proportion to alpha_i and such that
-                u = u_track, as far as |Fi| <= alpha_i Fs
 
     Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (the model); Lampaert, Swevers, Al-Bender, American Control
     Conference, 2004, where it is the best of Dahl, LuGre, Leuven and GMS for feedforward in presliding (from a summary,
@@ -103,10 +101,11 @@ def gms_feedforward(
     one that remembers all reversal points. It needs the Stribeck curve from steady velocities and the elements from a
     presliding loop.
 
-    The first sample and a sample with reset start at r: dr = 0 and Fi = 0. While enable is false, u, F_hat and u_sat
-    are 0, and so are the states unless track is true; when enable becomes true again, dr is 0, however far r has moved.
-    Connect u to the input f of a position controller, whose parameter m must then be 0. Feedforward does not change the
-    stability of the loop.
+    The first sample and a sample with reset start at r: dr = 0 and Fi = 0. While enable is false, u, F_hat, u_sat and
+    the states are 0; when enable becomes true again, dr is 0, however far r has moved. While track is true, dr is 0 and
+    the forces are in proportion to alpha_i and such that u = u_track, as far as |Fi| <= alpha_i Fs. Connect u to the
+    input f of a position controller, whose parameter m must then be 0. Feedforward does not change the stability of the
+    loop.
 
     Limits: a reversal between two samples is missed. With noise in r, the elements switch between stick and slip, so
     r must be the reference, not a measurement. u_min must not exceed u_max.
@@ -127,7 +126,7 @@ def gms_feedforward(
         kept = if_else(track, shares[i] * (carries / total), if_else(reset, 0.0, Fi[i]))
         forces.append(if_else(moving, side * element.moved, kept))
         slips.append(if_else(moving, element.slips, 0.0))
-    slips, runs = used_elements(slips, N), logic_or(enable, track)
+    slips = used_elements(slips, N)
     F_pre = sum(forces)
     stretching = rd * (used - sum(slips))
     # in this order, everything that needs S follows the single decision on motion
@@ -136,8 +135,14 @@ def gms_feedforward(
     friction = load * F_el + sigma2 * rd
     return {
         **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
-        **when(enable, F_pre=F_pre, slips=sum(slips)),
-        **when(runs, way=if_else(moving, side, if_else(fresh, 0.0, way)), last=r, started=1.0),
-        "Fi": [if_else(runs, force, 0.0) for force in forces],
-        "slipping": [if_else(runs, slip, 0.0) for slip in slips],
+        **when(
+            enable,
+            F_pre=F_pre,
+            slips=sum(slips),
+            way=if_else(moving, side, if_else(fresh, 0.0, way)),
+            last=r,
+            started=1.0,
+        ),
+        "Fi": [if_else(enable, force, 0.0) for force in forces],
+        "slipping": [if_else(enable, slip, 0.0) for slip in slips],
     }

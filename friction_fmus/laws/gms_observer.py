@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, exp, fabs, if_else, logic_and, logic_not
+from casadi import SX, exp, fabs, if_else
 
 from friction_fmus.lawkit.expressions import stribeck_level
 from friction_fmus.lawkit.law import (
@@ -20,7 +20,7 @@ from friction_fmus.lawkit.law import (
 from friction_fmus.lawkit.parts import maxwell_slip, variables
 from friction_fmus.lawkit.parts.maxwell_slip import slide, used_elements, weights
 from friction_fmus.lawkit.parts.observers import limited
-from friction_fmus.lawkit.parts.tracking import carried, runs
+from friction_fmus.lawkit.parts.tracking import carried, restarts
 
 
 @law(
@@ -81,8 +81,6 @@ def gms_observer(
                 it is set to that, and the element slips
         slip:   Fi becomes t + (Fi - t) exp(-C Ts / S),
                 t = sgn(w) alpha_i S
-        track:  Fi in proportion to alpha_i and such that u = u_track,
-                as far as |Fi| <= alpha_i Fs; all elements stick
 
     Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (the model, from memory). The observer has the form of the LuGre
     observer of Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995, with these elements in place of the
@@ -103,8 +101,9 @@ def gms_observer(
     Use it if the motion is not known in advance, reversals are nested, and a GMS model of the axis is available. With a
     known reference, GMSFeedforward needs no measured velocity.
 
-    While enable is false, u, F_hat and u_sat are 0, and so are the elements unless track is true; reset sets the
-    elements to 0 in the same sample.
+    While enable is false, u, F_hat, u_sat and the elements are 0; reset sets the elements to 0 in the same sample.
+    While track is true, all elements stick with forces in proportion to alpha_i such that u = u_track, as far as |Fi|
+    <= alpha_i Fs.
 
     Limits: the law needs a measured velocity; its delay counts, and its noise at rest moves the elements to and fro. No
     condition on k_e is known; increase it from 0 until the error no longer falls. If the parameters exceed the
@@ -122,11 +121,10 @@ def gms_observer(
     forces = [if_else(moving, side * element.moved, Fi[i]) for i, element in enumerate(elements)]
     forces = [if_else(track, start, force) for start, force in zip(started, forces, strict=True)]
     slips = used_elements([if_else(moving, element.slips, 0.0) for element in elements], N)
-    active = runs(enable, reset, track)
-    advances = logic_and(active, logic_not(track))
+    active = if_else(restarts(reset, track), 0.0, enable)
     return {
         **limited(SX(0.0), F_hat, gain, enable, u_min, u_max),
         "Fi": [if_else(active, force, 0.0) for force in forces],
-        "slipping": [if_else(advances, value, 0.0) for value in slips],
-        "way": if_else(advances, if_else(moving, side, way), 0.0),
+        "slipping": [if_else(active, if_else(track, 0.0, value), 0.0) for value in slips],
+        "way": if_else(active, if_else(track, 0.0, if_else(moving, side, way)), 0.0),
     }

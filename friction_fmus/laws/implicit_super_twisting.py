@@ -19,7 +19,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import limited
-from friction_fmus.lawkit.parts.tracking import carried, runs
+from friction_fmus.lawkit.parts.tracking import carried, restarts
 
 
 @law(
@@ -85,7 +85,6 @@ def implicit_super_twisting(
         p      = m (rdd + lam (rd - v)) + c1 sqrt(m L) y sgn(s) + f + gain F_hat
         u      = clip(p, u_min, u_max)
         w_next = w while u is limited and s pushes further into that limit
-        w      such that p = u_track, within the limits, while track is true
 
     Near s = 0, u = 2 m s/Ts + w + ..., which is dead-beat in two samples. For friction that changes at a rate below L,
     s settles at (Ts^2/m) dF/dt, which is of second order in Ts. A step that is implicit in both equations at once, for
@@ -96,8 +95,8 @@ def implicit_super_twisting(
     Use it for precise tracking with smooth friction, with the bound L of its rate as the only model. Connect a friction
     feedforward without its inertia part to f.
 
-    While enable is false, u, F_hat, u_sat and w are 0; reset takes effect in the same sample. track sets w while enable
-    is false, too, unless gain = 0.
+    While enable is false, u, F_hat, u_sat and w are 0; reset takes effect in the same sample. While track is true, w is
+    such that p = u_track, within the limits; with gain = 0 it is not changed.
 
     Limits: a jump of friction at a reversal is followed with a rate of at most c2 L. The gain on s is up to 2 m/Ts:
     delays, flexible loads and noise of v have the same effects as in ImplicitSlidingMode, and a true mass below m
@@ -115,4 +114,4 @@ def implicit_super_twisting(
     old = carried(track, u_track, twisting + gain * step, gain, u_min, u_max, own)
     outputs = limited(twisting, old + step, gain, enable, u_min, u_max)
     after = old + unless_winding_up(step, outputs["u_sat"])
-    return {**outputs, "w": if_else(runs(enable, reset, track), after, 0.0)}
+    return {**outputs, "w": if_else(restarts(reset, track), 0.0, if_else(enable, after, 0.0))}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, if_else, logic_or
+from casadi import SX, if_else
 
 from friction_fmus.lawkit.law import (
     FORCE,
@@ -77,7 +77,6 @@ def kalman_friction(
         v_p = v_hat + Ts/m (u_prev - F_walk)
         (x_hat, v_hat, F_walk) = (x_p, v_p, F_walk) + K (x - x_p)
         F_hat = F_walk,   u = clip(gain F_hat, u_min, u_max)
-        F_walk = u_track/gain, within the limits, while track is true
 
     with the gain K of the Kalman filter. In the units X = Ts^2/m F_step of position, V = Ts/m F_step of velocity and
     F_step of force, with n = x_noise/X:
@@ -103,8 +102,9 @@ def kalman_friction(
         F - F_hat = c (m |K2/K3| - Ts/2)
 
     where K2 (1/s) and K3 (N/m) are the gains of velocity and force. The first sample and a sample with reset adopt x
-    and v (v = 0 if unconnected), and set F_hat to 0 and P to diag(n^2, 2 n^2, 1). While enable is false, u, F_hat and
-    u_sat are 0, and so are all states unless track is true. With gain = 0, F_walk is not set.
+    and v (v = 0 if unconnected), and set F_hat to 0 and P to diag(n^2, 2 n^2, 1). While enable is false, u, F_hat,
+    u_sat and all states are 0. While track is true, F_walk is such that u = u_track, within the limits; with gain = 0
+    it is not changed.
 
     Limits: a wrong mass puts the missing inertia force into F_hat. At a reversal, the estimate lags by about the time
     constant of the filter. Full compensation with F_hat is an integral action, which can hunt if static friction
@@ -136,11 +136,10 @@ def kalman_friction(
     P = [[if_else(use_v, a, b) for a, b in zip(*rows, strict=True)] for rows in zip(with_v[1], P, strict=True)]
 
     mean[2] = carried(track, u_track, SX(0.0), gain, u_min, u_max, mean[2])
-    runs = logic_or(enable, track)
     names = ("P11", "P12", "P13", "P22", "P23", "P33")
     states = dict(zip(("x_hat", "v_hat", "F_walk", *names), (*mean, *P[0], *P[1], *P[2]), strict=True))
     return {
         **compensation(mean[2], gain, u_min, u_max, enable),
-        **{name: if_else(runs, value, 0.0) for name, value in states.items()},
-        "running": runs,
+        **{name: if_else(enable, value, 0.0) for name, value in states.items()},
+        "running": enable,
     }

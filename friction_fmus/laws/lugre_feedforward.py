@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, fabs, if_else, logic_and, logic_or, sign
+from casadi import SX, fabs, if_else, logic_and, sign
 
 from friction_fmus.lawkit.expressions import stribeck_level
 from friction_fmus.lawkit.law import (
@@ -82,8 +82,6 @@ def lugre_feedforward(
         F_hat = sigma0 z + sigma1(rd) (rd - sigma0 |rd| z/g(rd)) + sigma2 rd
         sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d > 0, else sigma1
         u     = clip(m rdd + gain F_hat, u_min, u_max)
-        z     such that u = u_track while track is true, as far as
-              |z| <= g(rd)/sigma0
 
     Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995 (the model, start values from its Table I);
     Lampaert, Swevers, Al-Bender, American Control Conference, 2004, compare it in feedforward with the Dahl, Leuven and
@@ -96,10 +94,10 @@ def lugre_feedforward(
     Use it for axes that reverse often or move by micrometres, where the sign of the velocity is too abrupt. Sliding
     friction must be known within a few per cent, the stiffness much less accurately.
 
-    The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat and u_sat are
-    0, and so are the states unless track is true; when enable becomes true again, dr is 0, however far r has moved.
-    Connect u to the input f of a position controller, whose parameter m must then be 0. Feedforward does not change the
-    stability of the loop.
+    The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat, u_sat and
+    the states are 0; when enable becomes true again, dr is 0, however far r has moved. While track is true, z is such
+    that u = u_track, as far as |z| <= g(rd)/sigma0. Connect u to the input f of a position controller, whose parameter
+    m must then be 0. Feedforward does not change the stability of the loop.
 
     Limits: in the model, z drifts under a constant force with vibration, reversal points are not remembered, and a jump
     of rd causes a jump of F_hat by sigma1 times the jump of rd. With the start values, F_hat may even drive the axis
@@ -131,6 +129,5 @@ def lugre_feedforward(
     friction = sigma0 * now + damping * stretching + viscous * rd
     return {
         **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
-        **when(enable, z_hat=now),
-        **when(logic_or(enable, track), z=now, last=r, started=1.0),
+        **when(enable, z_hat=now, z=now, last=r, started=1.0),
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, fabs, if_else, logic_and, logic_not
+from casadi import SX, fabs, if_else
 
 from friction_fmus.lawkit.expressions import limits, stribeck_level, unless_winding_up
 from friction_fmus.lawkit.law import (
@@ -21,7 +21,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import acting, limited
-from friction_fmus.lawkit.parts.tracking import carried, runs
+from friction_fmus.lawkit.parts.tracking import carried, restarts
 
 
 @law(
@@ -74,8 +74,6 @@ def lugre_observer(
                 into that limit
         F_hat = sigma0 z + sigma1 z' + sigma2 v
         u     = clip(gain F_hat, u_min, u_max)
-        z     such that u = u_track while track is true, as far as
-              |z| <= g(v)/sigma0
 
     Canudas de Wit, Olsson, Astrom, Lischinsky: A new model for control of systems with friction, IEEE TAC 40(3), 1995.
     Connect u to the input f of a position controller H(s), which gives the law of the paper, u = H(s) (r - x) + F_hat +
@@ -105,8 +103,8 @@ def lugre_observer(
     (derived for this library). With the start values and 1 kg, this requires Kd >= 316 N.s/m. A position loop of 10 Hz
     has less damping; the tracking error then grows again above a certain k.
 
-    While enable is false, u, F_hat and u_sat are 0, and so is z unless track is true; reset sets z to 0 in the same
-    sample.
+    While enable is false, u, F_hat, u_sat and z are 0; reset sets z to 0 in the same sample. While track is true, z is
+    such that u = u_track, as far as |z| <= g(v)/sigma0.
 
     Limits: the law needs a measured velocity, whose delay and noise are amplified by sigma1. If the parameters exceed
     the parameters of the axis, the estimate drives the axis; set gain < 1 in this case. u_min must not exceed u_max.
@@ -117,7 +115,7 @@ def lugre_observer(
     stretch = v + injected
     rest, stiffness = gain * (sigma1 * stretch + sigma2 * v), gain * (sigma0 - sigma1 * rate)
     old = carried(track, u_track, rest, stiffness, u_min, u_max, z, most=level / sigma0)
-    fresh = logic_and(reset, logic_not(track))
+    fresh = restarts(reset, track)
     slope = stretch - rate * old
     F_hat = if_else(fresh, sigma1 * stretch, sigma0 * old + sigma1 * slope) + sigma2 * v
     active = limits(gain * F_hat, u_min, u_max)
@@ -125,5 +123,5 @@ def lugre_observer(
     held = if_else(active != 0.0, v + unless_winding_up(injected, active) - rate * old, slope)
     return {
         **limited(SX(0.0), F_hat, gain, enable, u_min, u_max),
-        "z": if_else(runs(enable, reset, track), old + acting(rate, Ts) * held, 0.0),
+        "z": if_else(enable, if_else(fresh, 0.0, old + acting(rate, Ts) * held), 0.0),
     }

@@ -21,7 +21,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.tracking import carried, runs
+from friction_fmus.lawkit.parts.tracking import carried, restarts
 
 
 @law(
@@ -89,10 +89,9 @@ def pid(
     the same sample and in the next one. While enable is false, u, u_sat and the integral are 0. When enable becomes
     true again, u does not jump if the reference starts at the state of the axis (r = x, rd = v, rdd = 0).
 
-    To take over from another controller without a jump, keep track true until the law controls the axis, with the
-    present force in u_track: u is then u_track, within u_min and u_max, and continues from it when track becomes false.
-    The integral follows while enable is false, too. The integral also absorbs the jump of a compensator at f that is
-    enabled in such a sample. With Ki = 0 there is no memory, and track has no effect.
+    To take over an axis without a jump, set track in the first sample with enable, and u_track to the force that acts:
+    u is then u_track, within u_min and u_max, and continues from it. The integral also absorbs the jump of a
+    compensator at f that is enabled in such a sample. With Ki = 0 there is no memory, and track has no effect.
 
     Dead-band and reversal act against hunting; the start values disable them. A dead-band with db_ratio > 1 does not
     chatter with a noisy error. reversal = 0 resets the integral, -1 reverses its sign like Coulomb friction, and values
@@ -129,7 +128,7 @@ def pid(
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
         "u_sat": if_else(enable, u_sat, 0.0),
-        "integral": if_else(runs(enable, reset, track), old + Ts * rate, start),
+        "integral": if_else(restarts(reset, track), start, if_else(enable, old + Ts * rate, start)),
         "held": if_else(enable, hold, 0.0),
         "side": if_else(enable, if_else(moves, sign(v), side), 0.0),
     }

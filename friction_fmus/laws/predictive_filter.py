@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, if_else, logic_or
+from casadi import SX, if_else
 
 from friction_fmus.lawkit.law import (
     FORCE,
@@ -71,8 +71,6 @@ def predictive_filter(
         F_hat = -(m/Ts) a rho
         v_hat = v_hat + Ts/m (u_prev - F_hat)
         u     = clip(gain F_hat, u_min, u_max)
-        v_hat such that u = u_track, within the limits, while track is true:
-                v_hat + Ts/m u_prev is replaced by v + Ts/(m a) F_hat
 
     Crassidis, Markley: Predictive filtering for nonlinear systems, Journal of Guidance, Control, and Dynamics 20(3),
     1997, from memory, for a mass with a velocity measurement. It is not certain that Ray, Ramasubramanian, Townsend
@@ -87,8 +85,9 @@ def predictive_filter(
 
         F - F_hat = c Ts (1/a - 1/2)
 
-    The first sample and a sample with reset adopt v and set F_hat to 0. While enable is false, u, F_hat and u_sat are
-    0, and so are all states unless track is true. With gain = 0, v_hat is not set.
+    The first sample and a sample with reset adopt v and set F_hat to 0. While enable is false, u, F_hat, u_sat and all
+    states are 0. While track is true, v_hat is such that u = u_track, within the limits; with gain = 0 it is not
+    changed.
 
     Limits: with v_noise = 0, the estimate is dead-beat: F_hat is the mean force in the last interval, with the noise of
     the difference of two samples times m/Ts. With a wrong mass, F_hat contains the difference of the inertia forces.
@@ -100,9 +99,8 @@ def predictive_filter(
     kept = if_else(new, v, v_hat + Ts / m * u_prev)
     predicted = carried(track, u_track, -slope * v, slope, u_min, u_max, kept)
     residual = a * (v - predicted)
-    runs = logic_or(enable, track)
     return {
         **compensation(-m / Ts * residual, gain, u_min, u_max, enable),
-        "v_hat": if_else(runs, predicted + residual, 0.0),
-        "running": runs,
+        "v_hat": if_else(enable, predicted + residual, 0.0),
+        "running": enable,
     }

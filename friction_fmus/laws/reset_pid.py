@@ -21,7 +21,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.tracking import carried, runs
+from friction_fmus.lawkit.parts.tracking import carried, restarts
 
 
 @law(
@@ -102,7 +102,7 @@ def reset_pid(
     within presliding.
 
     While reset is true, the integral is 0 and the sign of the error is discarded; while enable is false, u and u_sat
-    are also 0. jumped is then 0. While track is true, also with enable false, I is such that u = u_track within the
+    are also 0. jumped is then 0. While track is true, I is such that u = u_track within the
     limits, as in PID; with Ki = 0, track has no effect.
 
     Limits: the law is meant for positioning, as zero crossings of the error during tracking or due to noise also cause
@@ -120,11 +120,11 @@ def reset_pid(
     old = carried(track, u_track, feedback + ahead, Ki, u_min, u_max, jumped)
     wanted = feedback + Ki * old + m * rdd + f
     u_sat = limits(wanted, u_min, u_max)
-    continues = runs(enable, reset, track)
+    runs = if_else(restarts(reset, track), 0.0, enable)
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
         "u_sat": if_else(enable, u_sat, 0.0),
         "jumped": if_else(enable, crossing, 0.0),
-        "integral": if_else(continues, old + Ts * unless_winding_up(e, u_sat), start),
-        "side": if_else(continues, if_else(e == 0.0, before, sign(e)), 0.0),
+        "integral": if_else(runs, old + Ts * unless_winding_up(e, u_sat), start),
+        "side": if_else(runs, if_else(e == 0.0, before, sign(e)), 0.0),
     }

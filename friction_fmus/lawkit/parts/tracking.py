@@ -2,20 +2,19 @@
 
 While the input ``track`` is true, a law computes its memory backwards from the input ``u_track`` and continues with it:
 Astrom, Hagglund: Advanced PID Control, ISA 2006 (tracking mode and bumpless transfer); Hanus, Kinnaert, Henrotte:
-Conditioning technique, a general anti-windup and bumpless transfer method, Automatica 23(6), 1987. It does so while
-``enable`` is false, too, so that both commands may change in the same sample.
+Conditioning technique, a general anti-windup and bumpless transfer method, Automatica 23(6), 1987.
 """
 
 from __future__ import annotations
 
-from casadi import SX, if_else, logic_and, logic_or
+from casadi import SX, if_else, logic_and, logic_not
 
 from friction_fmus.lawkit.expressions import clip
 
 
-def runs(enable: SX, reset: SX, track: SX) -> SX:
-    """Return whether the states continue: while the law is enabled or tracks, except during a reset without track."""
-    return logic_or(track, if_else(reset, 0.0, enable))
+def restarts(reset: SX, track: SX) -> SX:
+    """Return whether the memory is at its start value: during a reset, unless the law tracks a force."""
+    return logic_and(reset, logic_not(track))
 
 
 def carried(

@@ -55,7 +55,7 @@ ENABLE_STATES: Any = Command(True, "false: u = 0, F_hat = 0 and the states are a
 ENABLE_INTEGRAL: Any = Command(True, "false: u = 0 and the integral is at its start value")
 RESET: Any = Command(False, "true: the states are reset to their start values")
 RESET_INTEGRAL: Any = Command(False, "true: the integral is reset to its start value")
-TRACK: Any = Command(False, "true: the states are set so that u = u_track, also while enable is false")
+TRACK: Any = Command(False, "true: the states are set so that u = u_track")
 
 # ---- states ----------------------------------------------------------------------------------------------------------
 
