@@ -79,7 +79,8 @@ class Export:
         for (variable, _), number in zip(_scalars(self.law.results), numbers, strict=True):
             results.setdefault(variable.name, number)
         commands = {i for i, (v, _) in enumerate(_scalars(self.law.given)) if v.kind is Kind.COMMAND}
-        return placed(equations_of(self.law.documentation), nodes, self.named, results, commands)
+        equations = equations_of(self.law.documentation, self.law.prefixes)
+        return placed(equations, nodes, self.named, results, commands)
 
     @cached_property
     def named(self) -> tuple[Named, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from friction_fmus.study.compensator_records import CompensatorResult, Metrics, Recommendation, Rung
-from friction_fmus.study.compensators import INTEGRAL
+from friction_fmus.study.compensators import INTEGRAL, TABLE
 from friction_fmus.study.ranking import WORTH
 
 AS_MEASURED = "as measured"
@@ -36,12 +36,17 @@ def ladder(
         ("feedforward", "with friction feedforward"),
         ("estimator", "with an estimator"),
         ("feedforward with estimator", "with feedforward and estimator"),
+        (TABLE.kind, "with a table over position"),
     )
     for kind, title in steps:
-        row = next((row for row in ranked if row.kind == kind and row.rank is not None), None)
+        row = next((row for row in ranked if row.rank is not None and _is_of(row, kind)), None)
         if row is not None and row.metrics is not None:
             rungs.append(Rung(title, row.name, row.metrics))
     return tuple(rungs)
+
+
+def _is_of(row: CompensatorResult, kind: str) -> bool:
+    return row.kind.endswith(kind) if kind == TABLE.kind else row.kind == kind
 
 
 def largest_step(rungs: Sequence[Rung]) -> tuple[Rung, Rung] | None:
