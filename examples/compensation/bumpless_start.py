@@ -1,7 +1,7 @@
-"""A controller drops a loaded axis when it takes over, unless it starts from the present force
+"""A controller drops a loaded axis unless it starts from the present force
 
-A brake holds 1 kg with LuGre friction under a load of 30 N. At 20 ms it opens and a controller is enabled, whose
-integral or estimate starts at 0 or, with `track`, at the load.
+A brake that holds a load of 30 N opens at 20 ms, and a controller is enabled, whose integral or estimate starts at 0
+or, with `track`, from the load.
 
 In the sample of enable, track is true and u_track is the load. Three poles of the PID controller at w: without
 friction, a step F of the load moves a mass m by F t^2/(2 m) exp(-w t), at most 2 F/(m w^2) exp(-2). Friction opposes
@@ -9,7 +9,7 @@ the fall by up to Fs and the sample time adds to it; the bounds are those of F l
 the same controller in the fall. With track, the forces balance from the first sample; an error of u_track below Fs
 moves the contact only.
 
-Source: Astrom, Hagglund: Advanced PID Control, ISA 2006 (bumpless transfer and tracking).
+Source: Astrom, Hagglund: Advanced PID Control, ISA 2006.
 """
 
 from math import exp, inf, pi

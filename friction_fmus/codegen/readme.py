@@ -143,7 +143,7 @@ def _positions(export: Export) -> str:
     return _PAIRS.format(name=first, positions=_fill(text), accuracy=_fill(accuracy))
 
 
-_TRACK = """{lead}
+_TRACK = """To take over an axis on which `force` acts, in the first sample:
 
 ```c
 inputs.track = 1;
@@ -160,12 +160,11 @@ def _start(export: Export) -> str:
     p = export.prefix
     if not export.tracks:
         return _fill(f"The law has no memory that could carry a force. `{p}.h` says what happens when it is enabled.")
-    lead = "To take over an axis on which `force` acts, at the measured position:"
     detail = (
-        "`outputs.u` is then `force`, as far as the limits and the memory of the law allow, and continues from it. "
-        "`track` may stay 1 as long as another controller acts, also while `enable` is 0."
+        "`outputs.u` is then `force`, as far as its limits and the memory of the law allow, and continues from it. "
+        "`enable` must be 1 in this sample."
     )
-    return _TRACK.format(p=p, lead=lead, detail=_fill(detail))
+    return _TRACK.format(p=p, detail=_fill(detail))
 
 
 def _fill(text: str, indent: str = "") -> str:
