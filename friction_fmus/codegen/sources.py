@@ -17,12 +17,6 @@ from friction_fmus.lawkit.emit.comments import comment
 from friction_fmus.lawkit.law import BOOLEANS, Kind, Variable
 from friction_fmus.version import VERSION
 
-_C89 = {
-    *("acos", "asin", "atan", "atan2", "ceil", "cos", "cosh", "exp", "fabs", "floor", "fmod", "log", "pow", "sin"),
-    *("sinh", "sqrt", "tan", "tanh"),
-}
-"""Functions in double that <math.h> declares since C89."""
-
 
 def si_units() -> dict[str, str]:
     """Return the unit of each quantity in the translational build, read from block.h."""
@@ -40,7 +34,7 @@ def unit_text(variable: Variable) -> str:
 
 def number(export: Export, variable: Variable, value: float) -> str:
     """Return a value of the variable as a C literal."""
-    return str(int(value)) if variable.kind in BOOLEANS else export.real.literal(value)
+    return ("true" if value else "false") if variable.kind in BOOLEANS else export.real.literal(value)
 
 
 def _range(variable: Variable) -> str:
@@ -62,7 +56,7 @@ def _struct(export: Export, group: str) -> list[str]:
             low = export.member(replace(variable, name=f"{variable.name}_low"))
             lines.append(f"    {low}; {comment(f'{variable.name} minus its value rounded to float')}")
     if not export.groups[group]:
-        lines.append("    char none;")
+        lines.append("    uint8_t none; /* the law has none of these; C requires a member */")
     return [*lines, f"}} {export.prefix}_{group};", ""]
 
 
@@ -85,20 +79,28 @@ def header(export: Export) -> str:
             f"#ifndef {guard}",
             f"#define {guard}",
             "",
+            "#include <stdbool.h>",
+            "#include <stdint.h>",
+            "",
             *(line for group in export.groups for line in _struct(export, group)),
             "#ifdef __cplusplus",
             'extern "C" {',
             "#endif",
             "",
+            comment(
+                f"If {p}.c is compiled with {p.upper()}_CHECK_POINTERS, {p}_init and {p}_step do nothing if a pointer "
+                f"is NULL,\nand {p}_check then returns -1."
+            ),
+            "",
             "/* Set all start values. */",
             f"void {p}_init({p}_parameters *parameters, {p}_states *states, {p}_inputs *inputs, {p}_outputs *outputs);",
             "",
             comment(f"Return 0 if the parameters are valid, else the number of the first violated rule:\n\n{rules}"),
-            f"int {p}_check(const {p}_parameters *parameters);",
+            f"int32_t {p}_check(const {p}_parameters *parameters);",
             "",
             comment(
                 "Compute one sample: the outputs for these inputs, and the next states. Call it every `Ts` seconds.\n"
-                "While an input is NaN or infinite, outputs and states are held and `fault` is 1."
+                "While an input is NaN or infinite, outputs and states are held and `fault` is true."
             ),
             f"void {p}_step({arguments});",
             "",
@@ -119,39 +121,43 @@ def _rules(export: Export) -> list[tuple[str, str]]:
         if variable.kind in BOOLEANS:
             continue
         parts = []
-        parts += [f"FINITE({low})" for low in export.lows(variable)]
+        parts += [f"isfinite({low})" for low in export.lows(variable)]
         for place in export.places(variable):
-            parts.append(f"FINITE({place})")
+            parts.append(f"isfinite({place})")
             if math.isfinite(variable.min):
                 parts.append(f"({place} >= {export.real.literal(variable.min)})")
             if math.isfinite(variable.max):
                 parts.append(f"({place} <= {export.real.literal(variable.max)})")
         rules.append((f"{variable.name} is finite{_range(variable)}", " && ".join(parts)))
-    return rules + [
-        (text, f"holds[{i}] != {export.real.literal(0.0)}") for i, text in enumerate(export.law.conditions.texts)
-    ]
+    return rules + [(text, f"holds[{i}]") for i, text in enumerate(export.law.conditions.texts)]
 
 
 def _check(export: Export) -> list[str]:
     """Return the function that checks the parameters."""
     conditions = export.law.conditions
     holds = [f"holds[{i}]" for i in range(len(conditions.texts))]
-    lines = export.statements(conditions.function, conditions.parameters, holds).lines if holds else ()
+    lines = export.statements(conditions.function, conditions.parameters, holds, flags=holds).lines if holds else ()
     relations = [
-        f"static void relations(const {export.prefix}_parameters *parameters, {export.real.name} *holds)",
+        "/* Find the relations between parameters that hold. */",
+        f"static void relations(const {export.prefix}_parameters *parameters, bool *holds)",
         "{",
         *(f"    {line}" for line in lines),
         "}",
         "",
     ]
+    check = [
+        *([f"bool holds[{len(holds)}];", "relations(parameters, holds);"] if holds else []),
+        *(line for i, (_, condition) in enumerate(_rules(export), start=1) for line in _rule(i, condition)),
+        "} else {",
+        "    violated = 0;",
+        "}",
+    ]
     return [
         *(relations if holds else []),
-        f"int {export.prefix}_check(const {export.prefix}_parameters *parameters)",
+        f"int32_t {export.prefix}_check(const {export.prefix}_parameters *parameters)",
         "{",
-        *([f"    {export.real.name} holds[{len(holds)}];"] if holds else []),
-        "    int violated = 0;",
-        *(["    relations(parameters, holds);"] if holds else []),
-        *(line for i, (_, condition) in enumerate(_rules(export), start=1) for line in _rule(i, condition)),
+        "    int32_t violated = -1;",
+        *_checked(export, ("parameters",), check),
         "    return violated;",
         "}",
         "",
@@ -160,8 +166,27 @@ def _check(export: Export) -> list[str]:
 
 def _rule(number: int, condition: str) -> list[str]:
     """Return the check of a rule; the first violated one counts."""
-    first = "(violated == 0) && " if number > 1 else ""
-    return [f"    if ({first}!({_wrapped(condition)})) {{", f"        violated = {number};", "    }"]
+    start = "if" if number == 1 else "} else if"
+    negated = f"!({_chain(condition.split(' && '))})" if "(" in condition else f"!{condition}"
+    return [*f"{start} ({negated}) {{".split("\n"), f"    violated = {number};"]
+
+
+def _chain(conditions: Sequence[str]) -> str:
+    """Return whether all conditions hold, in several lines if they are long."""
+    return ("\n    && " if len(" && ".join(conditions)) > 90 else " && ").join(conditions)
+
+
+def _checked(export: Export, pointers: Sequence[str], statements: Sequence[str]) -> list[str]:
+    """Return the statements of an interface function, which optionally does nothing if a pointer is NULL."""
+    condition = " && ".join(f"({pointer} != NULL)" for pointer in pointers)
+    return [
+        f"#ifdef {export.prefix.upper()}_CHECK_POINTERS",
+        f"    if ({condition})" if len(pointers) > 1 else f"    if {condition}",
+        "#endif",
+        "    {",
+        *(f"        {line}" for line in statements),
+        "    }",
+    ]
 
 
 def _wrapped(condition: str) -> str:
@@ -177,18 +202,17 @@ def _init(export: Export) -> list[str]:
         values = export.start[variable.name]
         lows = [value - float(np.float32(value)) for value in values]
         lines += [
-            f"    {place} = {number(export, variable, value)};"
+            f"{place} = {number(export, variable, value)};"
             for places, parts in ((export.places(variable), values), (export.lows(variable), lows))
             for place, value in zip(places, parts, strict=False)
         ]
     results = [place for v in export.law.select(Kind.OUTPUT) for place in (*export.places(v), *export.lows(v))]
-    lines += [f"    {place} = {export.real.literal(0.0)};" for place in results]
+    lines += [f"{place} = {export.real.literal(0.0)};" for place in results]
+    lines += [*([] if export.groups["states"] else ["states->none = 0U;"]), "outputs->fault = false;"]
     return [
         f"void {p}_init({p}_parameters *parameters, {p}_states *states, {p}_inputs *inputs, {p}_outputs *outputs)",
         "{",
-        *lines,
-        *([] if export.groups["states"] else ["    states->none = 0;"]),
-        "    outputs->fault = 0;",
+        *_checked(export, tuple(export.groups), lines),
         "}",
         "",
     ]
@@ -202,27 +226,17 @@ def implementation(export: Export) -> str:
     unused = [f"    (void){group};" for group in ("parameters", "states") if f"{group}->" not in text]
     moved = export.law.select(Kind.INPUT, Kind.OPTIONAL)
     reals = [place for v in moved for place in (*export.places(v), *export.lows(v))]
-    finite = "\n        && ".join(f"FINITE({place})" for place in reals)
-    run = ["outputs->fault = 0;", "sample(parameters, states, inputs, outputs);"]
+    finite = _chain([f"isfinite({place})" for place in reals])
+    run = ["outputs->fault = false;", "sample(parameters, states, inputs, outputs);"]
     return "\n".join(
         [
             f'#include "{p}.h"',
             "",
             "#include <math.h>",
-            "#if defined __STDC_VERSION__ && __STDC_VERSION__ >= 199901L",
-            "#include <stdbool.h>",
-            "#elif !defined __cplusplus",
-            "typedef int bool;",
-            "#endif",
+            "#include <stddef.h>",
             "",
-            *prototypes(export),
             "#ifdef __FAST_MATH__",
             '#error "compile this file without -ffast-math, which breaks the detection of NaN inputs"',
-            "#endif",
-            "#if defined __STDC_VERSION__ && __STDC_VERSION__ >= 199901L",
-            "#define FINITE(value) isfinite(value)",
-            "#else",
-            f"#define FINITE(value) ((value) - (value) == {export.real.literal(0.0)}) /* NaN if not finite */",
             "#endif",
             "",
             _sample_comment(export),
@@ -236,7 +250,7 @@ def implementation(export: Export) -> str:
             *_check(export),
             f"void {p}_step({given})",
             "{",
-            *(f"    {line}" for line in (_guarded(finite, run) if finite else run)),
+            *_checked(export, tuple(export.groups), _guarded(finite, run) if finite else run),
             "}",
             "",
         ]
@@ -245,7 +259,8 @@ def implementation(export: Export) -> str:
 
 def _guarded(condition: str, statements: Sequence[str]) -> list[str]:
     """Return the statements under the condition that all inputs are finite."""
-    return [f"if ({condition}) {{", *(f"    {line}" for line in statements), "} else {", "    outputs->fault = 1;", "}"]
+    inner = [f"    {line}" for line in statements]
+    return [*f"if ({condition}) {{".split("\n"), *inner, "} else {", "    outputs->fault = true;", "}"]
 
 
 def _sample_comment(export: Export) -> str:
@@ -256,27 +271,6 @@ def _sample_comment(export: Export) -> str:
     if any(zero in line for line in export.kernel.lines):
         text += f"\nx {zero} is x, but 0 for x = -0, as in the FMU."
     return comment(text)
-
-
-def prototypes(export: Export) -> list[str]:
-    """Return prototypes of functions that <math.h> does not declare in C89."""
-    real = export.real
-    new = sorted(name for name in export.kernel.functions if name not in _C89)
-    if not new:
-        return []
-    return [
-        "#if !defined __STDC_VERSION__ || __STDC_VERSION__ < 199901L",
-        *(
-            f"{real.name} {name}({', '.join([real.name] * _ARGUMENTS.get(name.removesuffix(real.suffix), 1))});"
-            for name in new
-        ),
-        "#endif",
-        "",
-    ]
-
-
-_ARGUMENTS = {**dict.fromkeys(("pow", "atan2", "fmod", "copysign", "hypot", "remainder"), 2), "fma": 3}
-"""Number of arguments of the functions with more than one."""
 
 
 def example(export: Export) -> str:
@@ -298,13 +292,12 @@ def example(export: Export) -> str:
             "int main(void)",
             "{",
             *(f"    {p}_{group} {group};" for group in export.groups),
-            "    int k;",
             "",
             f"    {p}_init(&parameters, &states, &inputs, &outputs);",
             f"    if ({p}_check(&parameters) != 0) {{",
             "        return 1;",
             "    }",
-            "    for (k = 0; k < 10; k++) {",
+            "    for (int32_t k = 0; k < 10; k++) {",
             "        /* read references and sensors here */",
             *([drive] if drive else []),
             f"        {p}_step(&parameters, &states, &inputs, &outputs);",

@@ -58,7 +58,7 @@ public:
     }}
 
     /* Return 0 if the parameters are valid, else the number of the first violated rule in {p}.h. */
-    int check() const noexcept
+    int32_t check() const noexcept
     {{
         return {p}_check(&parameters);
     }}
@@ -97,7 +97,7 @@ def _take_over(export: Export) -> str:
     return f"""    /* Compute one sample in which u is this force, within its limits, and continues from it. */
     Outputs take_over(Inputs inputs, {export.real.name} force) noexcept
     {{
-        inputs.track = 1;
+        inputs.track = true;
         inputs.u_track = force;
         return step(inputs);
     }}

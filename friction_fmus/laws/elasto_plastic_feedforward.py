@@ -61,11 +61,12 @@ def slid(z: SX, u: SX, z_max: SX, z_ba: SX) -> SX:
     room = begin - z
     elastic = if_else(room > 0.0, room, 0.0)
     entered, rest = if_else(room > 0.0, begin, z), u - elastic
-    width = z_max - begin
+    # these are positive where they are used; fabs shows that they are not -0.0, which saves operations in generated C
+    width, distance = fabs(z_max - begin), fabs(z_max - entered)
     between = logic_and(entered < z_max, rest > 0.0)
     span = if_else(between, width, 1.0)
-    y = if_else(between, (z_max - entered) / span, 1.0)
-    plastic = z_max - width * approach(y, if_else(between, width / z_max, 1.0), if_else(between, rest / span, 0.0))
+    y, k = if_else(between, distance / span, 1.0), if_else(between, fabs(width / z_max), 1.0)
+    plastic = z_max - width * approach(y, k, if_else(between, rest / span, 0.0))
     beyond = relax(entered, z_max, if_else(rest > 0.0, rest, 0.0) / z_max)
     return if_else(rest <= 0.0, z + u, if_else(between, plastic, beyond))
 
@@ -153,7 +154,7 @@ def elasto_plastic_feedforward(
     now = carried(track, u_track, rest, gain * sigma0, u_min, u_max, moved, most=elastic)
     along = sign(rd) * now
     inside = logic_and(along > z_ba, along < steady)
-    phase = 0.5 * math.pi * (along - z_ba) / if_else(inside, steady - z_ba, 1.0)
+    phase = 0.5 * math.pi * (along - z_ba) / if_else(inside, fabs(steady - z_ba), 1.0)
     alpha = if_else(inside, sin(phase) ** 2, along >= steady)
     stretching = rd * (1.0 - alpha * along / steady)
     friction = sigma0 * now + damping * stretching + sigma2 * rd

@@ -130,7 +130,7 @@ def test_the_readme_says_how_a_position_is_given(tmp_path: Path) -> None:
 
 def test_a_law_without_a_position_says_so() -> None:
     assert "No input is a position" in readme(make_export("StaticFeedforward", real="float"), ())
-    assert "osition" not in readme(make_export("PID"), ()).split("## Cost")[0].split("C89")[1]
+    assert "osition" not in readme(make_export("PID"), ()).split("## Cost")[0].split("C99")[1]
 
 
 @pytest.mark.parametrize("name", [law.name for law in LAWS])

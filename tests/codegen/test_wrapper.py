@@ -72,7 +72,7 @@ int main()
     const Law::Outputs first = taken.take_over(far, 30);
     if (std::fabs(first.u - 30) > 1e-2 || std::fabs(first.u - law.step(far).u) < 100)
         return 7;
-    far.track = 1;  /* the same by the inputs */
+    far.track = true;  /* the same by the inputs */
     far.u_track = 30;
     if (Law().step(far).u != first.u)
         return 8;
