@@ -38,9 +38,9 @@ static void sample(const law_parameters *parameters, law_states *states, const l
         /* (6) F_hat = F_est */
         double friction;
         if (follows) {
-            const double u_min_or_u_max_or_u_track = (inputs->u_track < parameters->u_min)
-                ? parameters->u_min : ((parameters->u_max < inputs->u_track) ? parameters->u_max : inputs->u_track);
-            const double memory_value = (u_min_or_u_max_or_u_track - tracking) / parameters->gain;
+            const double limited_track = (inputs->u_track < parameters->u_min) ? parameters->u_min
+                : ((parameters->u_max < inputs->u_track) ? parameters->u_max : inputs->u_track);
+            const double memory_value = (limited_track - tracking) / parameters->gain;
             friction = memory_value;
         } else if (fresh) {
             friction = 0.0;

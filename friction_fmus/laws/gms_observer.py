@@ -113,7 +113,7 @@ def gms_observer(
     carries = carried(track, u_track, gain * (sigma2 * v), gain, u_min, u_max, SX(0.0), most=Fs)
     started = [share * (carries / total) for share in shares]
     observed = sum(if_else(reset, 0.0, Fi[i]) for i in range(maxwell_slip.ELEMENTS))
-    F_hat = if_else(track, sum(started), observed) + sigma2 * v
+    F_hat = if_else(track, carries, observed) + sigma2 * v
     w = v + k_e * (r - x)  # winds nothing up: the elements are limited by S
     S = stribeck_level(fabs(w), Fc, Fs, vs, delta)
     moving, side = w != 0.0, if_else(w > 0.0, 1.0, -1.0)

@@ -36,5 +36,6 @@ def carried(
         Largest magnitude of a memory that tracks, such as the deflection of a contact that slides.
     """
     follows = logic_and(track, gain != 0.0)
-    memory = (clip(u_track, u_min, u_max) - rest) / if_else(follows, gain, 1.0)
+    limited_track = clip(u_track, u_min, u_max)
+    memory = (limited_track - rest) / if_else(follows, gain, 1.0)
     return if_else(follows, memory if most is None else clip(memory, -most, most), otherwise)
