@@ -40,8 +40,7 @@ static void sample(const law_parameters *parameters, law_states *states, const l
         if (follows) {
             const double limited_track = (inputs->u_track < parameters->u_min) ? parameters->u_min
                 : ((parameters->u_max < inputs->u_track) ? parameters->u_max : inputs->u_track);
-            const double memory_value = (limited_track - tracking) / parameters->gain;
-            friction = memory_value;
+            friction = (limited_track - tracking) / parameters->gain;
         } else if (fresh) {
             friction = 0.0;
         } else {

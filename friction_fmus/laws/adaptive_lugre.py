@@ -22,7 +22,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import adapted, limited, relaxed
-from friction_fmus.lawkit.parts.tracking import carried, restarts
+from friction_fmus.lawkit.parts.tracking import deflected, restarts
 
 
 @law(
@@ -145,7 +145,7 @@ def adaptive_lugre(
     tracking = m * (rdd + lam * ed) + Ks * s
     rest, stiffness = tracking + gain * ((theta * sigma1 + sigma2) * v), gain * theta * (sigma0 - sigma1 * rate)
     kept = if_else(reset, 0.0, z)
-    old = carried(track, u_track, rest, stiffness, u_min, u_max, kept, most=level / sigma0)
+    old = deflected(track, u_track, rest, stiffness, level / sigma0, u_min, u_max, kept)
     F_n = sigma0 * old + sigma1 * (v - rate * old)
     F_hat = theta * F_n + sigma2 * v
     outputs = limited(tracking, F_hat, gain, enable, u_min, u_max)

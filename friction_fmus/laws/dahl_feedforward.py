@@ -20,7 +20,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.feedforward import feedforward, increment, when
-from friction_fmus.lawkit.parts.tracking import carried
+from friction_fmus.lawkit.parts.tracking import deflected
 
 
 def closed(gap: SX, path: SX, n: SX) -> SX:
@@ -101,7 +101,7 @@ def dahl_feedforward(
     moves = logic_and(path != 0.0, size != 0.0)
     moved = before + if_else(moves, gap * closed(if_else(moves, size, 1.0), path, n), 0.0)
     rest = m * rdd + gain * (Fv * rd)
-    now = carried(track, u_track, rest, gain * sigma, u_min, u_max, moved, most=Fc / sigma)
+    now = deflected(track, u_track, rest, gain * sigma, Fc / sigma, u_min, u_max, moved)
     return {
         **feedforward(m * rdd, sigma * now + Fv * rd, gain, enable, u_min, u_max),
         **when(enable, z_hat=now, z=now, last=r, started=1.0),

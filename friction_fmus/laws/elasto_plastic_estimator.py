@@ -23,7 +23,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import limited
-from friction_fmus.lawkit.parts.tracking import carried
+from friction_fmus.lawkit.parts.tracking import deflected
 
 
 @law(
@@ -109,7 +109,7 @@ def elasto_plastic_estimator(
     D = 2.0 * z_m - z_b
     q = exp(-D * (path - free) / (z_m * (z_m - z_b)))
     moved = if_else(step == 0.0, old, sign(step) * (z_m - D * y * q / (D - y * (1.0 - q))))
-    after = carried(track, u_track, gain * (Fv * v), gain * sigma0, u_min, u_max, moved, most=z_m)
+    after = deflected(track, u_track, gain * (Fv * v), gain * sigma0, z_m, u_min, u_max, moved)
 
     return {
         **limited(SX(0.0), sigma0 * after + Fv * v, gain, enable, u_min, u_max),

@@ -23,7 +23,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.feedforward import at_most, fading, feedforward, increment, relax, when
-from friction_fmus.lawkit.parts.tracking import carried
+from friction_fmus.lawkit.parts.tracking import deflected
 
 
 def approach(y: SX, k: SX, p: SX) -> SX:
@@ -151,7 +151,7 @@ def elasto_plastic_feedforward(
     damping = fading(sigma1, rd, v_d)
     # up to the break-away deflection, where alpha = 0
     rest, elastic = m * rdd + gain * ((damping + sigma2) * rd), at_most(z_ba, steady)
-    now = carried(track, u_track, rest, gain * sigma0, u_min, u_max, moved, most=elastic)
+    now = deflected(track, u_track, rest, gain * sigma0, elastic, u_min, u_max, moved)
     along = sign(rd) * now
     inside = logic_and(along > z_ba, along < steady)
     phase = 0.5 * math.pi * (along - z_ba) / if_else(inside, fabs(steady - z_ba), 1.0)

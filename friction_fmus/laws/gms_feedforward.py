@@ -21,7 +21,7 @@ from friction_fmus.lawkit.law import (
 from friction_fmus.lawkit.parts import maxwell_slip, variables
 from friction_fmus.lawkit.parts.feedforward import feedforward, increment, when
 from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, used_elements, weights
-from friction_fmus.lawkit.parts.tracking import carried
+from friction_fmus.lawkit.parts.tracking import deflected
 
 
 @law(
@@ -118,7 +118,7 @@ def gms_feedforward(
     used = if_else(ELEMENTS - 1 < N, ELEMENTS, ceil(N))
     load = if_else(Fn == Fn0, 1.0, if_else(Fn > 0.0, Fn, 0.0) / Fn0)
     rest = m * rdd + gain * ((load * sigma * used + sigma2) * rd)
-    carries = carried(track, u_track, rest, gain * load, u_min, u_max, SX(0.0), most=Fs)
+    carries = deflected(track, u_track, rest, gain * load, Fs, u_min, u_max, SX(0.0))
     forces, slips, creep = [], [], SX(0.0)
     for i, element in enumerate(slide(Fi, slipping, way, k, shares, total, dr, S, exp(-C * Ts / S))):
         elastic = logic_and(element.slipped, k[i] > 0.0)

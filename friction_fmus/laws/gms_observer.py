@@ -20,7 +20,7 @@ from friction_fmus.lawkit.law import (
 from friction_fmus.lawkit.parts import maxwell_slip, variables
 from friction_fmus.lawkit.parts.maxwell_slip import slide, used_elements, weights
 from friction_fmus.lawkit.parts.observers import limited
-from friction_fmus.lawkit.parts.tracking import carried, restarts
+from friction_fmus.lawkit.parts.tracking import deflected, restarts
 
 
 @law(
@@ -110,7 +110,7 @@ def gms_observer(
     parameters of the axis, the estimate drives the axis; set gain < 1 in this case. u_min must not exceed u_max.
     """
     shares, total = weights(alpha, N)
-    carries = carried(track, u_track, gain * (sigma2 * v), gain, u_min, u_max, SX(0.0), most=Fs)
+    carries = deflected(track, u_track, gain * (sigma2 * v), gain, Fs, u_min, u_max, SX(0.0))
     started = [share * (carries / total) for share in shares]
     observed = sum(if_else(reset, 0.0, Fi[i]) for i in range(maxwell_slip.ELEMENTS))
     F_hat = if_else(track, carries, observed) + sigma2 * v

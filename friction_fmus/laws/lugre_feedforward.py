@@ -23,7 +23,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.feedforward import fading, feedforward, increment, relax, when
-from friction_fmus.lawkit.parts.tracking import carried
+from friction_fmus.lawkit.parts.tracking import deflected
 
 
 @law(
@@ -124,7 +124,7 @@ def lugre_feedforward(
     damping = fading(sigma1, rd, v_d)
     rest = m * rdd + gain * ((damping + viscous) * rd)
     stiffness = gain * (sigma0 - damping * rate)
-    now = carried(track, u_track, rest, stiffness, u_min, u_max, moved, most=steady / sigma0)
+    now = deflected(track, u_track, rest, stiffness, steady / sigma0, u_min, u_max, moved)
     stretching = rd - rate * now
     friction = sigma0 * now + damping * stretching + viscous * rd
     return {

@@ -21,7 +21,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import acting, limited
-from friction_fmus.lawkit.parts.tracking import carried, restarts
+from friction_fmus.lawkit.parts.tracking import deflected, restarts
 
 
 @law(
@@ -114,7 +114,7 @@ def lugre_observer(
     injected = k * (r - x)
     stretch = v + injected
     rest, stiffness = gain * (sigma1 * stretch + sigma2 * v), gain * (sigma0 - sigma1 * rate)
-    old = carried(track, u_track, rest, stiffness, u_min, u_max, z, most=level / sigma0)
+    old = deflected(track, u_track, rest, stiffness, level / sigma0, u_min, u_max, z)
     fresh = restarts(reset, track)
     slope = stretch - rate * old
     F_hat = if_else(fresh, sigma1 * stretch, sigma0 * old + sigma1 * slope) + sigma2 * v
