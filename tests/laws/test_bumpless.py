@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from benchmarks.law_runs import LawC, casadi_by_rows, compile_, rows_of
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.loop_file import LoopFile, LoopLaw, loop_text
 from friction_fmus.codegen.readme import readme
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.lawkit.files import discover_laws
@@ -255,3 +256,27 @@ def test_every_law_says_whether_it_starts_without_a_jump() -> None:
     for name, law in LAWS.items():
         text = " ".join(law.documentation.split())
         assert re.search(r"\btrack\b" if name in TRACKING else "when enabled|starts without a jump", text), name
+
+
+def test_a_whole_loop_takes_over(tmp_path: Path) -> None:
+    """The servo absorbs the jump of feedforward and observer; with the same inputs, only the integral changes u."""
+    laws = {
+        "feedforward": LoopLaw("StaticFeedforward", {"Fc": 2.0, "m": 1.0}),
+        "compensator": LoopLaw("DisturbanceObserver", {"fq": 20.0}),
+        "servo": LoopLaw("CascadePPI", {"kp": 30.0, "kv": 190.0, "ki": 400.0}),
+    }
+    path = tmp_path / "loop.toml"
+    path.write_text(loop_text(LoopFile(laws, Ts, -50.0, 50.0, offset=0.3), "A loop"), encoding="utf-8")
+    export = make_export(path)
+    law = export.law
+    values = {"r": 1.0, "x": 0.999, "rd": 0.05, "v": 0.04, "rdd": 2.0}
+    without = law.evaluate(values)
+    assert without["u"] == pytest.approx(190.0 * (30.0 * 1e-3 + 0.01) + 2.0 + 0.4 * 0.05 + 2.0 + 0.3, rel=1e-9)
+    found = law.evaluate(values | {"track": 1.0, "u_track": 12.0})
+    assert found["u"] == pytest.approx(12.0, rel=1e-12)
+    states = {v.name: found[v.name] for v in law.select(Kind.STATE)}
+    after = law.evaluate(values | states)
+    # the observer sees 12 N less the feedforward and the offset, and no acceleration
+    observed = (1.0 - np.exp(-2.0 * np.pi * 20.0 * Ts)) * (12.0 - 2.0 - 0.4 * 0.05 - 2.0 - 0.3)
+    assert after["u"] - 12.0 == pytest.approx(400.0 * Ts * (30.0 * 1e-3 + 0.01) + observed, rel=1e-9)
+    assert "inputs.u_track = force;" in readme(export, ())
