@@ -255,7 +255,7 @@ def _best_of_each_kind(ranked: Sequence[CompensatorResult]) -> list[CompensatorR
 def _with_table(row: CompensatorResult, evaluation: Evaluation) -> CompensatorResult:
     """Return the entry of a compensator to which the table over position was added."""
     name, summary = f"{row.name} + {TABLE.name}", f"{row.summary}; {TABLE_SUMMARY[0].lower()}{TABLE_SUMMARY[1:]}"
-    return _row(name, summary, f"{row.kind} and {TABLE.kind}", row.model, evaluation)
+    return _row(name, summary, TABLE.kind, row.model, evaluation)
 
 
 def _candidate_row(candidate: Candidate, evaluation: Evaluation | None) -> CompensatorResult:

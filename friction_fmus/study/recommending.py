@@ -39,14 +39,10 @@ def ladder(
         (TABLE.kind, "with a table over position"),
     )
     for kind, title in steps:
-        row = next((row for row in ranked if row.rank is not None and _is_of(row, kind)), None)
+        row = next((row for row in ranked if row.kind == kind and row.rank is not None), None)
         if row is not None and row.metrics is not None:
             rungs.append(Rung(title, row.name, row.metrics))
     return tuple(rungs)
-
-
-def _is_of(row: CompensatorResult, kind: str) -> bool:
-    return row.kind.endswith(kind) if kind == TABLE.kind else row.kind == kind
 
 
 def largest_step(rungs: Sequence[Rung]) -> tuple[Rung, Rung] | None:
