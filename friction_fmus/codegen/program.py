@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from friction_fmus.codegen.layout import INPUTS, Export
-from friction_fmus.codegen.sources import number, unit_text
+from friction_fmus.codegen.sources import unit_text
 from friction_fmus.lawkit.law import BOOLEANS, Variable
 
 _SIZES = {"m": 1e-3, "m/s": 1e-2, "m/s2": 1.0, "rad": 1e-3, "rad/s": 1e-2}
@@ -59,7 +59,7 @@ def program(export: Export, given: Mapping[str, np.ndarray], restart: int = 0) -
     """
     p, inputs = export.prefix, export.law.select(*INPUTS)
     n = len(next(iter(given.values()))) if given else 1
-    rows = ["    {" + ", ".join(number(export, v, float(given[v.name][k])) for v in inputs) + "}," for k in range(n)]
+    rows = ["    {" + ", ".join(export.real.literal(float(given[v.name][k])) for v in inputs) + "}," for k in range(n)]
     shown = [place.replace("->", ".") for place in (*export.results, *export.result_lows.values())]
     write = [f"            hex(&{place}, sizeof({export.real.name}));" for place in shown]
     return "\n".join(
@@ -82,7 +82,7 @@ def program(export: Export, given: Mapping[str, np.ndarray], restart: int = 0) -
             f"        if (k == 0 || k == {restart})",
             f"            {p}_init(&parameters, &states, &inputs, &outputs);",
             *(
-                f"        inputs.{v.name} = {'(int)' if v.kind in BOOLEANS else ''}given[k][{i}];"
+                f"        inputs.{v.name} = given[k][{i}]{' != 0' if v.kind in BOOLEANS else ''};"
                 for i, v in enumerate(inputs)
             ),
             f"        {p}_step(&parameters, &states, &inputs, &outputs);",

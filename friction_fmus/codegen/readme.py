@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from friction_fmus.codegen.cost import Cost
 from friction_fmus.codegen.emulation import RANDOM
 from friction_fmus.codegen.layout import Export
-from friction_fmus.codegen.misra import deviations
+from friction_fmus.codegen.misra import DEVIATIONS
 from friction_fmus.codegen.target import COMPILER, EMULATOR, FLAGS, PACKAGES
 from friction_fmus.codegen.vectors import N
 from friction_fmus.codegen.wrapper import class_name
@@ -40,7 +40,7 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
         f"numbers in `{real}`; `{p}.h` contains the equations and describes every variable."
     )
     files = (
-        f"* `{p}.h`, `{p}.c`: the law. C89 and C99, no memory allocation, no variables outside the four structs, so "
+        f"* `{p}.h`, `{p}.c`: the law. C99, no memory allocation, no variables outside the four structs, so "
         f"that a program can have several instances. It {library}."
     )
     contract = "" if export.real.suffix else " -ffp-contract=off"
@@ -50,7 +50,9 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
     )
     use = (
         f"`{p}_init` sets the start values, `{p}_check` checks the parameters, and `{p}_step` computes one sample; "
-        "call it every `Ts` seconds. While an input is NaN or infinite, outputs and states are held and `fault` is 1. "
+        "call it every `Ts` seconds. While an input is NaN or infinite, outputs and states are held and `fault` is "
+        f"true. If `{p}.c` is compiled with `-D{p.upper()}_CHECK_POINTERS`, a call with a NULL pointer does nothing; "
+        f"`{p}_check` then returns -1. "
         f"{_agreement(real)} Do not compile with `-ffast-math`."
     )
     return f"""# {law.name} in C
@@ -64,6 +66,10 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
 
 {_fill(use)}
 {_positions(export)}
+## Start without a jump
+
+{_start(export)}
+
 ## MISRA C:2012
 
 {_misra(export)}
@@ -80,8 +86,8 @@ def _misra(export: Export) -> str:
         f"`cppcheck --addon=misra --std=c99 --enable=style {p}.c` reports deviations from these rules, and from no "
         "others; the addon does not check all rules:"
     )
-    reasons = {f"Rule {rule}": reason for rule, reason in deviations(export).items()}
-    types = {"Directive 4.6 (not checked)": f"numbers are `{export.real.name}`; a flag is an `int` that is 0 or 1."}
+    reasons = {f"Rule {rule}": reason for rule, reason in DEVIATIONS.items()}
+    types = {"Directive 4.6 (not checked)": f"numbers are `{export.real.name}`."}
     listed = "\n".join(_fill(f"* {rule}: {reason}", "  ") for rule, reason in (reasons | types).items())
     return f"{found}\n\n{listed}"
 
@@ -137,6 +143,30 @@ def _positions(export: Export) -> str:
     )
     accuracy += loss
     return _PAIRS.format(name=first, positions=_fill(text), accuracy=_fill(accuracy))
+
+
+_TRACK = """To take over an axis on which `force` acts, in the first sample:
+
+```c
+inputs.track = true;
+inputs.u_track = force;
+{p}_step(&parameters, &states, &inputs, &outputs);
+inputs.track = false; /* from the next sample on */
+```
+
+{detail}"""
+
+
+def _start(export: Export) -> str:
+    """Return how the law takes over from another controller."""
+    p = export.prefix
+    if not export.tracks:
+        return _fill(f"The law has no memory that could carry a force. `{p}.h` says what happens when it is enabled.")
+    detail = (
+        "`outputs.u` is then `force`, as far as its limits and the memory of the law allow, and continues from it. "
+        "`enable` must be true in this sample."
+    )
+    return _TRACK.format(p=p, detail=_fill(detail))
 
 
 def _fill(text: str, indent: str = "") -> str:

@@ -50,10 +50,13 @@ class Workshop:
         assert run.returncode == 0, run.stderr
         return target
 
-    def evaluator(self, function: Function, real: Real = DOUBLE, *flags: str) -> Evaluate:
-        """Rows of arguments -> rows of results, by compiled C."""
+    def evaluator(self, function: Function, real: Real = DOUBLE, *flags: str, in_place: bool = False) -> Evaluate:
+        """Rows of arguments -> rows of results, by compiled C; in place, results replace arguments in reverse order."""
         n, m = function.n_in(), function.n_out()
-        written = kernel(function, [f"given[{i}]" for i in range(n)], [f"result[{i}]" for i in range(m)], real=real)
+        reads, writes = [f"given[{i}]" for i in range(n)], [f"result[{i}]" for i in range(m)]
+        if in_place:
+            reads = [f"result[{m - 1 - i}]" for i in range(n)]
+        written = kernel(function, reads, writes, real=real)
         text = "\n".join(
             [
                 "#include <math.h>",
@@ -61,6 +64,7 @@ class Workshop:
                 f"void sample(const {real.name} *given, {real.name} *result);",
                 f"void sample(const {real.name} *given, {real.name} *result)",
                 "{",
+                *([f"    {place} = given[{i}];" for i, place in enumerate(reads)] if in_place else []),
                 *written.lines,
                 "}",
                 '__attribute__((visibility("default")))',
@@ -114,10 +118,12 @@ def by_casadi_fixture() -> Callable[[Function, np.ndarray], np.ndarray]:
 
 
 def different_bits(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Where two arrays differ, -0.0 from 0.0 included, every NaN being equal."""
-    return (np.ascontiguousarray(a).view(np.int64) != np.ascontiguousarray(b).view(np.int64)) & ~(
-        np.isnan(a) & np.isnan(b)
-    )
+    """Where two arrays differ in any bit, every NaN being equal, and -0.0 equal to 0.0.
+
+    casadi's sum of both sides of a decision makes 0.0 of -0.0; generated C need not, unless a division or another
+    operation would make another number of it, see `signed_zeros`. `a + 0.0` makes 0.0 of -0.0 and changes no other bit.
+    """
+    return ((a + 0.0).view(np.int64) != (b + 0.0).view(np.int64)) & ~(np.isnan(a) & np.isnan(b))
 
 
 @pytest.fixture(scope="session", name="different_bits")

@@ -62,7 +62,6 @@ def test_the_float_build_has_no_double_in_it(name: str) -> None:
     assert all(function.endswith("f") for function in export.kernel.functions)
     for core in CORES:
         text = assembly(export, core, *WARNINGS, "-Wdouble-promotion", "-Wfloat-conversion")
-        assembly(export, core, *WARNINGS, "-std=c89")
         # __aeabi_dadd and the like, conversions from and to double, the double unit's registers
         assert not re.search(r"__aeabi_(d|f2d|cd|i2d|ui2d|l2d)|\.f64|_?_ieee754_(?!.*f\b)", text)
         called = set(re.findall(r"^\s+blx?\s+(\w+)", text, re.M))

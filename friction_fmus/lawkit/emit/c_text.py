@@ -28,8 +28,7 @@ class Kernel:
     Attributes
     ----------
     lines : tuple of str
-        Declarations, then statements, which end with the assignments of all results. Truth values have the type
-        ``bool``.
+        Declarations and statements, which end with the assignments of all results. Truth values have the type ``bool``.
     functions : frozenset of str
         Called functions of <math.h>.
     """
@@ -67,6 +66,7 @@ def kernel(
     lows: Lows | None = None,
     named: Collection[Named] = (),
     remarks: Mapping[int, Sequence[str]] | None = None,
+    flags: Collection[str] = (),
 ) -> Kernel:
     """Translate a casadi function into C statements.
 
@@ -96,11 +96,13 @@ def kernel(
         Names of nodes of the function's graph; without them, constants are t1, t2, ...
     remarks : mapping of int to sequence of str, optional
         Comments for nodes of the function's graph.
+    flags : collection of str
+        Elements of `writes` that are C truth values.
 
     Returns
     -------
     Kernel
-        C99 (and C89) declarations and assignments. In double, results are bit-identical to casadi's if compiled without
+        C99 declarations and assignments. In double, results are bit-identical to casadi's if compiled without
         contraction (``-ffp-contract=off``) and with the same C library.
 
     Raises
@@ -125,9 +127,14 @@ def kernel(
     for number, target in zip(results, writes, strict=True):
         targets.setdefault(number, []).append(target)
     named = [entry for entry in named if nodes[entry.node].operation not in ("CONST", "INPUT")]
-    names = Names(nodes, named, {number: place_name(places[0]) for number, places in targets.items()}, taken)
+    names = Names(nodes, named, reads, {number: places[0] for number, places in targets.items()}, taken)
     unsigned = truths if positive is None else range(len(reads))
-    zeros = Zeros(nodes, results, unsigned, truths | {*(positive or ())})
-    writer = Writer(nodes, reads, real, truths, zeros, names, writes, remarks or {})
+    kept: dict[int, list[int]] = {}
+    places = {place_name(place): i for i, place in enumerate(reads)}
+    for number, target in zip(results, writes, strict=True):
+        if place_name(target) in places:
+            kept.setdefault(places[place_name(target)], []).append(number)
+    zeros = Zeros(nodes, kept, unsigned, truths | {*(positive or ())})
+    writer = Writer(nodes, reads, real, truths, zeros, names, writes, remarks or {}, flags=flags)
     lines = writer.statements(plan(nodes, results), targets)
     return Kernel(tuple(lines), frozenset(writer.functions))

@@ -43,13 +43,21 @@ REPEATS = {"SQ": 2, "SIGN": 3, "FMIN": 2, "FMAX": 2}
 _MIRRORED = {"LT": ">", "LE": ">=", "EQ": "==", "NE": "!="}
 
 
+def literal(value: float, real: Real) -> Text:
+    """Return a number."""
+    text = real.literal(value)
+    return Text(text, UNARY if text.startswith("-") else PRIMARY, frozenset())
+
+
 def in_brackets(text: Text, least: int) -> str:
     """Return the expression, in brackets if its precedence is below `least`."""
     return text.text if text.rank >= least else f"({text.text})"
 
 
 def joined(first: Text, operator: str, second: Text, rank: int, least: tuple[int, int]) -> Text:
-    """Return both expressions with an operator between them."""
+    """Return both expressions with an operator between them; ``a + -b`` becomes ``a - b``, which has the same bits."""
+    if operator in "+-" and second.text.startswith("-") and second.rank >= PRODUCT:
+        operator, second = "-" if operator == "+" else "+", second._replace(text=second.text[1:])
     text = f"{in_brackets(first, least[0])} {operator} {in_brackets(second, least[1])}"
     return Text(text, rank, first.reads | second.reads)
 
@@ -100,7 +108,7 @@ def expression(operation: str, given: Sequence[Text], real: Real, *, number_firs
 
 
 def _formula(operation: str, given: Sequence[Text], real: Real) -> Text:
-    one, two, zero, minus_one = (Text(real.literal(value), PRIMARY, frozenset()) for value in (1.0, 2.0, 0.0, -1.0))
+    one, two, zero, minus_one = (literal(value, real) for value in (1.0, 2.0, 0.0, -1.0))
     if operation == "NEG":
         return Text(f"-{in_brackets(given[0], PRIMARY)}", UNARY, given[0].reads)
     if operation in ("SQ", "TWICE"):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from friction_fmus.lawkit.emit.branches import DECIDES, Block, Decision
 from friction_fmus.lawkit.emit.comments import comment_lines
@@ -19,6 +20,7 @@ from friction_fmus.lawkit.emit.expressions import (
     choice,
     expression,
     joined,
+    literal,
     negation,
 )
 from friction_fmus.lawkit.emit.graph import COMPARE, CONDITIONS, LIBM, LOGIC, Node
@@ -26,8 +28,9 @@ from friction_fmus.lawkit.emit.names import Names
 from friction_fmus.lawkit.emit.real import Real
 from friction_fmus.lawkit.emit.signed_zeros import Zeros
 
-_WIDTH = 84  # longest expression that is not divided
-_IN_A_LINE = 80  # length of a list of declared variables
+_WIDTH = 150  # longest expression that is not divided into several
+
+_LINE = 100  # longest line of a statement
 
 _LEAVES = ("CONST", "INPUT")
 
@@ -55,6 +58,8 @@ class Writer:
         C expressions to which results are assigned.
     remarks : mapping of int to sequence of str
         Comments for nodes, which then become constants or variables.
+    flags : collection of str
+        C expressions in `overwritten` that are truth values.
     """
 
     def __init__(
@@ -67,6 +72,8 @@ class Writer:
         names: Names,
         overwritten: Collection[str],
         remarks: Mapping[int, Sequence[str]],
+        *,
+        flags: Collection[str] = (),
     ) -> None:
         """Prepare the texts of arguments and constants."""
         self.functions: set[str] = set()
@@ -79,16 +86,17 @@ class Writer:
         self._remarks = {node: list(texts) for node, texts in remarks.items()}
         self._overwritten = frozenset(i for i, place in enumerate(reads) if place in overwritten)
         self._reads = reads
-        self._zero = Text(real.literal(0.0), PRIMARY, frozenset())
+        self._flags = flags
+        self._zero = literal(0.0, real)
         self._texts: dict[int, Text] = {}
         self._open: set[int] = set()  # nodes whose text is an expression instead of a name
         self._users: dict[int, list[tuple[int, int]]] = {}  # users of each node, and the place among their arguments
         self._last_moment: set[int] = set()  # nodes that are read while results are assigned
         self._decided: dict[int, int] = {}  # side of each condition in the current block
-        self._lines = _Lines()
+        self._lines: list[str] = []
         for number, node in enumerate(nodes):
             if node.operation == "CONST":
-                self._texts[number] = Text(real.literal(node.value), PRIMARY, frozenset())
+                self._texts[number] = literal(node.value, real)
             elif node.operation == "INPUT":
                 place = int(node.value)
                 self._texts[number] = Text(reads[place], PRIMARY, frozenset([place]))
@@ -103,15 +111,22 @@ class Writer:
         targets : mapping of int to sequence of str
             Places to which each result is assigned.
         """
-        last = block[-1] if block else None
-        joined_last = last.selects if isinstance(last, Decision) else ()
-        self._last_moment = {*targets, *(n for select in joined_last for n in self._nodes[select].arguments[1:])}
+        self._last_moment = {*targets, *self._last_values(block)}
         self._count(block)
         for number, places in targets.items():
             for _ in places:
                 self._users.setdefault(number, []).append((_RESULT, 0))
         copies = [line for number in sorted(self._last_moment) for line in self._copy(number)]
         return [*copies, *self._block(block, targets)]
+
+    def _last_values(self, block: Block) -> Iterator[int]:
+        """Yield the values between which the last decision of a block selects, and those of its sides."""
+        last = block[-1] if block else None
+        if isinstance(last, Decision):
+            for select in last.selects:
+                yield from self._nodes[select].arguments[1:]
+            for side in last.sides:
+                yield from self._last_values(side)
 
     def _count(self, block: Block) -> None:
         """Find the users of each node as they appear in the text."""
@@ -139,29 +154,37 @@ class Writer:
         return [f"const {self._real.name} {name} = {value};"]
 
     def _block(self, block: Block, targets: Mapping[int, Sequence[str]] | None = None) -> list[str]:
-        """Return declarations, then statements, then assignments to the targets of nodes."""
-        outer, self._lines = self._lines, _Lines()
+        """Return statements, then assignments to the targets of nodes."""
+        outer, self._lines = self._lines, []
         left = dict(targets or {})
         for item in block:
             if isinstance(item, Decision):
-                # nothing is computed after the last decision, so results there need no names
-                final = {number: left.pop(number) for number in item.selects if number in left and item is block[-1]}
+                # nothing is computed after the last decision, and nothing reads an output: results need no names there
+                ends = [n for n in item.selects if n in left and (item is block[-1] or self._only_shown(n, left[n]))]
+                final = {number: left.pop(number) for number in ends}
                 names = {number: self._names.of(number) for number in item.selects if number not in final}
-                for name in names.values():
-                    self._lines.declare(self._real.name, name)
                 for number in item.selects:
-                    self._lines.statements += self._remark(number)
-                self._lines.statements += self._decision(
-                    item, {**final, **{number: [name] for number, name in names.items()}}
-                )
+                    self._lines += self._remark(number)
+                self._lines += [f"{self._real.name} {name};" for name in names.values()]
+                self._lines += self._decision(item, {**final, **{number: [name] for number, name in names.items()}})
                 self._texts.update((number, Text(name, PRIMARY, frozenset())) for number, name in names.items())
             else:
                 self._operation(item)
-        results = []
         for number, places in left.items():
-            results += self._remark(number)
-            results += [f"{place} = {self._number(number).text};" for place in places]
-        lines, self._lines = self._lines.all() + results, outer
+            self._lines += self._remark(number)
+            self._lines += self._assignments(places, self._number(number), number)
+        lines, self._lines = self._lines, outer
+        return lines
+
+    def _only_shown(self, number: int, places: Sequence[str]) -> bool:
+        """Return whether a value is only assigned to places that are never read."""
+        return len(self._users[number]) == len(places) and not any(place in self._reads for place in places)
+
+    def _assignments(self, places: Iterable[str], value: Text, node: int) -> list[str]:
+        """Return the assignments of a value, of a node that may be a truth value."""
+        lines = []
+        for place in places:
+            lines += statement(f"{place} = {(self._truth(node) if place in self._flags else value).text};")
         return lines
 
     def _operation(self, number: int) -> None:
@@ -204,7 +227,8 @@ class Writer:
         """Declare a constant with the value of a node."""
         kind = "bool" if self._is_condition(number) else self._real.name
         name = self._names.of(number)
-        self._lines.constant(kind, name, self._texts[number].text, self._remark(number))
+        self._lines += self._remark(number)
+        self._lines += statement(f"const {kind} {name} = {self._texts[number].text};")
         self._texts[number] = Text(name, PRIMARY, frozenset())
         self._open.discard(number)
 
@@ -216,15 +240,34 @@ class Writer:
         outer = self._decided
         for side in order:
             self._decided = {**outer, decision.condition: side}
-            lines += [f"    {line}" for line in self._block(decision.sides[side - 1])]
+            inner = decision.sides[side - 1]
+            assigned = self._assigned_inside(inner, side, targets)
+            statements = self._block(inner, {self._nodes[n].arguments[side]: targets[n] for n in assigned})
             for number, names in targets.items():
-                value = self._side(number, side).text
                 for argument in self._nodes[number].arguments[side : side + 1]:
-                    lines += [f"    {line}" for line in self._remark(argument)]
-                lines += [f"    {name} = {value};" for name in names]
-            lines.append("} else {" if side == order[0] else "}")
+                    statements += self._remark(argument)
+                if number not in assigned:
+                    statements += self._assignments(names, self._side(number, side), number)
+            if side == order[1] and _is_if(statements):
+                lines += [f"}} else {statements[0]}", *statements[1:]]
+            else:
+                lines += ["} else {"] if side == order[1] else []
+                lines += [f"    {line}" for line in statements]
+                lines += ["}"] if side == order[1] else []
         self._decided = outer
         return lines
+
+    def _assigned_inside(self, block: Block, side: int, targets: Mapping[int, Sequence[str]]) -> list[int]:
+        """Return the selects whose value on one side is a select of the last decision there, and is used only once."""
+        last = block[-1] if block else None
+        inside = last.selects if isinstance(last, Decision) else ()
+        found = []
+        for number in targets:
+            value = self._nodes[number].arguments[side : side + 1]
+            once = value and value[0] in inside and len(self._users[value[0]]) == 1
+            if once and not self._zeros.becomes_plus(number, side):
+                found.append(number)
+        return found
 
     def _choice(self, number: int) -> Text:
         """Return a select as an expression; on one side of a decision on the same condition, only this side is left."""
@@ -263,7 +306,7 @@ class Writer:
         text = self._texts[node]
         if not self._is_condition(node):
             return text
-        return choice(text, Text(self._real.literal(1.0), PRIMARY, frozenset()), self._zero)
+        return choice(text, literal(1.0, self._real), self._zero)
 
     def _truth(self, node: int) -> Text:
         """Return the node as a truth value."""
@@ -305,36 +348,31 @@ class Writer:
         return expression(operation, numbers, self._real, number_first=mirrored)
 
 
-class _Lines:
-    """Lines of a block; C89 has no declarations after statements."""
-
-    def __init__(self) -> None:
-        self.statements: list[str] = []
-        self._constants: list[str] = []
-        self._variables: dict[str, list[str]] = {}
-
-    def constant(self, kind: str, name: str, value: str, remark: Sequence[str]) -> None:
-        """Add a constant, or a variable with a single assignment after other statements."""
-        if self.statements:
-            self.declare(kind, name)
-            self.statements += [*remark, f"{name} = {value};"]
-        else:
-            self._constants += [*remark, f"const {kind} {name} = {value};"]
-
-    def declare(self, kind: str, name: str) -> None:
-        """Declare a variable."""
-        self._variables.setdefault(kind, []).append(name)
-
-    def all(self) -> list[str]:
-        """Return declarations, then statements."""
-        declared = [line for kind, names in self._variables.items() for line in _declarations(kind, names)]
-        return [*self._constants, *declared, *self.statements]
+_BREAKS = re.compile(r" (\+|-|\*|/|&&|\|\||\?|:) ")
+_ORDER = ("?", ":", "||", "&&", "+", "-", "*", "/")  # of operators at which a line is divided
 
 
-def _declarations(kind: str, names: Iterable[str]) -> list[str]:
-    lines = [kind]
-    for name in names:
-        if len(lines[-1]) + len(name) > _IN_A_LINE:
-            lines.append(kind)
-        lines[-1] += f" {name},"
-    return [f"{line[:-1]};" for line in lines]
+def statement(text: str) -> list[str]:
+    """Return a statement in lines, divided at its outermost operators if it is long."""
+    if len(text) <= _LINE:
+        return [text]
+    start = text.find(" = ") + 3
+    found = [
+        (_depth(text, start, match.start()), _ORDER.index(match[1]) // 2, -match.start())
+        for match in _BREAKS.finditer(text, start + 30, _LINE)
+    ]
+    if not found:
+        return [text]
+    place = -min(found)[2]
+    return [text[:place], *(f"    {line}" for line in statement(text[place + 1 :]))]
+
+
+def _is_if(lines: Sequence[str]) -> bool:
+    """Return whether lines are a single ``if`` with its sides."""
+    outer = [line for line in lines if not line.startswith(" ")]
+    return bool(outer) and outer[0].startswith("if (") and all(line.startswith("}") for line in outer[1:])
+
+
+def _depth(text: str, start: int, end: int) -> int:
+    """Return the number of open brackets at a place."""
+    return text.count("(", start, end) - text.count(")", start, end)
