@@ -39,6 +39,7 @@ struct Instance {
     Moving kept_lines[LINES + 1];
     double r[UNKNOWNS + 1], work[6 * MOST + MOST * MOST + 1], kept[6 * MOST + MOST * MOST + 2 * LINES + 1];
     double start_values[ROOTS + 1], start_work[5 * ROOTS + 2 * ROOTS * ROOTS + 1], earlier[SIGNALS + 1];
+    double shown[SIGNALS + 1]; /* signals after values were set, if `refreshed` */
     double input_slopes[SIGNALS + 1];
     int whole[SIGNALS + 1], orders[SIGNALS + 1];
     void *backups[PARTS]; /* states of the parts at the start of a step */
@@ -46,6 +47,8 @@ struct Instance {
     fmi2CallbackFunctions callbacks[PARTS];
     bool warned[PARTS]; /* the part's warning has been passed on */
     bool warning;       /* in this step */
+    bool refreshed;
+    bool told; /* the warning of wrong results has been logged */
     char said[512];     /* last message of a part */
     fmi2CallbackLogger logger;
     fmi2ComponentEnvironment environment;
@@ -201,6 +204,7 @@ static bool set_start_values(Instance *c)
         m->moving[k].inner = line_data[k].inner;
         m->moving[k].unknown = line_data[k].unknown;
     }
+    c->refreshed = c->told = false;
     MODE(c) = INSTANTIATED;
     m->stop = INFINITY;
     m->stale = true;

@@ -178,14 +178,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component component)
         for (int64_t i = 0; i < c->delays[k].length; i++)
             c->delays[k].past[i] = m->signals[source_of[c->delays[k].input]];
     MODE(c) = STEP_COMPLETE;
-    return fmi2OK;
-}
-
-fmi2Status fmi2Terminate(fmi2Component component)
-{
-    ENTER("Terminate", MAY_Terminate)
-    ALL_PARTS("fmi2Terminate", f->terminate(p))
-    MODE(c) = TERMINATED;
+    m->stale = false;
     return fmi2OK;
 }
 

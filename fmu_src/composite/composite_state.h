@@ -72,6 +72,7 @@ fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state)
         REQUIRE(!is_fmu(i) || c->parts[i].set_state(c->parts[i].component, saved->parts[i]) <= 1,
                 "fmi2SetFMUstate: %s rejects its state: %s", part_data[i].name, c->said)
     c->memory = saved->memory;
+    c->refreshed = false;
     return fmi2OK;
 }
 

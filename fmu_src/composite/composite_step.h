@@ -42,6 +42,30 @@ static bool advance_to(Instance *c, double end)
     }
 }
 
+/* Warn once if a loop is too fast for the step: as soon as the checks of a loop have ended without success; at the end
+   of the run (`last`) also of smaller errors that remain. */
+static void warn_of_errors(Instance *c, bool last)
+{
+    const Memory *const m = &c->memory;
+    for (int64_t g = 0; g < GROUPS && !c->told; g++) {
+        const StepCheck *const guard = &m->guards[g];
+        int64_t worst = guard->line;
+        double error = guard->hopeless ? HOPELESS : 0.0;
+        for (int64_t k = 0; k < LINES && last; k++)
+            if (line_groups[k] == g && m->moving[k].debt > error * m->moving[k].scale) {
+                worst = k;
+                error = m->moving[k].debt / m->moving[k].scale;
+            }
+        if (!(error > UNRESOLVED))
+            continue;
+        c->told = c->warning = true;
+        report(c, fmi2Warning, LOG_WARNING,
+               "%s changes too fast for the step of %g s from t = %.6g s on: errors of %.2g of its size remain: the "
+               "result is wrong; compose the system with a shorter step",
+               line_names[worst], STEP_SIZE, guard->time, error);
+    }
+}
+
 static fmi2Status refuse_step(Instance *c, double t, double h)
 {
     const Engine e = c->engine;
@@ -64,6 +88,15 @@ static fmi2Status refuse_step(Instance *c, double t, double h)
                   "fmi2DoStep: the step from %.17g s over %g s leads to an output that is not finite; the state at its "
                   "start is kept",
                   t, h);
+}
+
+fmi2Status fmi2Terminate(fmi2Component component)
+{
+    ENTER("Terminate", MAY_Terminate)
+    ALL_PARTS("fmi2Terminate", f->terminate(p))
+    warn_of_errors(c, true);
+    MODE(c) = TERMINATED;
+    return fmi2OK;
 }
 
 fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boolean keeps_no_state)
@@ -105,6 +138,8 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
             m->inputs[i] += m->slopes[i] * h;
     m->time = t + h;
     m->slopes_used = true;
+    m->stale = c->refreshed = false;
+    warn_of_errors(c, false);
     return c->warning ? fmi2Warning : fmi2OK;
 }
 

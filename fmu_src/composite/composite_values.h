@@ -10,6 +10,34 @@ static bool known(fmi2ValueReference reference, int type)
     return reference < VARIABLES && variables[reference].type == type;
 }
 
+/* Update the outputs that depend directly on an input or a parameter that was set since the last step. The engine keeps
+   its values, from which the next step begins; outputs in algebraic loops keep theirs until then, as FMI allows. */
+static fmi2Status refresh_direct(Instance *c, const char *function)
+{
+    Engine *const e = &c->engine;
+    double *const signals = c->memory.signals;
+    if (c->refreshed || !c->memory.stale || MODE(c) != STEP_COMPLETE || START_LOOP)
+        return fmi2OK;
+    c->said[0] = '\0';
+    memcpy(c->earlier, signals, sizeof c->memory.signals);
+    for (int64_t k = 0; k < SIGNALS; k++)
+        if (input_of_signal[k] >= 0)
+            signals[k] = c->memory.inputs[input_of_signal[k]];
+    int status = 0;
+    for (int64_t k = 0; k < DIRECT && status <= 1; k++) {
+        EnginePart *const p = &c->parts[direct_parts[k]];
+        fetch_inputs(e, p);
+        status = hand_over(p, signals);
+        if (status <= 1)
+            status = fetch_outputs(p, signals);
+    }
+    memcpy(c->shown, signals, sizeof c->memory.signals);
+    memcpy(signals, c->earlier, sizeof c->memory.signals);
+    REQUIRE(status <= 1, "%s: a part rejects the values that were set: %s", function, c->said)
+    c->refreshed = true;
+    return fmi2OK;
+}
+
 /* Read a variable; *whole gets an Integer or Boolean, *real a Real. */
 static fmi2Status read_variable(Instance *c, const Variable *v, double *real, int *whole)
 {
@@ -18,7 +46,8 @@ static fmi2Status read_variable(Instance *c, const Variable *v, double *real, in
         return (fmi2Status)p->get[v->type](p->component, &v->reference, 1,
                                            v->type == REAL ? (void *)real : (void *)whole);
     }
-    *real = v->part < 0 ? NOW(c) : v->is_input ? c->memory.inputs[v->reference] : c->memory.signals[v->signal];
+    *real = v->part < 0 ? NOW(c) : v->is_input ? c->memory.inputs[v->reference]
+                           : c->refreshed ? c->shown[v->signal] : c->memory.signals[v->signal];
     *whole = v->type == REAL ? 0 : (int)*real;
     return fmi2OK;
 }
@@ -29,7 +58,7 @@ static fmi2Status check_get(Instance *c, const fmi2ValueReference references[], 
     for (size_t i = 0; i < n; i++)
         REQUIRE(known(references[i], type), "fmi2Get%s: there is no %s variable with value reference %u",
                 type_names[type], type_names[type], references[i])
-    return MODE(c) == INITIALIZING ? settle(c, "fmi2Get") : fmi2OK;
+    return MODE(c) == INITIALIZING ? settle(c, "fmi2Get") : refresh_direct(c, "fmi2Get");
 }
 
 #define GET(TYPE, type, value_type, from)                                                                              \
@@ -103,6 +132,7 @@ static fmi2Status write_variable(Instance *c, const Variable *v, double real, in
             return report(c, status, status == fmi2Discard ? LOG_DISCARD : LOG_ERROR, "fmi2Set" #TYPE ": %s: %s",      \
                           v->name, c->said);                                                                           \
         }                                                                                                              \
+        c->refreshed = false;                                                                                          \
         c->memory.stale = c->memory.stale || n > 0;                                                                    \
         return fmi2OK;                                                                                                 \
     }

@@ -26,7 +26,8 @@ def step_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[s
 
     def direct(name: str) -> Iterable[str]:
         owner, output = split_name(name)
-        return (f"{owner}.{port}" for port in system.parts[owner].dependencies[output])
+        part = system.parts[owner]
+        return () if part.sampled else (f"{owner}.{port}" for port in part.dependencies[output])
 
     return {
         v.name: sorted(inputs[name] for name in _reached(v.name, direct, drivers) if name in inputs)

@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from harness.composite.code import PartCode
 from harness.composite.interface import InputsPart, OpenSystem
 from harness.composite.variables import Variable
+from harness.engine.defect import UNRESOLVED
 from harness.engine.manipulate import delay_length
 from harness.engine.native import Engine
 from harness.masters.newton import FINEST, FINEST_ADAPTIVE, Loops
 from harness.parts.fmu import FmuPart
 from harness.parts.part import TYPE_ORDER, Part
 from harness.parts.series import SeriesPart
+from harness.system.graph import instantaneous
 from harness.system.initialisation import StartOrder
 from harness.system.plan import Plan, Schedule
 from harness.system.wire import split_name
@@ -66,6 +68,7 @@ def table_file(
         f"#define STEP_SIZE {_number(plan.step)}",
         f"#define LOOP_TOLERANCE {_number(tolerance)}",
         f"#define LOOP_ERROR {_number(error)}",
+        f"#define UNRESOLVED {_number(UNRESOLVED)}",
         f"#define FINEST {_number(FINEST_ADAPTIVE if error > 0.0 else FINEST)}",
         "",
         *writer.functions(),
@@ -126,6 +129,7 @@ class _Writer:
             "LATE_LOOP": int(self._start.is_late_loop),
             "START_VALUES": len(self._starts),
             "VARIABLES": len(self._variables),
+            "DIRECT": len(self._direct()),
             "CHECKED": int(plan.outputs.max(initial=0)),
         }
         return ["enum {", *(f"    {key} = {value}," for key, value in sizes.items()), "};"]
@@ -201,9 +205,14 @@ class _Writer:
         plan, loops = self._plan, self._loops
         groups = [f"    {{{', '.join(str(getattr(row, field)) for field, *_ in row._fields_)}}}," for row in loops.rows]
         names = [f"    {_text(loops.shown(number))}," for number in range(len(loops.rows))]
+        lines = [f"    {_text(f'{plan.names[wire.output]} -> {plan.names[wire.input]}')}," for wire in loops.wires]
+        group_of = {part: number for number, group in enumerate(loops.groups) for part in group}
+        groups_of_lines = [group_of[wire.target] for wire in loops.wires]
         return [
             *_rows("Group group_data", groups, "{0, 0, 0, 0, 0, 0, 0}"),
             *_rows("char *const loop_names", names, '""'),
+            *_integers("line_groups", groups_of_lines),
+            *_rows("char *const line_names", lines, '""'),
             *_integers("part_order", loops.order),
             *_integers("continuous", [part.moves for part in plan.parts]),
             *_integers("unknown_outputs", loops.unknowns),
@@ -227,6 +236,8 @@ class _Writer:
             *_integers("root_signals", start.roots),
             f"static const char *const start_loop_name = {_text(start.loop)};",
             *_integers("from_outside", [int(i in drivers) for i in range(len(plan.signals))]),
+            *_integers("input_of_signal", self._input_of_signal()),
+            *_integers("direct_parts", self._direct()),
             *_reals("own_starts", own),
             *_reals("input_starts", [float(variable.start or 0.0) for variable in self._inputs]),
             *_rows("StartValue start_values", rows, "{0, 0, 0, 0.0}"),
@@ -248,6 +259,26 @@ class _Writer:
             )
             rows.append(f"    {{{', '.join(str(x) for x in row)}}},")
         return ["static const Variable variables[] = {", *rows, "};"]
+
+    def _input_of_signal(self) -> list[int]:
+        """Return for each signal the number of the input of the FMU that it is, or -1."""
+        inputs = {f"{part.name}.{port.name}": port.name for part in self._sources for port in part.outputs}
+        numbers = {variable.name: number for number, variable in enumerate(self._inputs)}
+        return [numbers.get(inputs.get(name, ""), -1) for name in self._plan.names]
+
+    def _direct(self) -> list[int]:
+        """Return the continuous parts with outputs that depend directly on inputs of the FMU, in stepping order."""
+        parts, wires = self._plan.parts, instantaneous(self._system.parts, self._system.wires)
+        reached = {part.name for part in parts if isinstance(part, InputsPart)}
+        found = []
+        for index in self._start.order:
+            part = parts[index]
+            used = {port for ports in part.dependencies.values() for port in ports}
+            drivers = {wire.ends[0][0] for wire in wires if wire.ends[1][0] == part.name and wire.ends[1][1] in used}
+            if isinstance(part, FmuPart) and not part.sampled and drivers & reached:
+                reached.add(part.name)
+                found.append(index)
+        return found
 
     def _references(self, part: Part, first: int, last: int) -> list[int]:
         names = [split_name(name)[1] for name in self._plan.names[first:last]]

@@ -262,8 +262,8 @@ class Loops(Algorithm):
         """Return the error for a loop that does not converge."""
         return ExperimentError(
             f"the loop {self.shown(number)} does not converge at t = {time:.12g} s, even with a millionth of the step: "
-            f"its residual is {self.data.worst_residual:.2g} of the size of the values; look for a part whose outputs do "
-            "not settle"
+            f"its residual is {self.data.worst_residual:.2g} of the size of the values; look for a part whose outputs "
+            "do not settle"
         )
 
     def _check(self, engine: Engine, group: Sequence[int]) -> None:
