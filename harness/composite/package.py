@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import math
 import os
 import re
 import zipfile
@@ -118,6 +119,8 @@ def _experiment(system: Assembly, step: float | None, master: str | None) -> Exp
     if master is not None and master not in ERRORS:
         raise BuildError(f"a composite FMU cannot contain the master {master!r}: give newton or adaptive")
     experiment = system.experiment
+    if step is not None and not 0.0 < step < math.inf:
+        raise ExperimentError(f"the step is {step} s: give a positive number of seconds")
     if experiment is None and step is None:
         raise ExperimentError(f"the system '{system.name}' has no experiment: give a step")
     if experiment is not None and experiment.manipulators:
