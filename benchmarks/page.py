@@ -34,16 +34,14 @@ all inputs set and all results read around `fmi2DoStep`), and in casadi's virtua
 and the exported C give the same bits.
 
 Casadi's buffer is called from Python (this includes 0.1 µs for the call) and in a loop in C (the virtual machine
-alone). The virtual machine needs about 2 ns per operation, so the gain is smallest for laws with few operations that
-call the C library. The map over all samples also reads every argument from memory.
+alone). The map over all samples also reads every argument from memory.
 
 Two laws are also written by hand (`benchmarks/hand/`), with and without branches; the faster version counts. Their
-outputs agree to 1e-9. Random samples make branches hard to predict, and a tenth of them are not enabled; the motion is
-a sine.
+outputs agree to 1e-9. Random samples make branches hard to predict; the motion is a sine.
 
 The variants, over exported C, show what makes a law fast: calling the C library only where necessary, and computing
 each side of a decision only where it is needed. Casadi's own C computes both sides or, with short-circuit, calls
-functions. An implicit step halves the time of the LuGre observer but gives other numbers.
+functions. An implicit step gives other numbers.
 """,
     "harness": """## Co-simulation
 
@@ -52,8 +50,8 @@ Two pairs of FMUs run in steps of 0.1 ms: in the engine, in a C loop over the sa
 Times are processor times without the start, of the fastest round or as the median ratio of 60 rounds. A whole run has
 200 000 steps and includes its start and its `Dataset`.
 
-Two Quantisers are the cheapest blocks and show the engine itself, which adds about a sixth to their time. Mass and
-LuGre, in a loop whose values and energy are monitored, are blocks of usual cost.
+Two Quantisers are the cheapest blocks and show the engine itself. Mass and LuGre, in a loop whose values and energy are
+monitored, are blocks of usual cost.
 
 Stick-slip is figure 6 of Canudas de Wit, Olsson, Astrom and Lischinsky (1995). Its errors are those of the period,
 6.36271982 s, or of the position against scipy's Radau at 1e-10. MuJoCo computes it with its own LuGre friction of a DC
@@ -61,9 +59,8 @@ motor, on a sliding joint; Euler is its default integrator. RK4 comes closer to 
 instead of 1.3.
 
 In the servo loop at 2 kHz a feedforward is computed before or after the plant. Its held force is late by half a sample
-on average, and by one and a half if it is computed after the plant. In sliding without reversals, where nothing else
-is wrong, the tracking error triples. With reversals, presliding friction dominates the error, and the order hardly
-matters.
+on average, and by one and a half if it is computed after the plant. In sliding without reversals, the tracking error
+triples; with reversals, the order hardly matters.
 """,
     "sweep": """## A sweep
 

@@ -25,7 +25,8 @@
        F - F_est = c Ts (3/2 (1 + p)/(1 - p) - 1/2),   about 3 c/wo for small wo Ts
 
    The first sample after the start, a reset or a time with enable false adopts x and assumes rest without friction.
-   While enable is false, u, F_hat, u_sat, v_est and all states are 0.
+   While enable is false, u, F_hat, u_sat, v_est and all states are 0. While track is true, F_est is such that w =
+   u_track, within the limits; with gain = 0 it is not changed.
 
    Limits: at a reversal, the estimate lags by about 3/wo. Noise of x enters F_est with the factor m (1 - p)^3/Ts^2.
    Full compensation with F_est is an integral action, which causes hunting if static friction exceeds Coulomb
@@ -66,6 +67,8 @@ typedef struct {
     double u_prev; /* [N] force applied since the last sample, after all limits */
     bool enable; /* false: u = 0, F_hat = 0 and the observer is at its start values */
     bool reset; /* true: the observer restarts at the measured position */
+    bool track; /* true: the states are set so that u = u_track */
+    double u_track; /* [N] force from which u continues while track is true */
 } law_inputs;
 
 typedef struct {

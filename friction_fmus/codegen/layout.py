@@ -59,6 +59,11 @@ class Export:
             "outputs": (*self.law.select(Kind.OUTPUT), FAULT),
         }
 
+    @property
+    def tracks(self) -> bool:
+        """Whether the law can start from a force, given by its inputs ``track`` and ``u_track``."""
+        return {"track", "u_track"} <= {variable.name for variable in self.groups["inputs"]}
+
     @cached_property
     def kernel(self) -> Kernel:
         """One sample as statements on the structs."""

@@ -50,6 +50,9 @@ SIGNALS: Final[Mapping[str, Any]] = {
 }
 """Inputs of a loop; inputs of laws with these names are connected to them."""
 
+TAKING_OVER: Final = ("track", "u_track")
+"""Inputs with which the servo takes over an axis: its memory then contains the jumps of the other laws, too."""
+
 Named: TypeAlias = tuple[str, SX]
 """A signal with its name or formula."""
 
@@ -210,7 +213,8 @@ class _Loop:
         if variable.name in computed:
             return computed[variable.name]
         if variable.name not in self._signals:
-            if given is None and variable.kind is not Kind.INPUT:
+            takes_over = name == "servo" and variable.name in TAKING_OVER
+            if given is None and variable.kind is not Kind.INPUT and not takes_over:
                 return f"{variable.starts[0]:g}", SX(variable.starts[0])
             self._signals[variable.name] = self._declared(variable.name, variable)
         return variable.name, self._signals[variable.name]

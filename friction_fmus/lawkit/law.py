@@ -272,7 +272,7 @@ def law(
         parameters with these names. Values that violate one are rejected with a message that quotes its text. The
         relation u_min <= u_max is added automatically.
     sizes : mapping of str to Size, optional
-        Parameters whose start values determine the length of state vectors when the FMU is built.
+        Parameters whose start values determine the length of vectors when the FMU is built.
     portrait, quotes, needs : optional
         See `About`.
     loop : Loop, optional

@@ -54,22 +54,29 @@ def used_elements(values: Sequence[SX], N: SX) -> list[SX]:
     return [if_else(every, value, if_else(i < N, value, 0.0)) for i, value in enumerate(values)]
 
 
-def slide(Fi: SX, slipping: SX, way: SX, k: SX, alpha: SX, N: SX, dx: SX, S: SX, decay: SX) -> list[Element]:
+def weights(alpha: SX, N: SX) -> tuple[list[SX], SX]:
+    """Return the weights of the elements in use, 0 for the others, and their positive sum."""
+    shares = used_elements([alpha[i] for i in range(ELEMENTS)], N)
+    total = sum(shares)
+    return shares, if_else(total > 0.0, total, 1.0)
+
+
+def slide(
+    Fi: SX, slipping: SX, way: SX, k: SX, shares: Sequence[SX], total: SX, dx: SX, S: SX, decay: SX
+) -> list[Element]:
     """Return the elements after a displacement dx at the Stribeck level S.
 
     Parameters
     ----------
     Fi, slipping, way : SX
         States before.
-    k, alpha, N : SX
-        Stiffness and weight of each element, number of elements.
+    k, shares, total : SX, sequence of SX, SX
+        Stiffness of each element; weights and their sum.
     dx, S, decay : SX
         Displacement in the sample, Stribeck level, and exp(-C Ts / S).
     """
     side = if_else(dx > 0.0, 1.0, -1.0)
-    shares = used_elements([alpha[i] for i in range(ELEMENTS)], N)
-    total = sum(shares)
-    unit = S / if_else(total > 0.0, total, 1.0)
+    unit = S / total
     found = []
     for i, share in enumerate(shares):
         level, along = share * unit, side * Fi[i]
