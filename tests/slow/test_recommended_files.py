@@ -286,7 +286,8 @@ def compiled(name: str, code: Path, prefix: str, tmp_path: Path) -> Part:
         computed(u, x)
         return numbers(states)
 
-    ports = [Port(name) for name, kind in inputs._fields_ if kind is ctypes.c_double]
+    fields = [name for name, _ in inputs._fields_]
+    ports = [Port(name) for name in ("r", "rd", "rdd", "x") if name in fields]
     names = [name for name, kind in outputs._fields_ if kind is ctypes.c_double]
     return CallablePart(
         name,
@@ -308,8 +309,8 @@ def structure(header: str, group: str) -> type[ctypes.Structure]:
     found = re.search(rf"typedef struct \{{([^}}]*)\}} {group};", header)
     assert found is not None
     fields: list[tuple[str, type]] = []
-    for kind, field, size in re.findall(r"^\s+(double|int) (\w+)(?:\[(\d+)\])?;", found[1], re.M):
-        base = ctypes.c_double if kind == "double" else ctypes.c_int
+    for kind, field, size in re.findall(r"^\s+(double|bool) (\w+)(?:\[(\d+)\])?;", found[1], re.M):
+        base = ctypes.c_double if kind == "double" else ctypes.c_bool
         fields.append((field, base * int(size) if size else base))
     return type(group, (ctypes.Structure,), {"_fields_": fields})
 
