@@ -28,6 +28,7 @@ from friction_fmus.lawkit.parts.estimators import compensation, corrected, start
     "KalmanFriction",
     "Compensation of friction estimated as a random walk by a Kalman filter",
     source="Ray, Ramasubramanian, Townsend, Control Engineering Practice 9(2), 2001",
+    cites=("Ray2001", "AndersonMoore1979"),
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer"),
     needs={"force and encoder": 1},
