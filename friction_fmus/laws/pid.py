@@ -28,6 +28,7 @@ from friction_fmus.lawkit.parts.tracking import carried, restarts
     "PID",
     "PID position controller with inertia feedforward, anti-windup, dead-band and integral reset",
     source="Astrom, Hagglund: Advanced PID Control, ISA 2006",
+    cites=("AstromHagglund2006", "ArmstrongAmin1996"),
     Ts=1e-3,
     quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "hunting", "dead_band"),
     needs={"hunting": 2},
