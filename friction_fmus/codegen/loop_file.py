@@ -28,7 +28,7 @@ MOST: Final = 64
 Numbers: TypeAlias = Mapping[str, float | bool]
 
 _STUDY: Final = ("data", "columns", "windows", "identify", "compensation")
-_SETTINGS: Final = ("Ts", "u_min", "u_max", "offset", "window", "v0")
+_SETTINGS: Final = ("Ts", "u_min", "u_max", "offset", "window", "v0", "rotary")
 
 
 @dataclass(frozen=True)
@@ -74,6 +74,8 @@ class LoopFile:
         Number of samples over which the velocity is computed; 0 if it is an input.
     v0 : float or None
         Velocity before the first sample [m/s]; None for rest.
+    rotary : bool
+        Whether the axis is rotary; read m as rad, N as N.m and kg as kg.m2.
     path : Path
         The file.
     """
@@ -85,6 +87,7 @@ class LoopFile:
     offset: float | None = None
     window: int = 0
     v0: float | None = None
+    rotary: bool = False
     path: Path = Path(LOOP_FILE)
 
 
@@ -131,7 +134,10 @@ def read_loop(path: Path) -> LoopFile:
     for key in ("Ts", "u_min", "u_max"):
         if key not in settings:
             raise FrictionError(f"{where} has no {key}; add it")
-    values = {key: _finite(settings, key, where) for key in settings}
+    rotary = settings.get("rotary", False)
+    if not isinstance(rotary, bool):
+        raise FrictionError(f"{where} has rotary = {shown(rotary)}; give true or false")
+    values = {key: _finite(settings, key, where) for key in settings if key != "rotary"}
     if values["Ts"] < 1e-9:
         raise FrictionError(f"{where} has Ts = {values['Ts']:g}; give a sample time of at least 1e-9 s")
     if values["u_min"] > values["u_max"]:
@@ -147,6 +153,7 @@ def read_loop(path: Path) -> LoopFile:
         values.get("offset"),
         int(window),
         values.get("v0"),
+        rotary,
         path,
     )
 
@@ -159,7 +166,7 @@ def loop_text(loop: LoopFile, heading: str) -> str:
         "# C code: friction-fmus codegen " + loop.path.name + " -o c",
         "",
         "[loop]",
-        *_rows({key: value for key, value in settings.items() if value is not None}),
+        *_rows({key: value for key, value in settings.items() if value is not None and value is not False}),
     ]
     for name, law in loop.laws.items():
         lines += ["", f"[{name}]", f'law = "{law.law}"']

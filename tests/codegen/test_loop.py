@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
-from codegen.test_numbers import same_bits
+from codegen.test_numbers import same_numbers
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
@@ -16,8 +18,11 @@ from benchmarks.law_runs import LawC, rows_of, run_casadi
 from friction_fmus.__main__ import main
 from friction_fmus.codegen.equations import equations_of
 from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.loop import loop_law
 from friction_fmus.codegen.loop_file import LoopFile, LoopLaw, loop_text, read_loop
+from friction_fmus.codegen.readme import readme
+from friction_fmus.codegen.rotary import rotary_law
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.law import Kind, Law
@@ -42,6 +47,7 @@ LOOPS = {
     "factor": loop(feedforward=FEEDFORWARD, compensator=ESTIMATOR, servo=CASCADE),
     "measured velocity": replace(loop(compensator=OBSERVER, servo=LoopLaw("PID", {"Kp": 9e3})), window=0, offset=None),
     "without motion": loop(servo=replace(CASCADE, connections={"rd": 0.0, "rdd": 0.0}), compensator=OBSERVER),
+    "rotary": replace(loop(servo=CASCADE, compensator=OBSERVER), rotary=True, v0=0.02),
     "own limit": loop(
         compensator=replace(OBSERVER, parameters={"u_min": -0.5, "u_max": 0.5}), servo=LoopLaw("ResetPID")
     ),
@@ -80,7 +86,9 @@ class Separate:
 
     def sample(self, given: dict[str, float]) -> float:
         if self.loop.window:
-            self.positions = [*(self.positions or [given["x"]] * 2), given["x"]][-3:]
+            v0 = self.loop.v0 or 0.0
+            before = [given["x"] - 2.0 * v0 * TS, given["x"] - v0 * TS]
+            self.positions = [*(self.positions or before), given["x"]][-3:]
             given = {**given, "v": (self.positions[2] - self.positions[0]) / (2.0 * TS)}
         offset = self.loop.offset or 0.0
         forces = {"feedforward": 0.0, "compensator": 0.0}
@@ -119,11 +127,11 @@ def test_the_unit_computes_its_laws_one_after_the_other(name: str) -> None:
     assert np.ptp(found) > 1.0
 
 
-def test_the_c_code_has_the_bits_of_the_law(tmp_path: Path) -> None:
+def test_the_c_code_has_the_numbers_of_the_law(tmp_path: Path) -> None:
     export = make_export(EXAMPLE)
     given = motion(3000)
-    rows = rows_of(export, {v.name: given[v.name] for v in export.groups["inputs"]})
-    assert same_bits(LawC(export, tmp_path).run(rows, feeds_back=True), run_casadi(export.law, rows))
+    rows = rows_of(export, {v.name: given.get(v.name, np.full(3000, v.start)) for v in export.groups["inputs"]})
+    assert same_numbers(LawC(export, tmp_path).run(rows, feeds_back=True), run_casadi(export.law, rows))
 
 
 def test_the_limits_hold_for_the_sum_and_stop_the_integral() -> None:
@@ -166,6 +174,24 @@ def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
         path = tmp_path / f"{number}.toml"
         path.write_text(loop_text(description, "A loop"), encoding="utf-8")
         assert read_loop(path) == replace(description, laws=dict(description.laws), path=path)
+
+
+def test_a_rotary_loop_has_the_same_code_in_its_units() -> None:
+    linear, rotary = (make_export(EXAMPLE, real="float"), rotary_export("float"))
+    assert rotary.pairs == linear.pairs
+    assert rotary.kernel.lines == linear.kernel.lines
+    text, page = header(rotary), readme(rotary, ())
+    for unit in ("N.m", "rad", "rad/s", "rad/s2", "N.m.s/rad", "N.m/rad", "kg.m2", "Hz"):
+        assert f"[{unit}]" in text
+    assert not re.search(r"\[(N|m|m/s|m/s2|kg|N/m|N\.s/m)\]", text)
+    assert "control torque" in text
+    assert "around 0, 0.1, 1 and 10 rad" in page
+
+
+def rotary_export(real: Literal["float", "double"]) -> Export:
+    """The example with `rotary = true`; its path is the same, so that the comments are, too."""
+    law = rotary_law(make_export(EXAMPLE).law)
+    return replace(make_export(EXAMPLE, real=real), law=law, rotary=True)
 
 
 def test_the_command_writes_all_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -216,6 +242,7 @@ WRONG = {
         '[data]\nfile = "axis.csv"\n[servo]\nlaw = "PID"\n',
         "describes a study, not a loop; run `friction-fmus",
     ),
+    "no Boolean": (SETTINGS + "rotary = 1\n" + SERVO, "has rotary = 1; give true or false"),
     "no toml": ("[loop", "cannot be read as TOML"),
 }
 

@@ -151,22 +151,56 @@ def test_fmus_connected_as_the_readme_says(files: Recommended) -> None:
         assert rms_of(run_loop(system), files) == pytest.approx(files.rms, rel=tolerance(files, 1e-6))
 
 
+@pytest.mark.parametrize(
+    "files",
+    [name for name in KINDS.values() if name != "RepetitiveController"],
+    ids=[kind for kind in KINDS if kind != "learning"],
+    indirect=True,
+)
 def test_the_code_is_the_whole_controller(files: Recommended, tmp_path: Path) -> None:
-    """One call a sample, with the bits of the separate FMUs."""
-    code = files.folder / "c"
-    if files.scheme.compensator is not None and files.scheme.compensator.model == "RepetitiveController":
-        assert not code.exists()  # it is written in C
-        assert not (files.folder / "loop.toml").exists()
-        return
+    """One call a sample, with the bits of the separate FMUs; dither needs another master, see `tolerance`."""
     with System.from_ssp(files.folder / "axis.ssp") as system:
         expected, experiment = run_loop(system), system.experiment
     assert experiment is not None
-    with in_one(files, compiled("servo", code, "loop", tmp_path), experiment) as system:
+    with in_one(files, compiled("servo", files.folder / "c", "loop", tmp_path), experiment) as system:
         found = run_loop(system)
     assert rms_of(found, files) == pytest.approx(files.rms, rel=tolerance(files, 1e-9))
-    if files.scheme.compensator is None or files.scheme.compensator.model != "Dither":
+    if tolerance(files, 0.0) == 0.0:
         np.testing.assert_array_equal(found.force, expected.force)
         np.testing.assert_array_equal(found.q, expected.q)
+
+
+def test_a_controller_in_c_has_no_code(tmp_path: Path) -> None:
+    files = recommended("RepetitiveController", tmp_path)
+    assert not (files.folder / "c").exists()
+    assert not (files.folder / "loop.toml").exists()
+    text = (files.folder / "README.md").read_text(encoding="utf-8")
+    assert "no C code of the loop, because RepetitiveController is a block in C" in " ".join(text.split())
+
+
+def test_integral_action_is_recommended_with_code(tmp_path: Path) -> None:
+    """The servo without a law beside it; its integral is part of the unit."""
+    reference = build_reference(T, R, tmp_path, "Reference")
+    bench = Bench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2), R)
+    servo = replace(SERVO, gains={**SERVO.gains, "Ki": 1e5})
+    found = evaluate(bench, [Scheme(servo)], ())
+    assert found.metrics is not None
+    export_recommended(tmp_path, bench, Scheme(servo), "test", "", Figures(found.metrics.rms, "m"))
+    files = Recommended(tmp_path / "recommended", bench, Scheme(servo), found.metrics.rms)
+    with System.from_ssp(files.folder / "axis.ssp") as system:
+        expected, experiment = run_loop(system), system.experiment
+    assert experiment is not None
+    with in_one(files, compiled("servo", files.folder / "c", "loop", tmp_path), experiment) as system:
+        np.testing.assert_array_equal(run_loop(system).force, expected.force)
+
+
+def test_nothing_recommended_has_no_code(tmp_path: Path) -> None:
+    reference = build_reference(T, R, tmp_path, "Reference")
+    bench = Bench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2), R)
+    export_recommended(tmp_path, bench, Scheme(SERVO), "test", "", None)
+    assert {path.name for path in (tmp_path / "recommended").iterdir()} == {"README.md", "axis.ssp"}
+    text = (tmp_path / "recommended" / "README.md").read_text(encoding="utf-8")
+    assert "No compensator is recommended" in text
 
 
 EVERY = 2  # steps of the plant in a sample: 0.5 ms
@@ -252,7 +286,8 @@ def compiled(name: str, code: Path, prefix: str, tmp_path: Path) -> Part:
         computed(u, x)
         return numbers(states)
 
-    ports = [Port(name) for name, kind in inputs._fields_ if kind is ctypes.c_double]
+    fields = [name for name, _ in inputs._fields_]
+    ports = [Port(name) for name in ("r", "rd", "rdd", "x") if name in fields]
     names = [name for name, kind in outputs._fields_ if kind is ctypes.c_double]
     return CallablePart(
         name,
@@ -274,8 +309,8 @@ def structure(header: str, group: str) -> type[ctypes.Structure]:
     found = re.search(rf"typedef struct \{{([^}}]*)\}} {group};", header)
     assert found is not None
     fields: list[tuple[str, type]] = []
-    for kind, field, size in re.findall(r"^\s+(double|int) (\w+)(?:\[(\d+)\])?;", found[1], re.M):
-        base = ctypes.c_double if kind == "double" else ctypes.c_int
+    for kind, field, size in re.findall(r"^\s+(double|bool) (\w+)(?:\[(\d+)\])?;", found[1], re.M):
+        base = ctypes.c_double if kind == "double" else ctypes.c_bool
         fields.append((field, base * int(size) if size else base))
     return type(group, (ctypes.Structure,), {"_fields_": fields})
 
