@@ -48,8 +48,8 @@ struct Instance {
     bool warned[PARTS]; /* the part's warning has been passed on */
     bool warning;       /* in this step */
     bool refreshed;
-    bool told; /* the warning of wrong results has been logged */
-    char said[512];     /* last message of a part */
+    bool told;      /* the warning of wrong results has been logged */
+    char said[512]; /* last message of a part */
     fmi2CallbackLogger logger;
     fmi2ComponentEnvironment environment;
     int logging;
@@ -228,8 +228,8 @@ static bool make_parts(Instance *c, fmi2Boolean visible)
             continue;
         const fmi2CallbackFunctions callbacks = {listen, calloc, free, NULL, &c->places[i]};
         memcpy(&c->callbacks[i], &callbacks, sizeof callbacks); /* its members are const */
-        c->parts[i].component = f->instantiate(part_data[i].name, fmi2CoSimulation, f->guid, "", &c->callbacks[i],
-                                               visible, fmi2True);
+        c->parts[i].component =
+            f->instantiate(part_data[i].name, fmi2CoSimulation, f->guid, "", &c->callbacks[i], visible, fmi2True);
         EnginePart *const p = &c->parts[i];
         if (!p->component || p->get_state(p->component, &p->state) > 1 ||
             p->get_state(p->component, &p->other_state) > 1 || p->get_state(p->component, &c->backups[i]) > 1)

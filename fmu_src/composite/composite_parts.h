@@ -85,15 +85,25 @@ typedef struct {
 
 /* The initializer of PartFunctions. */
 #define FUNCTIONS_OF(prefix, guid)                                                                                     \
-    {                                                                                                                  \
-        guid, prefix##fmi2Instantiate, prefix##fmi2FreeInstance, prefix##fmi2SetupExperiment,                          \
-            prefix##fmi2EnterInitializationMode, prefix##fmi2ExitInitializationMode, prefix##fmi2Terminate,            \
-            prefix##fmi2Reset, prefix##fmi2FreeFMUstate, prefix##fmi2SerializedFMUstateSize,                           \
-            prefix##fmi2SerializeFMUstate, prefix##fmi2DeSerializeFMUstate, prefix##fmi2GetRealOutputDerivatives,      \
-            {prefix##set_Real, prefix##set_Integer, prefix##set_Boolean},                                              \
-            {prefix##get_Real, prefix##get_Integer, prefix##get_Boolean}, prefix##do_step, prefix##get_state,          \
-            prefix##set_state, prefix##set_slopes                                                                      \
-    }
+    {guid,                                                                                                             \
+     prefix##fmi2Instantiate,                                                                                          \
+     prefix##fmi2FreeInstance,                                                                                         \
+     prefix##fmi2SetupExperiment,                                                                                      \
+     prefix##fmi2EnterInitializationMode,                                                                              \
+     prefix##fmi2ExitInitializationMode,                                                                               \
+     prefix##fmi2Terminate,                                                                                            \
+     prefix##fmi2Reset,                                                                                                \
+     prefix##fmi2FreeFMUstate,                                                                                         \
+     prefix##fmi2SerializedFMUstateSize,                                                                               \
+     prefix##fmi2SerializeFMUstate,                                                                                    \
+     prefix##fmi2DeSerializeFMUstate,                                                                                  \
+     prefix##fmi2GetRealOutputDerivatives,                                                                             \
+     {prefix##set_Real, prefix##set_Integer, prefix##set_Boolean},                                                     \
+     {prefix##get_Real, prefix##get_Integer, prefix##get_Boolean},                                                     \
+     prefix##do_step,                                                                                                  \
+     prefix##get_state,                                                                                                \
+     prefix##set_state,                                                                                                \
+     prefix##set_slopes}
 
 /* A recorded table: row i applies from times[i] on; its values change by slopes[i] per second. */
 typedef struct {
@@ -127,8 +137,8 @@ enum setting { SET_NEVER, SET_EARLY, SET_ALWAYS };
 /* A variable; its value reference is its index. */
 typedef struct {
     const char *name;
-    int64_t part; /* -1: the time */
-    int64_t signal; /* where the engine keeps its value; -1: its part is asked */
+    int64_t part;       /* -1: the time */
+    int64_t signal;     /* where the engine keeps its value; -1: its part is asked */
     uint32_t reference; /* in its part; the number of an input */
     int type, setting;
     bool is_input, is_output, finite; /* finite: NaN is refused when it is set */

@@ -73,10 +73,11 @@ static fmi2Status refuse_step(Instance *c, double t, double h)
     MODE(c) = STEP_FAILED;
     REQUIRE(restored, "fmi2DoStep: a part cannot return to the start of the step at t = %g s: %s", t, c->said)
     if (e.status == NOT_CONVERGED)
-        return report(c, fmi2Discard, LOG_DISCARD,
-                      "fmi2DoStep: the loop %s does not converge at t = %.12g s, even with a millionth of the step; the "
-                      "state at the start of the step is kept",
-                      loop_names[e.failed_part], e.failed_time);
+        return report(
+            c, fmi2Discard, LOG_DISCARD,
+            "fmi2DoStep: the loop %s does not converge at t = %.12g s, even with a millionth of the step; the "
+            "state at the start of the step is kept",
+            loop_names[e.failed_part], e.failed_time);
     if (e.status == NOT_WHOLE)
         return report(c, fmi2Discard, LOG_DISCARD,
                       "fmi2DoStep: an Integer input of %s gets a value that is not whole at t = %.12g s",

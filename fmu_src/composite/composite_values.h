@@ -46,8 +46,10 @@ static fmi2Status read_variable(Instance *c, const Variable *v, double *real, in
         return (fmi2Status)p->get[v->type](p->component, &v->reference, 1,
                                            v->type == REAL ? (void *)real : (void *)whole);
     }
-    *real = v->part < 0 ? NOW(c) : v->is_input ? c->memory.inputs[v->reference]
-                           : c->refreshed ? c->shown[v->signal] : c->memory.signals[v->signal];
+    *real = v->part < 0    ? NOW(c)
+            : v->is_input  ? c->memory.inputs[v->reference]
+            : c->refreshed ? c->shown[v->signal]
+                           : c->memory.signals[v->signal];
     *whole = v->type == REAL ? 0 : (int)*real;
     return fmi2OK;
 }
@@ -104,7 +106,8 @@ static fmi2Status write_variable(Instance *c, const Variable *v, double real, in
         return fmi2OK;
     }
     EnginePart *const p = &c->parts[v->part];
-    return (fmi2Status)p->set[v->type](p->component, &v->reference, 1, v->type == REAL ? (void *)&real : (void *)&whole);
+    return (fmi2Status)p->set[v->type](p->component, &v->reference, 1,
+                                       v->type == REAL ? (void *)&real : (void *)&whole);
 }
 
 /* All values are checked before the first one is written; if a part rejects one, all parts return to their state. */
@@ -189,8 +192,7 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueR
                                        const fmi2Integer orders[], const fmi2Real values[])
 {
     ENTER("SetRealInputDerivatives", MAY_SetRealInputDerivatives)
-    const fmi2Status status =
-        check_derivatives(c, "fmi2SetRealInputDerivatives", true, references, n, orders, values);
+    const fmi2Status status = check_derivatives(c, "fmi2SetRealInputDerivatives", true, references, n, orders, values);
     if (status != fmi2OK)
         return status;
     for (size_t i = 0; i < n; i++)

@@ -47,9 +47,9 @@ def check(message: str, words: list[str], folder: Path) -> None:
 
 def test_a_part_in_python(tmp_path: Path) -> None:
     part = CallablePart("law", lambda t, u, x: 0.0, ["x"], ["y"])
-    with System([FmuPart("mass", fmu("Mass")), part], ["mass.x -> law.x"], REST, STEPS) as system:
-        with pytest.raises(HarnessError) as caught:
-            system.to_fmu(tmp_path / "axis.fmu")
+    system = System([FmuPart("mass", fmu("Mass")), part], ["mass.x -> law.x"], REST, STEPS)
+    with system, pytest.raises(HarnessError) as caught:
+        system.to_fmu(tmp_path / "axis.fmu")
     check(str(caught.value), ["'law'", "Python", "replace"], tmp_path)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import shutil
 import subprocess
 import sys
@@ -23,13 +24,12 @@ def library(compose: Callable[[str], Path]) -> Library:
     return load(compose("stick_slip"))
 
 
-def trajectory(library: Library, points: Sequence[float], **start: float) -> np.ndarray:
+def trajectory(library: Library, points: Sequence[float]) -> np.ndarray:
     """The outputs at these communication points."""
     rows = []
     with Instance(library) as run:
-        run.set({name.replace("_of_", "."): value for name, value in start.items()})
         run.initialise()
-        for t, end in zip(points[:-1], points[1:], strict=True):
+        for t, end in itertools.pairwise(points):
             run.step(t, end - t)
             rows.append(run.get(*NAMES))
     return np.array(rows)
@@ -184,7 +184,7 @@ def test_a_state_inside_a_tick_continues(library: Library) -> None:
         state = run.serialised()
     with Instance(library) as run:
         run.restore(state)
-        for t, end in zip(points[1:-1], points[2:], strict=True):
+        for t, end in itertools.pairwise(points[1:]):
             run.step(t, end - t)
         assert run.get(*NAMES) == expected[-1].tolist()
 
