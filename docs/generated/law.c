@@ -35,14 +35,15 @@ static void sample(const law_parameters *parameters, law_states *states, const l
             const double v_p = states->v_hat + parameters->Ts * force;
             const double difference_1 = 1.0 - p;
             const double square_1 = difference_1 * difference_1;
-            const double difference_2 = states->F_est - parameters->m * (difference_1 * square_1)
-                / Ts_squared * residual;
+            const double difference_2 = states->F_est
+                - parameters->m * (difference_1 * square_1) / Ts_squared * residual;
             velocity = v_p + 1.5 * square_1 * (1.0 + p) / parameters->Ts * residual;
             choice_1 = parameters->gain * difference_2;
             friction = difference_2;
         }
-        const double tracking = parameters->m * (parameters->wc * parameters->wc * (inputs->r - position)
-            + 2.0 * parameters->wc * (inputs->rd - velocity) + inputs->rdd);
+        const double tracking = parameters->m
+            * (parameters->wc * parameters->wc * (inputs->r - position)
+                + 2.0 * parameters->wc * (inputs->rd - velocity) + inputs->rdd);
         const double wanted = tracking + choice_1;
         const bool wanted_below_u_min = wanted < parameters->u_min;
         const bool wanted_above_u_max = wanted > parameters->u_max;

@@ -20,7 +20,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import maxwell_slip, variables
 from friction_fmus.lawkit.parts.feedforward import feedforward, increment, when
-from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, used_elements
+from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide
 
 
 @law(
@@ -110,15 +110,14 @@ def gms_feedforward(
     S = stribeck_level(fabs(dr / Ts), Fc, Fs, vs, delta)
     forces, slips, creep = [], [], SX(0.0)
     for i, element in enumerate(slide(Fi, slipping, way, k, alpha, N, dr, S, exp(-C * Ts / S))):
-        elastic = logic_and(element.slipped, k[i] > 0.0)
+        elastic = logic_and(logic_and(element.slipped, k[i] > 0.0), sigma > 0.0)
         creep += if_else(elastic, (element.moved - element.level) / if_else(k[i] > 0.0, k[i], 1.0), 0.0)
         forces.append(if_else(moving, side * element.moved, if_else(reset, 0.0, Fi[i])))
         slips.append(if_else(moving, element.slips, 0.0))
-    slips = used_elements(slips, N)
-    F_pre = sum(forces)
-    stretching = rd * (if_else(ELEMENTS - 1 < N, ELEMENTS, ceil(N)) - sum(slips))
-    # in this order, everything that needs S follows the single decision on motion
-    creeping = if_else(moving, if_else(sigma > 0.0, side * (C * creep / S), 0.0), 0.0)
+    F_pre, slipping_now = sum(forces), sum(slips)
+    used = if_else(ELEMENTS - 1 < N, ELEMENTS, ceil(N))
+    stretching = rd * (used - slipping_now)
+    creeping = if_else(moving, side * (C * creep / S), 0.0)
     F_el = F_pre + sigma * (stretching - creeping)
     load = if_else(Fn == Fn0, 1.0, if_else(Fn > 0.0, Fn, 0.0) / Fn0)
     friction = load * F_el + sigma2 * rd
@@ -127,7 +126,7 @@ def gms_feedforward(
         **when(
             enable,
             F_pre=F_pre,
-            slips=sum(slips),
+            slips=slipping_now,
             way=if_else(moving, side, if_else(reset, 0.0, way)),
             last=r,
             started=1.0,

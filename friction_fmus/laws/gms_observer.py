@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, exp, fabs, if_else
+from casadi import SX, exp, fabs, if_else, logic_and, logic_not
 
 from friction_fmus.lawkit.expressions import stribeck_level
 from friction_fmus.lawkit.law import (
@@ -18,7 +18,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import maxwell_slip, variables
-from friction_fmus.lawkit.parts.maxwell_slip import slide, used_elements
+from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide
 from friction_fmus.lawkit.parts.observers import limited
 
 
@@ -104,15 +104,15 @@ def gms_observer(
     condition on k_e is known; increase it from 0 until the error no longer falls. If the parameters exceed the
     parameters of the axis, the estimate drives the axis; set gain < 1 in this case. u_min must not exceed u_max.
     """
-    observed = sum(if_else(reset, 0.0, Fi[i]) for i in range(maxwell_slip.ELEMENTS))
+    observed = if_else(reset, 0.0, sum(Fi[i] for i in range(ELEMENTS)))
     F_hat = observed + sigma2 * v
     w = v + k_e * (r - x)  # winds nothing up: the elements are limited by S
     S = stribeck_level(fabs(w), Fc, Fs, vs, delta)
     moving, side = w != 0.0, if_else(w > 0.0, 1.0, -1.0)
     elements = slide(Fi, slipping, way, k, alpha, N, w * Ts, S, exp(-C * Ts / S))
     forces = [if_else(moving, side * element.moved, Fi[i]) for i, element in enumerate(elements)]
-    slips = used_elements([if_else(moving, element.slips, 0.0) for element in elements], N)
-    active = if_else(reset, 0.0, enable)
+    slips = [if_else(moving, element.slips, 0.0) for element in elements]
+    active = logic_and(enable, logic_not(reset))
     return {
         **limited(SX(0.0), F_hat, gain, enable, u_min, u_max),
         "Fi": [if_else(active, force, 0.0) for force in forces],

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -12,6 +14,7 @@ from casadi import Function
 
 from friction_fmus.lawkit.emit.branches import plan
 from friction_fmus.lawkit.emit.graph import graph
+from friction_fmus.lawkit.emit.loops import INDEX, Rolled, roll
 from friction_fmus.lawkit.emit.names import Named, Names, place_name
 from friction_fmus.lawkit.emit.pairs import Weight, split
 from friction_fmus.lawkit.emit.real import DOUBLE, FLOAT, Real
@@ -122,19 +125,34 @@ def kernel(
             if node is not None
         ]
         remarks = {pairs[node][0]: texts for node, texts in (remarks or {}).items()}
+    rolled = roll(nodes, results, reads, writes)
     truths = frozenset(conditions)
-    targets: dict[int, list[str]] = {}
-    for number, target in zip(results, writes, strict=True):
-        targets.setdefault(number, []).append(target)
-    named = [entry for entry in named if nodes[entry.node].operation not in ("CONST", "INPUT")]
-    names = Names(nodes, named, reads, {number: places[0] for number, places in targets.items()}, taken)
-    unsigned = truths if positive is None else range(len(reads))
+    never_negative = truths | {*(positive or ())}
+    never_negative |= {i for i, members in rolled.members.items() if never_negative >= {*members}}
+    unsigned = truths if positive is None else range(len(rolled.reads))
+    named = _moved(named, rolled)
+    texts_of: dict[int, list[str]] = {}
+    for node, texts in (remarks or {}).items():
+        texts_of.setdefault(rolled.place[node], []).extend(texts)
     kept: dict[int, list[int]] = {}
-    places = {place_name(place): i for i, place in enumerate(reads)}
-    for number, target in zip(results, writes, strict=True):
-        if place_name(target) in places:
-            kept.setdefault(places[place_name(target)], []).append(number)
-    zeros = Zeros(nodes, kept, unsigned, truths | {*(positive or ())})
-    writer = Writer(nodes, reads, real, truths, zeros, names, writes, remarks or {}, flags=flags)
-    lines = writer.statements(plan(nodes, results), targets)
+    places = {place_name(place): i for i, place in enumerate(rolled.reads)}
+    for number, targets in rolled.targets.items():
+        for name in filter(places.__contains__, map(place_name, targets)):
+            kept.setdefault(places[name], []).append(number)
+    zeros = Zeros(rolled.nodes, kept, unsigned, never_negative)
+    first = {number: targets[0] for number, targets in rolled.targets.items()}
+    names = Names(rolled.nodes, named, rolled.reads, first, [INDEX, *taken])
+    writer = Writer(rolled, real, truths, zeros, names, texts_of, flags=flags)
+    lines = writer.statements(plan(rolled.nodes, rolled.targets), rolled.targets)
     return Kernel(tuple(lines), frozenset(writer.functions))
+
+
+def _moved(named: Collection[Named], rolled: Rolled) -> list[Named]:
+    """Return the names of nodes in a graph with vectors, which have the names that most of their elements have."""
+    moved = [
+        entry._replace(node=place, name=re.sub(r"_\d+$", "", entry.name) if rolled.nodes[place].lanes else entry.name)
+        for entry in named
+        if (place := rolled.place.get(entry.node)) is not None and not rolled.nodes[place].is_leaf
+    ]
+    counts = Counter(moved)
+    return [entry for entry in counts if 2 * counts[entry] >= rolled.nodes[entry.node].lanes]

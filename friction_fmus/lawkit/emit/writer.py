@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
-from friction_fmus.lawkit.emit.branches import DECIDES, Block, Decision
+from friction_fmus.lawkit.emit.branches import DECIDES, Block, Decision, Loop
 from friction_fmus.lawkit.emit.comments import comment_lines
 from friction_fmus.lawkit.emit.expressions import (
     CHOICE,
@@ -24,17 +24,68 @@ from friction_fmus.lawkit.emit.expressions import (
     negation,
 )
 from friction_fmus.lawkit.emit.graph import COMPARE, CONDITIONS, LIBM, LOGIC, Node
+from friction_fmus.lawkit.emit.loops import INDEX, Rolled
 from friction_fmus.lawkit.emit.names import Names
 from friction_fmus.lawkit.emit.real import Real
 from friction_fmus.lawkit.emit.signed_zeros import Zeros
+from friction_fmus.lawkit.emit.statements import is_if, statement
 
 _WIDTH = 150  # longest expression that is not divided into several
 
-_LINE = 100  # longest line of a statement
-
-_LEAVES = ("CONST", "INPUT")
-
 _RESULT, _SIDE, _IF = -1, -2, -3  # users of a value that are not nodes
+
+
+class Store(NamedTuple):
+    """Assignment to elements of vectors.
+
+    Attributes
+    ----------
+    node : int
+        A vector, or a select of vectors.
+    places : sequence of str
+        Places of an element.
+    side : int or None
+        Side of the select that is assigned; None for the value of the node.
+    """
+
+    node: int
+    places: Sequence[str]
+    side: int | None
+
+    def values(self, nodes: Sequence[Node]) -> tuple[int, ...]:
+        """Return the node that is assigned; none for a zero."""
+        if self.side is None:
+            return (self.node,)
+        return nodes[self.node].arguments[self.side : self.side + 1]
+
+    @property
+    def uses(self) -> int:
+        """Number of uses of the node in the count of users."""
+        return len(self.places) if self.side is None else 1
+
+
+def _numbers(item: int | Decision | Loop) -> Iterator[int]:
+    """Yield the nodes of an item."""
+    if isinstance(item, int):
+        yield item
+    elif isinstance(item, Loop):
+        for inner in item.items:
+            yield from _numbers(inner)
+    else:
+        yield from item.selects
+        for side in item.sides:
+            for part in side:
+                yield from _numbers(part)
+
+
+def _computed(item: int | Decision | Loop) -> tuple[int, ...]:
+    """Return the nodes with the values of an item that is not a loop."""
+    return item.selects if isinstance(item, Decision) else (item,) if isinstance(item, int) else ()
+
+
+def _is_in(user: int, place: int, inside: Collection[int]) -> bool:
+    """Return whether a user of a value is among these nodes."""
+    return (place if user in (_SIDE, _IF) else user) in inside
 
 
 class Writer:
@@ -42,10 +93,8 @@ class Writer:
 
     Parameters
     ----------
-    nodes : sequence of Node
-        All operations, arguments before their users.
-    reads : sequence of str
-        C expression of each argument.
+    rolled : Rolled
+        All operations, C expressions of arguments, and places of results.
     real : Real
         Type of all numbers.
     conditions : collection of int
@@ -54,52 +103,57 @@ class Writer:
         Where -0.0 must become 0.0.
     names : Names
         Identifiers.
-    overwritten : collection of str
-        C expressions to which results are assigned.
     remarks : mapping of int to sequence of str
         Comments for nodes, which then become constants or variables.
     flags : collection of str
-        C expressions in `overwritten` that are truth values.
+        Places of results that are truth values.
     """
 
     def __init__(
         self,
-        nodes: Sequence[Node],
-        reads: Sequence[str],
+        rolled: Rolled,
         real: Real,
         conditions: Collection[int],
         zeros: Zeros,
         names: Names,
-        overwritten: Collection[str],
         remarks: Mapping[int, Sequence[str]],
         *,
         flags: Collection[str] = (),
     ) -> None:
         """Prepare the texts of arguments and constants."""
         self.functions: set[str] = set()
-        self._nodes = nodes
+        self._nodes = rolled.nodes
         self._real = real
         self._conditions = conditions
         self._zeros = zeros
         self._names = names
         self._kept = names.assigned | remarks.keys()
         self._remarks = {node: list(texts) for node, texts in remarks.items()}
-        self._overwritten = frozenset(i for i, place in enumerate(reads) if place in overwritten)
-        self._reads = reads
+        self._reads = rolled.reads
+        overwritten = {place for places in rolled.targets.values() for place in places}
+        self._overwritten = frozenset(i for i, place in enumerate(rolled.reads) if place in overwritten)
         self._flags = flags
         self._zero = literal(0.0, real)
         self._texts: dict[int, Text] = {}
         self._open: set[int] = set()  # nodes whose text is an expression instead of a name
         self._users: dict[int, list[tuple[int, int]]] = {}  # users of each node, and the place among their arguments
-        self._last_moment: set[int] = set()  # nodes that are read while results are assigned
+        self._last_moment: dict[int, set[str]] = {}  # nodes that are read while results are assigned, and their places
+        self._elements: dict[int, str] = {}  # places of elements that are stored before the end
         self._decided: dict[int, int] = {}  # side of each condition in the current block
         self._lines: list[str] = []
-        for number, node in enumerate(nodes):
+        self._arrays: set[int] = set()  # elements that are used outside their loop
+        self._in_loop = False
+        for number, node in enumerate(rolled.nodes):
             if node.operation == "CONST":
                 self._texts[number] = literal(node.value, real)
             elif node.operation == "INPUT":
                 place = int(node.value)
-                self._texts[number] = Text(reads[place], PRIMARY, frozenset([place]))
+                self._texts[number] = Text(rolled.reads[place], PRIMARY, frozenset([place]))
+            elif node.operation == "INDEX":
+                index = f"({INDEX} + {node.value:.0f})" if node.value else INDEX
+                self._texts[number] = Text(f"({real.name}){index}", UNARY, frozenset())
+            elif node.brief:
+                self._texts[number] = self._expression(number)
 
     def statements(self, block: Block, targets: Mapping[int, Sequence[str]]) -> list[str]:
         """Return the statements of a function.
@@ -111,7 +165,8 @@ class Writer:
         targets : mapping of int to sequence of str
             Places to which each result is assigned.
         """
-        self._last_moment = {*targets, *self._last_values(block)}
+        for number, place in self._last_values(block, targets):
+            self._last_moment.setdefault(number, set()).add(place)
         self._count(block)
         for number, places in targets.items():
             for _ in places:
@@ -119,62 +174,201 @@ class Writer:
         copies = [line for number in sorted(self._last_moment) for line in self._copy(number)]
         return [*copies, *self._block(block, targets)]
 
-    def _last_values(self, block: Block) -> Iterator[int]:
-        """Yield the values between which the last decision of a block selects, and those of its sides."""
+    def _last_values(self, block: Block, targets: Mapping[int, Sequence[str]]) -> Iterator[tuple[int, str]]:
+        """Yield the values that are assigned after other results may have been, with their places."""
+        yield from ((number, place) for number, places in targets.items() for place in places)
         last = block[-1] if block else None
         if isinstance(last, Decision):
-            for select in last.selects:
-                yield from self._nodes[select].arguments[1:]
-            for side in last.sides:
-                yield from self._last_values(side)
+            for side, inner in enumerate(last.sides, start=1):
+                values: dict[int, list[str]] = {}
+                for select in last.selects:
+                    for argument in self._nodes[select].arguments[side : side + 1]:
+                        values.setdefault(argument, []).extend(targets.get(select, ()))
+                yield from self._last_values(inner, values)
 
     def _count(self, block: Block) -> None:
         """Find the users of each node as they appear in the text."""
         for item in block:
-            if isinstance(item, Decision):
-                self._users.setdefault(item.condition, []).append((_IF, 0))
+            if isinstance(item, Loop):
+                self._count(item.items)
+            elif isinstance(item, Decision):
+                self._users.setdefault(item.condition, []).append((_IF, item.selects[0]))
                 for select in item.selects:
                     for argument in self._nodes[select].arguments[1:]:
-                        self._users.setdefault(argument, []).append((_SIDE, select))
+                        self._users.setdefault(argument, []).extend([(_SIDE, select)] * self._times(argument, select))
                 for side in item.sides:
                     self._count(side)
             else:
                 node = self._nodes[item]
                 for place, argument in enumerate(node.arguments):
-                    self._users.setdefault(argument, []).extend([(item, place)] * REPEATS.get(node.operation, 1))
+                    times = REPEATS.get(node.operation, 1) * self._times(argument, item)
+                    self._users.setdefault(argument, []).extend([(item, place)] * times)
+
+    def _times(self, argument: int, user: int) -> int:
+        """Return how often an argument is needed: more than once if the elements of a vector share it."""
+        return 2 if self._nodes[user].lanes and not self._nodes[argument].lanes else 1
 
     def _copy(self, number: int) -> list[str]:
         """Copy an argument that is also a result if another result overwrites it."""
         node = self._nodes[number]
-        if node.operation != "INPUT" or int(node.value) not in self._overwritten:
+        if node.operation != "INPUT" or int(node.value) not in self._overwritten or node.lanes:
             return []
+        if self._last_moment[number] == {self._reads[int(node.value)]}:
+            return []  # it is its own next value
         value = self._number(number).text
         name = self._names.copy(self._reads[int(node.value)])
         self._texts[number] = Text(name, PRIMARY, frozenset())
         return [f"const {self._real.name} {name} = {value};"]
 
-    def _block(self, block: Block, targets: Mapping[int, Sequence[str]] | None = None) -> list[str]:
-        """Return statements, then assignments to the targets of nodes."""
+    def _block(self, block: Block, targets: Mapping[int, Sequence[str]], stores: Sequence[Store] = ()) -> list[str]:
+        """Return statements, then assignments to the targets of nodes.
+
+        Parameters
+        ----------
+        block : Block
+            Operations.
+        targets : mapping of int to sequence of str
+            Places to which values are assigned.
+        stores : sequence of Store
+            Assignments to elements of vectors.
+        """
         outer, self._lines = self._lines, []
-        left = dict(targets or {})
-        for item in block:
-            if isinstance(item, Decision):
+        left = dict(targets)
+        stores = [*stores]
+        if not self._in_loop and not self._ends_with(block, [n for n in left if self._nodes[n].lanes]):
+            stores += [Store(n, left.pop(n), None) for n in [*left] if self._nodes[n].lanes]
+        for place, item in enumerate(block):
+            stores = self._stored_early(item, block[place + 1 :], stores)
+            if isinstance(item, Loop):
+                inside = stores if item is block[-1] else []
+                self._loop(item.lanes, item.items, [store for store in inside if self._lanes(store) == item.lanes])
+                stores = [store for store in stores if store not in inside or self._lanes(store) != item.lanes]
+            elif isinstance(item, Decision):
                 # nothing is computed after the last decision, and nothing reads an output: results need no names there
                 ends = [n for n in item.selects if n in left and (item is block[-1] or self._only_shown(n, left[n]))]
                 final = {number: left.pop(number) for number in ends}
-                names = {number: self._names.of(number) for number in item.selects if number not in final}
-                for number in item.selects:
-                    self._lines += self._remark(number)
-                self._lines += [f"{self._real.name} {name};" for name in names.values()]
-                self._lines += self._decision(item, {**final, **{number: [name] for number, name in names.items()}})
-                self._texts.update((number, Text(name, PRIMARY, frozenset())) for number, name in names.items())
+                self._select(item, final)
             else:
                 self._operation(item)
+        for lanes in sorted({self._lanes(store) for store in stores}):
+            self._loop(lanes, (), [store for store in stores if self._lanes(store) == lanes])
         for number, places in left.items():
             self._lines += self._remark(number)
             self._lines += self._assignments(places, self._number(number), number)
         lines, self._lines = self._lines, outer
         return lines
+
+    def _stored_early(self, item: int | Decision | Loop, later: Block, stores: Sequence[Store]) -> list[Store]:
+        """Choose the place of a result for elements that are used later, unless its old value is also used later.
+
+        Returns
+        -------
+        list of Store
+            The other assignments.
+        """
+        inner = item.items if isinstance(item, Loop) else (item,)
+        left = []
+        for store in stores if later else ():
+            values = store.values(self._nodes)
+            found = [place for place, part in enumerate(inner) if {*_computed(part)} & {*values}]
+            after = [*inner[found[0] + 1 :], *later] if found else []
+            read = {argument for part in after for n in _numbers(part) for argument in self._nodes[n].arguments}
+            read |= {value for other in stores if other is not store for value in other.values(self._nodes)}
+            old = any(self._nodes[n].operation == "INPUT" and self._element(n) == store.places[0] for n in read)
+            exact = store.side is None or not self._zeros.becomes_plus(store.node, store.side)
+            if found and exact and not old and values[0] not in self._elements and len(store.places) == 1:
+                self._elements[values[0]] = store.places[0]
+            else:
+                left.append(store)
+        return left if later else [*stores]
+
+    def _element(self, number: int) -> str:
+        return self._reads[int(self._nodes[number].value)]
+
+    def _ends_with(self, block: Block, vectors: Sequence[int]) -> bool:
+        """Return whether the last decision of a block assigns all these vectors."""
+        last = block[-1] if block else None
+        return isinstance(last, Decision) and {*vectors} <= {*last.selects}
+
+    def _lanes(self, store: Store) -> int:
+        return self._nodes[store.node].lanes
+
+    def _select(self, item: Decision, final: Mapping[int, Sequence[str]]) -> None:
+        """Write a decision; selects that are not assigned to final places become variables."""
+        names = {number: self._names.of(number) for number in item.selects if number not in final}
+        for number in item.selects:
+            self._lines += self._remark(number)
+        for number, name in names.items():
+            array = number in self._arrays or (self._nodes[number].lanes and not self._in_loop)
+            if number not in self._arrays and number not in self._elements:
+                size = f"[{self._nodes[number].lanes}]" if array else ""
+                self._lines.append(f"{self._real.name} {name}{size};")
+            if array:
+                names[number] = self._elements.get(number, f"{name}[{INDEX}]")
+        self._lines += self._decision(item, {**final, **{number: [name] for number, name in names.items()}})
+        self._texts.update((number, Text(name, PRIMARY, frozenset())) for number, name in names.items())
+
+    def _loop(self, lanes: int, items: Sequence[int | Decision], stores: Sequence[Store]) -> None:
+        """Write a loop with the operations on an element, the sums, and the assignments to elements."""
+        sums = [item for item in items if isinstance(item, int) and self._nodes[item].operation == "SUM"]
+        arrays = self._outside(items, stores)
+        declared = [number for number in arrays if number not in self._elements]
+        self._lines += [f"{self._kind(number)} {self._names.of(number)}[{lanes}];" for number in declared]
+        for number in sums:
+            self._lines += self._remark(number)
+            self._lines.append(f"{self._real.name} {self._names.of(number)} = {self._start(number).text};")
+        self._arrays.update(arrays)
+        outer, self._lines, self._in_loop = self._lines, [], True
+        for item in items:
+            if isinstance(item, Decision):
+                self._select(item, {})
+            elif item not in sums:
+                self._operation(item)
+        for number in sums:
+            term = self._number(self._nodes[number].arguments[0]).text
+            self._lines += statement(f"{self._names.of(number)} += {term};")
+        self._lines += self._stored(stores)
+        body, self._lines, self._in_loop = self._lines, outer, False
+        if not body:
+            return
+        self._lines.append(f"for (int32_t {INDEX} = 0; {INDEX} < {lanes}; {INDEX}++) {{")
+        self._lines += [*(f"    {line}" for line in body), "}"]
+        self._texts.update((number, Text(self._names.of(number), PRIMARY, frozenset())) for number in sums)
+
+    def _start(self, number: int) -> Text:
+        """Return the value before the first term of a sum; -0.0 keeps the sign of the sum of -0.0."""
+        term, *first = self._nodes[number].arguments
+        if first:
+            return self._number(first[0])
+        signed = self._zeros.matters(number) and not self._zeros.never_minus(term)
+        return literal(-0.0 if signed else 0.0, self._real)
+
+    def _outside(self, items: Sequence[int | Decision], stores: Sequence[Store]) -> list[int]:
+        """Return the operations on elements that are used outside their loop."""
+        inside = {number for item in items for number in _numbers(item)}
+        found = []
+        for number in (n for item in items for n in _computed(item)):
+            stored = [store for store in stores if number in store.values(self._nodes)]
+            users = [(user, place) for user, place in self._users.get(number, ()) if not _is_in(user, place, inside)]
+            if self._nodes[number].lanes and len(users) > sum(store.uses for store in stored):
+                found.append(number)
+        return found
+
+    def _stored(self, stores: Sequence[Store]) -> list[str]:
+        """Return assignments to elements; a value that an earlier assignment overwrites is copied before."""
+        lines, copies = [], []
+        written: set[str] = set()
+        for store in stores:
+            value = self._number(store.node) if store.side is None else self._side(store.node, store.side)
+            for argument in (store.node, *store.values(self._nodes)):
+                lines += self._remark(argument)
+            if any(self._reads[i] in written for i in value.reads):
+                name = self._names.copy(self._reads[min(value.reads)])
+                copies += statement(f"const {self._real.name} {name} = {value.text};")
+                value = Text(name, PRIMARY, frozenset())
+            lines += self._assignments(store.places, value, store.node)
+            written |= {*store.places}
+        return [*copies, *lines]
 
     def _only_shown(self, number: int, places: Sequence[str]) -> bool:
         """Return whether a value is only assigned to places that are never read."""
@@ -184,7 +378,8 @@ class Writer:
         """Return the assignments of a value, of a node that may be a truth value."""
         lines = []
         for place in places:
-            lines += statement(f"{place} = {(self._truth(node) if place in self._flags else value).text};")
+            text = (self._truth(node) if place in self._flags else value).text
+            lines += statement(f"{place} = {text};") if text != place else []
         return lines
 
     def _operation(self, number: int) -> None:
@@ -203,6 +398,9 @@ class Writer:
 
     def _stays_open(self, number: int) -> bool:
         node, text, users = self._nodes[number], self._texts[number], self._users[number]
+        early = {place for place in self._elements.values() if self._in_loop}
+        if number in self._arrays or any(self._reads[i] in early for i in text.reads):
+            return False
         if self._is_brief(number):
             return number not in self._kept
         if len(users) > 1 or (number in self._last_moment and text.reads & self._overwritten):
@@ -225,12 +423,18 @@ class Writer:
 
     def _name(self, number: int) -> None:
         """Declare a constant with the value of a node."""
-        kind = "bool" if self._is_condition(number) else self._real.name
         name = self._names.of(number)
         self._lines += self._remark(number)
-        self._lines += statement(f"const {kind} {name} = {self._texts[number].text};")
+        if number in self._arrays:
+            name = self._elements.get(number, f"{name}[{INDEX}]")
+            self._lines += statement(f"{name} = {self._texts[number].text};")
+        else:
+            self._lines += statement(f"const {self._kind(number)} {name} = {self._texts[number].text};")
         self._texts[number] = Text(name, PRIMARY, frozenset())
         self._open.discard(number)
+
+    def _kind(self, number: int) -> str:
+        return "bool" if self._is_condition(number) else self._real.name
 
     def _decision(self, decision: Decision, targets: Mapping[int, Sequence[str]]) -> list[str]:
         """Return both sides, each with the operations that only it needs."""
@@ -242,13 +446,20 @@ class Writer:
             self._decided = {**outer, decision.condition: side}
             inner = decision.sides[side - 1]
             assigned = self._assigned_inside(inner, side, targets)
-            statements = self._block(inner, {self._nodes[n].arguments[side]: targets[n] for n in assigned})
+            stored = [n for n in targets if self._nodes[n].lanes and not self._in_loop and n not in assigned]
+            statements = self._block(
+                inner,
+                {self._nodes[n].arguments[side]: targets[n] for n in assigned},
+                [Store(n, targets[n], side) for n in stored],
+            )
             for number, names in targets.items():
+                if number in stored:
+                    continue
                 for argument in self._nodes[number].arguments[side : side + 1]:
                     statements += self._remark(argument)
                 if number not in assigned:
                     statements += self._assignments(names, self._side(number, side), number)
-            if side == order[1] and _is_if(statements):
+            if side == order[1] and is_if(statements):
                 lines += [f"}} else {statements[0]}", *statements[1:]]
             else:
                 lines += ["} else {"] if side == order[1] else []
@@ -285,7 +496,7 @@ class Writer:
 
     def _is_dispensable(self, number: int) -> bool:
         """Return whether a value is an argument, a number, or also used elsewhere."""
-        return self._nodes[number].operation in _LEAVES or len(self._users[number]) > 1
+        return self._nodes[number].is_leaf or len(self._users[number]) > 1
 
     def _opposite(self, condition: int) -> int:
         """Return the node that a condition negates, or -1 if it is not a negation or has a name."""
@@ -321,8 +532,8 @@ class Writer:
 
     def _is_limit(self, first: int, second: int) -> bool:
         """Return whether a comparison reads better with the second value first."""
-        leaf = self._nodes[first].operation in _LEAVES
-        return leaf and (self._nodes[first].operation == "CONST" or self._nodes[second].operation not in _LEAVES)
+        leaf = self._nodes[first].is_leaf
+        return leaf and (self._nodes[first].operation == "CONST" or not self._nodes[second].is_leaf)
 
     def _is_condition(self, number: int) -> bool:
         node = self._nodes[number]
@@ -346,33 +557,3 @@ class Writer:
         mirrored = operation in COMPARE and self._is_limit(*arguments)
         numbers = [self._number(argument) for argument in arguments]
         return expression(operation, numbers, self._real, number_first=mirrored)
-
-
-_BREAKS = re.compile(r" (\+|-|\*|/|&&|\|\||\?|:) ")
-_ORDER = ("?", ":", "||", "&&", "+", "-", "*", "/")  # of operators at which a line is divided
-
-
-def statement(text: str) -> list[str]:
-    """Return a statement in lines, divided at its outermost operators if it is long."""
-    if len(text) <= _LINE:
-        return [text]
-    start = text.find(" = ") + 3
-    found = [
-        (_depth(text, start, match.start()), _ORDER.index(match[1]) // 2, -match.start())
-        for match in _BREAKS.finditer(text, start + 30, _LINE)
-    ]
-    if not found:
-        return [text]
-    place = -min(found)[2]
-    return [text[:place], *(f"    {line}" for line in statement(text[place + 1 :]))]
-
-
-def _is_if(lines: Sequence[str]) -> bool:
-    """Return whether lines are a single ``if`` with its sides."""
-    outer = [line for line in lines if not line.startswith(" ")]
-    return bool(outer) and outer[0].startswith("if (") and all(line.startswith("}") for line in outer[1:])
-
-
-def _depth(text: str, start: int, end: int) -> int:
-    """Return the number of open brackets at a place."""
-    return text.count("(", start, end) - text.count(")", start, end)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,19 +38,13 @@ class Element:
     moved : SX
         Its force after the displacement [force].
     slipped, slips : SX
-        Whether it slips during the displacement, and 1 or 0 after it.
+        Whether it slips during the displacement, and 1 or 0 after it; 0 for an element that is not in use.
     """
 
     level: SX
     moved: SX
     slipped: SX
     slips: SX
-
-
-def used_elements(values: Sequence[SX], N: SX) -> list[SX]:
-    """Return the values of the first N elements and 0 for the others."""
-    every = ELEMENTS - 1 < N  # decided first, which saves a decision per element
-    return [if_else(every, value, if_else(i < N, value, 0.0)) for i, value in enumerate(values)]
 
 
 def slide(Fi: SX, slipping: SX, way: SX, k: SX, alpha: SX, N: SX, dx: SX, S: SX, decay: SX) -> list[Element]:
@@ -67,7 +60,7 @@ def slide(Fi: SX, slipping: SX, way: SX, k: SX, alpha: SX, N: SX, dx: SX, S: SX,
         Displacement in the sample, Stribeck level, and exp(-C Ts / S).
     """
     side = if_else(dx > 0.0, 1.0, -1.0)
-    shares = used_elements([alpha[i] for i in range(ELEMENTS)], N)
+    shares = [if_else(i < N, alpha[i], 0.0) for i in range(ELEMENTS)]
     total = sum(shares)
     unit = S / if_else(total > 0.0, total, 1.0)
     found = []
@@ -76,5 +69,7 @@ def slide(Fi: SX, slipping: SX, way: SX, k: SX, alpha: SX, N: SX, dx: SX, S: SX,
         slipped = logic_or(logic_and(side == way, slipping[i] > 0.0), along >= level)
         stuck = along + k[i] * fabs(dx)
         moved = if_else(slipped, level + (along - level) * decay, if_else(stuck > level, level, stuck))  # keeps NaN
-        found.append(Element(level, moved, slipped, if_else(slipped, 1.0, stuck >= level)))
+        in_use = i < N
+        slips = if_else(slipped, in_use, logic_and(in_use, stuck >= level))
+        found.append(Element(level, moved, slipped, slips))
     return found
