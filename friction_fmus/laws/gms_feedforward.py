@@ -110,7 +110,7 @@ def gms_feedforward(
     S = stribeck_level(fabs(dr / Ts), Fc, Fs, vs, delta)
     forces, slips, creep = [], [], SX(0.0)
     for i, element in enumerate(slide(Fi, slipping, way, k, alpha, N, dr, S, exp(-C * Ts / S))):
-        elastic = logic_and(logic_and(element.slipped, k[i] > 0.0), sigma > 0.0)
+        elastic = logic_and(sigma > 0.0, logic_and(element.slipped, k[i] > 0.0))
         creep += if_else(elastic, (element.moved - element.level) / if_else(k[i] > 0.0, k[i], 1.0), 0.0)
         forces.append(if_else(moving, side * element.moved, if_else(reset, 0.0, Fi[i])))
         slips.append(if_else(moving, element.slips, 0.0))

@@ -66,7 +66,7 @@ def test_the_float_build_has_no_double_in_it(name: str) -> None:
         assert not re.search(r"__aeabi_(d|f2d|cd|i2d|ui2d|l2d)|\.f64|_?_ieee754_(?!.*f\b)", text)
         called = set(re.findall(r"^\s+blx?\s+(\w+)", text, re.M))
         own = {f"{export.prefix}_{word}" for word in ("init", "check", "step")} | {"sample", "relations"}
-        runtime = {name for name in called if name.startswith("__aeabi_")}
+        runtime = {name for name in called if name.startswith("__aeabi_") or name == "memset"}  # of a loop
         assert called - runtime - own <= export.kernel.functions
 
 

@@ -70,6 +70,7 @@ def kernel(
     named: Collection[Named] = (),
     remarks: Mapping[int, Sequence[str]] | None = None,
     flags: Collection[str] = (),
+    unrolls: bool = False,
 ) -> Kernel:
     """Translate a casadi function into C statements.
 
@@ -101,6 +102,8 @@ def kernel(
         Comments for nodes of the function's graph.
     flags : collection of str
         Elements of `writes` that are C truth values.
+    unrolls : bool
+        Whether the macro UNROLLED stands before each loop.
 
     Returns
     -------
@@ -142,7 +145,7 @@ def kernel(
     zeros = Zeros(rolled.nodes, kept, unsigned, never_negative)
     first = {number: targets[0] for number, targets in rolled.targets.items()}
     names = Names(rolled.nodes, named, rolled.reads, first, [INDEX, *taken])
-    writer = Writer(rolled, real, truths, zeros, names, texts_of, flags=flags)
+    writer = Writer(rolled, real, truths, zeros, names, texts_of, flags=flags, unrolls=unrolls)
     lines = writer.statements(plan(rolled.nodes, rolled.targets), rolled.targets)
     return Kernel(tuple(lines), frozenset(writer.functions))
 

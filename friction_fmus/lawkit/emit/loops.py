@@ -121,7 +121,7 @@ class _Search:
         for number, node in enumerate(self.nodes):
             if node.operation == "INPUT" and (element := self.element(number)) and element[0] not in self._refused:
                 elements[element] = number
-            elif node.operation == "CONST" and node.value == int(node.value) >= 0.0:
+            elif node.operation == "CONST" and node.value >= 0.0 and node.value.is_integer():
                 constants[node.value] = number
         for (vector, index), number in elements.items():
             if (vector, index + 1) in elements:
@@ -201,7 +201,13 @@ class _Search:
 
     def is_brief(self, chain: Chain) -> bool:
         """Return whether a chain is an expression of arguments and constants that may be repeated."""
-        return self._sizes[chain[0]] <= _BRIEF
+        if self._sizes[chain[0]] > _BRIEF:
+            return False
+        columns = zip(*(self.nodes[number].arguments for number in chain), strict=True)
+        return all(
+            self.is_leaf(column[0]) or (len({*column}) > 1 and self.is_brief(self.chain_of[column[0]][0]))
+            for column in columns
+        )
 
     def _count_operations(self) -> list[int]:
         """Return the number of operations in the expression of each node, at most one more than a brief one has."""
@@ -229,7 +235,7 @@ class _Search:
         found = []
         for first in written[0]:
             element = _element(first)
-            if element is None:
+            if element is None or element[0] in self._refused:
                 return None
             vector, begin = element
             if not all(f"{vector}[{begin + lane}]" in places for lane, places in enumerate(written)):

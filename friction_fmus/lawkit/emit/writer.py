@@ -2,93 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from friction_fmus.lawkit.emit.branches import DECIDES, Block, Decision, Loop
 from friction_fmus.lawkit.emit.comments import comment_lines
 from friction_fmus.lawkit.emit.expressions import (
-    CHOICE,
-    COMPARISON,
     PRIMARY,
-    REPEATS,
-    SUM,
     TERNARY,
     UNARY,
     Text,
-    called_function,
-    choice,
-    expression,
-    joined,
     literal,
-    negation,
 )
-from friction_fmus.lawkit.emit.graph import COMPARE, CONDITIONS, LIBM, LOGIC, Node
 from friction_fmus.lawkit.emit.loops import INDEX, Rolled
 from friction_fmus.lawkit.emit.names import Names
 from friction_fmus.lawkit.emit.real import Real
 from friction_fmus.lawkit.emit.signed_zeros import Zeros
 from friction_fmus.lawkit.emit.statements import is_if, statement
+from friction_fmus.lawkit.emit.uses import RESULT, SIDE, Store, computed, count_users, is_in, last_values, numbers
+from friction_fmus.lawkit.emit.values import Values
 
 _WIDTH = 150  # longest expression that is not divided into several
 
-_RESULT, _SIDE, _IF = -1, -2, -3  # users of a value that are not nodes
 
-
-class Store(NamedTuple):
-    """Assignment to elements of vectors.
-
-    Attributes
-    ----------
-    node : int
-        A vector, or a select of vectors.
-    places : sequence of str
-        Places of an element.
-    side : int or None
-        Side of the select that is assigned; None for the value of the node.
-    """
-
-    node: int
-    places: Sequence[str]
-    side: int | None
-
-    def values(self, nodes: Sequence[Node]) -> tuple[int, ...]:
-        """Return the node that is assigned; none for a zero."""
-        if self.side is None:
-            return (self.node,)
-        return nodes[self.node].arguments[self.side : self.side + 1]
-
-    @property
-    def uses(self) -> int:
-        """Number of uses of the node in the count of users."""
-        return len(self.places) if self.side is None else 1
-
-
-def _numbers(item: int | Decision | Loop) -> Iterator[int]:
-    """Yield the nodes of an item."""
-    if isinstance(item, int):
-        yield item
-    elif isinstance(item, Loop):
-        for inner in item.items:
-            yield from _numbers(inner)
-    else:
-        yield from item.selects
-        for side in item.sides:
-            for part in side:
-                yield from _numbers(part)
-
-
-def _computed(item: int | Decision | Loop) -> tuple[int, ...]:
-    """Return the nodes with the values of an item that is not a loop."""
-    return item.selects if isinstance(item, Decision) else (item,) if isinstance(item, int) else ()
-
-
-def _is_in(user: int, place: int, inside: Collection[int]) -> bool:
-    """Return whether a user of a value is among these nodes."""
-    return (place if user in (_SIDE, _IF) else user) in inside
-
-
-class Writer:
+class Writer(Values):
     """Writer of the statements of a function.
 
     Parameters
@@ -107,6 +43,8 @@ class Writer:
         Comments for nodes, which then become constants or variables.
     flags : collection of str
         Places of results that are truth values.
+    unrolls : bool
+        Whether the macro UNROLLED stands before each loop.
     """
 
     def __init__(
@@ -119,41 +57,22 @@ class Writer:
         remarks: Mapping[int, Sequence[str]],
         *,
         flags: Collection[str] = (),
+        unrolls: bool = False,
     ) -> None:
         """Prepare the texts of arguments and constants."""
-        self.functions: set[str] = set()
-        self._nodes = rolled.nodes
-        self._real = real
-        self._conditions = conditions
-        self._zeros = zeros
+        super().__init__(rolled, real, conditions, zeros)
         self._names = names
         self._kept = names.assigned | remarks.keys()
         self._remarks = {node: list(texts) for node, texts in remarks.items()}
-        self._reads = rolled.reads
         overwritten = {place for places in rolled.targets.values() for place in places}
         self._overwritten = frozenset(i for i, place in enumerate(rolled.reads) if place in overwritten)
         self._flags = flags
-        self._zero = literal(0.0, real)
-        self._texts: dict[int, Text] = {}
-        self._open: set[int] = set()  # nodes whose text is an expression instead of a name
-        self._users: dict[int, list[tuple[int, int]]] = {}  # users of each node, and the place among their arguments
+        self._unrolls = unrolls
         self._last_moment: dict[int, set[str]] = {}  # nodes that are read while results are assigned, and their places
         self._elements: dict[int, str] = {}  # places of elements that are stored before the end
-        self._decided: dict[int, int] = {}  # side of each condition in the current block
         self._lines: list[str] = []
         self._arrays: set[int] = set()  # elements that are used outside their loop
         self._in_loop = False
-        for number, node in enumerate(rolled.nodes):
-            if node.operation == "CONST":
-                self._texts[number] = literal(node.value, real)
-            elif node.operation == "INPUT":
-                place = int(node.value)
-                self._texts[number] = Text(rolled.reads[place], PRIMARY, frozenset([place]))
-            elif node.operation == "INDEX":
-                index = f"({INDEX} + {node.value:.0f})" if node.value else INDEX
-                self._texts[number] = Text(f"({real.name}){index}", UNARY, frozenset())
-            elif node.brief:
-                self._texts[number] = self._expression(number)
 
     def statements(self, block: Block, targets: Mapping[int, Sequence[str]]) -> list[str]:
         """Return the statements of a function.
@@ -165,48 +84,13 @@ class Writer:
         targets : mapping of int to sequence of str
             Places to which each result is assigned.
         """
-        for number, place in self._last_values(block, targets):
+        for number, place in last_values(self._nodes, block, targets):
             self._last_moment.setdefault(number, set()).add(place)
-        self._count(block)
+        count_users(self._nodes, block, self._users)
         for number, places in targets.items():
-            for _ in places:
-                self._users.setdefault(number, []).append((_RESULT, 0))
+            self._users.setdefault(number, []).extend([(RESULT, 0)] * len(places))
         copies = [line for number in sorted(self._last_moment) for line in self._copy(number)]
         return [*copies, *self._block(block, targets)]
-
-    def _last_values(self, block: Block, targets: Mapping[int, Sequence[str]]) -> Iterator[tuple[int, str]]:
-        """Yield the values that are assigned after other results may have been, with their places."""
-        yield from ((number, place) for number, places in targets.items() for place in places)
-        last = block[-1] if block else None
-        if isinstance(last, Decision):
-            for side, inner in enumerate(last.sides, start=1):
-                values: dict[int, list[str]] = {}
-                for select in last.selects:
-                    for argument in self._nodes[select].arguments[side : side + 1]:
-                        values.setdefault(argument, []).extend(targets.get(select, ()))
-                yield from self._last_values(inner, values)
-
-    def _count(self, block: Block) -> None:
-        """Find the users of each node as they appear in the text."""
-        for item in block:
-            if isinstance(item, Loop):
-                self._count(item.items)
-            elif isinstance(item, Decision):
-                self._users.setdefault(item.condition, []).append((_IF, item.selects[0]))
-                for select in item.selects:
-                    for argument in self._nodes[select].arguments[1:]:
-                        self._users.setdefault(argument, []).extend([(_SIDE, select)] * self._times(argument, select))
-                for side in item.sides:
-                    self._count(side)
-            else:
-                node = self._nodes[item]
-                for place, argument in enumerate(node.arguments):
-                    times = REPEATS.get(node.operation, 1) * self._times(argument, item)
-                    self._users.setdefault(argument, []).extend([(item, place)] * times)
-
-    def _times(self, argument: int, user: int) -> int:
-        """Return how often an argument is needed: more than once if the elements of a vector share it."""
-        return 2 if self._nodes[user].lanes and not self._nodes[argument].lanes else 1
 
     def _copy(self, number: int) -> list[str]:
         """Copy an argument that is also a result if another result overwrites it."""
@@ -270,20 +154,18 @@ class Writer:
         left = []
         for store in stores if later else ():
             values = store.values(self._nodes)
-            found = [place for place, part in enumerate(inner) if {*_computed(part)} & {*values}]
+            found = [place for place, part in enumerate(inner) if {*computed(part)} & {*values}]
             after = [*inner[found[0] + 1 :], *later] if found else []
-            read = {argument for part in after for n in _numbers(part) for argument in self._nodes[n].arguments}
+            read = {argument for part in after for n in numbers(part) for argument in self._nodes[n].arguments}
             read |= {value for other in stores if other is not store for value in other.values(self._nodes)}
             old = any(self._nodes[n].operation == "INPUT" and self._element(n) == store.places[0] for n in read)
             exact = store.side is None or not self._zeros.becomes_plus(store.node, store.side)
+            exact = exact and bool(values) and not self._is_condition(values[0])
             if found and exact and not old and values[0] not in self._elements and len(store.places) == 1:
                 self._elements[values[0]] = store.places[0]
             else:
                 left.append(store)
         return left if later else [*stores]
-
-    def _element(self, number: int) -> str:
-        return self._reads[int(self._nodes[number].value)]
 
     def _ends_with(self, block: Block, vectors: Sequence[int]) -> bool:
         """Return whether the last decision of a block assigns all these vectors."""
@@ -331,6 +213,7 @@ class Writer:
         body, self._lines, self._in_loop = self._lines, outer, False
         if not body:
             return
+        self._lines += ["UNROLLED"] if self._unrolls else []
         self._lines.append(f"for (int32_t {INDEX} = 0; {INDEX} < {lanes}; {INDEX}++) {{")
         self._lines += [*(f"    {line}" for line in body), "}"]
         self._texts.update((number, Text(self._names.of(number), PRIMARY, frozenset())) for number in sums)
@@ -345,11 +228,11 @@ class Writer:
 
     def _outside(self, items: Sequence[int | Decision], stores: Sequence[Store]) -> list[int]:
         """Return the operations on elements that are used outside their loop."""
-        inside = {number for item in items for number in _numbers(item)}
+        inside = {number for item in items for number in numbers(item)}
         found = []
-        for number in (n for item in items for n in _computed(item)):
+        for number in (n for item in items for n in computed(item)):
             stored = [store for store in stores if number in store.values(self._nodes)]
-            users = [(user, place) for user, place in self._users.get(number, ()) if not _is_in(user, place, inside)]
+            users = [(user, place) for user, place in self._users.get(number, ()) if not is_in(user, place, inside)]
             if self._nodes[number].lanes and len(users) > sum(store.uses for store in stored):
                 found.append(number)
         return found
@@ -406,7 +289,7 @@ class Writer:
         if len(users) > 1 or (number in self._last_moment and text.reads & self._overwritten):
             return False
         ((user, place),) = users
-        if user == _RESULT or (user == _SIDE and number not in self._names.assigned):
+        if user == RESULT or (user == SIDE and number not in self._names.assigned):
             return True
         if number in self._kept:
             return False
@@ -432,9 +315,6 @@ class Writer:
             self._lines += statement(f"const {self._kind(number)} {name} = {self._texts[number].text};")
         self._texts[number] = Text(name, PRIMARY, frozenset())
         self._open.discard(number)
-
-    def _kind(self, number: int) -> str:
-        return "bool" if self._is_condition(number) else self._real.name
 
     def _decision(self, decision: Decision, targets: Mapping[int, Sequence[str]]) -> list[str]:
         """Return both sides, each with the operations that only it needs."""
@@ -480,80 +360,6 @@ class Writer:
                 found.append(number)
         return found
 
-    def _choice(self, number: int) -> Text:
-        """Return a select as an expression; on one side of a decision on the same condition, only this side is left."""
-        condition = self._nodes[number].arguments[0]
-        decided = self._decided.get(condition)
-        if decided and all(map(self._is_dispensable, self._others(number, decided))):
-            return self._side(number, decided)
-        sides = self._side(number, 1), self._side(number, 2)
-        opposite = self._opposite(condition)
-        return choice(self._truth(condition), *sides) if opposite < 0 else choice(self._truth(opposite), *sides[::-1])
-
-    def _others(self, number: int, side: int) -> list[int]:
-        """Return the value of a select on the other side, unless it is 0."""
-        return [value for i, value in enumerate(self._nodes[number].arguments) if i not in (0, side)]
-
-    def _is_dispensable(self, number: int) -> bool:
-        """Return whether a value is an argument, a number, or also used elsewhere."""
-        return self._nodes[number].is_leaf or len(self._users[number]) > 1
-
-    def _opposite(self, condition: int) -> int:
-        """Return the node that a condition negates, or -1 if it is not a negation or has a name."""
-        node = self._nodes[condition]
-        negated = node.operation == "NOT" and condition in self._open and self._is_condition(node.arguments[0])
-        return node.arguments[0] if negated else -1
-
-    def _side(self, number: int, side: int) -> Text:
-        """Return the value of a select on one side; casadi's sum of both sides turns -0.0 into 0.0."""
-        node = self._nodes[number]
-        if side == len(node.arguments):
-            return self._zero
-        value = self._number(node.arguments[side])
-        return joined(value, "+", self._zero, SUM, (SUM, PRIMARY)) if self._zeros.becomes_plus(number, side) else value
-
-    def _number(self, node: int) -> Text:
-        """Return the node as a number."""
-        text = self._texts[node]
-        if not self._is_condition(node):
-            return text
-        return choice(text, literal(1.0, self._real), self._zero)
-
-    def _truth(self, node: int) -> Text:
-        """Return the node as a truth value."""
-        text = self._texts[node]
-        if self._is_condition(node):
-            return text
-        return joined(text, "!=", self._zero, COMPARISON, (CHOICE + 1, PRIMARY))
-
     def _remark(self, number: int) -> list[str]:
         """Return the comment of a node, once."""
         return comment_lines(self._remarks.pop(number, ()))
-
-    def _is_limit(self, first: int, second: int) -> bool:
-        """Return whether a comparison reads better with the second value first."""
-        leaf = self._nodes[first].is_leaf
-        return leaf and (self._nodes[first].operation == "CONST" or not self._nodes[second].is_leaf)
-
-    def _is_condition(self, number: int) -> bool:
-        node = self._nodes[number]
-        return node.operation in CONDITIONS or (node.operation == "INPUT" and int(node.value) in self._conditions)
-
-    def _expression(self, number: int) -> Text:
-        node = self._nodes[number]
-        operation, arguments = node.operation, node.arguments
-        if operation in LOGIC:
-            truths = [self._truth(argument) for argument in arguments]
-            return expression(operation, truths, self._real, number_first=False)
-        if operation == "NOT":
-            text = self._texts[arguments[0]]
-            if self._is_condition(arguments[0]):
-                return negation(text)
-            return joined(text, "==", self._zero, COMPARISON, (CHOICE + 1, PRIMARY))
-        if operation in DECIDES:
-            return self._choice(number)
-        if operation in LIBM:
-            self.functions.add(called_function(operation, self._real))
-        mirrored = operation in COMPARE and self._is_limit(*arguments)
-        numbers = [self._number(argument) for argument in arguments]
-        return expression(operation, numbers, self._real, number_first=mirrored)

@@ -60,7 +60,8 @@ def slide(Fi: SX, slipping: SX, way: SX, k: SX, alpha: SX, N: SX, dx: SX, S: SX,
         Displacement in the sample, Stribeck level, and exp(-C Ts / S).
     """
     side = if_else(dx > 0.0, 1.0, -1.0)
-    shares = [if_else(i < N, alpha[i], 0.0) for i in range(ELEMENTS)]
+    all_in_use = ELEMENTS - 1 < N  # tested first, which is faster than a comparison per element
+    shares = [if_else(logic_or(all_in_use, i < N), alpha[i], 0.0) for i in range(ELEMENTS)]
     total = sum(shares)
     unit = S / if_else(total > 0.0, total, 1.0)
     found = []
@@ -69,7 +70,7 @@ def slide(Fi: SX, slipping: SX, way: SX, k: SX, alpha: SX, N: SX, dx: SX, S: SX,
         slipped = logic_or(logic_and(side == way, slipping[i] > 0.0), along >= level)
         stuck = along + k[i] * fabs(dx)
         moved = if_else(slipped, level + (along - level) * decay, if_else(stuck > level, level, stuck))  # keeps NaN
-        in_use = i < N
-        slips = if_else(slipped, in_use, logic_and(in_use, stuck >= level))
+        in_use = logic_or(all_in_use, i < N)
+        slips = if_else(slipped, in_use, if_else(in_use, stuck >= level, 0.0))
         found.append(Element(level, moved, slipped, slips))
     return found
