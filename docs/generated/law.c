@@ -20,31 +20,34 @@ static void sample(const law_parameters *parameters, law_states *states, const l
         const double residual = inputs->x - x_p;
         /* (3) x_hat = x_p + (1 - p^3) (x - x_p) */
         const double position = fresh ? inputs->x : (x_p + (1.0 - p * (p * p)) * residual);
+        const double difference_1 = 1.0 - p;
+        const double square_1 = difference_1 * difference_1;
         /* (4) v_hat = v_p + 3/2 (1 - p)^2 (1 + p)/Ts (x - x_p) */
-        /* (5) F_est = F_est - m (1 - p)^3/Ts^2 (x - x_p), p = exp(-wo Ts) */
-        /* (6) F_hat = F_est */
         double velocity;
-        double choice_1;
-        double friction;
         if (fresh) {
             velocity = 0.0;
-            choice_1 = 0.0;
-            friction = 0.0;
         } else {
             /* (2) v_p = v_hat + Ts/m (u_prev - F_est) */
             const double v_p = states->v_hat + parameters->Ts * force;
-            const double difference_1 = 1.0 - p;
-            const double square_1 = difference_1 * difference_1;
-            const double difference_2 = states->F_est
-                - parameters->m * (difference_1 * square_1) / Ts_squared * residual;
             velocity = v_p + 1.5 * square_1 * (1.0 + p) / parameters->Ts * residual;
-            choice_1 = parameters->gain * difference_2;
-            friction = difference_2;
         }
         const double tracking = parameters->m
             * (parameters->wc * parameters->wc * (inputs->r - position)
                 + 2.0 * parameters->wc * (inputs->rd - velocity) + inputs->rdd);
-        const double wanted = tracking + choice_1;
+        const bool follows = inputs->track && (parameters->gain != 0.0);
+        /* (5) F_est = F_est - m (1 - p)^3/Ts^2 (x - x_p), p = exp(-wo Ts) */
+        /* (6) F_hat = F_est */
+        double friction;
+        if (follows) {
+            const double limited_track = (inputs->u_track < parameters->u_min) ? parameters->u_min
+                : ((parameters->u_max < inputs->u_track) ? parameters->u_max : inputs->u_track);
+            friction = (limited_track - tracking) / parameters->gain;
+        } else if (fresh) {
+            friction = 0.0;
+        } else {
+            friction = states->F_est - parameters->m * (difference_1 * square_1) / Ts_squared * residual;
+        }
+        const double wanted = tracking + parameters->gain * friction;
         const bool wanted_below_u_min = wanted < parameters->u_min;
         const bool wanted_above_u_max = wanted > parameters->u_max;
         /* (7) w = m (wc^2 (r - x_hat) + 2 wc (rd - v_hat) + rdd) + gain F_hat */
@@ -82,6 +85,8 @@ void law_init(law_parameters *parameters, law_states *states, law_inputs *inputs
         inputs->u_prev = 0.0;
         inputs->enable = true;
         inputs->reset = false;
+        inputs->track = false;
+        inputs->u_track = 0.0;
         states->running = 0.0;
         states->x_hat = 0.0;
         states->v_hat = 0.0;
@@ -149,7 +154,8 @@ void law_step(const law_parameters *parameters, law_states *states, const law_in
             && isfinite(inputs->rd)
             && isfinite(inputs->rdd)
             && isfinite(inputs->x)
-            && isfinite(inputs->u_prev)) {
+            && isfinite(inputs->u_prev)
+            && isfinite(inputs->u_track)) {
             outputs->fault = false;
             sample(parameters, states, inputs, outputs);
         } else {

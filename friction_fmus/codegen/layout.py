@@ -59,6 +59,11 @@ class Export:
             "outputs": (*self.law.select(Kind.OUTPUT), FAULT),
         }
 
+    @property
+    def tracks(self) -> bool:
+        """Whether the law can start from a force, given by its inputs ``track`` and ``u_track``."""
+        return {"track", "u_track"} <= {variable.name for variable in self.groups["inputs"]}
+
     @cached_property
     def kernel(self) -> Kernel:
         """One sample as statements on the structs."""
@@ -74,7 +79,8 @@ class Export:
         for (variable, _), number in zip(_scalars(self.law.results), numbers, strict=True):
             results.setdefault(variable.name, number)
         commands = {i for i, (v, _) in enumerate(_scalars(self.law.given)) if v.kind is Kind.COMMAND}
-        return placed(equations_of(self.law.documentation), nodes, self.named, results, commands)
+        equations = equations_of(self.law.documentation, self.law.prefixes)
+        return placed(equations, nodes, self.named, results, commands)
 
     @cached_property
     def named(self) -> tuple[Named, ...]:

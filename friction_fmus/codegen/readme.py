@@ -67,6 +67,10 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
 
 {_fill(use)}
 {_positions(export)}
+## Start without a jump
+
+{_start(export)}
+
 ## MISRA C:2012
 
 {_misra(export)}
@@ -140,6 +144,30 @@ def _positions(export: Export) -> str:
     )
     accuracy += loss
     return _PAIRS.format(name=first, positions=_fill(text), accuracy=_fill(accuracy))
+
+
+_TRACK = """To take over an axis on which `force` acts, in the first sample:
+
+```c
+inputs.track = true;
+inputs.u_track = force;
+{p}_step(&parameters, &states, &inputs, &outputs);
+inputs.track = false; /* from the next sample on */
+```
+
+{detail}"""
+
+
+def _start(export: Export) -> str:
+    """Return how the law takes over from another controller."""
+    p = export.prefix
+    if not export.tracks:
+        return _fill(f"The law has no memory that could carry a force. `{p}.h` says what happens when it is enabled.")
+    detail = (
+        "`outputs.u` is then `force`, as far as its limits and the memory of the law allow, and continues from it. "
+        "`enable` must be true in this sample."
+    )
+    return _TRACK.format(p=p, detail=_fill(detail))
 
 
 def _fill(text: str, indent: str = "") -> str:

@@ -1,4 +1,4 @@
-"""Laws with state vectors whose length is chosen when the FMU is built or the C code is generated."""
+"""Laws with vectors whose length is chosen when the FMU is built or the C code is generated."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from friction_fmus.lawkit.declarations import Variable
 
 @dataclass(frozen=True)
 class Size:
-    """A parameter that counts elements of state vectors.
+    """A parameter that counts elements of vectors.
 
     Values up to its maximum fit into the declared vectors. A larger start value lengthens the vectors, and the
     parameter is then fixed to this value.
@@ -20,7 +20,7 @@ class Size:
     Attributes
     ----------
     vectors : tuple of str
-        The states whose length follows the parameter.
+        The states and vectors of parameters whose length follows the parameter.
     most : int
         The largest start value.
     """

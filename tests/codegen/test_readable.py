@@ -59,7 +59,7 @@ def test_intermediate_results_have_the_names_of_the_law() -> None:
     text = body("LuGreFeedforward")
     for name in ("dr", "g", "now", "stretching", "viscous", "friction", "own_0", "own_1", "ratio_0", "ratio_1"):
         assert len(re.findall(rf"^ *(?:const \w+ )?{name} = ", text, re.MULTILINE)) >= 1, name
-    place = text.index(" now = ")
+    place = text.index("double now;")
     assert "(4) z becomes t + (z - t) exp(-sigma0 |dr| / g(w)) */" in text[place - 120 : place]
 
 

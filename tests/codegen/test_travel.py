@@ -107,7 +107,7 @@ def test_the_readme_says_how_a_position_is_given(tmp_path: Path) -> None:
     assert "around 0, 0.1, 1 and 10 m" in text
     assert "less than 0.0001 of their rms value" in " ".join(text.split())
     assert "inputs: `r`. " in " ".join(text.split())
-    pieces = re.findall(r"```c\n(.*?)```", text, re.S)
+    pieces = re.findall(r"```c\n(.*?)```", text.split("## Start")[0], re.S)
     arguments = ("double position", "long n, float q")
     functions = "".join(
         f"void f{i}({given}, float *pair) {{ struct {{ float r, r_low; }} inputs;\n{piece}"

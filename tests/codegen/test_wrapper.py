@@ -22,6 +22,7 @@ PROGRAM = """
 #include "law.hpp"
 #include "law.hpp"
 #include "law_test.c"
+#include <cmath>
 #include <cstring>
 #include <type_traits>
 
@@ -66,6 +67,15 @@ int main()
     far.r = 1;
     if (law.step(far).u != second.step(far).u || law.step(far).u == Law().step(far).u)
         return 6;
+
+    Law taken;
+    const Law::Outputs first = taken.take_over(far, 30);
+    if (std::fabs(first.u - 30) > 1e-2 || std::fabs(first.u - law.step(far).u) < 100)
+        return 7;
+    far.track = true;  /* the same by the inputs */
+    far.u_track = 30;
+    if (Law().step(far).u != first.u)
+        return 8;
     return law_test();
 }
 """
@@ -96,3 +106,8 @@ def test_the_class_computes_what_the_functions_compute(
 def test_the_class_has_the_name_of_the_prefix() -> None:
     assert [class_name(prefix) for prefix in ("law", "inner_loop", "_x", "PID")] == ["Law", "InnerLoop", "X", "PID"]
     assert "class InnerLoop {" in wrapper(make_export("PID", prefix="inner_loop"))
+
+
+def test_only_a_law_with_a_memory_of_force_takes_over() -> None:
+    assert "take_over" in wrapper(make_export("LuGreObserver"))
+    assert "take_over" not in wrapper(make_export("StaticFeedback"))

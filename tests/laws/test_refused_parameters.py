@@ -54,6 +54,12 @@ CASES: list[tuple[str, str, Mapping[str, float], Mapping[str, float]]] = [
     ("DiscreteInverse", "zero = 0, |zero| > 1 or zero_phase", {"zero": 0.5}, {"zero": 0.5, "zero_phase": 1.0}),
     ("DiscreteInverse", "pair = 0, |pair| > 1 or zero_phase", PAIR | {"pair[2]": 0.8}, PAIR),
     ("DiscreteInverse", "zero and pair not 1", {"zero": 1.0, "zero_phase": 1.0}, {"zero": 0.9, "zero_phase": 1.0}),
+    ("MultiLoopKarnopp", "CV_den[1] and G_den[1] not 0", {"CV_den[1]": 0.0, "CV_den[2]": 1.0}, {"CV_den[2]": 1.0}),
+    ("MultiLoopKarnopp", "CV_den[1] and G_den[1] not 0", {"G_den[1]": 0.0, "G_den[2]": 1.0}, {"G_den[2]": 1.0}),
+    *[
+        ("MultiLoopKarnopp", "2/Ts is not a pole of CV, G or CV G/(1 + CV G)", {"Ts": 0.5, **refused}, {"Ts": 0.5})
+        for refused in ({"CV_den[2]": -4.0}, {"G_den[2]": -4.0}, {"CV_num[1]": -4.0})
+    ],
     ("DiscreteInverse", "preview >= 2 with a pair", PAIR | {"preview": 1.9}, PAIR | {"preview": 2.0}),
 ]
 

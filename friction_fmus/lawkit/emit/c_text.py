@@ -152,10 +152,20 @@ def kernel(
 
 def _moved(named: Collection[Named], rolled: Rolled) -> list[Named]:
     """Return the names of nodes in a graph with vectors, which have the names that most of their elements have."""
-    moved = [
-        entry._replace(node=place, name=re.sub(r"_\d+$", "", entry.name) if rolled.nodes[place].lanes else entry.name)
-        for entry in named
-        if (place := rolled.place.get(entry.node)) is not None and not rolled.nodes[place].is_leaf
-    ]
-    counts = Counter(moved)
-    return [entry for entry in counts if 2 * counts[entry] >= rolled.nodes[entry.node].lanes]
+    nodes = rolled.nodes
+    known = [entry for entry in named if entry.node in rolled.place]
+    vectors = [entry._replace(node=rolled.place[entry.node], name=_INDEXED.sub("", entry.name)) for entry in known]
+    counts = Counter(vectors)
+    found: dict[Named, None] = {}
+    for entry, vector in zip(known, vectors, strict=True):
+        lanes = nodes[vector.node].lanes
+        if not lanes:
+            found[entry._replace(node=vector.node)] = None
+        elif 2 * counts[vector] >= lanes:
+            found[vector] = None
+        elif entry.node in rolled.single:
+            found[entry._replace(node=rolled.single[entry.node])] = None
+    return [entry for entry in found if not nodes[entry.node].is_leaf]
+
+
+_INDEXED = re.compile(r"_\d+$")

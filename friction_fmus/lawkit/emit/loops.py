@@ -43,7 +43,9 @@ class Rolled:
     targets : dict of int to list of str
         Places to which each result is assigned.
     place : dict of int to int
-        New index of each given node that still exists.
+        New index of each given node that still exists, of an element its vector.
+    single : dict of int to int
+        New index of each given element that is also used singly.
     """
 
     nodes: list[Node]
@@ -51,6 +53,7 @@ class Rolled:
     members: dict[int, Chain] = field(default_factory=dict)
     targets: dict[int, list[str]] = field(default_factory=dict)
     place: dict[int, int] = field(default_factory=dict)
+    single: dict[int, int] = field(default_factory=dict)
 
 
 def roll(nodes: Sequence[Node], results: Sequence[int], reads: Sequence[str], writes: Sequence[str]) -> Rolled:
@@ -301,6 +304,7 @@ class _Writer:
         for number, place in zip(search.results, search.writes, strict=True):
             if number not in inside:
                 found.targets.setdefault(found.place[number], []).append(place)
+        found.single.update({number: found.place[number] for number in self._owners if number in found.place})
         found.place.update(self._owners)
         return found
 

@@ -343,7 +343,7 @@ class Writer(Values):
                 lines += [f"}} else {statements[0]}", *statements[1:]]
             else:
                 lines += ["} else {"] if side == order[1] else []
-                lines += [f"    {line}" for line in statements]
+                lines += [f"    {line}" for line in statements or ["/* nothing changes */"]]
                 lines += ["}"] if side == order[1] else []
         self._decided = outer
         return lines

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,30 +48,41 @@ class Element:
     slips: SX
 
 
-def slide(Fi: SX, slipping: SX, way: SX, k: SX, alpha: SX, N: SX, dx: SX, S: SX, decay: SX) -> list[Element]:
+def in_use(N: SX) -> list[SX]:
+    """Return whether each element is one of the first N."""
+    every = ELEMENTS - 1 < N  # tested first, which saves a comparison per element
+    return [logic_or(every, i < N) for i in range(ELEMENTS)]
+
+
+def weights(alpha: SX, N: SX) -> tuple[list[SX], SX]:
+    """Return the weights of the elements in use, 0 for the others, and their positive sum."""
+    shares = [if_else(used, alpha[i], 0.0) for i, used in enumerate(in_use(N))]
+    total = sum(shares)
+    return shares, if_else(total > 0.0, total, 1.0)
+
+
+def slide(
+    Fi: SX, slipping: SX, way: SX, k: SX, N: SX, shares: Sequence[SX], total: SX, dx: SX, S: SX, decay: SX
+) -> list[Element]:
     """Return the elements after a displacement dx at the Stribeck level S.
 
     Parameters
     ----------
     Fi, slipping, way : SX
         States before.
-    k, alpha, N : SX
-        Stiffness and weight of each element, number of elements.
+    k, N, shares, total : SX, SX, sequence of SX, SX
+        Stiffness of each element; number of elements in use; weights and their sum.
     dx, S, decay : SX
         Displacement in the sample, Stribeck level, and exp(-C Ts / S).
     """
     side = if_else(dx > 0.0, 1.0, -1.0)
-    all_in_use = ELEMENTS - 1 < N  # tested first, which is faster than a comparison per element
-    shares = [if_else(logic_or(all_in_use, i < N), alpha[i], 0.0) for i in range(ELEMENTS)]
-    total = sum(shares)
-    unit = S / if_else(total > 0.0, total, 1.0)
+    unit, used = S / total, in_use(N)
     found = []
     for i, share in enumerate(shares):
         level, along = share * unit, side * Fi[i]
         slipped = logic_or(logic_and(side == way, slipping[i] > 0.0), along >= level)
         stuck = along + k[i] * fabs(dx)
         moved = if_else(slipped, level + (along - level) * decay, if_else(stuck > level, level, stuck))  # keeps NaN
-        in_use = logic_or(all_in_use, i < N)
-        slips = if_else(slipped, in_use, if_else(in_use, stuck >= level, 0.0))
+        slips = if_else(slipped, used[i], if_else(used[i], stuck >= level, 0.0))
         found.append(Element(level, moved, slipped, slips))
     return found

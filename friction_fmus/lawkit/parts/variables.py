@@ -45,6 +45,7 @@ RDD: Any = Input(ACCELERATION, 0.0, "reference acceleration")
 X: Any = Input(LENGTH, 0.0, "measured position")
 V: Any = Input(VELOCITY, 0.0, "measured velocity")
 FED_FORWARD: Any = Input(FORCE, 0.0, "feedforward force, added before the limits", optional=True)
+U_TRACK: Any = Input(FORCE, 0.0, "force from which u continues while track is true", optional=True)
 U_PREV: Any = Input(FORCE, 0.0, "force applied since the last sample, after all limits")
 
 # ---- commands --------------------------------------------------------------------------------------------------------
@@ -54,6 +55,7 @@ ENABLE_STATES: Any = Command(True, "false: u = 0, F_hat = 0 and the states are a
 ENABLE_INTEGRAL: Any = Command(True, "false: u = 0 and the integral is at its start value")
 RESET: Any = Command(False, "true: the states are reset to their start values")
 RESET_INTEGRAL: Any = Command(False, "true: the integral is reset to its start value")
+TRACK: Any = Command(False, "true: the states are set so that u = u_track")
 
 # ---- states ----------------------------------------------------------------------------------------------------------
 
