@@ -129,9 +129,9 @@ int32_t law_check(const law_parameters *parameters)
             violated = 3;
         } else if (!(isfinite(parameters->wo) && (parameters->wo >= 0.0))) {
             violated = 4;
-        } else if (!(isfinite(parameters->u_min))) {
+        } else if (!isfinite(parameters->u_min)) {
             violated = 5;
-        } else if (!(isfinite(parameters->u_max))) {
+        } else if (!isfinite(parameters->u_max)) {
             violated = 6;
         } else if (!(isfinite(parameters->Ts) && (parameters->Ts >= 1e-09))) {
             violated = 7;

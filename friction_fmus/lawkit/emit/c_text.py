@@ -67,7 +67,7 @@ def kernel(
     positive: Iterable[int] | None = None,
     taken: Iterable[str] = (),
     lows: Lows | None = None,
-    named: Collection[Named] = (),
+    named: Collection[Named] | None = None,
     remarks: Mapping[int, Sequence[str]] | None = None,
     flags: Collection[str] = (),
     unrolls: bool = False,
@@ -97,7 +97,8 @@ def kernel(
     lows : Lows, optional
         Arguments and results that are pairs; the default is none.
     named : collection of Named
-        Names of nodes of the function's graph; without them, constants are t1, t2, ...
+        Names of nodes of the function's graph; others get a name that describes their operation. If None, constants are
+        t1, t2, ...
     remarks : mapping of int to sequence of str, optional
         Comments for nodes of the function's graph.
     flags : collection of str
@@ -117,6 +118,7 @@ def kernel(
         If an operation has no C form, or the function is not scalar.
     """
     nodes, results = graph(function)
+    describes, named = named is not None, named or ()
     if lows:
         low_of = {number: len(reads) + i for i, number in enumerate(lows.reads)}
         nodes, results, pairs = split(nodes, results, lows.wide, low_of, lows.writes)
@@ -144,7 +146,7 @@ def kernel(
             kept.setdefault(places[name], []).append(number)
     zeros = Zeros(rolled.nodes, kept, unsigned, never_negative)
     first = {number: targets[0] for number, targets in rolled.targets.items()}
-    names = Names(rolled.nodes, named, rolled.reads, first, [INDEX, *taken])
+    names = Names(rolled.nodes, named, rolled.reads, first, [INDEX, *taken], describes=describes)
     writer = Writer(rolled, real, truths, zeros, names, texts_of, flags=flags, unrolls=unrolls)
     lines = writer.statements(plan(rolled.nodes, rolled.targets), rolled.targets)
     return Kernel(tuple(lines), frozenset(writer.functions))

@@ -75,13 +75,15 @@ class Names:
     nodes : sequence of Node
         All operations, arguments before their users.
     named : collection of Named
-        Names in the order of assignment; without any, identifiers are t1, t2, ...
+        Names in the order of assignment.
     reads : sequence of str
         C expression of each argument.
     results : mapping of int to str
         Place to which a node is assigned.
     taken : iterable of str
         Identifiers that are already in use.
+    describes : bool
+        Whether nodes without a name get one that describes them; otherwise they are t1, t2, ...
     """
 
     def __init__(
@@ -91,11 +93,13 @@ class Names:
         reads: Sequence[str],
         results: Mapping[int, str],
         taken: Iterable[str],
+        *,
+        describes: bool,
     ) -> None:
         """Choose a name for every node that has one."""
         self._nodes = nodes
         self._taken = {*taken}
-        self._describes = bool(named)
+        self._describes = describes
         self._reads = reads
         self._results = results
         self.assigned = {entry.node for entry in named if entry.assigned}
