@@ -175,7 +175,7 @@ def table(text: str, core: str) -> dict[str, int]:
 
 
 def test_the_cost_of_a_law_is_in_its_readme(tmp_path: Path) -> None:
-    """PID has 12 parameters, 2 states and a flag, 7 Real inputs, two of them pairs, 3 Boolean ones, 2 outputs and `fault`.
+    """PID has 12 parameters, 2 states and a flag, 7 Real inputs, two of them pairs, 3 Boolean ones, 2 outputs, `fault`.
 
     All Booleans of a struct are in one word.
     """
