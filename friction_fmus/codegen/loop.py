@@ -27,6 +27,7 @@ from friction_fmus.lawkit.declarations import (
     VECTORS,
     VELOCITY,
     Command,
+    Input,
     Output,
     Parameter,
     SampleTime,
@@ -49,6 +50,9 @@ SIGNALS: Final[Mapping[str, Any]] = {
     "reset": Command(False, "true: all laws are reset"),
 }
 """Inputs of a loop; inputs of laws with these names are connected to them."""
+
+KNOWN: Final = Input(FORCE, 0.0, "known force, which is added to the other forces and hidden from the compensator")
+"""Input of a loop for a further feedforward, such as a table over position."""
 
 TAKING_OVER: Final = ("track", "u_track")
 """Inputs with which the servo takes over an axis: its memory then contains the jumps of the other laws, too."""
@@ -99,13 +103,18 @@ class _Loop:
         offset = self._number("offset", loop.offset, FORCE, "constant part of u, unknown to the laws")
         seen = ("u_last", u_last) if offset is None else ("u_last - offset", u_last - offset)
         forces: dict[str, SX] = {}
-        for name in ("feedforward", "compensator"):
-            if name in self._laws:
-                text, force = self._force(name, seen)
-                forces[text] = force
-                last = self._declared(f"last_{name}", State(FORCE, 0.0, f"{text} in the previous sample"))
-                parts.result(f"last_{name}", force)
-                seen = (f"{seen[0]} - last_{name}", seen[1] - last)
+        if "feedforward" in self._laws:
+            text, force = self._force("feedforward", seen)
+            forces[text] = force
+            seen = self._without(seen, "last_feedforward", text, force)
+        known = self._declared("f_known", KNOWN) if loop.known_force else None
+        if known is not None:
+            seen = self._without(seen, "last_known", "f_known", known)
+        if "compensator" in self._laws:
+            text, force = self._force("compensator", seen)
+            forces[text] = force
+        if known is not None:
+            forces["f_known"] = known
         if offset is not None:
             forces["offset"] = offset
         f = SX(0.0)
@@ -121,6 +130,12 @@ class _Loop:
             parts.output(variable, value)
         documentation, prefixes = self._documentation()
         return parts.law("Loop", self._summary(), "the papers at each law", documentation, loop.path, prefixes)
+
+    def _without(self, seen: Named, state: str, text: str, force: SX) -> Named:
+        """Return the fed back force without a force of the previous sample."""
+        last = self._declared(state, State(FORCE, 0.0, f"{text} in the previous sample"))
+        self._parts.result(state, force)
+        return f"{seen[0]} - {state}", seen[1] - last
 
     def _declared(self, name: str, variable: Variable) -> SX:
         (symbol,) = self._parts.declare(_named(name, variable))

@@ -47,6 +47,7 @@ LOOPS = {
     "factor": loop(feedforward=FEEDFORWARD, compensator=ESTIMATOR, servo=CASCADE),
     "measured velocity": replace(loop(compensator=OBSERVER, servo=LoopLaw("PID", {"Kp": 9e3})), window=0, offset=None),
     "without motion": loop(servo=replace(CASCADE, connections={"rd": 0.0, "rdd": 0.0}), compensator=OBSERVER),
+    "known force": replace(loop(feedforward=FEEDFORWARD, compensator=OBSERVER, servo=CASCADE), known_force=True),
     "rotary": replace(loop(servo=CASCADE, compensator=OBSERVER), rotary=True, v0=0.02),
     "own limit": loop(
         compensator=replace(OBSERVER, parameters={"u_min": -0.5, "u_max": 0.5}), servo=LoopLaw("ResetPID")
@@ -63,7 +64,16 @@ def motion(n: int) -> dict[str, np.ndarray]:
     rd, rdd = 5e-3 * 4.0 * np.pi * np.cos(phase), -5e-3 * (4.0 * np.pi) ** 2 * np.sin(phase)
     enable, reset = np.ones(n), np.zeros(n)
     enable[n // 3 : n // 3 + 5], reset[n // 2] = 0.0, 1.0
-    return {"r": r, "rd": rd, "rdd": rdd, "x": x, "v": np.gradient(x, TS), "enable": enable, "reset": reset}
+    return {
+        "r": r,
+        "rd": rd,
+        "rdd": rdd,
+        "x": x,
+        "v": np.gradient(x, TS),
+        "enable": enable,
+        "reset": reset,
+        "f_known": 3.0 * np.sin(3.0 * phase),
+    }
 
 
 class Separate:
@@ -74,7 +84,7 @@ class Separate:
         self.laws = {name: self._law(entry) for name, entry in description.laws.items()}
         self.values = {name: self._values(name) for name in description.laws}
         self.positions: list[float] = []
-        self.u = self.known = 0.0
+        self.u = self.known = self.f_known = 0.0
 
     def _law(self, entry: LoopLaw) -> Law:
         return make_export(entry.law).law
@@ -95,12 +105,14 @@ class Separate:
         for name in forces:
             if name in self.laws:
                 fed_back = self.u - offset - (self.known if name == "compensator" else 0.0)
+                fed_back -= self.f_known if name == "compensator" else 0.0
                 output = self.loop.laws[name].output
                 forces[name] = (self.loop.laws[name].factor or 1.0) * self._one(name, {**given, "u_prev": fed_back})[
                     output
                 ]
-        f = forces["feedforward"] + forces["compensator"] + offset
-        self.known = forces["feedforward"]
+        f_known = given["f_known"] if self.loop.known_force else 0.0
+        f = forces["feedforward"] + forces["compensator"] + f_known + offset
+        self.known, self.f_known = forces["feedforward"], f_known
         self.u = self._one("servo", {**given, "f": f})["u"]
         return self.u
 
