@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -76,17 +77,26 @@ value and step from Python.
 OF_THE_MACHINE = ("ns", "ms", "runs/s")
 """Units of values that say nothing about other machines."""
 
+MANY = 8
+"""Number of subjects above which a quantity has a table of its own."""
 
-def table(rows: list[dict[str, Any]]) -> list[str]:
-    """Return the rows that hold on other machines, too; a value without a unit is a ratio."""
-    lines = ["| | value | target | |", "|---|--:|--:|---|"]
-    for row in rows:
-        if row["unit"] not in OF_THE_MACHINE:
-            unit = "" if row["unit"] in ("x", "") else f" {row['unit']}"
-            target = "" if row["target"] is None else f"{row['target']:.3g}"
-            mark = "" if row["target"] is None else "met" if row["ok"] else "not met"
-            lines.append(f"| {row['name']} | {row['value']:.3g}{unit} | {target} | {mark} |")
-    return lines
+
+def tables(rows: list[dict[str, Any]]) -> str:
+    """Return the rows that hold on other machines, too, as tables with one subject or one quantity each.
+
+    A row is named "subject: quantity". A value without a unit is a ratio.
+    """
+    shown = [row for row in rows if row["unit"] not in OF_THE_MACHINE]
+    names = [row["name"].rpartition(": ") for row in shown]
+    counts = Counter(quantity for _, _, quantity in names)
+    found: dict[str, list[str]] = {}
+    for row, (subject, _, quantity) in zip(shown, names, strict=True):
+        heading, label = (quantity, subject) if counts[quantity] > MANY else (subject, quantity)
+        unit = "" if row["unit"] in ("x", "") else f" {row['unit']}"
+        target = "" if row["target"] is None else f"{row['target']:.3g}, {'met' if row['ok'] else '**not met**'}"
+        lines = found.setdefault(heading, [f"| {heading} | value | target |", "|---|--:|---|"])
+        lines.append(f"| {label} | {row['value']:.3g}{unit} | {target} |")
+    return "\n\n".join("\n".join(lines) for lines in found.values())
 
 
 def page(files: list[Path]) -> str:
@@ -98,7 +108,7 @@ def page(files: list[Path]) -> str:
     parts = [INTRODUCTION + "\n".join(commands) + "\n```\n"]
     for file in files:
         rows = json.loads(file.read_text(encoding="utf-8"))
-        parts.append("\n".join([SECTIONS[file.stem], *table(rows)]) + "\n")
+        parts.append(f"{SECTIONS[file.stem]}\n{tables(rows)}\n")
     return "\n".join(parts)
 
 

@@ -86,7 +86,7 @@ def _paragraphs(
     if "table" in system.parts:
         yield (
             "`table` is the identified force over position at the reference, see `PositionMap.fmu` and the table in "
-            "its sources; subtract it."
+            "its sources; subtract it. Because of the table, there is no C code of the loop."
         )
     sums = [f"`{name}.y`" for name in SUMS if name in system.parts]
     if sums:

@@ -142,7 +142,7 @@ def test_the_unit_computes_its_laws_one_after_the_other(name: str) -> None:
 def test_the_c_code_has_the_numbers_of_the_law(tmp_path: Path) -> None:
     export = make_export(EXAMPLE)
     given = motion(3000)
-    rows = rows_of(export, {v.name: given.get(v.name, np.zeros(3000)) for v in export.groups["inputs"]})
+    rows = rows_of(export, {v.name: given.get(v.name, np.full(3000, v.start)) for v in export.groups["inputs"]})
     assert same_numbers(LawC(export, tmp_path).run(rows, feeds_back=True), run_casadi(export.law, rows))
 
 
