@@ -47,6 +47,9 @@ LOOPS = {
     "factor": loop(feedforward=FEEDFORWARD, compensator=ESTIMATOR, servo=CASCADE),
     "measured velocity": replace(loop(compensator=OBSERVER, servo=LoopLaw("PID", {"Kp": 9e3})), window=0, offset=None),
     "without motion": loop(servo=replace(CASCADE, connections={"rd": 0.0, "rdd": 0.0}), compensator=OBSERVER),
+    "vectors": loop(
+        feedforward=LoopLaw("GMSFeedforward", {"N": 3.0, "m": 0.0}), compensator=LoopLaw("KalmanFriction"), servo=CASCADE
+    ),
     "known force": replace(loop(feedforward=FEEDFORWARD, compensator=OBSERVER, servo=CASCADE), known_force=True),
     "rotary": replace(loop(servo=CASCADE, compensator=OBSERVER), rotary=True, v0=0.02),
     "own limit": loop(
@@ -121,7 +124,7 @@ class Separate:
         inputs = {v.name for v in law.select(Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND)} - {"f_prev"}
         constant = {key: v for key, v in self.loop.laws[name].connections.items() if isinstance(v, float)}
         found = law.evaluate({**values, **{key: v for key, v in {**given, **constant}.items() if key in inputs}})
-        values.update({v.name: found[v.name] for v in law.select(Kind.STATE)})
+        values.update({v.name: found[v.name] for v in law.select(Kind.STATE, Kind.STATES)})
         return found
 
 
