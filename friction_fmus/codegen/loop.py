@@ -129,7 +129,7 @@ class _Loop:
         for variable, value in self._outputs:
             parts.output(variable, value)
         documentation, prefixes = self._documentation()
-        return parts.law("Loop", self._summary(), "the papers at each law", documentation, loop.path, prefixes)
+        return parts.law("Loop", self._summary(), "the papers named with each law", documentation, loop.path, prefixes)
 
     def _without(self, seen: Named, state: str, text: str, force: SX) -> Named:
         """Return the fed back force without a force of the previous sample."""
