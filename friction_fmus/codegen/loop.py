@@ -17,7 +17,7 @@ from casadi import SX, if_else
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.composition import Composition
 from friction_fmus.codegen.laws import law_of, start_values
-from friction_fmus.codegen.loop_file import SHARED, LoopFile
+from friction_fmus.codegen.loop_file import LAWS, SHARED, LoopFile
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.declarations import (
@@ -82,7 +82,7 @@ class _Loop:
 
     def __init__(self, loop: LoopFile) -> None:
         self._loop = loop
-        self._laws = {name: _law(loop, name) for name in loop.laws}
+        self._laws = {name: _law(loop, name) for name in LAWS if name in loop.laws}
         self._parts = Composition()
         self._equations: list[str] = []
         self._sections: dict[str, str] = {}
@@ -269,8 +269,8 @@ def _law(loop: LoopFile, name: str) -> Law:
         block = find(path if path.suffix in (".py", ".c") else entry.law)
         if block.kind != "law":
             raise FrictionError(
-                f"{block.name} is written in C and cannot be joined with the laws; choose a law, or compile "
-                f"{block.path.name} as a source FMU and connect it to the servo as a second unit"
+                f"{block.name} is written in C and cannot be joined with the laws; choose a law, or compute it beside "
+                "the loop and pass its force to f_known, an input with known_force = true in [loop]"
             )
         law = law_of(block.path if path.suffix == ".py" else entry.law).with_room(entry.parameters)
         known = [v.name for v in law.select(*PARAMETERS) if v.kind is not Kind.SAMPLE_TIME]

@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.law_runs import LawC, rows_of, run_casadi
 from friction_fmus.__main__ import main
+from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen.equations import equations_of
 from friction_fmus.codegen.export import make_export
 from friction_fmus.codegen.layout import Export
@@ -165,6 +166,16 @@ def test_the_limits_hold_for_the_sum_and_stop_the_integral() -> None:
         assert found["servo_integral"] == 0.0
         assert found["u_last"] == 2.0
     assert "servo_integral" in names
+
+
+def test_a_law_may_be_in_a_file_beside_that_of_the_loop(tmp_path: Path) -> None:
+    law = laws_folder() / "static_feedforward.py"
+    (tmp_path / "own.py").write_text(law.read_text(encoding="utf-8").replace("StaticFeedforward", "Own"), "utf-8")
+    path = tmp_path / "loop.toml"
+    path.write_text(loop_text(loop(feedforward=LoopLaw("own.py"), servo=CASCADE), "A loop"), encoding="utf-8")
+    export = make_export(path)
+    assert export.law.summary == "CascadePPI with Own"
+    assert "computed in the order feedforward, servo," in " ".join(header(export).split())
 
 
 def test_variables_without_effect_are_omitted() -> None:
