@@ -213,12 +213,10 @@ def hunting(Ki: float, Fc: float, Fs: float, turned: bool = False, elastic: bool
     )
     if turned and elastic:
         why += (
-            "; as the integral is turned at reversals, the swing is usually far smaller, but only if the contact springs "
-            "back after a slip faster than v_zc; otherwise it is larger"
+            "; as the integral is turned at reversals, the swing is usually far smaller, but only if the contact "
+            "springs back after a slip faster than v_zc; otherwise it is larger"
         )
-        change = (
-            f"keep v_zc between the noise of the velocity and the spring-back if a small swing is allowed, or {change}"
-        )
+        change = f"keep v_zc between velocity noise and spring-back if a small swing is allowed, or {change}"
     elif turned:
         why += "; a rigid contact does not spring back, so the integral is turned after the next break-away only"
     return Condition(
