@@ -36,6 +36,7 @@
 #define MODEL   ImpulsiveControl
 #define SUMMARY "Force pulses for an axis that is stuck away from its target"
 #define SOURCE  "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
+#define CITES   "ArmstrongHelouvry1994"
 #define QUOTES  "pulses"
 #define NEEDS   "stiction error"
 

@@ -32,17 +32,11 @@
    reversal between two samples is missed. When the stacks are full, the innermost loop is discarded with a warning.
    u_min must not exceed u_max. */
 
-/* @article{Swevers2000,
-     author  = {Swevers, J. and Al-Bender, F. and Ganseman, C. G. and Prajogo, T.},
-     title   = {An integrated friction model structure with improved presliding behavior for accurate friction
-                compensation},
-     journal = {IEEE Transactions on Automatic Control},
-     volume  = {45}, number = {4}, pages = {675--686}, year = {2000}} */
-
 #define MODEL   LeuvenFeedforward
 #define SUMMARY "Feedforward of inertia and Leuven friction with stacks, computed from the reference"
 #define STATUS  "equations from memory or summaries of the papers"
 #define SOURCE  "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
+#define CITES   "Swevers2000, Lampaert2004"
 #define QUOTES  "overcompensation, inertia"
 #define NEEDS   "presliding ahead: 6"
 

@@ -34,6 +34,7 @@
 #define MODEL   LocalFunctionEstimator
 #define SUMMARY "Compensation of friction estimated by a polynomial fit to the last mean forces"
 #define SOURCE  "Savitzky, Golay, Analytical Chemistry 36(8), 1964"
+#define CITES   "SavitzkyGolay1964"
 #define QUOTES  "loop_poles, disturbance_observer"
 #define NEEDS   "force and velocity: 3, uncertain model: 5"
 

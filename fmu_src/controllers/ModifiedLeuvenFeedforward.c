@@ -28,16 +28,11 @@
    loops do not close. A jump of rd causes a jump of F_hat by sigma1 times the jump of rd. A reversal between two
    samples is missed. u_min must not exceed u_max. */
 
-/* @article{Lampaert2002,
-     author  = {Lampaert, V. and Swevers, J. and Al-Bender, F.},
-     title   = {Modification of the {Leuven} integrated friction model structure},
-     journal = {IEEE Transactions on Automatic Control},
-     volume  = {47}, number = {4}, pages = {683--687}, year = {2002}} */
-
 #define MODEL   ModifiedLeuvenFeedforward
 #define SUMMARY "Feedforward of inertia and modified Leuven friction computed from the reference"
 #define STATUS  "equations from memory of the paper"
 #define SOURCE  "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
+#define CITES   "Lampaert2002"
 #define QUOTES  "overcompensation, inertia"
 #define NEEDS   "presliding ahead: 5"
 

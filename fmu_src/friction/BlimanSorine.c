@@ -24,15 +24,10 @@
    may cause oscillation of a mass on a spring. Like Dahl's model, it does not remember reversal points and drifts under
    a constant force with vibration. */
 
-/* @inproceedings{BlimanSorine1995,
-     author    = {Bliman, P.-A. and Sorine, M.},
-     title     = {Easy-to-use realistic dry friction models for automatic control},
-     booktitle = {Proceedings of the 3rd European Control Conference},
-     address   = {Rome}, pages = {3788--3794}, year = {1995}} */
-
 #define MODEL    BlimanSorine
 #define SUMMARY  "Bliman-Sorine friction of order 1 or 2, linear in the path"
 #define SOURCE   "Bliman, Sorine, European Control Conference, 1995"
+#define CITES    "BlimanSorine1995"
 #define STATUS   "equations from memory of the papers, in the form of (15) to (17) of Olsson et al. 1998"
 #define FEATURES "presliding"
 

@@ -25,15 +25,10 @@
    Limits: there is no damping, so a mass on it rings. Speed does not affect the mean force. The cost grows with N and
    with the number of re-bonds in a step (a step with more than about 1e8 re-bonds is discarded). */
 
-/* @article{Haessig1991,
-     author  = {Haessig, D. A. and Friedland, B.},
-     title   = {On the modeling and simulation of friction},
-     journal = {ASME Journal of Dynamic Systems, Measurement, and Control},
-     volume  = {113}, number = {3}, pages = {354--362}, year = {1991}} */
-
 #define MODEL    Bristle
 #define SUMMARY  "Population of bristles that break and re-bond at random places"
 #define SOURCE   "Haessig, Friedland, ASME J. Dynamic Systems, Measurement, and Control 113(3), 1991"
+#define CITES    "Haessig1991"
 #define STATUS   "equations as given by Olsson et al. 1998"
 #define FEATURES "presliding, drift-free, random"
 #define NEEDS    "random"

@@ -33,20 +33,10 @@
    against positive slip only, so the model is not symmetric: a driver that moves backwards unloads the blocks and then
    pushes against blocks that never move. Start values are taken from the papers, except for the number of blocks. */
 
-/* @article{CarlsonLanger1989,
-     author  = {Carlson, J. M. and Langer, J. S.},
-     title   = {Mechanical model of an earthquake fault},
-     journal = {Physical Review A},
-     volume  = {40}, number = {11}, pages = {6470--6484}, year = {1989}}
-   @article{BurridgeKnopoff1967,
-     author  = {Burridge, R. and Knopoff, L.},
-     title   = {Model and theoretical seismicity},
-     journal = {Bulletin of the Seismological Society of America},
-     volume  = {57}, number = {3}, pages = {341--371}, year = {1967}} */
-
 #define MODEL    BurridgeKnopoff
 #define SUMMARY  "Burridge-Knopoff train of stick-slip blocks pulled by a driver"
 #define SOURCE   "Burridge, Knopoff, BSSA 57, 1967; Carlson, Langer, Physical Review A 40, 1989"
+#define CITES    "CarlsonLanger1989, BurridgeKnopoff1967"
 #define STATUS   "equations from memory of the papers"
 #define FEATURES "presliding, drift-free, Stribeck, rate dependent, mass inside, random"
 #define PORTRAIT "avalanches"

@@ -17,15 +17,10 @@
    oscillates about v = 0 with the amplitude F h / m; KarnoppMass and SwitchMass contain the mass and stop it
    exactly. */
 
-/* @article{Olsson1998,
-     author  = {Olsson, H. and {\AA}str{\"o}m, K. J. and Canudas de Wit, C. and G{\"a}fvert, M. and Lischinsky, P.},
-     title   = {Friction models and friction compensation},
-     journal = {European Journal of Control},
-     volume  = {4}, number = {3}, pages = {176--195}, year = {1998}} */
-
 #define MODEL    Coulomb
 #define SUMMARY  "Coulomb friction, balances the external force at rest"
 #define SOURCE   "Coulomb 1785; Olsson and others, European Journal of Control 4(3), 1998"
+#define CITES    "Olsson1998"
 #define STATUS   "equations of Olsson et al. 1998, section on static models"
 #define FEATURES "needs force"
 #define NEEDS    "sliding"

@@ -23,21 +23,10 @@
    Limits: no Stribeck effect and thus no stick-slip; no static friction above Fc; no viscous friction (add a Viscous
    block). z drifts under a constant force with vibration, and reversal points are not remembered. */
 
-/* @techreport{Dahl1968,
-     author      = {Dahl, P. R.},
-     title       = {A solid friction model},
-     institution = {The Aerospace Corporation},
-     number      = {TOR-158(3107-18)}, year = {1968}} */
-
-/* @article{Dahl1976,
-     author  = {Dahl, P. R.},
-     title   = {Solid friction damping of mechanical vibrations},
-     journal = {AIAA Journal},
-     volume  = {14}, number = {12}, pages = {1675--1682}, year = {1976}} */
-
 #define MODEL    Dahl
 #define SUMMARY  "Dahl friction, rate-independent presliding hysteresis"
 #define SOURCE   "Dahl, The Aerospace Corporation TOR-158(3107-18), 1968; AIAA Journal 14(12), 1976"
+#define CITES    "Dahl1968, Dahl1976"
 #define STATUS   "equations from memory of the papers, checked against Olsson et al. 1998"
 #define FEATURES "presliding"
 #define NEEDS    "presliding"

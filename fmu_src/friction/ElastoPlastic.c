@@ -29,15 +29,10 @@
 
    Limits: F jumps with v, as in LuGre; beyond z_ba, reversal points are not remembered. */
 
-/* @article{Dupont2002,
-     author  = {Dupont, P. and Hayward, V. and Armstrong, B. and Altpeter, F.},
-     title   = {Single state elastoplastic friction models},
-     journal = {IEEE Transactions on Automatic Control},
-     volume  = {47}, number = {5}, pages = {787--792}, year = {2002}} */
-
 #define MODEL    ElastoPlastic
 #define SUMMARY  "Elasto-plastic bristle friction without drift below break-away"
 #define SOURCE   "Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002"
+#define CITES    "Dupont2002"
 #define STATUS   "equations from memory of the papers"
 #define FEATURES "presliding, drift-free, Stribeck, lag, rate dependent"
 #define NEEDS    "held under vibration"

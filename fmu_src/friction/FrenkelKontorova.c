@@ -31,15 +31,10 @@
    evenly spaced chain is not in equilibrium: with damping, it moves to an equilibrium, which for even N may be a saddle
    unless `amplitude` breaks the symmetry. There is no normal force; vary K with it instead. */
 
-/* @article{FrenkelKontorova1938,
-     author  = {Frenkel, J. and Kontorova, T.},
-     title   = {On the theory of plastic deformation and twinning},
-     journal = {Physikalische Zeitschrift der Sowjetunion},
-     volume  = {13}, pages = {1--10}, year = {1938}} */
-
 #define MODEL    FrenkelKontorova
 #define SUMMARY  "Frenkel-Kontorova chain of atoms on a periodic substrate, driven by a force"
 #define SOURCE   "Frenkel, Kontorova, Physikalische Zeitschrift der Sowjetunion 13, 1938"
+#define CITES    "FrenkelKontorova1938"
 #define STATUS   "equations from memory of reviews"
 #define FEATURES "presliding, drift-free, rate dependent, needs force, mass inside"
 #define PORTRAIT "depinning"

@@ -27,15 +27,10 @@
    Limits: one dimension, no temperature; fast or strongly coupled sliding may be chaotic. The start values describe a
    pinned golden-mean chain and are not published ones. There is no normal force; vary K with it instead. */
 
-/* @article{WeissElmer1996,
-     author  = {Weiss, M. and Elmer, F.-J.},
-     title   = {Dry friction in the {Frenkel-Kontorova-Tomlinson} model: Static properties},
-     journal = {Physical Review B},
-     volume  = {53}, number = {11}, pages = {7539--7549}, year = {1996}} */
-
 #define MODEL    FrenkelKontorovaTomlinson
 #define SUMMARY  "Frenkel-Kontorova-Tomlinson chain: atoms on a periodic substrate, connected to a slider"
 #define SOURCE   "Weiss, Elmer, Physical Review B 53, 1996"
+#define CITES    "WeissElmer1996"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free, rate dependent, mass inside"
 #define PORTRAIT "towed_to_and_fro"

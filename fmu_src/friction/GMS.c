@@ -38,15 +38,10 @@
    Limits: F has kinks; the lag of an element is a single time constant, both for increasing and for decreasing
    speed. */
 
-/* @article{AlBender2005,
-     author  = {Al-Bender, F. and Lampaert, V. and Swevers, J.},
-     title   = {The generalized {Maxwell}-slip model: a novel model for friction simulation and compensation},
-     journal = {IEEE Transactions on Automatic Control},
-     volume  = {50}, number = {11}, pages = {1883--1887}, year = {2005}} */
-
 #define MODEL    GMS
 #define SUMMARY  "Generalised Maxwell slip: N elements attracted to the Stribeck curve in slip"
 #define SOURCE   "Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005"
+#define CITES    "AlBender2005"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free, Stribeck, lag, rate dependent"
 #define NEEDS    "nested and sliding"

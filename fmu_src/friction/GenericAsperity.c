@@ -54,15 +54,10 @@
    normal motion of slider and tip. Single tips may be chaotic if height < A. A step may cover at most 2e6/N
    wavelengths. */
 
-/* @article{AlBender2004,
-     author  = {Al-Bender, F. and Lampaert, V. and Swevers, J.},
-     title   = {A novel generic model at asperity level for dry friction force dynamics},
-     journal = {Tribology Letters},
-     volume  = {16}, number = {1--2}, pages = {81--93}, year = {2004}} */
-
 #define MODEL    GenericAsperity
 #define SUMMARY  "Population of asperities that stick, slip and oscillate freely on a rough profile"
 #define SOURCE   "after Al-Bender, Lampaert, Swevers, Tribology Letters 16, 2004"
+#define CITES    "AlBender2004"
 #define STATUS   "equations specific to this library, after the paper from memory"
 #define FEATURES "presliding, nonlocal memory, drift-free, Stribeck, lag, dwell, rate dependent, random"
 

@@ -16,15 +16,10 @@
    The force between two such contacts in series is undetermined. Inside the band, F opposes F_ext instead of v. No
    Stribeck effect, no presliding. */
 
-/* @article{Karnopp1985,
-     author  = {Karnopp, D.},
-     title   = {Computer simulation of stick-slip friction in mechanical dynamic systems},
-     journal = {Journal of Dynamic Systems, Measurement, and Control},
-     volume  = {107}, number = {1}, pages = {100--103}, year = {1985}} */
-
 #define MODEL    Karnopp
 #define SUMMARY  "Karnopp friction with a velocity dead band, as a force"
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
+#define CITES    "Karnopp1985"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "rate dependent, needs force"
 

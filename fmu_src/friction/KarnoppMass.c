@@ -21,15 +21,10 @@
    rate k V. DV must be small compared with the relevant velocities; it need not exceed the change of velocity in one
    step, as events are located. No Stribeck effect, no presliding. */
 
-/* @article{Karnopp1985,
-     author  = {Karnopp, D.},
-     title   = {Computer simulation of stick-slip friction in mechanical dynamic systems},
-     journal = {Journal of Dynamic Systems, Measurement, and Control},
-     volume  = {107}, number = {1}, pages = {100--103}, year = {1985}} */
-
 #define MODEL    KarnoppMass
 #define SUMMARY  "Mass with Karnopp friction, at rest inside a velocity dead band"
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
+#define CITES    "Karnopp1985"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "drift-free, rate dependent, needs force, mass inside"
 #define PORTRAIT "pushed_mass"

@@ -35,16 +35,10 @@
    Limits: r, and thus F through sigma1, jumps when an inner loop closes. Loops close in the force and in z, but in the
    position only for large n. At the onset of sliding, dz/dt jumps by the order of 1e-3 n v. */
 
-/* @article{Swevers2000,
-     author  = {Swevers, J. and Al-Bender, F. and Ganseman, C. G. and Prajogo, T.},
-     title   = {An integrated friction model structure with improved presliding behavior for accurate friction
-                compensation},
-     journal = {IEEE Transactions on Automatic Control},
-     volume  = {45}, number = {4}, pages = {675--686}, year = {2000}} */
-
 #define MODEL    Leuven
 #define SUMMARY  "Leuven integrated friction model with two stacks of reversal points"
 #define SOURCE   "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
+#define CITES    "Swevers2000"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, Stribeck, lag, rate dependent"
 

@@ -25,15 +25,10 @@
    rejected. Two measured records show no dependence on the load: it hardly changes on the tribometer, and the ball
    screw of EMPS has none within two standard errors. */
 
-/* @misc{TorqueProportionalLoss2026,
-     author       = {{andyabateagility}},
-     title        = {Torque-proportional loss in dcmotor},
-     howpublished = {Issue 3528 of google-deepmind/mujoco, GitHub},
-     year         = {2026}} */
-
 #define MODEL    LoadDependentDahl
 #define SUMMARY  "Dahl friction proportional to the transmitted force, for strain-wave gears"
 #define SOURCE   "andyabateagility, issue 3528 of google-deepmind/mujoco, GitHub, 2026"
+#define CITES    "TorqueProportionalLoss2026"
 #define STATUS   "equations of the issue, not of a paper; an excerpt was read"
 #define FEATURES "presliding, rate dependent"
 #define NEEDS    "transmitted force"

@@ -21,15 +21,10 @@
    axis (F < 0 for v > 0), which v_d < 4 sqrt(2 e) Fc / sigma1 prevents. z drifts under a constant force with vibration,
    and the model does not remember reversal points. */
 
-/* @article{CanudasDeWit1995,
-     author  = {Canudas de Wit, C. and Olsson, H. and {\AA}str{\"o}m, K. J. and Lischinsky, P.},
-     title   = {A new model for control of systems with friction},
-     journal = {IEEE Transactions on Automatic Control},
-     volume  = {40}, number = {3}, pages = {419--425}, year = {1995}} */
-
 #define MODEL    LuGre
 #define SUMMARY  "LuGre bristle friction with Stribeck effect"
 #define SOURCE   "Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995"
+#define CITES    "CanudasDeWit1995"
 #define STATUS   "equations (2), (3) and (5) of the paper; (30) of Olsson et al. 1998 for sigma1(v)"
 #define FEATURES "presliding, Stribeck, lag, rate dependent"
 #define NEEDS    "near presliding, stick-slip, frictional lag, changing normal force"

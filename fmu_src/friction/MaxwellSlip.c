@@ -22,15 +22,10 @@
 
    Limits: no Stribeck effect, no lag, no viscous friction (add a Viscous block); one kink per element. */
 
-/* @article{Iwan1966,
-     author  = {Iwan, W. D.},
-     title   = {A distributed-element model for hysteresis and its steady-state dynamic response},
-     journal = {Journal of Applied Mechanics},
-     volume  = {33}, number = {4}, pages = {893--900}, year = {1966}} */
-
 #define MODEL    MaxwellSlip
 #define SUMMARY  "Maxwell slip: N elastic, perfectly plastic elements in parallel"
 #define SOURCE   "Iwan, Journal of Applied Mechanics 33(4), 1966"
+#define CITES    "Iwan1966"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free"
 #define NEEDS    "nested presliding"

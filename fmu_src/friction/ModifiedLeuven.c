@@ -27,15 +27,10 @@
 
    Limits: F jumps with v, through sigma1. With small n, loops do not close, and the contact drifts. */
 
-/* @article{Lampaert2002,
-     author  = {Lampaert, V. and Swevers, J. and Al-Bender, F.},
-     title   = {Modification of the {Leuven} integrated friction model structure},
-     journal = {IEEE Transactions on Automatic Control},
-     volume  = {47}, number = {4}, pages = {683--687}, year = {2002}} */
-
 #define MODEL    ModifiedLeuven
 #define SUMMARY  "Modified Leuven model: Maxwell slip hysteresis that relaxes to the Stribeck curve"
 #define SOURCE   "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
+#define CITES    "Lampaert2002"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, Stribeck, lag, rate dependent"
 

@@ -41,20 +41,10 @@
    Limits: one dimension, one atom. With kT > 0, damping within dt is not resolved. There is no normal force; vary E0
    with it instead. */
 
-/* @article{Prandtl1928,
-     author  = {Prandtl, L.},
-     title   = {Ein {Gedankenmodell} zur kinetischen {Theorie} der festen {K{\"o}rper}},
-     journal = {Zeitschrift f{\"u}r Angewandte Mathematik und Mechanik},
-     volume  = {8}, number = {2}, pages = {85--106}, year = {1928}}
-   @article{Tomlinson1929,
-     author  = {Tomlinson, G. A.},
-     title   = {A molecular theory of friction},
-     journal = {Philosophical Magazine},
-     volume  = {7}, number = {46}, pages = {905--939}, year = {1929}} */
-
 #define MODEL    PrandtlTomlinson
 #define SUMMARY  "Prandtl-Tomlinson model of a tip in a periodic potential, with temperature"
 #define SOURCE   "Prandtl, ZAMM 8, 1928; Tomlinson, Philosophical Magazine 7, 1929"
+#define CITES    "Prandtl1928, Tomlinson1929"
 #define STATUS   "equations from memory of reviews"
 #define FEATURES "presliding, drift-free, rate dependent, mass inside, random"
 #define PORTRAIT "tomlinson"

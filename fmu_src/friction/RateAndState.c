@@ -28,20 +28,10 @@
    should not be too small, as the force is steep in v at v = 0. With the slip law, a jump of the speed can make a
    spring slider unstable well above k_c. */
 
-/* @article{Ruina1983,
-     author  = {Ruina, A.},
-     title   = {Slip instability and state variable friction laws},
-     journal = {Journal of Geophysical Research},
-     volume  = {88}, number = {B12}, pages = {10359--10370}, year = {1983}}
-   @article{Dieterich1979,
-     author  = {Dieterich, J. H.},
-     title   = {Modeling of rock friction: 1. {E}xperimental results and constitutive equations},
-     journal = {Journal of Geophysical Research},
-     volume  = {84}, number = {B5}, pages = {2161--2168}, year = {1979}} */
-
 #define MODEL    RateAndState
 #define SUMMARY  "Rate-and-state friction, aging or slip law, regular at rest"
 #define SOURCE   "Dieterich, J. Geophysical Research 84(B5), 1979; Ruina, J. Geophysical Research 88(B12), 1983"
+#define CITES    "Ruina1983, Dieterich1979"
 #define STATUS   "equations from memory of the papers"
 #define FEATURES "lag, dwell, rate dependent"
 

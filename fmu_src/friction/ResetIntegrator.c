@@ -18,15 +18,10 @@
    Limits: F drops by a sigma0 z0 + beta |v| when |z| reaches z0, which acts on a mass like an impulse. No Stribeck
    effect and no viscous friction. Within |z| < z0, the contact is elastic, so it does not drift. */
 
-/* @article{HaessigFriedland1991,
-     author  = {Haessig, D. A. and Friedland, B.},
-     title   = {On the modeling and simulation of friction},
-     journal = {Journal of Dynamic Systems, Measurement, and Control},
-     volume  = {113}, number = {3}, pages = {354--362}, year = {1991}} */
-
 #define MODEL    ResetIntegrator
 #define SUMMARY  "Reset-integrator friction: a spring with a stop, stiffer while stuck"
 #define SOURCE   "Haessig, Friedland, ASME J. Dynamic Systems, Measurement, and Control 113(3), 1991"
+#define CITES    "Haessig1991"
 #define STATUS   "equations from memory of the paper, in the form of (13) and (14) of Olsson et al. 1998"
 #define FEATURES "presliding, drift-free, rate dependent"
 

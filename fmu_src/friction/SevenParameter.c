@@ -32,15 +32,10 @@
    neighbours are joined, which preserves the distance, and a warning is logged once; v(t - tauL) is then accurate to
    about tauL / 250 in time. If tauL is increased during a run, the missing history is taken as constant. */
 
-/* @article{ArmstrongHelouvry1994,
-     author  = {Armstrong-H{\'e}louvry, B. and Dupont, P. and Canudas de Wit, C.},
-     title   = {A survey of models, analysis tools and compensation methods for the control of machines with friction},
-     journal = {Automatica},
-     volume  = {30}, number = {7}, pages = {1083--1138}, year = {1994}} */
-
 #define MODEL    SevenParameter
 #define SUMMARY  "Presliding spring, delayed Stribeck effect and rising static friction"
 #define SOURCE   "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
+#define CITES    "ArmstrongHelouvry1994"
 #define STATUS   "equations (7) to (9) of Olsson et al. 1998"
 #define FEATURES "presliding, drift-free, Stribeck, lag, dwell, rate dependent"
 #define NEEDS    "dwell"

@@ -16,15 +16,10 @@
    mass stopped by it in discrete steps oscillates about v = 0 with the amplitude F h / m; KarnoppMass and SwitchMass
    contain the mass and stop it exactly. */
 
-/* @article{Olsson1998,
-     author  = {Olsson, H. and {\AA}str{\"o}m, K. J. and Canudas de Wit, C. and G{\"a}fvert, M. and Lischinsky, P.},
-     title   = {Friction models and friction compensation},
-     journal = {European Journal of Control},
-     volume  = {4}, number = {3}, pages = {176--195}, year = {1998}} */
-
 #define MODEL    Stiction
 #define SUMMARY  "Stiction, Coulomb and viscous friction"
 #define SOURCE   "Morin 1833; Olsson and others, European Journal of Control 4(3), 1998, eq. (4)"
+#define CITES    "Olsson1998"
 #define STATUS   "equation (4) of Olsson et al. 1998 and the preceding ones"
 #define FEATURES "rate dependent, needs force"
 #define NEEDS    "known forces"

@@ -21,21 +21,10 @@
    Limits: F jumps at v = 0, so a mass stopped by it in discrete steps oscillates about v = 0 with the amplitude F h /
    m. F_ext is the sum of all other forces on the mass; it is only needed to hold the mass at v = 0. */
 
-/* @article{ArmstrongHelouvry1994,
-     author  = {Armstrong-H{\'e}louvry, B. and Dupont, P. and Canudas de Wit, C.},
-     title   = {A survey of models, analysis tools and compensation methods for the control of machines with friction},
-     journal = {Automatica},
-     volume  = {30}, number = {7}, pages = {1083--1138}, year = {1994}}
-
-   @article{HessSoom1990,
-     author  = {Hess, D. P. and Soom, A.},
-     title   = {Friction at a lubricated line contact operating at oscillating sliding velocities},
-     journal = {Journal of Tribology},
-     volume  = {112}, number = {1}, pages = {147--152}, year = {1990}} */
-
 #define MODEL    Stribeck
 #define SUMMARY  "Coulomb, viscous and Stribeck friction"
 #define SOURCE   "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
+#define CITES    "ArmstrongHelouvry1994, HessSoom1990"
 #define STATUS   "equation (4) of Olsson et al. 1998 for the force at rest"
 #define FEATURES "Stribeck, rate dependent, needs force"
 #define NEEDS    "through rest"

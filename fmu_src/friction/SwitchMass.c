@@ -28,15 +28,10 @@
    12.00103 s for an ideal switch. eta must be small compared with v_belt. The block contains the mass and a single
    contact. No presliding. */
 
-/* @article{Leine1998,
-     author  = {Leine, R. I. and Van Campen, D. H. and De Kraker, A. and Van den Steen, L.},
-     title   = {Stick-slip vibrations induced by alternate friction models},
-     journal = {Nonlinear Dynamics},
-     volume  = {16}, number = {1}, pages = {41--54}, year = {1998}} */
-
 #define MODEL    SwitchMass
 #define SUMMARY  "Mass, spring and belt with the switch model of friction by Leine"
 #define SOURCE   "Leine, Van Campen, De Kraker, Van den Steen, Nonlinear Dynamics 16, 1998"
+#define CITES    "Leine1998"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "drift-free, Stribeck, rate dependent, mass inside"
 #define PORTRAIT "stick_slip"

@@ -18,16 +18,10 @@
    Limits: no presliding. F jumps at v = 0, so a mass stopped by it in discrete steps oscillates about v = 0 with the
    amplitude F h / m. */
 
-/* @article{Tustin1947,
-     author  = {Tustin, A.},
-     title   = {The effects of backlash and of speed-dependent friction on the stability of closed-cycle control
-                systems},
-     journal = {Journal of the Institution of Electrical Engineers -- Part IIA},
-     volume  = {94}, number = {1}, pages = {143--151}, year = {1947}} */
-
 #define MODEL    Tustin
 #define SUMMARY  "Exponential decay from static to Coulomb friction, and viscous friction"
 #define SOURCE   "Tustin, Journal of the IEE 94(2A), 1947"
+#define CITES    "Tustin1947"
 #define STATUS   "equations from memory of the paper; (4) of Olsson et al. 1998 for the force at rest"
 #define FEATURES "Stribeck, rate dependent, needs force"
 

@@ -15,15 +15,10 @@
    Limits: no force at rest, so nothing sticks. For delta_v < 1 the slope at v = 0 is infinite; delta_v = 0 is Coulomb
    friction with F = 0 at rest. */
 
-/* @article{Olsson1998,
-     author  = {Olsson, H. and {\AA}str{\"o}m, K. J. and Canudas de Wit, C. and G{\"a}fvert, M. and Lischinsky, P.},
-     title   = {Friction models and friction compensation},
-     journal = {European Journal of Control},
-     volume  = {4}, number = {3}, pages = {176--195}, year = {1998}} */
-
 #define MODEL    Viscous
 #define SUMMARY  "Viscous friction, linear or a power of the velocity"
 #define SOURCE   "Reynolds 1886; Olsson and others, European Journal of Control 4(3), 1998"
+#define CITES    "Olsson1998"
 #define STATUS   "equation (3) of Olsson et al. 1998 for the power"
 #define FEATURES "rate dependent"
 

@@ -27,6 +27,7 @@
 #define MODEL    Actuator
 #define SUMMARY  "Delay, force limit and first-order lag of a drive"
 #define SOURCE   "Ellis: Control System Design Guide, 4th ed., 2012"
+#define CITES    "Ellis2012"
 #define PORTRAIT "saturation"
 #define QUOTES   "loop_poles, break_away"
 

@@ -20,6 +20,7 @@
 #define MODEL    Cogging
 #define SUMMARY  "Position-dependent conservative force: harmonics of the magnet pitch"
 #define SOURCE   "Otten et al., IEEE/ASME Transactions on Mechatronics 2(3), 1997"
+#define CITES    "Otten1997"
 #define PORTRAIT "ripple"
 #define QUOTES   "cogging"
 

@@ -24,6 +24,7 @@
 #define MODEL    PositionMap
 #define SUMMARY  "Force over position: cogging and position-dependent friction from a table"
 #define SOURCE   "Otten et al., IEEE/ASME Transactions on Mechatronics 2(3), 1997; table in map.h"
+#define CITES    "Otten1997"
 #define QUOTES   "cogging"
 #define PORTRAIT "over_position"
 

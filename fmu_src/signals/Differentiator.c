@@ -18,6 +18,7 @@
 #define MODEL    Differentiator
 #define SUMMARY  "Sampled velocity estimate: moving average, difference, low-pass filter"
 #define SOURCE   "Janot, Gautier, Brunot: Data set and reference models of EMPS, 2019"
+#define CITES    "Janot2019"
 #define PORTRAIT "differentiation"
 
 /* clang-format off */

@@ -27,6 +27,7 @@
 #define MODEL   Multisine
 #define SUMMARY "Sum of many harmonics with Schroeder or random phases"
 #define SOURCE  "Pintelon, Schoukens: System Identification, 2nd ed., 2012; Schroeder, IEEE TIT 16(1), 1970"
+#define CITES   "PintelonSchoukens2012, Schroeder1970"
 
 /* clang-format off */
 #define VARIABLES                                                                                                \

@@ -28,6 +28,7 @@
 #define MODEL   Profile
 #define SUMMARY "Point-to-point motion with limited velocity, acceleration and jerk"
 #define SOURCE  "Lambrechts, Boerlage, Steinbuch, Control Engineering Practice 13(2), 2005"
+#define CITES   "Lambrechts2005"
 
 /* clang-format off */
 #define VARIABLES                                                                                       \

@@ -16,6 +16,7 @@
 #define MODEL   Record
 #define SUMMARY "Recorded motion, interpolated linearly"
 #define SOURCE  "table in series.h"
+#define CITES   "FrictionFmus2026"
 
 /* clang-format off */
 #define VARIABLES                                      \

@@ -11,6 +11,7 @@
 #define MODEL   SampledSum
 #define SUMMARY "Weighted sum of up to four sampled signals, without a delay between laws"
 #define SOURCE  "Franklin, Powell, Emami-Naeini: Feedback Control of Dynamic Systems, 8th ed., 2019"
+#define CITES   "Franklin2019"
 
 /* clang-format off */
 #define VARIABLES                                                                                  \

@@ -13,6 +13,7 @@
 #define MODEL   Sine
 #define SUMMARY "Sum of up to four sines with exact derivatives"
 #define SOURCE  "Pintelon, Schoukens: System Identification, 2nd ed., 2012"
+#define CITES   "PintelonSchoukens2012"
 
 /* clang-format off */
 #define VARIABLES                                                                                               \

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from friction_fmus.blocks.arithmetic import names_in
+from friction_fmus.blocks.bibliography import cited
 from friction_fmus.blocks.identified import Identified, identified
 from friction_fmus.blocks.loop import InLoop, in_loop
 from friction_fmus.blocks.macros import macro, string, words
@@ -34,6 +35,8 @@ class About:
         The role of the block in a control loop.
     use : Use or None
         How a law or controller is used as a compensator; None excludes it from studies.
+    cites : tuple of str
+        Literature: keys of ``bibliography.bib``, or BibTeX entries.
     """
 
     portrait: str = ""
@@ -42,6 +45,7 @@ class About:
     identified: Identified = field(default_factory=Identified)
     in_loop: InLoop = field(default_factory=InLoop)
     use: Use | None = None
+    cites: tuple[str, ...] = ()
 
     @property
     def reads(self) -> frozenset[str]:
@@ -62,7 +66,8 @@ class About:
         return frozenset().union(*(names_in(text) for text in texts if text))
 
     def check(self, variables: Iterable[str]) -> None:
-        """Raise a FrictionError for an expression that reads a name other than the block's variables."""
+        """Raise a FrictionError for a name that is not a variable of the block, or an unknown key of the literature."""
+        cited(self.cites)
         known = set(variables)
         for name in sorted(self.reads - known):
             raise FrictionError(
@@ -90,6 +95,7 @@ def about_c_block(code: str) -> About:
         identified(code),
         in_loop(code),
         use_of(code),
+        words(string(code, "CITES")),
     )
     about.check(re.findall(r"\(\s*(\w+)\s*,", macro(code, "VARIABLES") or ""))
     return about

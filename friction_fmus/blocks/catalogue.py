@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from friction_fmus.blocks.about import About, about_c_block
+from friction_fmus.blocks.bibliography import cited
 from friction_fmus.blocks.customise import with_long_arrays
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.lawkit.headings import law_paths, read_headings
@@ -64,7 +65,7 @@ class Block:
     features : tuple of str
         Phenomena that the friction model shows, from `FEATURES`.
     bibtex : tuple of str
-        BibTeX entries of its sources.
+        BibTeX entries of its sources; a note says if one was not read.
     status : str
         Origin of its equations: their numbers in the source, or that they are from memory.
     about : About
@@ -144,12 +145,13 @@ def read_c_block(path: Path, kind: str) -> Block:
         raise FrictionError(f"{path} states the feature {unknown.pop()!r}; known features are {', '.join(FEATURES)}")
     found = re.findall(r"/\*\s*(@\w+\{.*?\})\s*\*/", code, re.S)
     entries = tuple("\n  ".join(line.strip() for line in entry.splitlines()) for entry in found)
+    about = _told(path, code)
     return Block(
         *(name.group(1), kind, text("SUMMARY"), text("SOURCE"), page, path, code),
         features=features,
-        bibtex=entries,
+        bibtex=(*cited(about.cites), *entries),
         status=text("STATUS"),
-        about=_told(path, code),
+        about=about,
     )
 
 
@@ -166,7 +168,11 @@ def _read_laws(path: Path) -> list[Block]:
     from friction_fmus.lawkit.files import discover_laws
 
     return [
-        Block(law.name, "law", law.summary, law.source, law.documentation, law.path, block_source(law), about=law.about)
+        Block(
+            *(law.name, "law", law.summary, law.source, law.documentation, law.path, block_source(law)),
+            bibtex=cited(law.about.cites),
+            about=law.about,
+        )
         for law in discover_laws(path)
     ]
 

@@ -12,6 +12,7 @@ from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.loop import loop_law
 from friction_fmus.codegen.loop_file import read_loop
 from friction_fmus.codegen.readme import readme
+from friction_fmus.codegen.rotary import rotary_law
 from friction_fmus.codegen.sources import example, header, implementation
 from friction_fmus.codegen.target import COMPILER, CORES, missing
 from friction_fmus.codegen.unit_test import unit_test
@@ -85,10 +86,12 @@ def make_export(
     prefix: str = "",
 ) -> Export:
     """Return the checked data of an export; arguments and errors are the same as for `export_law`."""
-    is_loop = Path(model).suffix == ".toml"
-    law = loop_law(read_loop(Path(model))) if is_loop else law_of(model).with_room(start or {})
-    prefix = prefix or ("loop" if is_loop else "law")
+    loop = read_loop(Path(model)) if Path(model).suffix == ".toml" else None
+    law = loop_law(loop) if loop else law_of(model).with_room(start or {})
+    rotary = loop is not None and loop.rotary
+    law = rotary_law(law) if rotary else law
+    prefix = prefix or ("loop" if loop else "law")
     check_identifier("codegen", "prefix", prefix)
     if prefix == "main":
         raise FrictionError("The prefix main is the name of the example; choose another prefix")
-    return Export(law, FLOAT if real == "float" else DOUBLE, prefix, start_values(law, start or {}))
+    return Export(law, FLOAT if real == "float" else DOUBLE, prefix, start_values(law, start or {}), rotary)

@@ -42,12 +42,15 @@ class Export:
         Prefix of files, types and functions.
     start : mapping of str to tuple of float
         Start values of inputs, states and parameters by variable.
+    rotary : bool
+        Whether the law has the units of a rotary axis.
     """
 
     law: Law
     real: Real
     prefix: str
     start: Values
+    rotary: bool = False
 
     @property
     def groups(self) -> dict[str, tuple[Variable, ...]]:

@@ -13,6 +13,7 @@ from friction_fmus.codegen.misra import DEVIATIONS
 from friction_fmus.codegen.target import COMPILER, EMULATOR, FLAGS, PACKAGES
 from friction_fmus.codegen.vectors import N
 from friction_fmus.codegen.wrapper import class_name
+from friction_fmus.fmi.rotary import in_rotary_words
 from friction_fmus.version import VERSION
 
 TRAVEL = (0.0, 0.1, 1.0, 10.0)
@@ -56,7 +57,7 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
         f"`{p}_check` then returns -1. "
         f"{_agreement(real)} Do not compile with `-ffast-math`."
     )
-    return f"""# {law.name} in C
+    text = f"""# {law.name} in C
 
 {_fill(origin)}
 
@@ -79,6 +80,7 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
 
 {_table(costs) if costs else _not_measured()}
 """
+    return in_rotary_words(text) if export.rotary else text
 
 
 def _misra(export: Export) -> str:

@@ -19,11 +19,12 @@ from friction_fmus.lawkit.law import BOOLEANS, Kind, Variable
 from friction_fmus.version import VERSION
 
 
-def si_units() -> dict[str, str]:
-    """Return the unit of each quantity in the translational build, read from block.h."""
-    text = (source_folder() / "block.h").read_text(encoding="utf-8")
-    sliding = text[text.index("#else", text.index("#ifdef ROTATIONAL")) :]
-    return dict(re.findall(r'^#define (\w+)\s+"([^"]*)"$', sliding, re.M))
+def si_units(*, rotary: bool = False) -> dict[str, str]:
+    """Return the unit of each quantity in the translational or in the rotational build, read from block.h."""
+    _, text = (source_folder() / "block.h").read_text(encoding="utf-8").split("#ifdef ROTATIONAL\n", 1)
+    turning, sliding = text.split("#else\n", 1)
+    found = dict(re.findall(r'^#define (\w+)\s+"([^"]*)"$', sliding, re.M))
+    return found | dict(re.findall(r'^#define (\w+)\s+"([^"]*)"$', turning if rotary else "", re.M))
 
 
 def unit_text(variable: Variable) -> str:

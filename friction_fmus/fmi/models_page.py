@@ -21,7 +21,7 @@ $ friction-fmus cite LuGre
 ```
 
 `show` prints all notes of a model and its parameters; `documentation/index.html` in the FMU has them with figures.
-`cite` prints the BibTeX entry.
+`cite` prints the BibTeX entries.
 
 ![Which model shows which phenomenon](figures/phenomena.png)
 """

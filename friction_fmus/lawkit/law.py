@@ -245,6 +245,7 @@ def law(
     summary: str,
     *,
     source: str,
+    cites: Sequence[str] = (),
     Ts: float,
     outputs: Mapping[str, Variable],
     conditions: Mapping[str, Relation] | None = None,
@@ -273,7 +274,7 @@ def law(
         relation u_min <= u_max is added automatically.
     sizes : mapping of str to Size, optional
         Parameters whose start values determine the length of vectors when the FMU is built.
-    portrait, quotes, needs : optional
+    portrait, quotes, needs, cites : optional
         See `About`.
     loop : Loop, optional
         Role of the law in a control loop, for ``friction-fmus doctor``; None if the doctor need not know the law.
@@ -292,7 +293,7 @@ def law(
         If the law is invalid; the message says why in one sentence.
     """
 
-    about = About(portrait, tuple(quotes), needs or {}, in_loop=InLoop(law=loop), use=use)
+    about = About(portrait, tuple(quotes), needs or {}, in_loop=InLoop(law=loop), use=use, cites=tuple(cites))
 
     def decorate(equations: Equations) -> Law:
         code = getattr(equations, "__code__", None)

@@ -29,6 +29,7 @@ from friction_fmus.lawkit.parts.tracking import deflected, restarts
     "AdaptiveLuGre",
     "Tracking control with LuGre friction compensation that adapts to the normal force",
     source="Canudas de Wit, Lischinsky, Int. J. Adaptive Control and Signal Processing 11, 1997",
+    cites=("CanudasLischinsky1997",),
     Ts=1e-3,
     quotes=(
         "routh",

@@ -29,6 +29,7 @@ from friction_fmus.lawkit.parts.observers import adapted, limited
     "AdaptiveSlidingMode",
     "Sliding mode with a boundary layer and adapted static friction",
     source="Slotine, Li: Applied Nonlinear Control, Prentice Hall 1991",
+    cites=("SlotineLi1991",),
     Ts=1e-3,
     quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "adaptation"),
     needs={"changing load": 3},

@@ -31,6 +31,7 @@ from friction_fmus.lawkit.parts.tracking import deflected
     "ANDFC",
     "Adaptive LuGre compensation with dual observers and an estimated velocity",
     source="Tan, Kanellakopoulos, American Control Conference, 1999",
+    cites=("TanKanellakopoulos1999",),
     Ts=1e-3,
     quotes=(
         "routh",

@@ -27,6 +27,7 @@ from friction_fmus.lawkit.parts.tracking import carried, restarts
     "CascadePPI",
     "Cascade of position P and velocity PI with feedforward, as in servo drives",
     source="Jamaludin, Van Brussel, Swevers, IEEE TIE 56(10), 2009",
+    cites=("Jamaludin2009",),
     Ts=1e-3,
     quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "hunting"),
     loop=Loop(gains={"Kp": "kv * kp + ki", "Kd": "kv", "Ki": "ki * kp", "m": "m"}, linear={}),

@@ -23,6 +23,7 @@ from friction_fmus.lawkit.parts.feedforward import feedforward
     "CoulombFeedforward",
     "Feedforward of inertia and Coulomb friction computed from the reference",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
+    cites=("ArmstrongHelouvry1994",),
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
     needs={"curve ahead": 2},

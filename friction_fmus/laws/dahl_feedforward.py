@@ -36,6 +36,7 @@ def closed(gap: SX, path: SX, n: SX) -> SX:
     "DahlFeedforward",
     "Feedforward of inertia and Dahl friction computed from the reference",
     source="Lampaert, Swevers, Al-Bender, American Control Conference, 2004; Dahl, AIAA Journal 14(12), 1976",
+    cites=("Lampaert2004", "Dahl1976"),
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
     needs={"presliding ahead": 3},

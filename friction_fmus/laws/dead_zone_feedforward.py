@@ -25,6 +25,7 @@ from friction_fmus.lawkit.parts.feedforward import feedforward
     "DeadZoneFeedforward",
     "Feedforward of friction with a dead-zone torque (interpretation)",
     source="Interpretation of a description without an identified source",
+    cites=("DeadZoneTorque",),
     Ts=1e-3,
     quotes=("overcompensation", "inertia", "loop_poles"),
     loop=Loop(friction=Friction("Fc", "T_dz", "Fv"), inertia="m", amplifies="1 + gain"),

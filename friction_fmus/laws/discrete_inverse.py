@@ -36,6 +36,7 @@ def square(pair: SX) -> SX:
     "DiscreteInverse",
     "Inverse of a sampled plant, zeros outside the unit circle by preview or zero-phase (ZPETC)",
     source="Gross, Tomizuka, Messner, ASME JDSMC 116(1), 1994; Tomizuka, ASME JDSMC 109(1), 1987",
+    cites=("Gross1994", "Tomizuka1987"),
     Ts=1e-3,
     portrait="inversion",
     quotes=("preview",),

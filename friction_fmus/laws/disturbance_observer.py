@@ -31,6 +31,7 @@ from friction_fmus.lawkit.parts.tracking import carried
     "DisturbanceObserver",
     "Disturbance observer: inverse model of a mass and a low-pass filter of order 1 or 2",
     source="Ohnishi, Shibata, Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996",
+    cites=("Ohnishi1996", "Jamaludin2009"),
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer"),
     needs={"force and velocity": 1, "uncertain model": 2},

@@ -27,6 +27,7 @@ from friction_fmus.lawkit.law import (
     "Dither",
     "Fast oscillation added to a force: sine, square or triangle",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
+    cites=("ArmstrongHelouvry1994",),
     Ts=1e-4,
     portrait="own_course",
     quotes=("dither_stroke", "dither_frequency"),

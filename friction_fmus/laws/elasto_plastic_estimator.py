@@ -31,6 +31,7 @@ from friction_fmus.lawkit.parts.tracking import deflected
     "ElastoPlasticEstimator",
     "Feedback of elasto-plastic friction computed from displacements, independent of the sample time",
     source="Hayward, Armstrong, Altpeter, Dupont, IEEE TCST 17(3), 2009",
+    cites=("Hayward2009", "Dupont2002"),
     Ts=1e-3,
     quotes=("fed_back_stiffness", "overcompensation"),
     needs={"presliding in feedback": 2},

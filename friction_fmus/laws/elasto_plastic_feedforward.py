@@ -75,6 +75,7 @@ def slid(z: SX, u: SX, z_max: SX, z_ba: SX) -> SX:
     "ElastoPlasticFeedforward",
     "Feedforward of inertia and elasto-plastic friction computed from the reference",
     source="Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002",
+    cites=("Dupont2002",),
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
     needs={"presliding ahead": 4},

@@ -27,6 +27,7 @@ from friction_fmus.lawkit.parts.tracking import carried
     "ExtendedStateObserver",
     "Tracking control with friction estimated by an extended-state observer (linear ADRC)",
     source="Gao, American Control Conference, 2003",
+    cites=("Gao2003",),
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer", "break_away"),
     needs={"force and encoder": 2},

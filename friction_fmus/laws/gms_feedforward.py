@@ -28,6 +28,7 @@ from friction_fmus.lawkit.parts.tracking import deflected
     "GMSFeedforward",
     "Feedforward of inertia and generalised Maxwell slip friction computed from the reference",
     source="Lampaert, Swevers, Al-Bender, ACC 2004; Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005",
+    cites=("Lampaert2004", "AlBender2005"),
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
     needs={"presliding ahead": 2, "uncertain model": 1},

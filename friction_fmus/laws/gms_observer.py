@@ -27,6 +27,7 @@ from friction_fmus.lawkit.parts.tracking import deflected, restarts
     "GMSObserver",
     "Friction feedback with observed forces of generalised Maxwell slip elements",
     source="Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (model); this library (observer)",
+    cites=("AlBender2005", "CanudasDeWit1995"),
     Ts=1e-3,
     quotes=("fed_back_stiffness", "overcompensation"),
     needs={"presliding in feedback": 3},

@@ -23,6 +23,7 @@ from friction_fmus.lawkit.parts.observers import limited
     "ImplicitSlidingMode",
     "First-order sliding mode without chattering, by implicit discretisation",
     source="Acary, Brogliato, Systems and Control Letters 59(5), 2010",
+    cites=("AcaryBrogliato2010", "Kikuuwe2006"),
     Ts=1e-3,
     quotes=("loop_poles", "sliding_gain", "break_away"),
     needs={"bound only": 1},

@@ -26,6 +26,7 @@ from friction_fmus.lawkit.parts.tracking import carried, restarts
     "ImplicitSuperTwisting",
     "Super-twisting sliding mode without chattering, by implicit discretisation",
     source="Levant, Automatica 34(3), 1998; Brogliato, Polyakov, Efimov, IEEE TAC 65(8), 2020",
+    cites=("Levant1998", "Brogliato2020"),
     Ts=1e-3,
     quotes=("loop_poles", "super_twisting", "super_twisting_rate", "break_away"),
     needs={"bound only": 2},

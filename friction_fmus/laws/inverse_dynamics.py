@@ -29,6 +29,7 @@ from friction_fmus.lawkit.parts.feedforward import feedforward, when
     "InverseDynamics",
     "Feedforward of inertia, viscous friction and a flexible coupling from the reference",
     source="Boerlage, Tousain, Steinbuch, American Control Conference, 2004 (jerk derivative feedforward)",
+    cites=("Boerlage2004",),
     Ts=1e-3,
     portrait="inversion",
     quotes=("overcompensation", "inertia"),

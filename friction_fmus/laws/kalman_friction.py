@@ -29,6 +29,7 @@ from friction_fmus.lawkit.parts.tracking import carried
     "KalmanFriction",
     "Compensation of friction estimated as a random walk by a Kalman filter",
     source="Ray, Ramasubramanian, Townsend, Control Engineering Practice 9(2), 2001",
+    cites=("Ray2001", "AndersonMoore1979"),
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer"),
     needs={"force and encoder": 1},

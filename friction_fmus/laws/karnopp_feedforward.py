@@ -25,6 +25,7 @@ from friction_fmus.lawkit.parts.feedforward import feedforward
     "KarnoppFeedforward",
     "Feedforward of inertia and Karnopp friction computed from the reference",
     source="Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985; Johnson, Lorenz, 1992",
+    cites=("Karnopp1985", "JohnsonLorenz1992"),
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
     needs={"curve ahead": 3},

@@ -30,6 +30,7 @@ from friction_fmus.lawkit.parts.tracking import deflected
     "LuGreFeedforward",
     "Feedforward of inertia and LuGre friction computed from the reference",
     source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995; Lampaert, Swevers, Al-Bender, ACC 2004",
+    cites=("CanudasDeWit1995", "Lampaert2004"),
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
     needs={"presliding ahead": 1, "uncertain model": 3},

@@ -28,6 +28,7 @@ from friction_fmus.lawkit.parts.tracking import deflected, restarts
     "LuGreObserver",
     "Friction feedback with an observed LuGre bristle deflection",
     source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995",
+    cites=("CanudasDeWit1995",),
     Ts=1e-3,
     quotes=("injection", "fed_back_stiffness", "overcompensation", "explicit_observer"),
     needs={"presliding in feedback": 1, "stiction error": 2},

@@ -29,6 +29,7 @@ from friction_fmus.lawkit.parts.observers import limited
     "ModelledOutputKarnopp",
     "Cascade with command feedforward and Karnopp friction of the modelled velocity",
     source="Karnopp, ASME J. Dynamic Systems, Measurement and Control 107, 1985 (the friction)",
+    cites=("Karnopp1985",),
     Ts=1e-3,
     quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "overcompensation"),
     loop=Loop(gains={"Kp": "CV * KP", "Kd": "CV"}, friction=Friction("Fc", "Fs", "Fv"), linear={}),

@@ -91,6 +91,7 @@ def no_pole(CV_num: SX, CV_den: SX, G_num: SX, G_den: SX) -> SX:
     "MultiLoopKarnopp",
     "Multi-loop cascade with Karnopp friction of a modelled velocity, by transfer functions of any order",
     source="Karnopp, ASME J. Dynamic Systems, Measurement and Control 107, 1985 (the friction)",
+    cites=("Karnopp1985",),
     Ts=1e-3,
     use=REPLACES_SERVO,
     outputs={

@@ -28,10 +28,23 @@ from friction_fmus.lawkit.parts.tracking import carried, restarts
     "PID",
     "PID position controller with inertia feedforward, anti-windup, dead-band and integral reset",
     source="Astrom, Hagglund: Advanced PID Control, ISA 2006",
+    cites=("AstromHagglund2006", "ArmstrongAmin1996"),
     Ts=1e-3,
-    quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "hunting", "dead_band"),
+    quotes=(
+        "routh",
+        "sampled",
+        "loop_poles",
+        "stick_slip_free",
+        "break_away",
+        "hunting",
+        "dead_band",
+        "turned_friction",
+    ),
     needs={"hunting": 2},
-    loop=Loop(gains={"Kp": "Kp", "Kd": "Kd", "Ki": "Ki", "db": "db", "m": "m"}, linear={"db": 0.0, "v_zc": 0.0}),
+    loop=Loop(
+        gains={name: name for name in ("Kp", "Kd", "Ki", "db", "m", "reversal")} | {"turned": "Fc_turned"},
+        linear={"db": 0.0, "v_zc": 0.0, "reversal": 1.0, "Fc_turned": 0.0},
+    ),
     use=REPLACES_SERVO,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
@@ -82,8 +95,10 @@ def pid(
         I      = (u_track - Kp e - Kd (rd - v) - m rdd - f)/Ki  while track
                  is true, so that u = u_track
 
-    Astrom, Hagglund: Advanced PID Control, ISA 2006 (conditional integration against windup). Ki = 0 is PD
-    control. The start values place three poles near 10 Hz for a mass of 1 kg without friction.
+    Astrom, Hagglund: Advanced PID Control, ISA 2006 (conditional integration against windup, tracking); Hanus,
+    Kinnaert, Henrotte: Conditioning technique, a general anti-windup and bumpless transfer method, Automatica 23(6),
+    1987 (from memory). Ki = 0 is PD control. The start values place three poles near 10 Hz for a mass of 1 kg without
+    friction.
 
     The integral used in a sample does not contain the error of that sample. While reset is true, the integral is 0, in
     the same sample and in the next one. While enable is false, u, u_sat and the integral are 0. When enable becomes

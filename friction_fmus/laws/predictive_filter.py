@@ -25,6 +25,7 @@ from friction_fmus.lawkit.parts.tracking import carried
     "PredictiveFilter",
     "Compensation of friction estimated as the model error in a predictive filter",
     source="Crassidis, Markley, Journal of Guidance, Control, and Dynamics 20(3), 1997",
+    cites=("CrassidisMarkley1997", "Ray2001"),
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer"),
     needs={"force and velocity": 2, "uncertain model": 4},

@@ -29,6 +29,7 @@ from friction_fmus.lawkit.parts.feedforward import reference_shift, settles_fast
     "Prefilter",
     "Reference shaping that makes a PID controller generate a feedforward force: R = 1 + F/C",
     source="Identity C R r = C r + F r",
+    cites=("FrictionFmus2026",),
     Ts=1e-3,
     portrait="shaping",
     quotes=("prefilter", "prefilter_match"),

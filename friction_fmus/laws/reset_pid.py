@@ -28,6 +28,7 @@ from friction_fmus.lawkit.parts.tracking import carried, restarts
     "ResetPID",
     "PID with an integral that jumps at sign changes of the error, against hunting",
     source="This library; the idea from Beerens et al., Automatica 107, 2019",
+    cites=("Beerens2019",),
     Ts=1e-3,
     portrait="alternating_error",
     quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away"),

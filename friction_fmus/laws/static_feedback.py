@@ -24,6 +24,7 @@ from friction_fmus.lawkit.parts.observers import limited
     "StaticFeedback",
     "Feedback of Stribeck friction computed from the measured velocity",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
+    cites=("ArmstrongHelouvry1994",),
     Ts=1e-3,
     quotes=("overcompensation",),
     needs={"curve in feedback": 1},

@@ -26,6 +26,7 @@ from friction_fmus.lawkit.parts.feedforward import feedforward
     "StaticFeedforward",
     "Feedforward of inertia and Stribeck friction computed from the reference",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
+    cites=("ArmstrongHelouvry1994",),
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
     needs={"curve ahead": 1},

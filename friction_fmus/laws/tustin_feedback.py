@@ -26,6 +26,7 @@ POINTS = 16
     "TustinFeedback",
     "Feedback of Tustin friction and cogging with tables over the position",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
+    cites=("ArmstrongHelouvry1994", "Tustin1947"),
     Ts=1e-3,
     quotes=("overcompensation",),
     needs={"curve in feedback": 2, "varying along the axis": 1},

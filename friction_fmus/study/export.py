@@ -90,10 +90,11 @@ def export_recommended(
         whole.to_ssp(folder / "axis.ssp")
         title = "SSP archive of the whole axis: reference, compensator, servo, mass, friction"
         written.append(WrittenFile(f"{OWN}/axis.ssp", title))
-        missing = without_code(whole, scheme.servo, laws, bench.trajectory.rotary)
+        missing = without_code(scheme.servo, laws)
         recommends = bool(laws) or "table" in fmus or scheme.servo != bench.servo
         if recommends and not missing:
-            loop = recommended_loop(whole, scheme.servo, laws, chosen, folder / LOOP_FILE)
+            rotary, path = bench.trajectory.rotary, folder / LOOP_FILE
+            loop = recommended_loop(whole, scheme.servo, laws, chosen, rotary, path)
             written += _controller(out, loop, f"Recommended loop of {name}")
         with atomic_path(folder / "README.md") as temporary:
             text = wiring(whole, scheme.servo, figures, missing) if recommends else NOTHING

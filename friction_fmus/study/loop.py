@@ -14,12 +14,9 @@ from friction_fmus.lawkit.law import Kind
 from harness import System
 
 
-def without_code(system: System, servo: Servo, laws: Mapping[str, Compensator], rotary: bool) -> str:
+def without_code(servo: Servo, laws: Mapping[str, Compensator]) -> str:
     """Return a sentence that says why a loop cannot be written as one unit in C; empty if it can."""
-    if rotary:
-        return "There is no C code, because it would state the units of a linear axis."
     in_c = [name for name in (servo.law, *(law.model for law in laws.values())) if find(name).kind != "law"]
-    in_c += ["PositionMap"] if "table" in system.parts else []
     if in_c:
         return f"There is no C code of the loop, because {in_c[0]} is a block in C; use the source code in its FMU."
     return ""
@@ -30,6 +27,7 @@ def recommended_loop(
     servo: Servo,
     laws: Mapping[str, Compensator],
     given: Mapping[str, Mapping[str, float | bool]],
+    rotary: bool,
     path: Path,
 ) -> LoopFile:
     """Return the loop of an axis, which `without_code` has nothing against.
@@ -44,6 +42,8 @@ def recommended_loop(
         The laws beside the servo, by name of the part.
     given : mapping of str to mapping
         Parameters of these laws.
+    rotary : bool
+        Whether the axis is rotary.
     path : Path
         The file.
     """
@@ -78,5 +78,7 @@ def recommended_loop(
         float(offset) or None,
         servo.window,
         float(start["velocity.v0"]) or None,
+        rotary,
+        "table" in system.parts,
         path,
     )

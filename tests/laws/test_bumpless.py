@@ -26,6 +26,7 @@ from friction_fmus.codegen.export import make_export
 from friction_fmus.codegen.loop_file import LoopFile, LoopLaw, loop_text
 from friction_fmus.codegen.readme import readme
 from friction_fmus.codegen.sources import header, implementation
+from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Kind, Law
 
@@ -58,6 +59,13 @@ class Rows:
         found = self.values.copy()
         for name, value in values.items():
             found[:, [label == name for label in self._labels]] = np.reshape(value, (-1, 1))
+        return Rows(self.law, found)
+
+    def rounded(self, name: str) -> Rows:
+        """The rows with a variable rounded to float."""
+        columns = [label == name for label in self._labels]
+        found = self.values.copy()
+        found[:, columns] = found[:, columns].astype(np.float32)
         return Rows(self.law, found)
 
     def get(self, name: str) -> np.ndarray:
@@ -119,6 +127,25 @@ def test_the_first_output_is_the_given_force(name: str) -> None:
     wrong = np.abs(found - np.clip(force, low, high)) > 1e-9 * (np.abs(force) + np.abs(free))
     assert not wrong.any(), rows.values[wrong][0]
     assert np.count_nonzero((low < force) & (force < high)) > 2000
+
+
+@pytest.mark.parametrize("name", TRACKING)
+def test_the_first_output_in_float_is_the_given_force(name: str, tmp_path: Path) -> None:
+    """The start values of the parameters, random positions within 10 m, states and forces."""
+    export = make_export(name, real="float", start=START.get(name))
+    law, rows = export.law, held_axis(export.law, 1000, 3)
+    kept = {"u_min", "u_max", "Ts"}
+    parameters = {v.name: export.start[v.name] for v in law.select(*PARAMETERS) if v.name not in kept}
+    rows = rows.set(**{key: values[0] for key, values in parameters.items() if len(values) == 1})
+    for key in (v.name for v in law.given if v.name not in export.pairs):
+        rows = rows.rounded(key)
+    low, high = range_of(in_double(law), rows)
+    rows = rows.set(u_track=low + np.random.default_rng(4).uniform(-0.2, 1.2, 1000) * (high - low)).rounded("u_track")
+    force = rows.get("u_track")
+    free = in_double(law)(rows.set(track=0.0, u_min=-1e30, u_max=1e30).values)[:, 0]
+    found = LawC(export, tmp_path).run(rows.values, feeds_back=False)[:, 0]
+    assert (np.abs(found - np.clip(force, low, high)) <= 1e-5 * (1.0 + np.abs(force) + np.abs(free))).all()
+    assert np.count_nonzero((low < force) & (force < high)) > 500
 
 
 HELD = {"AdaptiveLuGre", "ANDFC", "DahlFeedforward", "ElastoPlasticEstimator", "ElastoPlasticFeedforward"}

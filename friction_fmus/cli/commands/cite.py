@@ -1,29 +1,33 @@
-"""Print the BibTeX entries of a model's sources."""
+"""Print the BibTeX entries of the literature of models."""
 
 from __future__ import annotations
 
 import argparse
 
-from friction_fmus.cli.arguments import add_block
 from friction_fmus.errors import FrictionError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    add_block(parser)
+    text = "name of a model, or its .c or .py file; without a name, the entries of all models are printed"
+    parser.add_argument("names", metavar="NAME", nargs="*", help=text)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Print the entries.
+    """Print the entries, each once.
 
     Raises
     ------
     FrictionError
-        If the block has no BibTeX entry.
+        If a block of the user has no BibTeX entry.
     """
+    from friction_fmus.blocks.bibliography import bibliography
     from friction_fmus.blocks.catalogue import find
 
-    block = find(options.name)
-    if not block.bibtex:
-        raise FrictionError(f"{block.name} has no BibTeX entry; its source is: {block.source}")
-    print("\n\n".join(block.bibtex))
+    entries = [] if options.names else list(bibliography().values())
+    for name in options.names:
+        block = find(name)
+        if not block.bibtex:
+            raise FrictionError(f"{block.name} has no BibTeX entry; its source is: {block.source}")
+        entries += block.bibtex
+    print("\n\n".join(dict.fromkeys(entries)))
