@@ -31,8 +31,9 @@ static void sample(const law_parameters *parameters, law_states *states, const l
             const double v_p = states->v_hat + parameters->Ts * force;
             velocity = v_p + 1.5 * square_1 * (1.0 + p) / parameters->Ts * residual;
         }
-        const double tracking = parameters->m * (parameters->wc * parameters->wc * (inputs->r - position)
-            + 2.0 * parameters->wc * (inputs->rd - velocity) + inputs->rdd);
+        const double tracking = parameters->m
+            * (parameters->wc * parameters->wc * (inputs->r - position)
+                + 2.0 * parameters->wc * (inputs->rd - velocity) + inputs->rdd);
         const bool follows = inputs->track && (parameters->gain != 0.0);
         /* (5) F_est = F_est - m (1 - p)^3/Ts^2 (x - x_p), p = exp(-wo Ts) */
         /* (6) F_hat = F_est */
@@ -128,9 +129,9 @@ int32_t law_check(const law_parameters *parameters)
             violated = 3;
         } else if (!(isfinite(parameters->wo) && (parameters->wo >= 0.0))) {
             violated = 4;
-        } else if (!(isfinite(parameters->u_min))) {
+        } else if (!isfinite(parameters->u_min)) {
             violated = 5;
-        } else if (!(isfinite(parameters->u_max))) {
+        } else if (!isfinite(parameters->u_max)) {
             violated = 6;
         } else if (!(isfinite(parameters->Ts) && (parameters->Ts >= 1e-09))) {
             violated = 7;

@@ -30,9 +30,21 @@ from friction_fmus.lawkit.parts.tracking import carried, restarts
     source="Astrom, Hagglund: Advanced PID Control, ISA 2006",
     cites=("AstromHagglund2006", "ArmstrongAmin1996"),
     Ts=1e-3,
-    quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "hunting", "dead_band"),
+    quotes=(
+        "routh",
+        "sampled",
+        "loop_poles",
+        "stick_slip_free",
+        "break_away",
+        "hunting",
+        "dead_band",
+        "turned_friction",
+    ),
     needs={"hunting": 2},
-    loop=Loop(gains={"Kp": "Kp", "Kd": "Kd", "Ki": "Ki", "db": "db", "m": "m"}, linear={"db": 0.0, "v_zc": 0.0}),
+    loop=Loop(
+        gains={name: name for name in ("Kp", "Kd", "Ki", "db", "m", "reversal")} | {"turned": "Fc_turned"},
+        linear={"db": 0.0, "v_zc": 0.0, "reversal": 1.0, "Fc_turned": 0.0},
+    ),
     use=REPLACES_SERVO,
     outputs={
         "u": Output(FORCE, "control force, within u_min and u_max"),
