@@ -11,7 +11,7 @@
 static void sample(const law_parameters *parameters, law_states *states, const law_inputs *inputs, law_outputs *outputs)
 {
     if (inputs->enable) {
-        const bool fresh = inputs->reset || (states->running <= 0.5);
+        const bool fresh = inputs->reset || !states->running;
         const double Ts_squared = parameters->Ts * parameters->Ts;
         const double force = (inputs->u_prev - states->F_est) / parameters->m;
         /* (1) x_p = x_hat + Ts v_hat + Ts^2/(2 m) (u_prev - F_est) */
@@ -31,8 +31,9 @@ static void sample(const law_parameters *parameters, law_states *states, const l
             const double v_p = states->v_hat + parameters->Ts * force;
             velocity = v_p + 1.5 * square_1 * (1.0 + p) / parameters->Ts * residual;
         }
-        const double tracking = parameters->m * (parameters->wc * parameters->wc * (inputs->r - position)
-            + 2.0 * parameters->wc * (inputs->rd - velocity) + inputs->rdd);
+        const double tracking = parameters->m
+            * (parameters->wc * parameters->wc * (inputs->r - position)
+                + 2.0 * parameters->wc * (inputs->rd - velocity) + inputs->rdd);
         const bool follows = inputs->track && (parameters->gain != 0.0);
         /* (5) F_est = F_est - m (1 - p)^3/Ts^2 (x - x_p), p = exp(-wo Ts) */
         /* (6) F_hat = F_est */
@@ -68,7 +69,7 @@ static void sample(const law_parameters *parameters, law_states *states, const l
         states->v_hat = 0.0;
         states->x_hat = 0.0;
     }
-    states->running = inputs->enable ? 1.0 : 0.0;
+    states->running = inputs->enable;
 }
 
 void law_init(law_parameters *parameters, law_states *states, law_inputs *inputs, law_outputs *outputs)
@@ -86,7 +87,7 @@ void law_init(law_parameters *parameters, law_states *states, law_inputs *inputs
         inputs->reset = false;
         inputs->track = false;
         inputs->u_track = 0.0;
-        states->running = 0.0;
+        states->running = false;
         states->x_hat = 0.0;
         states->v_hat = 0.0;
         states->F_est = 0.0;
@@ -128,9 +129,9 @@ int32_t law_check(const law_parameters *parameters)
             violated = 3;
         } else if (!(isfinite(parameters->wo) && (parameters->wo >= 0.0))) {
             violated = 4;
-        } else if (!(isfinite(parameters->u_min))) {
+        } else if (!isfinite(parameters->u_min)) {
             violated = 5;
-        } else if (!(isfinite(parameters->u_max))) {
+        } else if (!isfinite(parameters->u_max)) {
             violated = 6;
         } else if (!(isfinite(parameters->Ts) && (parameters->Ts >= 1e-09))) {
             violated = 7;

@@ -89,8 +89,9 @@ class Loop:
     Attributes
     ----------
     gains : mapping of str to str
-        Gains of its position loop in PID form: Kp, Kd and optionally Ki, db (error below which the integral is held)
-        and m (mass of its inertia feedforward). Empty if it closes no position loop.
+        Gains of its position loop in PID form: Kp, Kd and optionally Ki, db (error below which the integral is held),
+        m (mass of its inertia feedforward), reversal (factor of the integral at a reversal) and turned (friction in the
+        integral that changes its sign there). Empty if it closes no position loop.
     friction : Friction or None
         The friction that it compensates.
     measured : bool

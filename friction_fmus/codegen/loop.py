@@ -17,7 +17,7 @@ from casadi import SX, if_else
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.composition import Composition
 from friction_fmus.codegen.laws import law_of, start_values
-from friction_fmus.codegen.loop_file import SHARED, LoopFile
+from friction_fmus.codegen.loop_file import LAWS, SHARED, LoopFile
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.declarations import (
@@ -27,6 +27,7 @@ from friction_fmus.lawkit.declarations import (
     VECTORS,
     VELOCITY,
     Command,
+    Input,
     Output,
     Parameter,
     SampleTime,
@@ -49,6 +50,9 @@ SIGNALS: Final[Mapping[str, Any]] = {
     "reset": Command(False, "true: all laws are reset"),
 }
 """Inputs of a loop; inputs of laws with these names are connected to them."""
+
+KNOWN: Final = Input(FORCE, 0.0, "known force, which is added to the other forces and hidden from the compensator")
+"""Input of a loop for a further feedforward, such as a table over position."""
 
 TAKING_OVER: Final = ("track", "u_track")
 """Inputs with which the servo takes over an axis: its memory then contains the jumps of the other laws, too."""
@@ -78,7 +82,7 @@ class _Loop:
 
     def __init__(self, loop: LoopFile) -> None:
         self._loop = loop
-        self._laws = {name: _law(loop, name) for name in loop.laws}
+        self._laws = {name: _law(loop, name) for name in LAWS if name in loop.laws}
         self._parts = Composition()
         self._equations: list[str] = []
         self._sections: dict[str, str] = {}
@@ -99,13 +103,18 @@ class _Loop:
         offset = self._number("offset", loop.offset, FORCE, "constant part of u, unknown to the laws")
         seen = ("u_last", u_last) if offset is None else ("u_last - offset", u_last - offset)
         forces: dict[str, SX] = {}
-        for name in ("feedforward", "compensator"):
-            if name in self._laws:
-                text, force = self._force(name, seen)
-                forces[text] = force
-                last = self._declared(f"last_{name}", State(FORCE, 0.0, f"{text} in the previous sample"))
-                parts.result(f"last_{name}", force)
-                seen = (f"{seen[0]} - last_{name}", seen[1] - last)
+        if "feedforward" in self._laws:
+            text, force = self._force("feedforward", seen)
+            forces[text] = force
+            seen = self._without(seen, "last_feedforward", text, force)
+        known = self._declared("f_known", KNOWN) if loop.known_force else None
+        if known is not None:
+            seen = self._without(seen, "last_known", "f_known", known)
+        if "compensator" in self._laws:
+            text, force = self._force("compensator", seen)
+            forces[text] = force
+        if known is not None:
+            forces["f_known"] = known
         if offset is not None:
             forces["offset"] = offset
         f = SX(0.0)
@@ -120,7 +129,13 @@ class _Loop:
         for variable, value in self._outputs:
             parts.output(variable, value)
         documentation, prefixes = self._documentation()
-        return parts.law("Loop", self._summary(), "the papers at each law", documentation, loop.path, prefixes)
+        return parts.law("Loop", self._summary(), "the papers named with each law", documentation, loop.path, prefixes)
+
+    def _without(self, seen: Named, state: str, text: str, force: SX) -> Named:
+        """Return the fed back force without a force of the previous sample."""
+        last = self._declared(state, State(FORCE, 0.0, f"{text} in the previous sample"))
+        self._parts.result(state, force)
+        return f"{seen[0]} - {state}", seen[1] - last
 
     def _declared(self, name: str, variable: Variable) -> SX:
         (symbol,) = self._parts.declare(_named(name, variable))
@@ -138,7 +153,7 @@ class _Loop:
         x, parts = self._signals["x"], self._parts
         v0 = self._number("v0", self._loop.v0, VELOCITY, "velocity before the first sample")
         past = parts.declare(_named("x_past", State(LENGTH, (0.0,) * window, "x in the previous samples")))
-        begun = self._declared("begun", State(NO_UNIT, 0.0, "1 after the first sample"))
+        begun = self._declared("begun", variables.RUNNING)
         before = [x if v0 is None else x - i * v0 * self._Ts for i in range(1, window + 1)]
         last = [if_else(begun, kept, start) for kept, start in zip(past, before, strict=True)]
         v = parts.label("v", (x - last[-1]) / (window * self._Ts))
@@ -254,8 +269,8 @@ def _law(loop: LoopFile, name: str) -> Law:
         block = find(path if path.suffix in (".py", ".c") else entry.law)
         if block.kind != "law":
             raise FrictionError(
-                f"{block.name} is written in C and cannot be joined with the laws; choose a law, or compile "
-                f"{block.path.name} as a source FMU and connect it to the servo as a second unit"
+                f"{block.name} is written in C and cannot be joined with the laws; choose a law, or compute it beside "
+                "the loop and pass its force to f_known, an input with known_force = true in [loop]"
             )
         law = law_of(block.path if path.suffix == ".py" else entry.law).with_room(entry.parameters)
         known = [v.name for v in law.select(*PARAMETERS) if v.kind is not Kind.SAMPLE_TIME]

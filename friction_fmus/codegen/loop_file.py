@@ -28,7 +28,8 @@ MOST: Final = 64
 Numbers: TypeAlias = Mapping[str, float | bool]
 
 _STUDY: Final = ("data", "columns", "windows", "identify", "compensation")
-_SETTINGS: Final = ("Ts", "u_min", "u_max", "offset", "window", "v0", "rotary")
+_FLAGS: Final = ("rotary", "known_force")
+_SETTINGS: Final = ("Ts", "u_min", "u_max", "offset", "window", "v0", *_FLAGS)
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,8 @@ class LoopFile:
         Velocity before the first sample [m/s]; None for rest.
     rotary : bool
         Whether the axis is rotary; read m as rad, N as N.m and kg as kg.m2.
+    known_force : bool
+        Whether the loop has an input for a known force, which is added and hidden from estimators.
     path : Path
         The file.
     """
@@ -88,6 +91,7 @@ class LoopFile:
     window: int = 0
     v0: float | None = None
     rotary: bool = False
+    known_force: bool = False
     path: Path = Path(LOOP_FILE)
 
 
@@ -134,10 +138,11 @@ def read_loop(path: Path) -> LoopFile:
     for key in ("Ts", "u_min", "u_max"):
         if key not in settings:
             raise FrictionError(f"{where} has no {key}; add it")
-    rotary = settings.get("rotary", False)
-    if not isinstance(rotary, bool):
-        raise FrictionError(f"{where} has rotary = {shown(rotary)}; give true or false")
-    values = {key: _finite(settings, key, where) for key in settings if key != "rotary"}
+    flags = {key: settings[key] for key in _FLAGS if key in settings}
+    for key, value in flags.items():
+        if not isinstance(value, bool):
+            raise FrictionError(f"{where} has {key} = {shown(value)}; give true or false")
+    values = {key: _finite(settings, key, where) for key in settings if key not in flags}
     if values["Ts"] < 1e-9:
         raise FrictionError(f"{where} has Ts = {values['Ts']:g}; give a sample time of at least 1e-9 s")
     if values["u_min"] > values["u_max"]:
@@ -153,8 +158,8 @@ def read_loop(path: Path) -> LoopFile:
         values.get("offset"),
         int(window),
         values.get("v0"),
-        rotary,
-        path,
+        path=path,
+        **flags,
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from friction_fmus.codegen.sources import si_units
 from friction_fmus.fmi.rotary import in_rotary_words
-from friction_fmus.lawkit.declarations import ANGLE, LENGTH, Unit, c_string
+from friction_fmus.lawkit.declarations import ANGLE, LENGTH, Unit, Variable, c_string
 from friction_fmus.lawkit.law import Law
 
 
@@ -21,5 +21,12 @@ def rotary_law(law: Law) -> Law:
         words = re.findall(r'"[^"]*"|\w+', unit.c)
         return Unit(" ".join(word if word.startswith('"') else c_string(units[word]) for word in words))
 
-    variables = (replace(v, unit=rotary(v.unit), text=in_rotary_words(v.text)) for v in law.variables)
-    return replace(law, variables=tuple(variables), documentation=in_rotary_words(law.documentation))
+    def turned(variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
+        return tuple(replace(v, unit=rotary(v.unit), text=in_rotary_words(v.text)) for v in variables)
+
+    return replace(
+        law,
+        variables=turned(law.variables),
+        conditions=replace(law.conditions, parameters=turned(law.conditions.parameters)),
+        documentation=in_rotary_words(law.documentation),
+    )

@@ -11,8 +11,9 @@ import numpy as np
 
 from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.codegen.equations import numbered
-from friction_fmus.codegen.layout import Export
+from friction_fmus.codegen.layout import Export, is_flag
 from friction_fmus.lawkit.conditions import PARAMETERS
+from friction_fmus.lawkit.emit.chains import INDEX, LEAST
 from friction_fmus.lawkit.emit.comments import comment
 from friction_fmus.lawkit.law import BOOLEANS, Kind, Variable
 from friction_fmus.version import VERSION
@@ -35,7 +36,7 @@ def unit_text(variable: Variable) -> str:
 
 def number(export: Export, variable: Variable, value: float) -> str:
     """Return a value of the variable as a C literal."""
-    return ("true" if value else "false") if variable.kind in BOOLEANS else export.real.literal(value)
+    return ("true" if value else "false") if is_flag(variable) else export.real.literal(value)
 
 
 def _range(variable: Variable) -> str:
@@ -121,16 +122,27 @@ def _rules(export: Export) -> list[tuple[str, str]]:
     for variable in export.groups["parameters"]:
         if variable.kind in BOOLEANS:
             continue
-        parts = []
-        parts += [f"isfinite({low})" for low in export.lows(variable)]
-        for place in export.places(variable):
-            parts.append(f"isfinite({place})")
-            if math.isfinite(variable.min):
-                parts.append(f"({place} >= {export.real.literal(variable.min)})")
-            if math.isfinite(variable.max):
-                parts.append(f"({place} <= {export.real.literal(variable.max)})")
-        rules.append((f"{variable.name} is finite{_range(variable)}", " && ".join(parts)))
+        condition = f"{variable.name}_valid" if _is_long(variable) else " && ".join(_valid(export, variable))
+        rules.append((f"{variable.name} is finite{_range(variable)}", condition))
     return rules + [(text, f"holds[{i}]") for i, text in enumerate(export.law.conditions.texts)]
+
+
+def _valid(export: Export, variable: Variable) -> list[str]:
+    """Return the conditions on a parameter, on a long vector those on the element with the index of a loop."""
+    parts = [f"isfinite({low})" for low in export.lows(variable)]
+    for place in export.places(variable):
+        parts.append(f"isfinite({place})")
+        if math.isfinite(variable.min):
+            parts.append(f"({place} >= {export.real.literal(variable.min)})")
+        if math.isfinite(variable.max):
+            parts.append(f"({place} <= {export.real.literal(variable.max)})")
+    if _is_long(variable):
+        return [part.replace("[0]", f"[{INDEX}]") for part in parts if "[0]" in part]
+    return parts
+
+
+def _is_long(variable: Variable) -> bool:
+    return len(variable.starts) >= LEAST
 
 
 def _check(export: Export) -> list[str]:
@@ -146,7 +158,12 @@ def _check(export: Export) -> list[str]:
         "}",
         "",
     ]
-    check = [
+    check = []
+    for variable in filter(_is_long, export.groups["parameters"]):
+        name = f"{variable.name}_valid"
+        check.append(f"bool {name} = true;")
+        check += _each(len(variable.starts), [f"{name} = {' && '.join([name, *_valid(export, variable)])};"])
+    check += [
         *([f"bool holds[{len(holds)}];", "relations(parameters, holds);"] if holds else []),
         *(line for i, (_, condition) in enumerate(_rules(export), start=1) for line in _rule(i, condition)),
         "} else {",
@@ -168,7 +185,8 @@ def _check(export: Export) -> list[str]:
 def _rule(number: int, condition: str) -> list[str]:
     """Return the check of a rule; the first violated one counts."""
     start = "if" if number == 1 else "} else if"
-    negated = f"!({_chain(condition.split(' && '))})" if "(" in condition else f"!{condition}"
+    parts = condition.split(" && ")
+    negated = f"!({_chain(parts)})" if len(parts) > 1 else f"!{condition}"
     return [*f"{start} ({negated}) {{".split("\n"), f"    violated = {number};"]
 
 
@@ -202,11 +220,8 @@ def _init(export: Export) -> list[str]:
     for variable in export.law.given:
         values = export.start[variable.name]
         lows = [value - float(np.float32(value)) for value in values]
-        lines += [
-            f"{place} = {number(export, variable, value)};"
-            for places, parts in ((export.places(variable), values), (export.lows(variable), lows))
-            for place, value in zip(places, parts, strict=False)
-        ]
+        for places, parts in ((export.places(variable), values), (export.lows(variable), lows)):
+            lines += _set(places, [number(export, variable, value) for value in parts])
     results = [place for v in export.law.select(Kind.OUTPUT) for place in (*export.places(v), *export.lows(v))]
     lines += [f"{place} = {export.real.literal(0.0)};" for place in results]
     lines += [*([] if export.groups["states"] else ["states->none = 0U;"]), "outputs->fault = false;"]
@@ -217,6 +232,19 @@ def _init(export: Export) -> list[str]:
         "}",
         "",
     ]
+
+
+def _set(places: Sequence[str], values: Sequence[str]) -> list[str]:
+    """Return assignments, in a loop if many elements of a vector get the same value."""
+    if len(places) < LEAST or len({*values}) > 1:
+        return [f"{place} = {value};" for place, value in zip(places, values, strict=False)]
+    return [*_each(len(places), [f"{places[0].replace('[0]', f'[{INDEX}]')} = {values[0]};"])]
+
+
+def _each(count: int, statements: Sequence[str]) -> list[str]:
+    """Return a loop over the elements of a vector."""
+    inner = [f"    {line}" for line in statements]
+    return [f"for (int32_t {INDEX} = 0; {INDEX} < {count}; {INDEX}++) {{", *inner, "}"]
 
 
 def implementation(export: Export) -> str:

@@ -36,6 +36,7 @@ from .position_loop import (
     sampled,
     steepest_fall,
     stick_slip_free,
+    turned_friction,
 )
 from .pulled import critical_speed, pulled_mass
 from .quoted import quotes
@@ -93,5 +94,6 @@ __all__ = [
     "stick_slip_free",
     "super_twisting",
     "super_twisting_rate",
+    "turned_friction",
     "two_masses",
 ]

@@ -184,7 +184,7 @@ def stick_slip_free(
     )
 
 
-def hunting(Ki: float, Fc: float, Fs: float) -> Condition:
+def hunting(Ki: float, Fc: float, Fs: float, turned: bool = False, elastic: bool = True) -> Condition:
     """Check that no limit cycle occurs at rest: either no integral action, or static friction not above Coulomb.
 
     Parameters
@@ -193,12 +193,32 @@ def hunting(Ki: float, Fc: float, Fs: float) -> Condition:
         Integral gain [N/(m.s)].
     Fc, Fs : float
         Coulomb and static friction [N].
+    turned : bool
+        Whether the integral, or friction in it, changes its sign at reversals. The cycle is then usually much smaller,
+        but no closed form says by how much, and it does not end.
+    elastic : bool
+        Whether the contact springs back after a slip, which a turned integral needs.
 
     Returns
     -------
     Condition
         Its value is static, its bound Coulomb friction [N]; it holds for Ki = 0.
     """
+    why = (
+        "at a constant reference the integral winds up to Fs, the axis slips too far, and the cycle repeats: the axis "
+        "hunts with any stable set of gains"
+    )
+    change = (
+        "use a dead-band of the integral of at least half a slip to each side, or Ki = 0 with friction compensation"
+    )
+    if turned and elastic:
+        why += (
+            "; as the integral is turned at reversals, the swing is usually far smaller, but only if the contact "
+            "springs back after a slip faster than v_zc; otherwise it is larger"
+        )
+        change = f"keep v_zc between velocity noise and spring-back if a small swing is allowed, or {change}"
+    elif turned:
+        why += "; a rigid contact does not spring back, so the integral is turned after the next break-away only"
     return Condition(
         name="hunting",
         ok=not (Ki > 0.0 and above(Fs, Fc)),
@@ -206,11 +226,39 @@ def hunting(Ki: float, Fc: float, Fs: float) -> Condition:
         bound=Fc,
         wrong=f"the position loop has integral action, Ki = {Ki:.4g} N/(m.s), and static friction, {Fs:.4g} N, is "
         f"above Coulomb friction, {Fc:.4g} N",
-        why="at a constant reference the integral winds up to Fs, the axis slips too far, and the cycle repeats: the "
-        "axis hunts with any stable set of gains",
-        change="use a dead-band of the integral of at least half a slip to each side, or Ki = 0 with friction "
-        "compensation",
-        source="Armstrong, Amin, Automatica 32(5), 1996",
+        why=why,
+        change=change,
+        source="Armstrong, Amin, Automatica 32(5), 1996" + ("; turned integral: simulations here" if turned else ""),
+    )
+
+
+def turned_friction(Fc_turned: float, Fc: float) -> Condition:
+    """Check that an integral which is turned at reversals does not drive the axis: Fc_turned <= Fc.
+
+    At a reversal the force changes by 2 Fc_turned, and friction by 2 Fc.
+
+    Parameters
+    ----------
+    Fc_turned : float
+        Coulomb friction that is turned in the integral [N].
+    Fc : float
+        Coulomb friction [N].
+
+    Returns
+    -------
+    Condition
+        Its value is Fc_turned, its bound Fc [N].
+    """
+    return Condition(
+        name="turned friction",
+        ok=at_most(Fc_turned, Fc),
+        value=Fc_turned,
+        bound=Fc,
+        wrong=f"Fc_turned = {Fc_turned:.4g} N is above Coulomb friction, {Fc:.4g} N",
+        why=f"at a reversal the integral pushes with up to {2.0 * max(Fc_turned - Fc, 0.0):.4g} N more than friction "
+        "resists and drives the axis",
+        change=f"lower Fc_turned to at most {Fc:.4g} N",
+        source="balance of forces, derived here",
     )
 
 

@@ -26,6 +26,10 @@ class Gains:
         Error up to which the integral is held [m].
     m : float
         Mass of the inertia feedforward [kg].
+    reversal : float
+        Factor of the integral at a reversal.
+    turned : float
+        Coulomb friction in the integral that changes its sign at a reversal [N].
     """
 
     Kp: float
@@ -33,6 +37,8 @@ class Gains:
     Ki: float = 0.0
     db: float = 0.0
     m: float = 0.0
+    reversal: float = 1.0
+    turned: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -152,6 +158,8 @@ class ActiveLaw:
             own.Ki * by_position,
             own.db / abs(self.of_position or 1.0),
             own.m * self.to_force,
+            own.reversal,
+            own.turned * abs(self.to_force),
         )
 
 

@@ -64,7 +64,10 @@ def _with_friction(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[Condi
         slip = conditions.expected_slip(axis.m, axis.damping + at.viscous, gains.Kp, gains.Kd, at.Fc, at.Fs)
         yield conditions.dead_band(gains.db, slip)
     elif servo.law.hunts:
-        yield conditions.hunting(gains.Ki, at.Fc, at.Fs)
+        turned = gains.reversal < 0.0 or gains.turned > 0.0
+        yield conditions.hunting(gains.Ki, at.Fc, at.Fs, turned, axis.contact.stiffness > 0.0)
+    if gains.turned > 0.0 and gains.Ki > 0.0:
+        yield conditions.turned_friction(gains.turned, min(level.Fc for level in left))
 
 
 def _stick_slip(axis: Axis, servo: ActiveLaw, gains: Gains, left: list[Level]) -> Iterator[Condition]:

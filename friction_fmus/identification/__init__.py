@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from friction_fmus.identification.fit.presliding import PreslidingFit, identify_presliding
     from friction_fmus.identification.fit.scores import Score
     from friction_fmus.identification.identifying import identify
+    from friction_fmus.identification.residual import LearnedResidual, ResidualTable, learn_residual
     from friction_fmus.identification.result import Identification
     from friction_fmus.identification.survey import IdentificationTask, ModelComparison, compare_models
 else:
@@ -78,6 +79,7 @@ else:
             "friction_fmus.identification.fit.presliding": ["PreslidingFit", "identify_presliding"],
             "friction_fmus.identification.data.reading": ["Measurement", "read_measurement", "read_records"],
             "friction_fmus.identification.data.record": ["LINEAR", "ROTARY", "Array", "AxisUnits", "Record"],
+            "friction_fmus.identification.residual": ["LearnedResidual", "ResidualTable", "learn_residual"],
             "friction_fmus.identification.result": ["Identification"],
             "friction_fmus.identification.fit.scores": ["Score"],
             "friction_fmus.identification.survey": ["ModelComparison", "IdentificationTask", "compare_models"],
@@ -100,6 +102,7 @@ __all__ = [
     "IdentificationTask",
     "InverseModelFit",
     "InverseModelSettings",
+    "LearnedResidual",
     "Mapper",
     "Measurement",
     "ModelComparison",
@@ -109,6 +112,7 @@ __all__ = [
     "Record",
     "RecordError",
     "RecordWarning",
+    "ResidualTable",
     "Score",
     "Simulator",
     "Target",
@@ -125,6 +129,7 @@ __all__ = [
     "identify_inverse_model",
     "identify_inverse_stribeck",
     "identify_presliding",
+    "learn_residual",
     "load_mapping",
     "read_mapping",
     "read_measurement",

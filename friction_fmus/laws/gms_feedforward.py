@@ -20,7 +20,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import maxwell_slip, variables
 from friction_fmus.lawkit.parts.feedforward import feedforward, increment, when
-from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, used_elements, weights
+from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, weights
 from friction_fmus.lawkit.parts.tracking import deflected
 
 
@@ -121,17 +121,15 @@ def gms_feedforward(
     rest = m * rdd + gain * ((load * sigma * used + sigma2) * rd)
     carries = deflected(track, u_track, rest, gain * load, Fs, u_min, u_max, SX(0.0))
     forces, slips, creep = [], [], SX(0.0)
-    for i, element in enumerate(slide(Fi, slipping, way, k, shares, total, dr, S, exp(-C * Ts / S))):
-        elastic = logic_and(element.slipped, k[i] > 0.0)
+    for i, element in enumerate(slide(Fi, slipping, way, k, N, shares, total, dr, S, exp(-C * Ts / S))):
+        elastic = logic_and(sigma > 0.0, logic_and(element.slipped, k[i] > 0.0))
         creep += if_else(elastic, (element.moved - element.level) / if_else(k[i] > 0.0, k[i], 1.0), 0.0)
         kept = if_else(track, shares[i] * (carries / total), if_else(reset, 0.0, Fi[i]))
         forces.append(if_else(moving, side * element.moved, kept))
         slips.append(if_else(moving, element.slips, 0.0))
-    slips = used_elements(slips, N)
-    F_pre = sum(forces)
-    stretching = rd * (used - sum(slips))
-    # in this order, everything that needs S follows the single decision on motion
-    creeping = if_else(moving, if_else(sigma > 0.0, side * (C * creep / S), 0.0), 0.0)
+    F_pre, slipping_now = sum(forces), sum(slips)
+    stretching = rd * (used - slipping_now)
+    creeping = if_else(moving, side * (C * creep / S), 0.0)
     F_el = F_pre + sigma * (stretching - creeping)
     friction = load * F_el + sigma2 * rd
     return {
@@ -139,7 +137,7 @@ def gms_feedforward(
         **when(
             enable,
             F_pre=F_pre,
-            slips=sum(slips),
+            slips=slipping_now,
             way=if_else(moving, side, if_else(fresh, 0.0, way)),
             last=r,
             started=1.0,

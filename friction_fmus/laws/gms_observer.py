@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, exp, fabs, if_else
+from casadi import SX, exp, fabs, if_else, logic_and, logic_not
 
 from friction_fmus.lawkit.expressions import stribeck_level
 from friction_fmus.lawkit.law import (
@@ -18,7 +18,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import maxwell_slip, variables
-from friction_fmus.lawkit.parts.maxwell_slip import slide, used_elements, weights
+from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, weights
 from friction_fmus.lawkit.parts.observers import limited
 from friction_fmus.lawkit.parts.tracking import deflected, restarts
 
@@ -113,19 +113,19 @@ def gms_observer(
     shares, total = weights(alpha, N)
     carries = deflected(track, u_track, gain * (sigma2 * v), gain, Fs, u_min, u_max, SX(0.0))
     started = [share * (carries / total) for share in shares]
-    observed = sum(if_else(reset, 0.0, Fi[i]) for i in range(maxwell_slip.ELEMENTS))
+    observed = if_else(reset, 0.0, sum(Fi[i] for i in range(ELEMENTS)))
     F_hat = if_else(track, carries, observed) + sigma2 * v
     w = v + k_e * (r - x)  # winds nothing up: the elements are limited by S
     S = stribeck_level(fabs(w), Fc, Fs, vs, delta)
-    moving, side = w != 0.0, if_else(w > 0.0, 1.0, -1.0)
-    elements = slide(Fi, slipping, way, k, shares, total, w * Ts, S, exp(-C * Ts / S))
-    forces = [if_else(moving, side * element.moved, Fi[i]) for i, element in enumerate(elements)]
-    forces = [if_else(track, start, force) for start, force in zip(started, forces, strict=True)]
-    slips = used_elements([if_else(moving, element.slips, 0.0) for element in elements], N)
-    active = if_else(restarts(reset, track), 0.0, enable)
+    moving, side = logic_and(w != 0.0, logic_not(track)), if_else(w > 0.0, 1.0, -1.0)
+    elements = slide(Fi, slipping, way, k, N, shares, total, w * Ts, S, exp(-C * Ts / S))
+    kept = [if_else(track, start, Fi[i]) for i, start in enumerate(started)]
+    forces = [if_else(moving, side * element.moved, kept[i]) for i, element in enumerate(elements)]
+    slips = [if_else(moving, element.slips, 0.0) for element in elements]
+    active = logic_and(enable, logic_not(restarts(reset, track)))
     return {
         **limited(SX(0.0), F_hat, gain, enable, u_min, u_max),
         "Fi": [if_else(active, force, 0.0) for force in forces],
-        "slipping": [if_else(active, if_else(track, 0.0, value), 0.0) for value in slips],
-        "way": if_else(active, if_else(track, 0.0, if_else(moving, side, way)), 0.0),
+        "slipping": [if_else(active, value, 0.0) for value in slips],
+        "way": if_else(active, if_else(moving, side, if_else(track, 0.0, way)), 0.0),
     }

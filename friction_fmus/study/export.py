@@ -90,7 +90,7 @@ def export_recommended(
         whole.to_ssp(folder / "axis.ssp")
         title = "SSP archive of the whole axis: reference, compensator, servo, mass, friction"
         written.append(WrittenFile(f"{OWN}/axis.ssp", title))
-        missing = without_code(whole, scheme.servo, laws)
+        missing = without_code(scheme.servo, laws)
         recommends = bool(laws) or "table" in fmus or scheme.servo != bench.servo
         if recommends and not missing:
             rotary, path = bench.trajectory.rotary, folder / LOOP_FILE

@@ -14,10 +14,9 @@ from friction_fmus.lawkit.law import Kind
 from harness import System
 
 
-def without_code(system: System, servo: Servo, laws: Mapping[str, Compensator]) -> str:
+def without_code(servo: Servo, laws: Mapping[str, Compensator]) -> str:
     """Return a sentence that says why a loop cannot be written as one unit in C; empty if it can."""
     in_c = [name for name in (servo.law, *(law.model for law in laws.values())) if find(name).kind != "law"]
-    in_c += ["PositionMap"] if "table" in system.parts else []
     if in_c:
         return f"There is no C code of the loop, because {in_c[0]} is a block in C; use the source code in its FMU."
     return ""
@@ -80,5 +79,6 @@ def recommended_loop(
         servo.window,
         float(start["velocity.v0"]) or None,
         rotary,
+        "table" in system.parts,
         path,
     )

@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.law_runs import LawC, rows_of, run_casadi
 from friction_fmus.__main__ import main
+from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen.equations import equations_of
 from friction_fmus.codegen.export import make_export
 from friction_fmus.codegen.layout import Export
@@ -31,6 +32,7 @@ TS = 1e-3
 EXAMPLE = Path(__file__).parents[2] / "examples" / "loop.toml"
 CASCADE = LoopLaw("CascadePPI", {"kp": 30.0, "kv": 190.0, "ki": 400.0, "m": 1.0})
 FEEDFORWARD = LoopLaw("StaticFeedforward", {"Fc": 2.0, "m": 0.0})
+ELEMENTS = LoopLaw("GMSFeedforward", {"N": 3.0, "m": 0.0})
 OBSERVER = LoopLaw("DisturbanceObserver", {"fq": 20.0, "gain": 0.8})
 ESTIMATOR = LoopLaw("ExtendedStateObserver", {"wo": 200.0}, output="F_hat", factor=0.7)
 
@@ -47,6 +49,12 @@ LOOPS = {
     "factor": loop(feedforward=FEEDFORWARD, compensator=ESTIMATOR, servo=CASCADE),
     "measured velocity": replace(loop(compensator=OBSERVER, servo=LoopLaw("PID", {"Kp": 9e3})), window=0, offset=None),
     "without motion": loop(servo=replace(CASCADE, connections={"rd": 0.0, "rdd": 0.0}), compensator=OBSERVER),
+    "vectors": loop(
+        feedforward=LoopLaw("GMSFeedforward", {"N": 3.0, "m": 0.0}),
+        compensator=LoopLaw("KalmanFriction"),
+        servo=CASCADE,
+    ),
+    "known force": replace(loop(feedforward=FEEDFORWARD, compensator=OBSERVER, servo=CASCADE), known_force=True),
     "rotary": replace(loop(servo=CASCADE, compensator=OBSERVER), rotary=True, v0=0.02),
     "own limit": loop(
         compensator=replace(OBSERVER, parameters={"u_min": -0.5, "u_max": 0.5}), servo=LoopLaw("ResetPID")
@@ -63,7 +71,16 @@ def motion(n: int) -> dict[str, np.ndarray]:
     rd, rdd = 5e-3 * 4.0 * np.pi * np.cos(phase), -5e-3 * (4.0 * np.pi) ** 2 * np.sin(phase)
     enable, reset = np.ones(n), np.zeros(n)
     enable[n // 3 : n // 3 + 5], reset[n // 2] = 0.0, 1.0
-    return {"r": r, "rd": rd, "rdd": rdd, "x": x, "v": np.gradient(x, TS), "enable": enable, "reset": reset}
+    return {
+        "r": r,
+        "rd": rd,
+        "rdd": rdd,
+        "x": x,
+        "v": np.gradient(x, TS),
+        "enable": enable,
+        "reset": reset,
+        "f_known": 3.0 * np.sin(3.0 * phase),
+    }
 
 
 class Separate:
@@ -74,7 +91,7 @@ class Separate:
         self.laws = {name: self._law(entry) for name, entry in description.laws.items()}
         self.values = {name: self._values(name) for name in description.laws}
         self.positions: list[float] = []
-        self.u = self.known = 0.0
+        self.u = self.known = self.f_known = 0.0
 
     def _law(self, entry: LoopLaw) -> Law:
         return make_export(entry.law).law
@@ -95,12 +112,14 @@ class Separate:
         for name in forces:
             if name in self.laws:
                 fed_back = self.u - offset - (self.known if name == "compensator" else 0.0)
+                fed_back -= self.f_known if name == "compensator" else 0.0
                 output = self.loop.laws[name].output
                 forces[name] = (self.loop.laws[name].factor or 1.0) * self._one(name, {**given, "u_prev": fed_back})[
                     output
                 ]
-        f = forces["feedforward"] + forces["compensator"] + offset
-        self.known = forces["feedforward"]
+        f_known = given["f_known"] if self.loop.known_force else 0.0
+        f = forces["feedforward"] + forces["compensator"] + f_known + offset
+        self.known, self.f_known = forces["feedforward"], f_known
         self.u = self._one("servo", {**given, "f": f})["u"]
         return self.u
 
@@ -109,7 +128,7 @@ class Separate:
         inputs = {v.name for v in law.select(Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND)} - {"f_prev"}
         constant = {key: v for key, v in self.loop.laws[name].connections.items() if isinstance(v, float)}
         found = law.evaluate({**values, **{key: v for key, v in {**given, **constant}.items() if key in inputs}})
-        values.update({v.name: found[v.name] for v in law.select(Kind.STATE)})
+        values.update({v.name: found[v.name] for v in law.select(Kind.STATE, Kind.STATES)})
         return found
 
 
@@ -149,6 +168,16 @@ def test_the_limits_hold_for_the_sum_and_stop_the_integral() -> None:
     assert "servo_integral" in names
 
 
+def test_a_law_may_be_in_a_file_beside_that_of_the_loop(tmp_path: Path) -> None:
+    law = laws_folder() / "static_feedforward.py"
+    (tmp_path / "own.py").write_text(law.read_text(encoding="utf-8").replace("StaticFeedforward", "Own"), "utf-8")
+    path = tmp_path / "loop.toml"
+    path.write_text(loop_text(loop(feedforward=LoopLaw("own.py"), servo=CASCADE), "A loop"), encoding="utf-8")
+    export = make_export(path)
+    assert export.law.summary == "CascadePPI with Own"
+    assert "computed in the order feedforward, servo," in " ".join(header(export).split())
+
+
 def test_variables_without_effect_are_omitted() -> None:
     """The output F_hat of ExtendedStateObserver depends on neither its controller nor its limits nor the reference."""
     law = loop_law(loop(compensator=ESTIMATOR, servo=replace(CASCADE, connections={"rd": 0.0, "rdd": 0.0})))
@@ -179,7 +208,7 @@ def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
 def test_a_rotary_loop_has_the_same_code_in_its_units() -> None:
     linear, rotary = (make_export(EXAMPLE, real="float"), rotary_export("float"))
     assert rotary.pairs == linear.pairs
-    assert rotary.kernel.lines == linear.kernel.lines
+    assert implementation(rotary) == implementation(linear)
     text, page = header(rotary), readme(rotary, ())
     for unit in ("N.m", "rad", "rad/s", "rad/s2", "N.m.s/rad", "N.m/rad", "kg.m2", "Hz"):
         assert f"[{unit}]" in text

@@ -18,6 +18,24 @@ from friction_fmus.codegen.wrapper import class_name, wrapper
 
 REALS: tuple[Literal["double", "float"], ...] = ("double", "float")
 
+LOOP = """
+[loop]
+Ts = 1e-3
+u_min = -1000
+u_max = 1000
+window = 2
+
+[servo]
+law = "PID"
+
+[feedforward]
+law = "KarnoppFeedforward"
+parameters = { m = 0.0 }
+
+[compensator]
+law = "PredictiveFilter"
+"""
+
 PROGRAM = """
 #include "law.hpp"
 #include "law.hpp"
@@ -30,6 +48,10 @@ static_assert(std::is_trivially_copyable<Law>::value, "a value");
 static_assert(noexcept(Law().step(Law::start())), "no exception");
 
 template <class T> static bool equal(const T &a, const T &b) { return std::memcmp(&a, &b, sizeof a) == 0; }
+static bool equal(const law_states &a, const law_states &b)  /* without the bytes between members */
+{
+    return equal(a.integral, b.integral) && a.held == b.held && equal(a.side, b.side);
+}
 
 int main()
 {
@@ -82,17 +104,20 @@ int main()
 
 
 @pytest.mark.skipif(not shutil.which("g++"), reason="g++ not installed")
+@pytest.mark.parametrize("model", ["PID", "loop"])
 @pytest.mark.parametrize(("real", "standard"), list(product(REALS, ("c++11", "c++20"))))
 def test_the_class_computes_what_the_functions_compute(
-    real: Literal["double", "float"], standard: str, tmp_path: Path
+    model: str, real: Literal["double", "float"], standard: str, tmp_path: Path
 ) -> None:
-    export = make_export("PID", real=real)
+    """Of a law, and of a loop with this law as its servo."""
+    (tmp_path / "loop.toml").write_text(LOOP, encoding="utf-8")
+    export = make_export(model if model == "PID" else tmp_path / "loop.toml", real=real, prefix="law")
     texts = {
         "law.h": header(export),
         "law.c": implementation(export),
         "law.hpp": wrapper(export),
         "law_test.c": unit_test(export, vectors(export)),
-        "program.cpp": PROGRAM,
+        "program.cpp": PROGRAM if model == "PID" else PROGRAM.replace("Kp", "servo_Kp"),
     }
     for name, text in texts.items():
         (tmp_path / name).write_text(text, encoding="utf-8")

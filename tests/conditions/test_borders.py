@@ -134,6 +134,7 @@ BORDERS: dict[str, tuple[On, bool]] = {
     "stick-slip": (lambda q: conditions.stick_slip_free(0.1, q * 0.2, 1.0, 1.3, 0.3 / 0.3, 1.0), False),
     "dead-band": (lambda q: conditions.dead_band(q * 0.15, 0.1 + 0.2), True),
     "hunting": (lambda q: conditions.hunting(1.0, q * (0.1 + 0.2), 0.3), True),
+    "turned friction": (lambda q: conditions.turned_friction(q * (0.1 + 0.2), 0.3), True),
     "encoder": (lambda q: conditions.encoder_count(0.1, q * 1.0, 0.2, 0.3, 0.1), False),
     "cogging": (lambda q: conditions.cogging(0.1 + 0.2, q * 0.3), False),
     "fed-back stiffness": (lambda q: conditions.fed_back_stiffness(q * (0.1 + 0.2), 0.3), False),

@@ -35,6 +35,7 @@ from friction_fmus.conditions import (
     sampled_sensitivity,
     steepest_fall,
     stick_slip_free,
+    turned_friction,
 )
 from friction_fmus.lawkit.files import discover_laws
 
@@ -157,6 +158,21 @@ def test_stick_slip_is_what_the_roots_at_all_speeds_say(Kd: float, Ki: float) ->
     slopes = -2.0 * 0.5 * speeds / 1e-6 * np.exp(-((speeds / 1e-3) ** 2))
     worst = max(np.roots([m, Kd + s2 + slope, Kp, *([Ki] if Ki else [])]).real.max() for slope in slopes)
     assert stick_slip_free(Kd, s2, **P95, integral=m * Ki / Kp).ok == (worst < 0.0)
+
+
+def test_a_turned_integral_is_not_said_to_hunt_as_a_plain_one() -> None:
+    plain, elastic, rigid = (hunting(4.0, 1.0, 1.5, *case) for case in ((), (True,), (True, False)))
+    assert not (plain.ok or elastic.ok or rigid.ok)
+    assert "far smaller" in elastic.why and "v_zc" in elastic.change
+    assert "rigid" in rigid.why and rigid.change == plain.change
+    assert "turned" not in plain.why + plain.source
+    assert hunting(4.0, 1.0, 1.0, True).ok
+
+
+def test_turned_friction_may_not_exceed_friction() -> None:
+    assert turned_friction(1.0, 1.0).ok
+    assert "0.5 N more than friction resists" in turned_friction(1.25, 1.0).why
+    assert not turned_friction(1.25, 1.0).ok
 
 
 def test_hunting_needs_an_integral_and_a_step_of_friction() -> None:
@@ -409,6 +425,8 @@ def test_every_condition_says_all_there_is_to_say() -> None:
     for found in (
         routh(1.0, 0.0, 1.0, 1.0, 2.0),
         hunting(1.0, 1.0, 2.0),
+        hunting(1.0, 1.0, 2.0, True),
+        turned_friction(2.0, 1.0),
         dead_band(1.0, 3.0),
         output_delay(1.0, 1.0, "a", "b"),
     ):

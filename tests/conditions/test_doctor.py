@@ -99,6 +99,21 @@ def test_bad_gains(loop: Callable[..., System], start: dict[str, float], names: 
     assert [name for name, _ in wrong(loop(start))] == names
 
 
+def test_options_of_the_integral_at_reversals_are_named(loop: Callable[..., System]) -> None:
+    """Swings of the LuGre paper's loop: smaller with friction turned, larger with more of it than there is."""
+
+    def found(**pid: float) -> dict[str, str]:
+        system = loop({"pid.Kp": 3.0, "pid.Kd": 6.0, "pid.Ki": 4.0} | {f"pid.{key}": each for key, each in pid.items()})
+        return {f.condition.name: f.condition.why for f in examine(system) if not f.condition.ok}
+
+    assert "far smaller" not in found(reversal=0.0)["hunting"]
+    for options in ({"reversal": -1.0}, {"Fc_turned": 1.0}):
+        assert "far smaller" in found(**options)["hunting"]
+        assert "turned friction" not in found(**options)
+    assert "drives the axis" in found(Fc_turned=1.2)["turned friction"]
+    assert "turned friction" not in found(Fc_turned=1.2, Ki=0.0)
+
+
 def test_hunting_that_is_found_hunts_and_without_the_finding_it_rests(loop: Callable[..., System]) -> None:
     """Position of the loop of the LuGre paper (Kp 3, Kd 6, Ki 4, 1 kg) between 60 and 120 s, in the co-simulation."""
 

@@ -13,7 +13,7 @@ import pytest
 from casadi import Function
 
 from friction_fmus.blocks.catalogue import source_folder
-from friction_fmus.lawkit.emit.c_text import DOUBLE, Real, kernel
+from friction_fmus.lawkit.emit.c_text import DOUBLE, Kernel, Real, kernel
 from harness.compiling.toolchain import compiler, header_folder
 
 FLAGS = (
@@ -51,7 +51,7 @@ class Workshop:
         return target
 
     def evaluator(self, function: Function, real: Real = DOUBLE, *flags: str, in_place: bool = False) -> Evaluate:
-        """Rows of arguments -> rows of results, by compiled C; in place, results replace arguments in reverse order."""
+        """Rows of arguments -> rows of results, by compiled C, in which results may overwrite arguments."""
         n, m = function.n_in(), function.n_out()
         reads, writes = [f"given[{i}]" for i in range(n)], [f"result[{i}]" for i in range(m)]
         if in_place:
@@ -61,6 +61,7 @@ class Workshop:
             [
                 "#include <math.h>",
                 "#include <stdbool.h>",
+                "#include <stdint.h>",
                 f"void sample(const {real.name} *given, {real.name} *result);",
                 f"void sample(const {real.name} *given, {real.name} *result)",
                 "{",
@@ -85,6 +86,45 @@ class Workshop:
         def evaluate(rows: np.ndarray) -> np.ndarray:
             results = np.full((len(rows), m), np.nan, kind)
             run(len(rows), np.ascontiguousarray(rows, kind), results)
+            return results
+
+        return evaluate
+
+    def in_struct(self, found: Kernel, members: str, reads: Sequence[str], writes: Sequence[str]) -> Evaluate:
+        """Rows of arguments -> rows of results, by statements on a struct `v` of arguments and results."""
+        n, m = len(reads), len(writes)
+        text = "\n".join(
+            [
+                "#include <math.h>",
+                "#include <stdbool.h>",
+                "#include <stdint.h>",
+                f"typedef struct {{ {members} }} Values;",
+                "static void sample(Values *v)",
+                "{",
+                *found.lines,
+                "}",
+                '__attribute__((visibility("default")))',
+                "void run(int n, const double *given, double *result);",
+                "void run(int n, const double *given, double *result)",
+                "{",
+                "Values w, *v = &w;",
+                "for (int k = 0; k < n; k++) {",
+                *(f"{place} = given[{n} * k + {i}];" for i, place in enumerate(reads)),
+                "sample(v);",
+                *(f"result[{m} * k + {i}] = v->{place};" for i, place in enumerate(writes)),
+                "}",
+                "}",
+                "",
+            ]
+        )
+        run = ctypes.CDLL(str(self.library(text))).run
+        pointer = np.ctypeslib.ndpointer(np.float64, 2, flags="C_CONTIGUOUS")
+        run.argtypes = (ctypes.c_int, pointer, pointer)
+        run.restype = None
+
+        def evaluate(rows: np.ndarray) -> np.ndarray:
+            results = np.full((len(rows), m), np.nan)
+            run(len(rows), np.ascontiguousarray(rows), results)
             return results
 
         return evaluate

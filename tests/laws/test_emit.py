@@ -135,7 +135,16 @@ def test_a_result_may_be_stored_where_an_argument_is(results, expected, workshop
     ctypes.CDLL(
         str(
             workshop.library(
-                "\n".join(["#include <stdbool.h>", f"{head};", "void f(double *p) {", *written.lines, "}", ""])
+                "\n".join(
+                    [
+                        "#include <stdbool.h>\n#include <stdint.h>",
+                        f"{head};",
+                        "void f(double *p) {",
+                        *written.lines,
+                        "}",
+                        "",
+                    ]
+                )
             )
         )
     ).f(values)
@@ -150,7 +159,14 @@ def test_branches_store_results_where_their_arguments_are(workshop):
     assert any(line.startswith("if (") for line in written.lines)
     head = '__attribute__((visibility("default"))) void f(double *p)'
     text = "\n".join(
-        ["#include <math.h>\n#include <stdbool.h>", f"{head};", "void f(double *p) {", *written.lines, "}", ""]
+        [
+            "#include <math.h>\n#include <stdbool.h>\n#include <stdint.h>",
+            f"{head};",
+            "void f(double *p) {",
+            *written.lines,
+            "}",
+            "",
+        ]
     )
     values = (ctypes.c_double * 2)(3.0, 5.0)
     ctypes.CDLL(str(workshop.library(text))).f(values)

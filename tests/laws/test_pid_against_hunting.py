@@ -147,3 +147,4 @@ def test_reversing_friction_in_the_integral_nearly_ends_hunting_unless_the_sprin
     assert np.ptp(hunting(reversal=-1.0)) < 0.05 * plain
     assert np.ptp(hunting(Fc_turned=1.0)) < 0.01 * plain
     assert np.ptp(hunting(Fc_turned=1.0, v_zc=1e-3)) > 2.0 * plain
+    assert np.ptp(hunting(Fc_turned=1.5)) > 2.0 * plain  # more than there is

@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 from friction_fmus.__main__ import main
-from friction_fmus.axis.loop import Plant, Trace, Trajectory, block, run_loop
+from friction_fmus.axis.loop import Compensator, Plant, Trace, Trajectory, block, run_loop
+from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.identification import LINEAR, identifiable
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.study import Servo
@@ -47,6 +48,7 @@ KINDS = {  # with gains at which the gain matters
     "feedforward with an output of a controller": "StaticFeedforward + ExtendedStateObserver",
 }
 GAIN = 0.8
+FEEDFORWARD = Compensator("StaticFeedforward", "u", {"Fc": 1.0, "m": 0.0})
 
 
 @dataclass(frozen=True)
@@ -158,7 +160,7 @@ def test_fmus_connected_as_the_readme_says(files: Recommended) -> None:
     indirect=True,
 )
 def test_the_code_is_the_whole_controller(files: Recommended, tmp_path: Path) -> None:
-    """One call a sample, with the bits of the separate FMUs; dither needs another master, see `tolerance`."""
+    """One call a sample, with the bits of the separate FMUs; with dither, the axis moves within `tolerance`."""
     with System.from_ssp(files.folder / "axis.ssp") as system:
         expected, experiment = run_loop(system), system.experiment
     assert experiment is not None
@@ -168,6 +170,48 @@ def test_the_code_is_the_whole_controller(files: Recommended, tmp_path: Path) ->
     if tolerance(files, 0.0) == 0.0:
         np.testing.assert_array_equal(found.force, expected.force)
         np.testing.assert_array_equal(found.q, expected.q)
+    np.testing.assert_array_equal(*replayed(files.folder, tmp_path))
+
+
+def replayed(folder: Path, tmp_path: Path, f_known: str = "") -> tuple[np.ndarray, np.ndarray]:
+    """The force of the separate FMUs, and that of the code with the recorded inputs of the servo."""
+    with System.from_ssp(folder / "axis.ssp") as system:
+        assert system.experiment is not None
+        inputs = {name: f"servo.{name}" for name in ("r", "rd", "rdd", "x")} | ({"f_known": f_known} if f_known else {})
+        experiment = replace(system.experiment, record=("servo.u", *inputs.values()))
+        result = System(system.parts.values(), system.wires, system.start, experiment).run()
+    unit = compiled("servo", folder / "c", "loop", tmp_path)
+    place = [port.name for port in unit.outputs].index("u")
+    columns = [result[inputs[port.name]].values[1:] for port in unit.inputs]  # in the sample that ends at a row
+    state, found = unit.initial_state, []
+    for row in np.array(columns).T:
+        found.append(unit.function(0.0, row, state)[place])
+        state = unit.advance(0.0, 0.0, row, state)
+    return result["servo.u"].values[1:], np.array(found)
+
+
+def test_a_table_over_position_is_an_input_of_the_code(tmp_path: Path) -> None:
+    nodes = 33
+    ripple = tuple(0.5 * np.sin(2.0 * np.pi * np.linspace(0.0, 4.0, nodes)))
+    table = PositionMap(Grid(-2e-3, 12e-3 / (nodes - 1), nodes), ripple, (0.1,) * nodes, 1e-3)
+    reference = build_reference(T, R, tmp_path, "Reference")
+    bench = Bench(SERVO, replace(PLANT, position=table), Trajectory(reference, len(T), 0.0, 0.0, motion=True), R)
+    both = {"compensator": Compensator("DisturbanceObserver", "u", {"m": 1.0}), "feedforward": FEEDFORWARD}
+    export_recommended(tmp_path, bench, Scheme(SERVO, 0.8, table=True, **both), "test", "", None)
+    folder = tmp_path / "recommended"
+    assert "known_force = true" in (folder / "loop.toml").read_text(encoding="utf-8")
+    text = " ".join((folder / "README.md").read_text(encoding="utf-8").split())
+    assert "the force of the table, subtracted, to `f_known`" in text
+    expected, found = replayed(folder, tmp_path, "force.u3")
+    np.testing.assert_array_equal(found, expected)
+    with System.from_ssp(folder / "axis.ssp") as system:
+        assert system.experiment is not None
+        names = ("force.u3", "servo.r", "servo.rd")
+        experiment = replace(system.experiment, record=names)
+        result = System(system.parts.values(), system.wires, system.start, experiment).run()
+    force, r, rd = (result[name].values[1:] for name in names)
+    np.testing.assert_allclose(force, -table.force(r, rd), atol=1e-12)  # without a delay
+    assert np.ptp(force) > 0.5
 
 
 def test_a_controller_in_c_has_no_code(tmp_path: Path) -> None:
@@ -260,7 +304,7 @@ def in_one(files: Recommended, controller: Part, experiment: Experiment) -> Syst
     return System(parts, wires, start, replace(experiment, record=("axis.x", "servo.u")))
 
 
-def compiled(name: str, code: Path, prefix: str, tmp_path: Path) -> Part:
+def compiled(name: str, code: Path, prefix: str, tmp_path: Path) -> CallablePart:
     """Compile C code and return it as a part that calls its function `step` in every sample."""
     library = tmp_path / f"{name}.so"
     options = ["-std=c99", "-O1", "-ffp-contract=off", "-fPIC", "-shared"]
@@ -287,7 +331,7 @@ def compiled(name: str, code: Path, prefix: str, tmp_path: Path) -> Part:
         return numbers(states)
 
     fields = [name for name, _ in inputs._fields_]
-    ports = [Port(name) for name in ("r", "rd", "rdd", "x") if name in fields]
+    ports = [Port(name) for name in ("r", "rd", "rdd", "x", "f_known") if name in fields]
     names = [name for name, kind in outputs._fields_ if kind is ctypes.c_double]
     return CallablePart(
         name,

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from friction_fmus.axis.position_map import PositionMap
 from friction_fmus.identification.closed_loop import axis_response
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.drives import driven
@@ -32,11 +31,11 @@ def predict(result: Identification, record: Record) -> Array:
     known = (record.force if force else record.friction) is not None
     zero = np.zeros(len(record))
     filled = record if known else replace(record, force=zero) if force else replace(record, friction=zero)
-    segment, F = _simulated(result, filled, fit=known)
+    segment, F = simulated(result, filled, fit=known)
     values = result.values()
     if segment.a is None:
         return segment.predicted(F, 0.0, values.get("OF", 0.0))
-    return F + values.get("M", 0.0) * segment.a + values.get("OF", 0.0) - force_on_axis(_table(result), segment)
+    return F + values.get("M", 0.0) * segment.a + values.get("OF", 0.0) - known_force(result, segment)
 
 
 def compare(result: Identification, record: Record) -> tuple[Array, Array]:
@@ -44,17 +43,18 @@ def compare(result: Identification, record: Record) -> tuple[Array, Array]:
     if result.signal == "q":
         first = START if result.method == FREE_RUN else 0
         return record.column("q")[first:], predict(result, record)[first:]
-    segment, F = _simulated(result, record, fit=True)
+    segment, F = simulated(result, record, fit=True)
     values = result.values()
-    known = segment.rows(force_on_axis(_table(result), segment))
+    known = segment.rows(known_force(result, segment))
     return segment.measured, segment.predicted(F, values.get("M", 0.0), values.get("OF", 0.0)) - known
 
 
-def _table(result: Identification) -> PositionMap | None:
-    return None if result.position is None else result.position.table
+def known_force(result: Identification, segment: PreparedSegment) -> Array:
+    """Return the force over position that was identified with the model, along a prepared record; 0 without one."""
+    return force_on_axis(None if result.position is None else result.position.table, segment)
 
 
-def _simulated(result: Identification, record: Record, fit: bool) -> tuple[PreparedSegment, Array]:
+def simulated(result: Identification, record: Record, fit: bool) -> tuple[PreparedSegment, Array]:
     """Return the prepared record, and the friction force along its motion with a fitted initial state."""
     contact = contact_model(result.block, record.units)
     segment = prepare(record, contact, result.signal, result.settings)
@@ -68,7 +68,7 @@ def _simulated(result: Identification, record: Record, fit: bool) -> tuple[Prepa
         return {name: part * sizes[name] for name, part in parts.items()}
 
     with driven(contact.path) as drive:
-        remaining = segment.measured + segment.rows(force_on_axis(_table(result), segment))
+        remaining = segment.measured + segment.rows(known_force(result, segment))
         viscous = "Fv" in values and "Fv" not in contact.parameters
         segments = [replace(segment, measured=remaining)]
         problem = Problem(drive, segments, coordinates, lambda _: {}, states, values, viscous=viscous)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import check_identifier
 from friction_fmus.lawkit.emit.graph import COMPARE, LIBM, Node
+from friction_fmus.lawkit.emit.loops import INDEX
 
 _LIBRARY = {"abort", "atoi", "calloc", "exit", "free", "malloc", "printf", "puts", "rand", "realloc", "system"}
 """Functions of the C library with names that a law may use for its variables."""
@@ -21,6 +22,7 @@ _PATTERNS = {
     **{"NEG": "minus_{0}", "TWICE": "two_{0}", "FABS": "abs_{0}", "SIGN": "sign_{0}", "INV": "one_per_{0}"},
     **{"LT": "{0}_below_{1}", "LE": "{0}_up_to_{1}", "EQ": "{0}_is_{1}", "NE": "{0}_is_not_{1}", "NOT": "not_{0}"},
     **{"AND": "{0}_and_{1}", "OR": "{0}_or_{1}", "SELECT": "{1}_or_{2}", "IF_ELSE_ZERO": "{1}_or_0"},
+    "SUM": "sum_of_{0}",
 }
 """Names of operations on operands with names."""
 
@@ -58,8 +60,8 @@ class Named(NamedTuple):
 
 
 def place_name(place: str) -> str:
-    """Return an identifier for a place such as ``states->Fi[3]``."""
-    words = re.findall(r"\w+", place[place.rfind(">") + 1 :])
+    """Return an identifier for a place such as ``states->Fi[3]``, for a vector such as ``states->Fi[i]`` its name."""
+    words = re.findall(r"\w+", re.sub(rf"\[{INDEX}\b.*", "", place[place.rfind(">") + 1 :]))
     return "_".join(words)
 
 
@@ -73,13 +75,15 @@ class Names:
     nodes : sequence of Node
         All operations, arguments before their users.
     named : collection of Named
-        Names in the order of assignment; without any, identifiers are t1, t2, ...
+        Names in the order of assignment.
     reads : sequence of str
         C expression of each argument.
     results : mapping of int to str
         Place to which a node is assigned.
     taken : iterable of str
         Identifiers that are already in use.
+    describes : bool
+        Whether nodes without a name get one that describes them; otherwise they are t1, t2, ...
     """
 
     def __init__(
@@ -89,11 +93,13 @@ class Names:
         reads: Sequence[str],
         results: Mapping[int, str],
         taken: Iterable[str],
+        *,
+        describes: bool,
     ) -> None:
         """Choose a name for every node that has one."""
         self._nodes = nodes
         self._taken = {*taken}
-        self._describes = bool(named)
+        self._describes = describes
         self._reads = reads
         self._results = results
         self.assigned = {entry.node for entry in named if entry.assigned}

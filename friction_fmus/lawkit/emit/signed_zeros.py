@@ -12,12 +12,12 @@ from collections.abc import Collection, Mapping, Sequence
 from friction_fmus.lawkit.emit.graph import COMPARE, CONDITIONS, LOGIC, Node
 
 # results that are never -0.0, whatever the arguments
-_NO_MINUS_ZERO = {"FABS", "SQ", "EXP", "COS", "COSH", "ACOS", "HYPOT", *CONDITIONS}
-_NEVER_NEGATIVE = {"FABS", "SQ", "EXP", "COSH", "ACOS", "HYPOT", *CONDITIONS}
+_NO_MINUS_ZERO = {"INDEX", "FABS", "SQ", "EXP", "COS", "COSH", "ACOS", "HYPOT", *CONDITIONS}
+_NEVER_NEGATIVE = {"INDEX", "FABS", "SQ", "EXP", "COSH", "ACOS", "HYPOT", *CONDITIONS}
 # the sign of a zero argument has no effect
 _BLIND = {*COMPARE, *LOGIC, "NOT", "FABS", "SQ", "EXP", "COS", "COSH", "ACOS", "LOG", "ACOSH", "HYPOT"}
 # the sign of a zero argument affects at most the sign of a zero result; so does the first argument of DIV
-_PASSES = {"MUL", "NEG", "TWICE", "FMIN", "FMAX", "SIGN", "SQRT", "EXPM1", "LOG1P", "FLOOR", "CEIL", "FMA"}
+_PASSES = {"MUL", "NEG", "TWICE", "FMIN", "FMAX", "SIGN", "SQRT", "EXPM1", "LOG1P", "FLOOR", "CEIL", "FMA", "SUM"}
 _PASSES |= {"SIN", "TAN", "ASIN", "ATAN", "SINH", "TANH", "ASINH", "ATANH", "ERF"}
 
 
@@ -66,7 +66,7 @@ class Zeros:
             return self.never_minus(node.arguments[1 if node.operation == "IF_ELSE_ZERO" else 0])
         if node.operation == "SELECT":
             return number in self._seen or all(map(self.never_minus, node.arguments[1:]))
-        if node.operation == "ADD":
+        if node.operation in ("ADD", "SUM"):
             return any(map(self.never_minus, node.arguments))
         if node.operation in ("MUL", "DIV"):
             return all(map(self._never_negative, node.arguments))
@@ -93,6 +93,10 @@ class Zeros:
         node = self._nodes[condition]
         zero, compared = node.arguments if node.operation == "LT" else (condition, condition)
         return compared == value and self._nodes[zero].operation == "CONST" and self._nodes[zero].value == 0.0
+
+    def matters(self, number: int) -> bool:
+        """Return whether the sign of a zero affects a number."""
+        return number in self._seen
 
     def becomes_plus(self, select: int, side: int) -> bool:
         """Return whether -0.0 on a side of a select must become 0.0."""
