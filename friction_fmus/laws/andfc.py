@@ -176,7 +176,8 @@ def andfc(
     others = [-sigma0 * sigma1 * flow * a1, (sigma1 + sigma2) * v]
     rest = tracking + gain * (thetas[1] * others[0] + thetas[2] * others[1])
     stiffness, kept = gain * thetas[0] * sigma0, if_else(fresh, 0.0, z0)
-    a0 = deflected(track, u_track, rest, stiffness, level / sigma0, u_min, u_max, kept)
+    most = level / if_else(track, sigma0, 1.0)  # finite for the doctor, which sets sigma0 to 0
+    a0 = deflected(track, u_track, rest, stiffness, most, u_min, u_max, kept)
     parts = [sigma0 * a0, *others]
     bound = theta_max * if_else(Fs > Fc, Fs, Fc) + sigma2 * fabs(v)
     friction = clip(thetas[0] * parts[0] + thetas[1] * parts[1] + thetas[2] * parts[2], -bound, bound)

@@ -204,7 +204,14 @@ def test_a_table_over_position_is_an_input_of_the_code(tmp_path: Path) -> None:
     assert "the force of the table, subtracted, to `f_known`" in text
     expected, found = replayed(folder, tmp_path, "force.u3")
     np.testing.assert_array_equal(found, expected)
-    assert np.ptp(expected) > 0.5
+    with System.from_ssp(folder / "axis.ssp") as system:
+        assert system.experiment is not None
+        names = ("force.u3", "servo.r", "servo.rd")
+        experiment = replace(system.experiment, record=names)
+        result = System(system.parts.values(), system.wires, system.start, experiment).run()
+    force, r, rd = (result[name].values[1:] for name in names)
+    np.testing.assert_allclose(force, -table.force(r, rd), atol=1e-12)  # without a delay
+    assert np.ptp(force) > 0.5
 
 
 def test_a_controller_in_c_has_no_code(tmp_path: Path) -> None:
