@@ -11,7 +11,7 @@ import numpy as np
 
 from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.codegen.equations import numbered
-from friction_fmus.codegen.layout import Export
+from friction_fmus.codegen.layout import Export, is_flag
 from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.emit.chains import INDEX, LEAST
 from friction_fmus.lawkit.emit.comments import comment
@@ -36,7 +36,7 @@ def unit_text(variable: Variable) -> str:
 
 def number(export: Export, variable: Variable, value: float) -> str:
     """Return a value of the variable as a C literal."""
-    return ("true" if value else "false") if variable.kind in BOOLEANS else export.real.literal(value)
+    return ("true" if value else "false") if is_flag(variable) else export.real.literal(value)
 
 
 def _range(variable: Variable) -> str:

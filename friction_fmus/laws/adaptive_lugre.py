@@ -146,7 +146,8 @@ def adaptive_lugre(
     tracking = m * (rdd + lam * ed) + Ks * s
     rest, stiffness = tracking + gain * ((theta * sigma1 + sigma2) * v), gain * theta * (sigma0 - sigma1 * rate)
     kept = if_else(reset, 0.0, z)
-    old = deflected(track, u_track, rest, stiffness, level / sigma0, u_min, u_max, kept)
+    most = level / if_else(track, sigma0, 1.0)  # finite for the doctor, which sets sigma0 to 0
+    old = deflected(track, u_track, rest, stiffness, most, u_min, u_max, kept)
     F_n = sigma0 * old + sigma1 * (v - rate * old)
     F_hat = theta * F_n + sigma2 * v
     outputs = limited(tracking, F_hat, gain, enable, u_min, u_max)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, exp, fabs, if_else, logic_or
+from casadi import SX, exp, fabs, if_else
 
 from friction_fmus.lawkit.expressions import clip, stribeck_level, unless_winding_up
 from friction_fmus.lawkit.law import (
@@ -22,6 +22,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.estimators import starts_now
 from friction_fmus.lawkit.parts.observers import limited, relaxed
 from friction_fmus.lawkit.parts.tracking import deflected
 
@@ -157,7 +158,7 @@ def andfc(
     this. Fc, Fs and vs are not adapted separately. A wrong mass causes an error of the velocity. u_min must not exceed
     u_max.
     """
-    fresh = logic_or(reset, running <= 0.5)
+    fresh = starts_now(reset, running)
     p = exp(-wo * Ts)
     force = (u_prev - F_last) / m
     x_p = x_hat + Ts * v_hat + Ts**2 / 2.0 * force
@@ -175,7 +176,8 @@ def andfc(
     others = [-sigma0 * sigma1 * flow * a1, (sigma1 + sigma2) * v]
     rest = tracking + gain * (thetas[1] * others[0] + thetas[2] * others[1])
     stiffness, kept = gain * thetas[0] * sigma0, if_else(fresh, 0.0, z0)
-    a0 = deflected(track, u_track, rest, stiffness, level / sigma0, u_min, u_max, kept)
+    most = level / if_else(track, sigma0, 1.0)  # finite for the doctor, which sets sigma0 to 0
+    a0 = deflected(track, u_track, rest, stiffness, most, u_min, u_max, kept)
     parts = [sigma0 * a0, *others]
     bound = theta_max * if_else(Fs > Fc, Fs, Fc) + sigma2 * fabs(v)
     friction = clip(thetas[0] * parts[0] + thetas[1] * parts[1] + thetas[2] * parts[2], -bound, bound)

@@ -23,7 +23,7 @@ def random_law(random: np.random.Generator) -> ca.Function:
     arguments = [SX.sym(re.sub(r"\W", "", name)) for name in NAMES]
     a, b, c = (arguments[N * k : N * (k + 1)] for k in range(3))
     scalars, conditions = arguments[3 * N :], [arguments[-1] > 0.0]
-    vectors: list[Sequence[SX]] = [a, b, c, [SX(float(i)) for i in range(N)]]
+    vectors: list[Sequence[SX]] = [a, b, c, [SX(i + 3.0) for i in range(N)]]
     truths: list[Sequence[SX]] = [[value > 0.0 for value in a]]
     for _ in range(25):
         one, two = (vectors[random.integers(len(vectors))] for _ in range(2))
