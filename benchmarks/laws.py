@@ -68,7 +68,8 @@ def motion(n: int) -> dict[str, np.ndarray]:
     r, rd = 0.01 * np.sin(phase), 0.02 * np.pi * np.cos(phase)
     on, off = np.ones(n), np.zeros(n)
     rdd = -0.04 * np.pi**2 * np.sin(phase)
-    return {"r": r, "x": 0.999 * r, "v": 0.999 * rd, "rd": rd, "rdd": rdd, "Fn": on, "enable": on, "reset": off}
+    commands = {"enable": on, "reset": off, "track": off, "u_track": off}
+    return {"r": r, "x": 0.999 * r, "v": 0.999 * rd, "rd": rd, "rdd": rdd, "Fn": on} | commands
 
 
 def by_hand(name: str, folder: Path, rounds: int) -> list[Row]:
@@ -80,7 +81,8 @@ def by_hand(name: str, folder: Path, rounds: int) -> list[Row]:
         way: LawC(export, folder / way, step=way, source=source, flags=("-Wno-unused-function",))
         for way in ("branching", "branch_free")
     }
-    rows = rows_of(export, samples(export, 100_000, seed=2))
+    silent = {"track": np.zeros(100_000)}  # C by hand has no track
+    rows = rows_of(export, samples(export, 100_000, seed=2) | silent)
     expected = exported.run(rows, feeds_back=True)
     for way, hand in hands.items():
         far = np.abs(hand.run(rows, feeds_back=True) - expected) > 1e-9 * np.sqrt(np.mean(expected**2, axis=0))
@@ -89,7 +91,7 @@ def by_hand(name: str, folder: Path, rounds: int) -> list[Row]:
 
     others = variants(export, folder)
     found = []
-    for inputs, given in (("random samples", samples(export, N)), ("a motion", motion(N))):
+    for inputs, given in (("random samples", samples(export, N) | {"track": np.zeros(N)}), ("a motion", motion(N))):
         ways = {way: lambda c=c, given=given: c.cost(given, 5) for way, c in {"C": exported, **hands, **others}.items()}
         times = fastest(ways, 2 * rounds)
         plain, branching = times["branch_free"], times["branching"]

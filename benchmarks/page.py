@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -34,16 +35,14 @@ all inputs set and all results read around `fmi2DoStep`), and in casadi's virtua
 and the exported C give the same bits.
 
 Casadi's buffer is called from Python (this includes 0.1 µs for the call) and in a loop in C (the virtual machine
-alone). The virtual machine needs about 2 ns per operation, so the gain is smallest for laws with few operations that
-call the C library. The map over all samples also reads every argument from memory.
+alone). The map over all samples also reads every argument from memory.
 
 Two laws are also written by hand (`benchmarks/hand/`), with and without branches; the faster version counts. Their
-outputs agree to 1e-9. Random samples make branches hard to predict, and a tenth of them are not enabled; the motion is
-a sine.
+outputs agree to 1e-9. Random samples make branches hard to predict; the motion is a sine.
 
 The variants, over exported C, show what makes a law fast: calling the C library only where necessary, and computing
 each side of a decision only where it is needed. Casadi's own C computes both sides or, with short-circuit, calls
-functions. An implicit step halves the time of the LuGre observer but gives other numbers.
+functions. An implicit step gives other numbers.
 """,
     "harness": """## Co-simulation
 
@@ -52,8 +51,8 @@ Two pairs of FMUs run in steps of 0.1 ms: in the engine, in a C loop over the sa
 Times are processor times without the start, of the fastest round or as the median ratio of 60 rounds. A whole run has
 200 000 steps and includes its start and its `Dataset`.
 
-Two Quantisers are the cheapest blocks and show the engine itself, which adds about a sixth to their time. Mass and
-LuGre, in a loop whose values and energy are monitored, are blocks of usual cost.
+Two Quantisers are the cheapest blocks and show the engine itself. Mass and LuGre, in a loop whose values and energy are
+monitored, are blocks of usual cost.
 
 Stick-slip is figure 6 of Canudas de Wit, Olsson, Astrom and Lischinsky (1995). Its errors are those of the period,
 6.36271982 s, or of the position against scipy's Radau at 1e-10. MuJoCo computes it with its own LuGre friction of a DC
@@ -61,9 +60,8 @@ motor, on a sliding joint; Euler is its default integrator. RK4 comes closer to 
 instead of 1.3.
 
 In the servo loop at 2 kHz a feedforward is computed before or after the plant. Its held force is late by half a sample
-on average, and by one and a half if it is computed after the plant. In sliding without reversals, where nothing else
-is wrong, the tracking error triples. With reversals, presliding friction dominates the error, and the order hardly
-matters.
+on average, and by one and a half if it is computed after the plant. In sliding without reversals, the tracking error
+triples; with reversals, the order hardly matters.
 """,
     "sweep": """## A sweep
 
@@ -79,17 +77,26 @@ value and step from Python.
 OF_THE_MACHINE = ("ns", "ms", "runs/s")
 """Units of values that say nothing about other machines."""
 
+MANY = 8
+"""Number of subjects above which a quantity has a table of its own."""
 
-def table(rows: list[dict[str, Any]]) -> list[str]:
-    """Return the rows that hold on other machines, too; a value without a unit is a ratio."""
-    lines = ["| | value | target | |", "|---|--:|--:|---|"]
-    for row in rows:
-        if row["unit"] not in OF_THE_MACHINE:
-            unit = "" if row["unit"] in ("x", "") else f" {row['unit']}"
-            target = "" if row["target"] is None else f"{row['target']:.3g}"
-            mark = "" if row["target"] is None else "met" if row["ok"] else "not met"
-            lines.append(f"| {row['name']} | {row['value']:.3g}{unit} | {target} | {mark} |")
-    return lines
+
+def tables(rows: list[dict[str, Any]]) -> str:
+    """Return the rows that hold on other machines, too, as tables with one subject or one quantity each.
+
+    A row is named "subject: quantity". A value without a unit is a ratio.
+    """
+    shown = [row for row in rows if row["unit"] not in OF_THE_MACHINE]
+    names = [row["name"].rpartition(": ") for row in shown]
+    counts = Counter(quantity for _, _, quantity in names)
+    found: dict[str, list[str]] = {}
+    for row, (subject, _, quantity) in zip(shown, names, strict=True):
+        heading, label = (quantity, subject) if counts[quantity] > MANY else (subject, quantity)
+        unit = "" if row["unit"] in ("x", "") else f" {row['unit']}"
+        target = "" if row["target"] is None else f"{row['target']:.3g}, {'met' if row['ok'] else '**not met**'}"
+        lines = found.setdefault(heading, [f"| {heading} | value | target |", "|---|--:|---|"])
+        lines.append(f"| {label} | {row['value']:.3g}{unit} | {target} |")
+    return "\n\n".join("\n".join(lines) for lines in found.values())
 
 
 def page(files: list[Path]) -> str:
@@ -101,7 +108,7 @@ def page(files: list[Path]) -> str:
     parts = [INTRODUCTION + "\n".join(commands) + "\n```\n"]
     for file in files:
         rows = json.loads(file.read_text(encoding="utf-8"))
-        parts.append("\n".join([SECTIONS[file.stem], *table(rows)]) + "\n")
+        parts.append(f"{SECTIONS[file.stem]}\n{tables(rows)}\n")
     return "\n".join(parts)
 
 

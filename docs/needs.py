@@ -158,7 +158,7 @@ KNOWLEDGE = {
 """Kinds of friction model in compensators, by their parameters."""
 REFERENCE = ("r", "rd", "rdd", "jerk", "snap")
 MEASURED = ("x", "v", "u_prev", "f_prev")
-SWITCHES = ("enable", "reset", "learn", "trial_end")
+SWITCHES = ("enable", "reset", "track", "learn", "trial_end")
 """Groups of the inputs of compensators."""
 
 FORWARD = words("r, rd, rdd, Fn")

@@ -17,8 +17,8 @@ FILE = "effects.md"
 INTRODUCTION = """# Effects of friction and of compensation
 
 What friction models can and cannot show, and what compensation achieves in a control loop. Each section is a script
-that runs the FMUs, draws the figure and checks the numbers against theory or an independent computation. The tests run
-all scripts. To draw a figure yourself:
+that runs the FMUs, draws the figure and checks the numbers against theory or an independent computation. To draw a
+figure yourself:
 
 ```sh
 python examples/compensation/hunting.py figures

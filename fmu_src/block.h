@@ -40,6 +40,15 @@
 
 #include "effort.h"
 
+/* before a loop with a constant number of passes, in a law: fast without branches of the loop */
+#if defined __clang__
+#define UNROLLED _Pragma("clang loop unroll(full)")
+#elif defined __GNUC__ && __GNUC__ >= 8
+#define UNROLLED _Pragma("GCC unroll 64")
+#else
+#define UNROLLED
+#endif
+
 #define INF    HUGE_VAL
 #define COUNTS 2147483647.0 /* the largest fmi2Integer */
 

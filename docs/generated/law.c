@@ -1,68 +1,62 @@
 #include "law.h"
 
 #include <math.h>
-#if defined __STDC_VERSION__ && __STDC_VERSION__ >= 199901L
-#include <stdbool.h>
-#elif !defined __cplusplus
-typedef int bool;
-#endif
+#include <stddef.h>
 
 #ifdef __FAST_MATH__
 #error "compile this file without -ffast-math, which breaks the detection of NaN inputs"
 #endif
-#if defined __STDC_VERSION__ && __STDC_VERSION__ >= 199901L
-#define FINITE(value) isfinite(value)
-#else
-#define FINITE(value) ((value) - (value) == 0.0) /* NaN if not finite */
-#endif
 
-/* The numbers in comments are those of the equations in law.h. Results are stored at the end.
-   x + 0.0 is x, but 0 for x = -0, as in the FMU. */
+/* The numbers in comments are those of the equations in law.h. Results are stored at the end. */
 static void sample(const law_parameters *parameters, law_states *states, const law_inputs *inputs, law_outputs *outputs)
 {
-    const bool enable = inputs->enable != 0;
-    const bool reset = inputs->reset != 0;
-    if (enable) {
-        const bool fresh = reset || (states->running <= 0.5);
-        const double friction_1 = parameters->Ts * parameters->Ts;
+    if (inputs->enable) {
+        const bool fresh = inputs->reset || !states->running;
+        const double Ts_squared = parameters->Ts * parameters->Ts;
         const double force = (inputs->u_prev - states->F_est) / parameters->m;
         /* (1) x_p = x_hat + Ts v_hat + Ts^2/(2 m) (u_prev - F_est) */
-        const double x_p = states->x_hat + parameters->Ts * states->v_hat + friction_1 / 2.0 * force;
+        const double x_p = states->x_hat + parameters->Ts * states->v_hat + Ts_squared / 2.0 * force;
         const double p = exp(-(parameters->wo * parameters->Ts));
         const double residual = inputs->x - x_p;
         /* (3) x_hat = x_p + (1 - p^3) (x - x_p) */
         const double position = fresh ? inputs->x : (x_p + (1.0 - p * (p * p)) * residual);
-        double velocity, wanted_1, friction, tracking_1, tracking_2, tracking, wanted;
-        bool u_sat_1, u_sat_2;
+        const double difference_1 = 1.0 - p;
+        const double square_1 = difference_1 * difference_1;
         /* (4) v_hat = v_p + 3/2 (1 - p)^2 (1 + p)/Ts (x - x_p) */
-        /* (5) F_est = F_est - m (1 - p)^3/Ts^2 (x - x_p), p = exp(-wo Ts) */
-        /* (6) F_hat = F_est */
+        double velocity;
         if (fresh) {
             velocity = 0.0;
-            wanted_1 = 0.0;
-            friction = 0.0;
         } else {
             /* (2) v_p = v_hat + Ts/m (u_prev - F_est) */
             const double v_p = states->v_hat + parameters->Ts * force;
-            const double friction_2 = 1.0 - p;
-            const double friction_3 = friction_2 * friction_2;
-            const double friction_4 = states->F_est - parameters->m * (friction_2 * friction_3) / friction_1 * residual;
-            velocity = v_p + 1.5 * friction_3 * (1.0 + p) / parameters->Ts * residual;
-            wanted_1 = parameters->gain * friction_4;
-            friction = friction_4;
+            velocity = v_p + 1.5 * square_1 * (1.0 + p) / parameters->Ts * residual;
         }
-        tracking_1 = parameters->wc * parameters->wc * (inputs->r - position);
-        tracking_2 = tracking_1 + 2.0 * parameters->wc * (inputs->rd - velocity) + inputs->rdd;
-        tracking = parameters->m * tracking_2;
-        wanted = tracking + wanted_1;
-        u_sat_1 = wanted < parameters->u_min;
-        u_sat_2 = wanted > parameters->u_max;
+        const double tracking = parameters->m
+            * (parameters->wc * parameters->wc * (inputs->r - position)
+                + 2.0 * parameters->wc * (inputs->rd - velocity) + inputs->rdd);
+        const bool follows = inputs->track && (parameters->gain != 0.0);
+        /* (5) F_est = F_est - m (1 - p)^3/Ts^2 (x - x_p), p = exp(-wo Ts) */
+        /* (6) F_hat = F_est */
+        double friction;
+        if (follows) {
+            const double limited_track = (inputs->u_track < parameters->u_min) ? parameters->u_min
+                : ((parameters->u_max < inputs->u_track) ? parameters->u_max : inputs->u_track);
+            friction = (limited_track - tracking) / parameters->gain;
+        } else if (fresh) {
+            friction = 0.0;
+        } else {
+            friction = states->F_est - parameters->m * (difference_1 * square_1) / Ts_squared * residual;
+        }
+        const double wanted = tracking + parameters->gain * friction;
+        const bool wanted_below_u_min = wanted < parameters->u_min;
+        const bool wanted_above_u_max = wanted > parameters->u_max;
         /* (7) w = m (wc^2 (r - x_hat) + 2 wc (rd - v_hat) + rdd) + gain F_hat */
         /* (8) u = clip(w, u_min, u_max) */
-        outputs->u = u_sat_1 ? parameters->u_min : (u_sat_2 ? parameters->u_max : (wanted + 0.0));
+        outputs->u = wanted_below_u_min ? parameters->u_min
+            : (wanted_above_u_max ? parameters->u_max : wanted);
         outputs->F_hat = friction;
         states->F_est = friction;
-        outputs->u_sat = u_sat_1 ? (-1.0) : (u_sat_2 ? 1.0 : 0.0);
+        outputs->u_sat = wanted_below_u_min ? -1.0 : (wanted_above_u_max ? 1.0 : 0.0);
         outputs->v_est = velocity;
         states->v_hat = velocity;
         states->x_hat = position;
@@ -75,83 +69,97 @@ static void sample(const law_parameters *parameters, law_states *states, const l
         states->v_hat = 0.0;
         states->x_hat = 0.0;
     }
-    states->running = enable ? 1.0 : 0.0;
+    states->running = inputs->enable;
 }
 
 void law_init(law_parameters *parameters, law_states *states, law_inputs *inputs, law_outputs *outputs)
 {
-    inputs->r = 0.0;
-    inputs->rd = 0.0;
-    inputs->rdd = 0.0;
-    inputs->x = 0.0;
-    inputs->u_prev = 0.0;
-    inputs->enable = 1;
-    inputs->reset = 0;
-    states->running = 0.0;
-    states->x_hat = 0.0;
-    states->v_hat = 0.0;
-    states->F_est = 0.0;
-    parameters->gain = 1.0;
-    parameters->m = 1.0;
-    parameters->wc = 63.0;
-    parameters->wo = 400.0;
-    parameters->u_min = (-1000.0);
-    parameters->u_max = 1000.0;
-    parameters->Ts = 0.001;
-    outputs->u = 0.0;
-    outputs->F_hat = 0.0;
-    outputs->u_sat = 0.0;
-    outputs->v_est = 0.0;
-    outputs->fault = 0;
+#ifdef LAW_CHECK_POINTERS
+    if ((parameters != NULL) && (states != NULL) && (inputs != NULL) && (outputs != NULL))
+#endif
+    {
+        inputs->r = 0.0;
+        inputs->rd = 0.0;
+        inputs->rdd = 0.0;
+        inputs->x = 0.0;
+        inputs->u_prev = 0.0;
+        inputs->enable = true;
+        inputs->reset = false;
+        inputs->track = false;
+        inputs->u_track = 0.0;
+        states->running = false;
+        states->x_hat = 0.0;
+        states->v_hat = 0.0;
+        states->F_est = 0.0;
+        parameters->gain = 1.0;
+        parameters->m = 1.0;
+        parameters->wc = 63.0;
+        parameters->wo = 400.0;
+        parameters->u_min = -1000.0;
+        parameters->u_max = 1000.0;
+        parameters->Ts = 0.001;
+        outputs->u = 0.0;
+        outputs->F_hat = 0.0;
+        outputs->u_sat = 0.0;
+        outputs->v_est = 0.0;
+        outputs->fault = false;
+    }
 }
 
-static void relations(const law_parameters *parameters, double *holds)
+/* Find the relations between parameters that hold. */
+static void relations(const law_parameters *parameters, bool *holds)
 {
-    holds[0] = (parameters->u_min <= parameters->u_max) ? 1.0 : 0.0;
+    holds[0] = parameters->u_min <= parameters->u_max;
 }
 
-int law_check(const law_parameters *parameters)
+int32_t law_check(const law_parameters *parameters)
 {
-    double holds[1];
-    int violated = 0;
-    relations(parameters, holds);
-    if (!(FINITE(parameters->gain) && (parameters->gain >= 0.0) && (parameters->gain <= 1.0))) {
-        violated = 1;
-    }
-    if ((violated == 0) && !(FINITE(parameters->m) && (parameters->m >= 1e-12))) {
-        violated = 2;
-    }
-    if ((violated == 0) && !(FINITE(parameters->wc) && (parameters->wc >= 0.0))) {
-        violated = 3;
-    }
-    if ((violated == 0) && !(FINITE(parameters->wo) && (parameters->wo >= 0.0))) {
-        violated = 4;
-    }
-    if ((violated == 0) && !(FINITE(parameters->u_min))) {
-        violated = 5;
-    }
-    if ((violated == 0) && !(FINITE(parameters->u_max))) {
-        violated = 6;
-    }
-    if ((violated == 0) && !(FINITE(parameters->Ts) && (parameters->Ts >= 1e-09))) {
-        violated = 7;
-    }
-    if ((violated == 0) && !(holds[0] != 0.0)) {
-        violated = 8;
+    int32_t violated = -1;
+#ifdef LAW_CHECK_POINTERS
+    if (parameters != NULL)
+#endif
+    {
+        bool holds[1];
+        relations(parameters, holds);
+        if (!(isfinite(parameters->gain) && (parameters->gain >= 0.0) && (parameters->gain <= 1.0))) {
+            violated = 1;
+        } else if (!(isfinite(parameters->m) && (parameters->m >= 1e-12))) {
+            violated = 2;
+        } else if (!(isfinite(parameters->wc) && (parameters->wc >= 0.0))) {
+            violated = 3;
+        } else if (!(isfinite(parameters->wo) && (parameters->wo >= 0.0))) {
+            violated = 4;
+        } else if (!isfinite(parameters->u_min)) {
+            violated = 5;
+        } else if (!isfinite(parameters->u_max)) {
+            violated = 6;
+        } else if (!(isfinite(parameters->Ts) && (parameters->Ts >= 1e-09))) {
+            violated = 7;
+        } else if (!holds[0]) {
+            violated = 8;
+        } else {
+            violated = 0;
+        }
     }
     return violated;
 }
 
 void law_step(const law_parameters *parameters, law_states *states, const law_inputs *inputs, law_outputs *outputs)
 {
-    if (FINITE(inputs->r)
-        && FINITE(inputs->rd)
-        && FINITE(inputs->rdd)
-        && FINITE(inputs->x)
-        && FINITE(inputs->u_prev)) {
-        outputs->fault = 0;
-        sample(parameters, states, inputs, outputs);
-    } else {
-        outputs->fault = 1;
+#ifdef LAW_CHECK_POINTERS
+    if ((parameters != NULL) && (states != NULL) && (inputs != NULL) && (outputs != NULL))
+#endif
+    {
+        if (isfinite(inputs->r)
+            && isfinite(inputs->rd)
+            && isfinite(inputs->rdd)
+            && isfinite(inputs->x)
+            && isfinite(inputs->u_prev)
+            && isfinite(inputs->u_track)) {
+            outputs->fault = false;
+            sample(parameters, states, inputs, outputs);
+        } else {
+            outputs->fault = true;
+        }
     }
 }

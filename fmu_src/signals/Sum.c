@@ -2,8 +2,8 @@
 
        y = gain_1 u_1 + gain_2 u_2 + gain_3 u_3 + gain_4 u_4
 
-   Inputs that are not connected count as 0. Use it where two laws act on one input, such as the force of a feedforward
-   and the force of a disturbance observer, or to add measurement noise to a signal.
+   Inputs that are not connected count as 0. Use it for forces on a mass, or to add measurement noise to a signal; use
+   SampledSum where two sampled laws act on a third one.
 
    Limits: inputs and output have no unit, so that a tool cannot check the units of the signals. Connect signals in the
    same unit. */

@@ -130,31 +130,47 @@ class LoopAssembly:
             self.parts.append(SeriesPart("injected", t, {"F": injected}, unit, interpolation="previous", beyond="hold"))
             self.wires.append(Wire("injected.F", "servo.f", offset=offset))
             return
-        if compensator is None:
+        forces = self._add_forces(compensator, feedforward)
+        if not forces:
             self.start["servo.f"] = offset
             return
-        if feedforward is None:
-            self.wires.append(Wire(f"compensator.{compensator.output}", "servo.f", offset=offset))
+        if len(forces) == 1:
+            self.wires.append(replace(forces[0], target="servo.f", offset=offset))
         else:
-            self._add_law("feedforward", feedforward)
-            self.add("force", "Sum", {})
-            self.wires += [
-                f"compensator.{compensator.output} -> force.u1",
-                f"feedforward.{feedforward.output} -> force.u2",
-            ]
+            self.add("force", "SampledSum", {"Ts": self.servo.Ts})
+            self.wires += [replace(wire, target=f"force.u{i}") for i, wire in enumerate(forces, start=1)]
             self.wires.append(Wire("force.y", "servo.f", offset=offset))
-        part = self._add_law("compensator", compensator)
-        if "u_prev" not in {port.name for port in part.inputs}:
+        part = next((part for part in self.parts if part.name == "compensator"), None)
+        if part is None or not _has_input(part, "u_prev"):
             return
-        # without the known forces, so that an estimator does not see them: the constant one and the feedforward
+        # without the known forces, so that an estimator does not see them: constant force, feedforward, and table
         fed_back = Wire("servo.u", "compensator.u_prev", offset=-offset, delay=self.every)
-        if feedforward is None:
+        known = forces[1:]
+        if not known:
             self.wires.append(fed_back)
-        else:
-            self.add("unexplained", "Sum", {"gain[2]": -1.0})
-            self.wires.append(replace(fed_back, target="unexplained.u1"))
-            self.wires.append(Wire(f"feedforward.{feedforward.output}", "unexplained.u2", delay=self.every))
-            self.wires.append("unexplained.y -> compensator.u_prev")
+            return
+        gains = {f"gain[{i}]": -1.0 for i in range(2, 2 + len(known))}
+        self.add("unexplained", "SampledSum", {**gains, "Ts": self.servo.Ts})
+        self.wires.append(replace(fed_back, target="unexplained.u1"))
+        self.wires += [
+            replace(wire, target=f"unexplained.u{i}", delay=self.every) for i, wire in enumerate(known, start=2)
+        ]
+        self.wires.append("unexplained.y -> compensator.u_prev")
+
+    def _add_forces(self, compensator: Compensator | None, feedforward: Compensator | None) -> list[Wire]:
+        """Add the laws and the table over position; return a connection without target for the force of each."""
+        laws = {"compensator": compensator, "feedforward": feedforward}
+        given = {name: law for name, law in laws.items() if law is not None}
+        for name, law in reversed(given.items()):
+            self._add_law(name, law)
+        forces = [Wire(f"{name}.{law.output}", "") for name, law in given.items()]
+        table = self.trajectory.table
+        if table is not None:
+            self._part("table", table, lambda: table.fmu(self.trajectory.rotary), self.every)
+            self.start |= {f"table.{name}": value for name, value in table.start.items()}
+            self.wires += ["reference.r -> table.x", "reference.rd -> table.v"]
+            forces.append(Wire("table.F_position", "", gain=-1.0))
+        return forces
 
     def _add_law(self, name: str, law: Compensator) -> FmuPart:
         """Add a law with its limits, and connect the signals that it uses."""

@@ -78,6 +78,8 @@ class Trajectory:
         servo is noisy.
     injected : array, shape (samples,), or None
         Force added to the output of the servo from outside, for a loop without compensator [N].
+    table : PositionMap or None
+        Force over position that is compensated along the reference.
     """
 
     reference: Path
@@ -90,3 +92,4 @@ class Trajectory:
     load: float = 0.0
     noise: Path | None = None
     injected: NDArray[np.float64] | None = field(default=None, compare=False)
+    table: PositionMap | None = None

@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from friction_fmus.lawkit.emit.graph import CONDITIONS, Node
 from friction_fmus.lawkit.emit.names import Named
+
+NONE: Mapping[int, str] = MappingProxyType({})
 
 _INDENT = "    "  # marks the equations
 _START = re.compile(r"(?:[\w ]+:\s+)?([A-Za-z]\w*?)_?(?:\([^)]*\)|\[[^\]]*\])?'*\s+(?:=|becomes)\s")
@@ -27,12 +30,15 @@ class Equation:
         Its text.
     last : int
         Index of its last line in the documentation.
+    prefix : str
+        Prefix of the variable in the code.
     """
 
     number: int
     name: str
     lines: tuple[str, ...]
     last: int
+    prefix: str = ""
 
     @property
     def text(self) -> str:
@@ -40,28 +46,32 @@ class Equation:
         return f"({self.number}) {re.sub(r' +', ' ', ' '.join(self.lines)).rstrip(',')}"
 
 
-def equations_of(documentation: str) -> tuple[Equation, ...]:
+def equations_of(documentation: str, prefixes: Mapping[int, str] = NONE) -> tuple[Equation, ...]:
     """Return the equations of a documentation page: each indented line with ``name =`` or ``name becomes`` begins one.
 
     Parameters
     ----------
     documentation : str
         Plain text, in which the equations are indented by four spaces.
+    prefixes : mapping of int to str
+        Prefixes of the variables by the line from which on they apply.
     """
+    prefix = ""
     found: list[Equation] = []
     inside = False
     for index, line in enumerate(documentation.splitlines()):
+        prefix = prefixes.get(index, prefix)
         inside = inside and bool(line.strip())
         if not line.startswith(_INDENT):
             continue
         text = line.strip()
         start = _START.match(text)
         if start:
-            found.append(Equation(len(found) + 1, start[1], (text,), index))
+            found.append(Equation(len(found) + 1, start[1], (text,), index, prefix))
             inside = True
         elif inside:
             last = found.pop()
-            found.append(Equation(last.number, last.name, (*last.lines, text), index))
+            found.append(Equation(last.number, last.name, (*last.lines, text), index, prefix))
     return tuple(found)
 
 
@@ -103,18 +113,22 @@ def placed(
     tuple of dict of int to list of str and list of str
         The texts of equations by node, and the remaining equations.
     """
-    own = [_node(equation.name, nodes, named, results, commands) for equation in equations]
+    own = [_node(equation.prefix + equation.name, nodes, named, results, commands) for equation in equations]
     places = range(len(equations))
     for place in (*reversed(places), *places):  # in both directions, as an equation may belong to one of the same kind
-        name = re.compile(rf"\b{equations[place].name}\b")
         for other in (place + 1, *range(place - 1, -1, -1)):
-            if own[place] is None and other in places and name.search(equations[other].text):
+            if own[place] is None and other in places and _belongs(equations[place], equations[other]):
                 own[place] = own[other]
     comments: dict[int, list[str]] = {}
     for node, equation in zip(own, equations, strict=True):
         if node is not None:
             comments.setdefault(node, []).append(equation.text)
     return comments, [equation.text for node, equation in zip(own, equations, strict=True) if node is None]
+
+
+def _belongs(equation: Equation, other: Equation) -> bool:
+    """Return whether another equation of the same law contains the left-hand side."""
+    return equation.prefix == other.prefix and re.search(rf"\b{equation.name}\b", other.text) is not None
 
 
 def _node(

@@ -42,12 +42,15 @@ class Export:
         Prefix of files, types and functions.
     start : mapping of str to tuple of float
         Start values of inputs, states and parameters by variable.
+    rotary : bool
+        Whether the law has the units of a rotary axis.
     """
 
     law: Law
     real: Real
     prefix: str
     start: Values
+    rotary: bool = False
 
     @property
     def groups(self) -> dict[str, tuple[Variable, ...]]:
@@ -58,6 +61,11 @@ class Export:
             "inputs": self.law.select(*INPUTS),
             "outputs": (*self.law.select(Kind.OUTPUT), FAULT),
         }
+
+    @property
+    def tracks(self) -> bool:
+        """Whether the law can start from a force, given by its inputs ``track`` and ``u_track``."""
+        return {"track", "u_track"} <= {variable.name for variable in self.groups["inputs"]}
 
     @cached_property
     def kernel(self) -> Kernel:
@@ -74,7 +82,8 @@ class Export:
         for (variable, _), number in zip(_scalars(self.law.results), numbers, strict=True):
             results.setdefault(variable.name, number)
         commands = {i for i, (v, _) in enumerate(_scalars(self.law.given)) if v.kind is Kind.COMMAND}
-        return placed(equations_of(self.law.documentation), nodes, self.named, results, commands)
+        equations = equations_of(self.law.documentation, self.law.prefixes)
+        return placed(equations, nodes, self.named, results, commands)
 
     @cached_property
     def named(self) -> tuple[Named, ...]:
@@ -158,26 +167,23 @@ class Export:
         lows: Lows | None = None,
         named: Sequence[Named] = (),
         remarks: Mapping[int, Sequence[str]] = EMPTY,
+        flags: Sequence[str] = (),
     ) -> Kernel:
         """Return a function of variables of the structs as statements; see `kernel`."""
         scalars = [variable for variable in given for _ in variable.starts]
-        booleans = {v.name: self.places(v)[0] for v in given if v.kind in BOOLEANS}
-        found = kernel(
+        return kernel(
             function,
-            [v.name if v.name in booleans else place for v in given for place in self.places(v)],
+            [place for v in given for place in self.places(v)],
             writes,
             real=self.real,
-            conditions=[i for i, variable in enumerate(scalars) if variable.kind in BOOLEANS],
+            conditions=[i for i, variable in enumerate(scalars) if is_flag(variable)],
             positive=[i for i, variable in enumerate(scalars) if variable.min >= 0.0],
             lows=lows,
             named=named,
             remarks=remarks,
-            taken=[*self.groups, *booleans],
+            taken=self.groups,
+            flags=[*flags, *(place for v in self.groups["states"] if v.flag for place in self.places(v))],
         )
-        text = re.sub(r"/\*.*?\*/", "", "\n".join(found.lines), flags=re.DOTALL)
-        used = [name for name in booleans if re.search(rf"(?<!->)\b{name}\b", text)]
-        copies = [f"const bool {name} = {booleans[name]} != 0;" for name in used]
-        return replace(found, lines=(*copies, *found.lines))
 
     def places(self, variable: Variable) -> list[str]:
         """Return the C expressions of a variable's scalars, by way of pointers with the names of the structs."""
@@ -187,13 +193,18 @@ class Export:
 
     def member(self, variable: Variable) -> str:
         """Return the declaration of a member."""
-        kind = "int" if variable.kind in (*BOOLEANS, Kind.FLAG) else self.real.name
+        kind = "bool" if is_flag(variable) else self.real.name
         return f"{kind} {variable.name}{f'[{len(variable.starts)}]' if variable.kind in VECTORS else ''}"
 
 
 def _scalars(variables: Sequence[Variable]) -> list[tuple[Variable, int]]:
     """Return every variable once per scalar, with the index of the element."""
     return [(variable, element) for variable in variables for element in range(len(variable.starts))]
+
+
+def is_flag(variable: Variable) -> bool:
+    """Return whether a variable is a truth value."""
+    return variable.flag or variable.kind in (*BOOLEANS, Kind.FLAG)
 
 
 def _is_length(variable: Variable) -> bool:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from friction_fmus.codegen.layout import INPUTS, Export
-from friction_fmus.codegen.sources import number, unit_text
+from friction_fmus.codegen.sources import unit_text
 from friction_fmus.lawkit.law import BOOLEANS, Variable
 
 _SIZES = {"m": 1e-3, "m/s": 1e-2, "m/s2": 1.0, "rad": 1e-3, "rad/s": 1e-2}
@@ -59,15 +59,18 @@ def program(export: Export, given: Mapping[str, np.ndarray], restart: int = 0) -
     """
     p, inputs = export.prefix, export.law.select(*INPUTS)
     n = len(next(iter(given.values()))) if given else 1
-    rows = ["    {" + ", ".join(number(export, v, float(given[v.name][k])) for v in inputs) + "}," for k in range(n)]
+    cells = [cell for v in inputs for cell in _cells(export, v, given[v.name])]
+    rows = [f"    {{{', '.join(row)}}}," for row in zip(*(column for _, column in cells), strict=True)]
     shown = [place.replace("->", ".") for place in (*export.results, *export.result_lows.values())]
-    write = [f"            hex(&{place}, sizeof({export.real.name}));" for place in shown]
+    write = [
+        line for place in shown for line in (f"            value = {place};", "            hex(&value, sizeof value);")
+    ]
     return "\n".join(
         [
             f'#include "{p}.h"',
             "",
-            f"static const {export.real.name} given[{n}][{max(len(inputs), 1)}] = {{",
-            *(rows if inputs else ["    {0},"]),
+            f"static const {export.real.name} given[{n}][{max(len(cells), 1)}] = {{",
+            *(rows or ["    {0},"]),
             "};",
             CALLS,
             *(f"static {p}_{group} {group};" for group in export.groups),
@@ -77,14 +80,12 @@ def program(export: Export, given: Mapping[str, np.ndarray], restart: int = 0) -
             "static void __attribute__((noinline, noclone)) run(unsigned n, int writes)",
             "{",
             "    unsigned k;",
+            f"    {export.real.name} value;",
             '    __asm__ volatile("mov %0, sp" : "=r"(stack));',
             "    for (k = 0; k < n; k++) {",
             f"        if (k == 0 || k == {restart})",
             f"            {p}_init(&parameters, &states, &inputs, &outputs);",
-            *(
-                f"        inputs.{v.name} = {'(int)' if v.kind in BOOLEANS else ''}given[k][{i}];"
-                for i, v in enumerate(inputs)
-            ),
+            *(f"        {assignment % i}" for i, (assignment, _) in enumerate(cells)),
             f"        {p}_step(&parameters, &states, &inputs, &outputs);",
             "        if (writes) {",
             *write,
@@ -112,6 +113,19 @@ def program(export: Export, given: Mapping[str, np.ndarray], restart: int = 0) -
             "",
         ]
     )
+
+
+def _cells(export: Export, variable: Variable, values: np.ndarray) -> list[tuple[str, list[str]]]:
+    """Return the assignment of column %d to each member of an input, and the samples of this member."""
+    name, columns = variable.name, {variable.name: values}
+    if name in export.pairs:
+        high = values.astype(np.float32).astype(float)
+        columns = {name: high, f"{name}_low": values - high}
+    test = " != 0" if variable.kind in BOOLEANS else ""
+    return [
+        (f"inputs.{member} = given[k][%d]{test};", [export.real.literal(float(value)) for value in part])
+        for member, part in columns.items()
+    ]
 
 
 CALLS = """

@@ -135,8 +135,7 @@ def _literal(export: Export, value: float) -> str:
     """Return the shortest literal of the type of the export."""
     if export.real is DOUBLE or not math.isfinite(np.float32(value)):
         return export.real.literal(value)
-    text = f"{np.float32(value)!s}{export.real.suffix}"
-    return f"({text})" if text.startswith("-") else text
+    return f"{np.float32(value)!s}{export.real.suffix}"
 
 
 def _cells(export: Export, variable: Variable, value: float) -> list[str]:
@@ -151,7 +150,7 @@ def _cells(export: Export, variable: Variable, value: float) -> list[str]:
 def _table(declaration: str, rows: Sequence[Sequence[str]]) -> list[str]:
     return [
         f"static const {declaration}[SAMPLES] = {{",
-        *(f"    {{{', '.join(row).replace('(', '').replace(')', '') or '0'}}}," for row in rows),
+        *(f"    {{{', '.join(row) or '0'}}}," for row in rows),
         "};",
         "",
     ]

@@ -31,7 +31,7 @@ SEGMENTS: Final = (
     ("forward, 10 mm/s", 4, 1e-2),
     ("commands switched off", 2, 1e-2),
     ("commands at their start values", 3, -1e-2),
-    ("commands switched on", 1, -1e-2),
+    ("commands switched on one by one", 2, -1e-2),
     ("commands at their start values", 2, 1e-2),
 )
 """Text, number of samples and peak velocity [m/s or rad/s] of each part of the motion."""
@@ -170,12 +170,16 @@ def _inputs(export: Export, reach: float) -> dict[str, np.ndarray]:
     found: dict[str, np.ndarray] = {}
     for variable in export.law.select(*INPUTS):
         start = variable.starts[0]
+        earlier = [v for v in export.law.select(*INPUTS) if v.name in found]
         if variable.kind in BOOLEANS:
-            switched = "commands switched off" if start else "commands switched on"
-            found[variable.name] = np.where([text == switched for text in way], 1.0 - start, start)
+            switched = "commands switched off" if start else "commands switched on one by one"
+            moments = [k for k, text in enumerate(way) if text == switched]
+            if not start:
+                moments = [moments[sum(v.kind in BOOLEANS and not v.starts[0] for v in earlier) % len(moments)]]
+            found[variable.name] = np.where(np.isin(np.arange(N), moments), 1.0 - start, start)
             continue
         unit = unit_text(variable)
-        before = sum(unit_text(v) == unit for v in export.law.select(*INPUTS) if v.name in found)
+        before = sum(unit_text(v) == unit for v in earlier)
         shape, offset = {
             **dict.fromkeys(("m", "rad"), (position, _ORIGIN)),
             **dict.fromkeys(("m/s", "rad/s"), (speed, 0.0)),

@@ -58,7 +58,7 @@ public:
     }}
 
     /* Return 0 if the parameters are valid, else the number of the first violated rule in {p}.h. */
-    int check() const noexcept
+    int32_t check() const noexcept
     {{
         return {p}_check(&parameters);
     }}
@@ -76,7 +76,7 @@ public:
         return outputs_;
     }}
 
-    const States &states() const noexcept
+{_take_over(export)}    const States &states() const noexcept
     {{
         return states_;
     }}
@@ -87,4 +87,19 @@ private:
 }};
 
 #endif
+"""
+
+
+def _take_over(export: Export) -> str:
+    """Return the method that starts a law from a force; empty if the law has no input for it."""
+    if not export.tracks:
+        return ""
+    return f"""    /* Compute one sample in which u is this force, within its limits, and continues from it. */
+    Outputs take_over(Inputs inputs, {export.real.name} force) noexcept
+    {{
+        inputs.track = true;
+        inputs.u_track = force;
+        return step(inputs);
+    }}
+
 """

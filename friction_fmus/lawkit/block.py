@@ -71,7 +71,7 @@ def _statements(function: Function, given: Sequence[Variable], writes: Sequence[
     booleans = [i for i, variable in enumerate(scalars) if variable.kind in BOOLEANS]
     taken = [*(variable.name for variable in given), *(re.findall(r"\w+", " ".join(writes)))]
     positive = [i for i, variable in enumerate(scalars) if variable.min >= 0.0]
-    return kernel(function, reads, writes, conditions=booleans, positive=positive, taken=taken).lines
+    return kernel(function, reads, writes, conditions=booleans, positive=positive, taken=taken, unrolls=True).lines
 
 
 def _relations(law: Law) -> list[str]:

@@ -33,4 +33,5 @@ def stribeck_level(speed: SX, Fc: SX, Fs: SX, vs: SX, delta: SX) -> SX:
     ratio = speed / vs
     power = if_else(delta == 2.0, ratio**2, ratio**delta)
     # beyond 87 the exponential is a denormal float: negligible, and several times slower
-    return Fc + (Fs - Fc) * if_else(power > 87.0, 0.0, exp(-power))
+    excess = (Fs - Fc) * if_else(power > 87.0, 0.0, exp(-power))
+    return Fc + excess

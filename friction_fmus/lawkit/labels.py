@@ -69,7 +69,7 @@ class _Recorder:
 
     def __init__(self) -> None:
         self.labels: list[Label] = []
-        self._known: list[dict[str, Any]] = []  # local variables of the active functions, outermost first
+        self._known: list[dict[str, tuple[Any, int]]] = []  # local variables of active functions with lengths of lists
 
     def entered(self, frame: FrameType, event: str, _: Any) -> Callable[[FrameType, str, Any], Any] | None:
         """Trace a function unless it belongs to casadi or has no name."""
@@ -92,9 +92,14 @@ class _Recorder:
     def _record(self, frame: FrameType, *, assigned: bool) -> None:
         known = self._known[-1]
         for name, value in frame.f_locals.items():
-            if known.get(name) is not value:
-                known[name] = value
+            old, length = known.get(name, (None, 0))
+            grown = len(value) if isinstance(value, list) else 0
+            if old is not value:
                 self._add(name, value, assigned=assigned)
+            elif grown > length:
+                for i in range(length, grown):
+                    self._add(f"{name}_{i}", value[i], assigned=False)
+            known[name] = value, grown
 
     def _add(self, name: str, value: Any, *, assigned: bool) -> None:
         depth = len(self._known) - 1

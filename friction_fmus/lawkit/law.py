@@ -19,7 +19,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +126,9 @@ class Law:
         Returns the law with these parameters fixed to other values.
     intermediate : callable
         Returns `function` with additional results, the intermediate results, and their names.
+    prefixes : mapping of int to str
+        For a law that consists of others: the prefix of the names of variables that the documentation omits, by the
+        line from which on it does.
     """
 
     name: str
@@ -140,6 +143,7 @@ class Law:
     sizes: Mapping[str, Size]
     remade: Callable[[Mapping[str, int]], Law]
     intermediate: Callable[[], tuple[Function, tuple[Label, ...]]]
+    prefixes: Mapping[int, str] = field(default_factory=dict)
 
     def with_room(self, start: Mapping[str, Any]) -> Law:
         """Return the law with vectors that are long enough for these start values.
@@ -307,7 +311,7 @@ def law(
         def made(wanted: Mapping[str, int]) -> Law:
             declared = resized(_declared(where, equations), sizes or {}, wanted)
             variables = _in_table_order(declared, outputs, Ts)
-            _check_variables(where, variables, about)
+            check_variables(where, variables, about)
             return Law(
                 name,
                 summary,
@@ -356,7 +360,7 @@ def _in_table_order(
     return (*inputs, *results, *others, replace(ts, name="Ts", start=float(sample_time)))
 
 
-def _check_variables(where: str, variables: tuple[Variable, ...], about: About) -> None:
+def check_variables(where: str, variables: tuple[Variable, ...], about: About) -> None:
     if not any(variable.kind is Kind.OUTPUT for variable in variables):
         raise FrictionError(f"{where} has no output; declare one by outputs={{'u': Output(...)}}")
     seen: set[str] = set()

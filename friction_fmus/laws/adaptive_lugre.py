@@ -22,6 +22,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import adapted, limited, relaxed
+from friction_fmus.lawkit.parts.tracking import deflected, restarts
 
 
 @law(
@@ -72,6 +73,8 @@ def adaptive_lugre(
     v: SX = variables.V,
     enable: SX = Command(True, "false: u = 0, F_hat = 0, z = 0 and theta = theta0"),
     reset: SX = Command(False, "true: z = 0 and theta = theta0"),
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     z: SX = State(LENGTH, 0.0, "observed mean bristle deflection", nominal=1e-5),
     learned: SX = State(NO_UNIT, 0.0, "theta - theta0"),
     gain: SX = variables.GAIN,
@@ -127,26 +130,33 @@ def adaptive_lugre(
     lam, Kd = Ks + m lam and no integral action.
 
     While enable is false, u, F_hat and u_sat are 0, z = 0 and theta = theta0; reset takes effect in the same sample.
+    While track is true, theta is held and z is such that w = u_track, as far as |z| <= g(v)/sigma0: the law takes over
+    friction, but no load.
 
     Limits: at rest within the stiction band, F_n cannot be observed from v alone, and theta integrates s until the axis
     breaks away or theta reaches theta_max. Errors of the mass or of sigma2 bias theta. theta_min <= theta0 <= theta_max
     and u_min <= u_max are required.
     """
-    old = if_else(reset, 0.0, z)
     theta = theta0 + if_else(reset, 0.0, learned)
     e, ed = r - x, rd - v
     s = ed + lam * e
 
-    rate = sigma0 * fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
+    level = stribeck_level(fabs(v), Fc, Fs, vs, delta)
+    rate = sigma0 * fabs(v) / level
+    tracking = m * (rdd + lam * ed) + Ks * s
+    rest, stiffness = tracking + gain * ((theta * sigma1 + sigma2) * v), gain * theta * (sigma0 - sigma1 * rate)
+    kept = if_else(reset, 0.0, z)
+    most = level / if_else(track, sigma0, 1.0)  # finite for the doctor, which sets sigma0 to 0
+    old = deflected(track, u_track, rest, stiffness, most, u_min, u_max, kept)
     F_n = sigma0 * old + sigma1 * (v - rate * old)
     F_hat = theta * F_n + sigma2 * v
-    outputs = limited(m * (rdd + lam * ed) + Ks * s, F_hat, gain, enable, u_min, u_max)
+    outputs = limited(tracking, F_hat, gain, enable, u_min, u_max)
 
-    runs = if_else(reset, 0.0, enable)
+    runs = if_else(restarts(reset, track), 0.0, enable)
     after = adapted(theta, Gamma * s * F_n, s, outputs["u_sat"], theta_min, theta_max, Ts)
     return {
         **outputs,
         "theta": if_else(enable, theta, theta0),
         "z": if_else(runs, relaxed(old, v, rate, Ts), 0.0),
-        "learned": if_else(runs, after - theta0, 0.0),
+        "learned": if_else(runs, if_else(track, theta, after) - theta0, 0.0),
     }

@@ -108,7 +108,7 @@ def adaptive_sliding_mode(
     + K/phi + m lam in the layer, without integral action.
 
     While enable is false, u, F_hat and u_sat are 0 and the estimates are Fc0 and Fv0; reset takes effect in the same
-    sample.
+    sample. The estimates cannot carry a load, so u jumps when enabled on a loaded axis.
 
     Limits: the estimates converge only as far as tracking requires; at a single speed, only Fc + Fv |rd| is learned.
     F_hat jumps at reversals of the reference, as in StaticFeedforward. A narrow layer causes chattering;

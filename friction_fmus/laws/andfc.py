@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, exp, fabs, if_else, logic_or
+from casadi import SX, exp, fabs, if_else
 
 from friction_fmus.lawkit.expressions import clip, stribeck_level, unless_winding_up
 from friction_fmus.lawkit.law import (
@@ -22,7 +22,9 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.estimators import starts_now
 from friction_fmus.lawkit.parts.observers import limited, relaxed
+from friction_fmus.lawkit.parts.tracking import deflected
 
 
 @law(
@@ -71,6 +73,8 @@ def andfc(
     u_prev: SX = variables.U_PREV,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and all states are at their start values"),
     reset: SX = Command(False, "true: all states are reset to their start values"),
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     running: SX = variables.RUNNING,
     x_hat: SX = variables.X_HAT,
     v_hat: SX = variables.V_HAT,
@@ -147,13 +151,14 @@ def andfc(
     limits; in a system, it is the input F_ext of the plant.
 
     The first sample after the start, a reset or a time with enable false adopts x and assumes rest. While enable is
-    false, u, F_hat, u_sat, v_est and all states are 0 and each theta is 1.
+    false, u, F_hat, u_sat, v_est and all states are 0 and each theta is 1. While track is true, each theta is held and
+    z0 is such that w = u_track, as far as |z0| <= g(v_hat)/sigma0: the law takes over friction, but no load.
 
     Limits: the factors converge to their true values only with a reference that excites them; tracking does not require
     this. Fc, Fs and vs are not adapted separately. A wrong mass causes an error of the velocity. u_min must not exceed
     u_max.
     """
-    fresh = logic_or(reset, running <= 0.5)
+    fresh = starts_now(reset, running)
     p = exp(-wo * Ts)
     force = (u_prev - F_last) / m
     x_p = x_hat + Ts * v_hat + Ts**2 / 2.0 * force
@@ -161,20 +166,27 @@ def andfc(
     position = if_else(fresh, x, x_p + (1.0 - p**2) * (x - x_p))
     v = if_else(fresh, 0.0, v_p + (1.0 - p) ** 2 / Ts * (x - x_p))
 
-    a0, a1 = if_else(fresh, 0.0, z0), if_else(fresh, 0.0, z1)
+    a1 = if_else(fresh, 0.0, z1)
     thetas = [1.0 + if_else(fresh, 0.0, part) for part in (learned0, learned1, learned2)]
-    flow = fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
-    parts = [sigma0 * a0, -sigma0 * sigma1 * flow * a1, (sigma1 + sigma2) * v]
+    level = stribeck_level(fabs(v), Fc, Fs, vs, delta)
+    flow = fabs(v) / level
+    ed = rd - v
+    s = ed + lam * (r - x)
+    tracking = m * (rdd + lam * ed) + Ks * s
+    others = [-sigma0 * sigma1 * flow * a1, (sigma1 + sigma2) * v]
+    rest = tracking + gain * (thetas[1] * others[0] + thetas[2] * others[1])
+    stiffness, kept = gain * thetas[0] * sigma0, if_else(fresh, 0.0, z0)
+    most = level / if_else(track, sigma0, 1.0)  # finite for the doctor, which sets sigma0 to 0
+    a0 = deflected(track, u_track, rest, stiffness, most, u_min, u_max, kept)
+    parts = [sigma0 * a0, *others]
     bound = theta_max * if_else(Fs > Fc, Fs, Fc) + sigma2 * fabs(v)
     friction = clip(thetas[0] * parts[0] + thetas[1] * parts[1] + thetas[2] * parts[2], -bound, bound)
 
-    ed = rd - v
-    s = ed + lam * (r - x)
-    outputs = limited(m * (rdd + lam * ed) + Ks * s, friction, gain, enable, u_min, u_max)
+    outputs = limited(tracking, friction, gain, enable, u_min, u_max)
     heard = unless_winding_up(s, outputs["u_sat"])
     speeds = (Gamma0, Gamma1, Gamma2)
     after = [
-        clip(theta + Ts * speed * heard * part, SX(0.0), theta_max)
+        if_else(track, theta, clip(theta + Ts * speed * heard * part, SX(0.0), theta_max))
         for theta, speed, part in zip(thetas, speeds, parts, strict=True)
     ]
     return {

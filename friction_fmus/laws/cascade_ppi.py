@@ -20,6 +20,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.tracking import carried, restarts
 
 
 @law(
@@ -45,6 +46,8 @@ def cascade_ppi(
     f: SX = variables.FED_FORWARD,
     enable: SX = variables.ENABLE_INTEGRAL,
     reset: SX = variables.RESET_INTEGRAL,
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     integral: SX = State(LENGTH, 0.0, "integral of the velocity error w", nominal=1e-3),
     kp: SX = Parameter("1/s", 30.0, "gain of the position loop", min=0.0),
     kv: SX = Parameter(DAMPING, 190.0, "proportional gain of the velocity loop", min=0.0),
@@ -60,6 +63,7 @@ def cascade_ppi(
         u      = clip(m rdd + kv w + ki I + f, u_min, u_max)
         I_next = I + Ts w
         I_next = I while u is limited and w pushes further into that limit
+        I      = (u_track - m rdd - kv w - f)/ki  while track is true
 
     Jamaludin, Van Brussel, Swevers, IEEE Transactions on Industrial Electronics 56(10), 2009 (the structure; the
     paper itself was not read).
@@ -73,18 +77,21 @@ def cascade_ppi(
 
     The integral used in a sample does not contain w of that sample. While reset is true, the integral is 0, in the same
     sample and in the next one. While enable is false, u, u_sat and the integral are 0. When enable becomes true again,
-    u does not jump if the reference starts at the state of the axis (r = x, rd = v, rdd = 0).
+    u does not jump if the reference starts at the state of the axis (r = x, rd = v, rdd = 0). While track is true, I is
+    such that u = u_track within the limits, as in PID; with ki = 0, track has no effect.
 
     Limits: as for PID. The integral action causes hunting if static friction exceeds Coulomb friction. If f contains
     the inertia force, like u of StaticFeedforward, m must be 0. u_min must not exceed u_max.
     """
     start = 0.0
-    old = if_else(reset, start, integral)
     w = kp * (r - x) + (rd - v)
-    wanted = m * rdd + kv * w + ki * old + f
+    feedback = m * rdd + kv * w
+    old = carried(track, u_track, feedback + f, ki, u_min, u_max, if_else(reset, start, integral))
+    wanted = feedback + ki * old + f
     u_sat = limits(wanted, u_min, u_max)
+    after = old + Ts * unless_winding_up(w, u_sat)
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
         "u_sat": if_else(enable, u_sat, 0.0),
-        "integral": if_else(reset, start, if_else(enable, old + Ts * unless_winding_up(w, u_sat), start)),
+        "integral": if_else(restarts(reset, track), start, if_else(enable, after, start)),
     }

@@ -59,7 +59,8 @@ def coulomb_feedforward(
     friction.
 
     Connect u to the input f of a position controller, whose parameter m must then be 0. While enable is false, u, F_hat
-    and u_sat are 0. Feedforward does not change the stability of the loop.
+    and u_sat are 0. The law has no state, so u jumps when enabled in motion. Feedforward does not change the stability
+    of the loop.
 
     Limits: u jumps by 2 Fc at reversals of the reference, whereas presliding friction changes gradually. For motion
     within the presliding range (some micrometres), the law can be worse than no compensation. At rest, nothing is

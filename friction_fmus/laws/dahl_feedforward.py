@@ -20,6 +20,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.feedforward import feedforward, increment, when
+from friction_fmus.lawkit.parts.tracking import deflected
 
 
 def closed(gap: SX, path: SX, n: SX) -> SX:
@@ -54,6 +55,8 @@ def dahl_feedforward(
     rdd: SX = variables.RDD,
     enable: SX = variables.ENABLE_STATES,
     reset: SX = variables.RESET,
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     z: SX = State(LENGTH, 0.0, "deflection of the contact", nominal=1e-5),
     last: SX = variables.LAST,
     started: SX = variables.STARTED,
@@ -84,8 +87,9 @@ def dahl_feedforward(
     sign of the velocity is too abrupt. It has two parameters: the level Fc and the stiffness sigma after a reversal.
 
     The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat, u_sat and
-    the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
-    position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
+    the states are 0; when enable becomes true again, dr is 0, however far r has moved. While track is true, z is such
+    that u = u_track, as far as |z| <= Fc/sigma. Connect u to the input f of a position controller, whose parameter m
+    must then be 0. Feedforward does not change the stability of the loop.
 
     Limits: the model has no Stribeck effect, and z drifts under a constant force with vibration. z is the deflection of
     a contact that moves like the reference; it keeps its value after the last motion, even during a long rest. A
@@ -96,7 +100,9 @@ def dahl_feedforward(
     gap = sign(dr) * Fc / sigma - before  # distance to the deflection of steady sliding
     size, path = fabs(gap) * sigma / Fc, fabs(dr) * sigma / Fc
     moves = logic_and(path != 0.0, size != 0.0)
-    now = before + if_else(moves, gap * closed(if_else(moves, size, 1.0), path, n), 0.0)
+    moved = before + if_else(moves, gap * closed(if_else(moves, size, 1.0), path, n), 0.0)
+    rest = m * rdd + gain * (Fv * rd)
+    now = deflected(track, u_track, rest, gain * sigma, Fc / sigma, u_min, u_max, moved)
     return {
         **feedforward(m * rdd, sigma * now + Fv * rd, gain, enable, u_min, u_max),
         **when(enable, z_hat=now, z=now, last=r, started=1.0),

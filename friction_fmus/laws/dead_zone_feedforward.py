@@ -73,7 +73,7 @@ def dead_zone_feedforward(
     controller force instead of the sign of the reference. Connect u to the plant or, without f, to the input f of a
     position controller, whose parameter m must then be 0.
 
-    While enable is false, u, F_hat and u_sat are 0. The law has no state.
+    While enable is false, u, F_hat and u_sat are 0. The law has no state, so u jumps when enabled.
 
     Limits: the law is an interpretation. With f from a feedback controller, it is not a feedforward: in the band, it
     multiplies the gains of that controller by 1 + gain, which the stability margin must allow. F_hat jumps at |rd| =

@@ -120,8 +120,8 @@ def discrete_inverse(
     built or the C code is generated; preview is then fixed, and a sample takes about N/32 times as long.
 
     In the first sample and in a sample with reset, the plant is assumed to rest at r, and u is the force that holds it
-    there. While enable is false, u, u_sat, r_now and the states are 0. The limits do not affect the states. N is
-    rounded down. Feedforward does not change the stability of the loop.
+    there. While enable is false, u, u_sat, r_now and the states are 0. u jumps to this force when enabled. The limits
+    do not affect the states. N is rounded down. Feedforward does not change the stability of the loop.
 
     Limits: zeros inside the circle must be real, and at most two may be outside: a pair, or a double zero (pair2 = 0).
     N grows for zeros near the circle. Friction needs a separate law. The plant model must be accurate at all

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import pi, sqrt
 
-from casadi import SX, cos, exp, expm1, if_else, sin
+from casadi import SX, cos, exp, expm1, if_else, logic_and, logic_not, sin
 
 from friction_fmus.lawkit.law import (
     FORCE,
@@ -24,6 +24,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.estimators import compensation, mean_friction, starts_now
+from friction_fmus.lawkit.parts.tracking import carried
 
 
 @law(
@@ -48,6 +49,8 @@ def disturbance_observer(
     f_prev: SX = Input(FORCE, 0.0, "part of u_prev that already compensates friction", optional=True),
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and the observer is at its start values"),
     reset: SX = Command(False, "true: the observer restarts"),
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     d: SX = State(FORCE, 0.0, "estimated disturbance"),
     d_rate: SX = State(FORCE, 0.0, "its time derivative divided by 2 pi fq, for order 2"),
     v_last: SX = State(VELOCITY, 0.0, "velocity in the previous sample", nominal=1e-2),
@@ -85,7 +88,8 @@ def disturbance_observer(
     sample.
 
     For friction that grows at the rate c, the estimate of order 1 lags by c Ts (1/a - 1/2). The first sample and a
-    sample with reset set F_hat to 0. While enable is false, u, F_hat, u_sat and all states are 0.
+    sample with reset set F_hat to 0. While enable is false, u, F_hat, u_sat and all states are 0. While track is true,
+    p = 0 and F_hat is such that u = u_track, within the limits; with gain = 0 it is not changed.
 
     The loop is stable if |Q D| < 1 at all frequencies, where D is the relative error of the inverse model. In
     presliding, the plant is 1/(m s^2 + Kt), and D is not small: stability then depends on the poles of the loop with
@@ -104,11 +108,11 @@ def disturbance_observer(
     y, p_old = old - F_m, if_else(new, 0.0, d_rate)
     second = F_m + exp(-q) * (y * (cos(q) + sin(q)) + sqrt(2.0) * p_old * sin(q))
     p = exp(-q) * (p_old * (cos(q) - sin(q)) - sqrt(2.0) * y * sin(q))
-    F_hat = if_else(second_order, second, first)
+    F_hat = carried(track, u_track, SX(0.0), gain, u_min, u_max, if_else(second_order, second, first))
     return {
         **compensation(F_hat, gain, u_min, u_max, enable),
         "d": if_else(enable, F_hat, 0.0),
-        "d_rate": if_else(enable, if_else(second_order, p, 0.0), 0.0),
+        "d_rate": if_else(enable, if_else(logic_and(second_order, logic_not(track)), p, 0.0), 0.0),
         "v_last": if_else(enable, v, 0.0),
         "running": enable,
     }

@@ -79,7 +79,7 @@ def dither(
     frequency < 1/(2 Ts) is required, because of aliasing; at 1/(2 Ts) the sine is 0.
 
     While enable is false, u and u_sat are 0 and the phase is at its start value. With gain = 0, u = f. reset takes
-    effect in the same sample.
+    effect in the same sample. u jumps to f when enabled; a square wave also jumps by gain Ad.
 
     Limits: the stroke A/(2 pi frequency) must be large compared with the presliding distance of the contact
     (Fc/sigma0); otherwise, the contact follows elastically and friction is not averaged. The waveform is held between

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, exp, fabs, if_else, logic_or, sign
+from casadi import SX, exp, fabs, if_else, sign
 
 from friction_fmus.lawkit.expressions import clip
 from friction_fmus.lawkit.law import (
@@ -22,7 +22,9 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.estimators import starts_now
 from friction_fmus.lawkit.parts.observers import limited
+from friction_fmus.lawkit.parts.tracking import deflected
 
 
 @law(
@@ -51,6 +53,8 @@ def elasto_plastic_estimator(
     v: SX = Input(VELOCITY, 0.0, "measured velocity, for viscous friction only", optional=True),
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and z = 0"),
     reset: SX = Command(False, "true: z = 0"),
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     running: SX = variables.RUNNING,
     x_last: SX = State(LENGTH, 0.0, "position in the previous sample", nominal=1e-3),
     z: SX = State(LENGTH, 0.0, "elastic deflection", nominal=1e-5),
@@ -86,14 +90,15 @@ def elasto_plastic_estimator(
     Connect u to the input f of a position controller. v is needed for Fv only.
 
     The first sample, a sample with reset, and the first sample after a time with enable false start with z = 0. While
-    enable is false, u, F_hat, u_sat and all states are 0.
+    enable is false, u, F_hat, u_sat and all states are 0. While track is true, z is such that u = u_track, as far as
+    |z| <= z_m.
 
     Limits: the model has no Stribeck effect and no lag; identify Fc at the working speed. Below break-away, the law is
     a positive feedback with the stiffness gain sigma0, which must not exceed the sum of the stiffnesses of the real
     contact and of the position loop. After a start at rest, z is unknown until the axis has moved by about 3 z_m. u_min
     must not exceed u_max.
     """
-    fresh = logic_or(reset, running <= 0.5)
+    fresh = starts_now(reset, running)
     # the difference is 0, or NaN if x is NaN
     step = x - if_else(fresh, x, x_last)
     old = if_else(fresh, 0.0, z)
@@ -105,7 +110,8 @@ def elasto_plastic_estimator(
     y = z_m - (along + free)
     D = 2.0 * z_m - z_b
     q = exp(-D * (path - free) / (z_m * (z_m - z_b)))
-    after = if_else(step == 0.0, old, sign(step) * (z_m - D * y * q / (D - y * (1.0 - q))))
+    moved = if_else(step == 0.0, old, sign(step) * (z_m - D * y * q / (D - y * (1.0 - q))))
+    after = deflected(track, u_track, gain * (Fv * v), gain * sigma0, z_m, u_min, u_max, moved)
 
     return {
         **limited(SX(0.0), sigma0 * after + Fv * v, gain, enable, u_min, u_max),

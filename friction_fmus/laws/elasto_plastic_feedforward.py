@@ -23,6 +23,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.feedforward import at_most, fading, feedforward, increment, relax, when
+from friction_fmus.lawkit.parts.tracking import deflected
 
 
 def approach(y: SX, k: SX, p: SX) -> SX:
@@ -60,11 +61,12 @@ def slid(z: SX, u: SX, z_max: SX, z_ba: SX) -> SX:
     room = begin - z
     elastic = if_else(room > 0.0, room, 0.0)
     entered, rest = if_else(room > 0.0, begin, z), u - elastic
-    width = z_max - begin
+    # these are positive where they are used; fabs shows that they are not -0.0, which saves operations in generated C
+    width, distance = fabs(z_max - begin), fabs(z_max - entered)
     between = logic_and(entered < z_max, rest > 0.0)
     span = if_else(between, width, 1.0)
-    y = if_else(between, (z_max - entered) / span, 1.0)
-    plastic = z_max - width * approach(y, if_else(between, width / z_max, 1.0), if_else(between, rest / span, 0.0))
+    y, k = if_else(between, distance / span, 1.0), if_else(between, fabs(width / z_max), 1.0)
+    plastic = z_max - width * approach(y, k, if_else(between, rest / span, 0.0))
     beyond = relax(entered, z_max, if_else(rest > 0.0, rest, 0.0) / z_max)
     return if_else(rest <= 0.0, z + u, if_else(between, plastic, beyond))
 
@@ -92,6 +94,8 @@ def elasto_plastic_feedforward(
     rdd: SX = variables.RDD,
     enable: SX = variables.ENABLE_STATES,
     reset: SX = variables.RESET,
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     z: SX = State(LENGTH, 0.0, "mean bristle deflection", nominal=1e-5),
     last: SX = variables.LAST,
     started: SX = variables.STARTED,
@@ -130,8 +134,9 @@ def elasto_plastic_feedforward(
     not drift: z then equals the displacement.
 
     The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat, u_sat and
-    the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
-    position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
+    the states are 0; when enable becomes true again, dr is 0, however far r has moved. While track is true, z is such
+    that u = u_track, as far as |z| <= z_ba. Connect u to the input f of a position controller, whose parameter m must
+    then be 0. Feedforward does not change the stability of the loop.
 
     Limits: choose 0 < z_ba < min(Fc, Fs)/sigma0; a larger z_ba is replaced by S/sigma0. A jump of rd causes a jump of
     F_hat by sigma1 times the jump of rd, as in LuGreFeedforward. A reversal between two samples is missed. u_min must
@@ -141,15 +146,19 @@ def elasto_plastic_feedforward(
     side = sign(dr)
     z_max = stribeck_level(fabs(dr / Ts), Fc, Fs, vs, delta) / sigma0
     before = if_else(reset, 0.0, z)
-    now = if_else(dr == 0.0, before, side * slid(side * before, fabs(dr), z_max, z_ba))
+    moved = if_else(dr == 0.0, before, side * slid(side * before, fabs(dr), z_max, z_ba))
 
     steady = stribeck_level(fabs(rd), Fc, Fs, vs, delta) / sigma0
+    damping = fading(sigma1, rd, v_d)
+    # up to the break-away deflection, where alpha = 0
+    rest, elastic = m * rdd + gain * ((damping + sigma2) * rd), at_most(z_ba, steady)
+    now = deflected(track, u_track, rest, gain * sigma0, elastic, u_min, u_max, moved)
     along = sign(rd) * now
     inside = logic_and(along > z_ba, along < steady)
-    phase = 0.5 * math.pi * (along - z_ba) / if_else(inside, steady - z_ba, 1.0)
+    phase = 0.5 * math.pi * (along - z_ba) / if_else(inside, fabs(steady - z_ba), 1.0)
     alpha = if_else(inside, sin(phase) ** 2, along >= steady)
     stretching = rd * (1.0 - alpha * along / steady)
-    friction = sigma0 * now + fading(sigma1, rd, v_d) * stretching + sigma2 * rd
+    friction = sigma0 * now + damping * stretching + sigma2 * rd
     return {
         **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
         **when(enable, z_hat=now, z=now, last=r, started=1.0),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, exp, if_else, logic_or
+from casadi import SX, exp, if_else
 
 from friction_fmus.lawkit.law import (
     FORCE,
@@ -18,7 +18,9 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.estimators import starts_now
 from friction_fmus.lawkit.parts.observers import limited
+from friction_fmus.lawkit.parts.tracking import carried
 
 
 @law(
@@ -46,6 +48,8 @@ def extended_state_observer(
     u_prev: SX = variables.U_PREV,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and the observer is at its start values"),
     reset: SX = Command(False, "true: the observer restarts at the measured position"),
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     running: SX = variables.RUNNING,
     x_hat: SX = variables.X_HAT,
     v_hat: SX = variables.V_HAT,
@@ -83,13 +87,14 @@ def extended_state_observer(
         F - F_est = c Ts (3/2 (1 + p)/(1 - p) - 1/2),   about 3 c/wo for small wo Ts
 
     The first sample after the start, a reset or a time with enable false adopts x and assumes rest without friction.
-    While enable is false, u, F_hat, u_sat, v_est and all states are 0.
+    While enable is false, u, F_hat, u_sat, v_est and all states are 0. While track is true, F_est is such that w =
+    u_track, within the limits; with gain = 0 it is not changed.
 
     Limits: at a reversal, the estimate lags by about 3/wo. Noise of x enters F_est with the factor m (1 - p)^3/Ts^2.
     Full compensation with F_est is an integral action, which causes hunting if static friction exceeds Coulomb
     friction. With a wrong mass, F_est contains the difference of the inertia forces. u_min must not exceed u_max.
     """
-    fresh = logic_or(reset, running <= 0.5)
+    fresh = starts_now(reset, running)
     p = exp(-wo * Ts)
     force = (u_prev - F_est) / m
     x_p = x_hat + Ts * v_hat + Ts**2 / 2.0 * force
@@ -97,9 +102,10 @@ def extended_state_observer(
     residual = x - x_p
     position = if_else(fresh, x, x_p + (1.0 - p**3) * residual)
     velocity = if_else(fresh, 0.0, v_p + 1.5 * (1.0 - p) ** 2 * (1.0 + p) / Ts * residual)
-    friction = if_else(fresh, 0.0, F_est - m * (1.0 - p) ** 3 / Ts**2 * residual)
+    estimated = if_else(fresh, 0.0, F_est - m * (1.0 - p) ** 3 / Ts**2 * residual)
 
     tracking = m * (wc**2 * (r - position) + 2.0 * wc * (rd - velocity) + rdd)
+    friction = carried(track, u_track, tracking, gain, u_min, u_max, estimated)
     return {
         **limited(tracking, friction, gain, enable, u_min, u_max),
         "v_est": if_else(enable, velocity, 0.0),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, ceil, exp, fabs, if_else, logic_and
+from casadi import SX, ceil, exp, fabs, if_else, logic_and, logic_or
 
 from friction_fmus.lawkit.expressions import stribeck_level
 from friction_fmus.lawkit.law import (
@@ -20,7 +20,8 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import maxwell_slip, variables
 from friction_fmus.lawkit.parts.feedforward import feedforward, increment, when
-from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, used_elements
+from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, weights
+from friction_fmus.lawkit.parts.tracking import deflected
 
 
 @law(
@@ -49,6 +50,8 @@ def gms_feedforward(
     Fn: SX = Input("N", 1.0, "normal force", optional=True),
     enable: SX = variables.ENABLE_STATES,
     reset: SX = variables.RESET,
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     Fi: SX = maxwell_slip.FI,
     slipping: SX = maxwell_slip.SLIPPING,
     way: SX = maxwell_slip.WAY,
@@ -100,36 +103,42 @@ def gms_feedforward(
     presliding loop.
 
     The first sample and a sample with reset start at r: dr = 0 and Fi = 0. While enable is false, u, F_hat, u_sat and
-    the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
-    position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
+    the states are 0; when enable becomes true again, dr is 0, however far r has moved. While track is true, dr is 0 and
+    the forces are in proportion to alpha_i and such that u = u_track, as far as |Fi| <= alpha_i Fs. Connect u to the
+    input f of a position controller, whose parameter m must then be 0. Feedforward does not change the stability of the
+    loop.
 
     Limits: a reversal between two samples is missed. With noise in r, the elements switch between stick and slip, so
     r must be the reference, not a measurement. u_min must not exceed u_max.
     """
-    dr = increment(r, last, started, reset)  # 0 during reset
+    fresh = logic_or(reset, track)
+    dr = increment(r, last, started, fresh)  # 0 if fresh
     moving, side = dr != 0.0, if_else(dr > 0.0, 1.0, -1.0)
     S = stribeck_level(fabs(dr / Ts), Fc, Fs, vs, delta)
-    forces, slips, creep = [], [], SX(0.0)
-    for i, element in enumerate(slide(Fi, slipping, way, k, alpha, N, dr, S, exp(-C * Ts / S))):
-        elastic = logic_and(element.slipped, k[i] > 0.0)
-        creep += if_else(elastic, (element.moved - element.level) / if_else(k[i] > 0.0, k[i], 1.0), 0.0)
-        forces.append(if_else(moving, side * element.moved, if_else(reset, 0.0, Fi[i])))
-        slips.append(if_else(moving, element.slips, 0.0))
-    slips = used_elements(slips, N)
-    F_pre = sum(forces)
-    stretching = rd * (if_else(ELEMENTS - 1 < N, ELEMENTS, ceil(N)) - sum(slips))
-    # in this order, everything that needs S follows the single decision on motion
-    creeping = if_else(moving, if_else(sigma > 0.0, side * (C * creep / S), 0.0), 0.0)
-    F_el = F_pre + sigma * (stretching - creeping)
+    shares, total = weights(alpha, N)
+    used = if_else(ELEMENTS - 1 < N, ELEMENTS, ceil(N))
     load = if_else(Fn == Fn0, 1.0, if_else(Fn > 0.0, Fn, 0.0) / Fn0)
+    rest = m * rdd + gain * ((load * sigma * used + sigma2) * rd)
+    carries = deflected(track, u_track, rest, gain * load, Fs, u_min, u_max, SX(0.0))
+    forces, slips, creep = [], [], SX(0.0)
+    for i, element in enumerate(slide(Fi, slipping, way, k, N, shares, total, dr, S, exp(-C * Ts / S))):
+        elastic = logic_and(sigma > 0.0, logic_and(element.slipped, k[i] > 0.0))
+        creep += if_else(elastic, (element.moved - element.level) / if_else(k[i] > 0.0, k[i], 1.0), 0.0)
+        kept = if_else(track, shares[i] * (carries / total), if_else(reset, 0.0, Fi[i]))
+        forces.append(if_else(moving, side * element.moved, kept))
+        slips.append(if_else(moving, element.slips, 0.0))
+    F_pre, slipping_now = sum(forces), sum(slips)
+    stretching = rd * (used - slipping_now)
+    creeping = if_else(moving, side * (C * creep / S), 0.0)
+    F_el = F_pre + sigma * (stretching - creeping)
     friction = load * F_el + sigma2 * rd
     return {
         **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
         **when(
             enable,
             F_pre=F_pre,
-            slips=sum(slips),
-            way=if_else(moving, side, if_else(reset, 0.0, way)),
+            slips=slipping_now,
+            way=if_else(moving, side, if_else(fresh, 0.0, way)),
             last=r,
             started=1.0,
         ),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, exp, fabs, if_else
+from casadi import SX, exp, fabs, if_else, logic_and, logic_not
 
 from friction_fmus.lawkit.expressions import stribeck_level
 from friction_fmus.lawkit.law import (
@@ -18,8 +18,9 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import maxwell_slip, variables
-from friction_fmus.lawkit.parts.maxwell_slip import slide, used_elements
+from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, weights
 from friction_fmus.lawkit.parts.observers import limited
+from friction_fmus.lawkit.parts.tracking import deflected, restarts
 
 
 @law(
@@ -50,6 +51,8 @@ def gms_observer(
     v: SX = variables.V,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and the elements are at their start values"),
     reset: SX = Command(False, "true: the elements are reset to their start values"),
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     Fi: SX = maxwell_slip.FI,
     slipping: SX = maxwell_slip.SLIPPING,
     way: SX = maxwell_slip.WAY,
@@ -100,23 +103,29 @@ def gms_observer(
     known reference, GMSFeedforward needs no measured velocity.
 
     While enable is false, u, F_hat, u_sat and the elements are 0; reset sets the elements to 0 in the same sample.
+    While track is true, all elements stick with forces in proportion to alpha_i such that u = u_track, as far as |Fi|
+    <= alpha_i Fs.
 
     Limits: the law needs a measured velocity; its delay counts, and its noise at rest moves the elements to and fro. No
     condition on k_e is known; increase it from 0 until the error no longer falls. If the parameters exceed the
     parameters of the axis, the estimate drives the axis; set gain < 1 in this case. u_min must not exceed u_max.
     """
-    observed = sum(if_else(reset, 0.0, Fi[i]) for i in range(maxwell_slip.ELEMENTS))
-    F_hat = observed + sigma2 * v
+    shares, total = weights(alpha, N)
+    carries = deflected(track, u_track, gain * (sigma2 * v), gain, Fs, u_min, u_max, SX(0.0))
+    started = [share * (carries / total) for share in shares]
+    observed = if_else(reset, 0.0, sum(Fi[i] for i in range(ELEMENTS)))
+    F_hat = if_else(track, carries, observed) + sigma2 * v
     w = v + k_e * (r - x)  # winds nothing up: the elements are limited by S
     S = stribeck_level(fabs(w), Fc, Fs, vs, delta)
-    moving, side = w != 0.0, if_else(w > 0.0, 1.0, -1.0)
-    elements = slide(Fi, slipping, way, k, alpha, N, w * Ts, S, exp(-C * Ts / S))
-    forces = [if_else(moving, side * element.moved, Fi[i]) for i, element in enumerate(elements)]
-    slips = used_elements([if_else(moving, element.slips, 0.0) for element in elements], N)
-    active = if_else(reset, 0.0, enable)
+    moving, side = logic_and(w != 0.0, logic_not(track)), if_else(w > 0.0, 1.0, -1.0)
+    elements = slide(Fi, slipping, way, k, N, shares, total, w * Ts, S, exp(-C * Ts / S))
+    kept = [if_else(track, start, Fi[i]) for i, start in enumerate(started)]
+    forces = [if_else(moving, side * element.moved, kept[i]) for i, element in enumerate(elements)]
+    slips = [if_else(moving, element.slips, 0.0) for element in elements]
+    active = logic_and(enable, logic_not(restarts(reset, track)))
     return {
         **limited(SX(0.0), F_hat, gain, enable, u_min, u_max),
         "Fi": [if_else(active, force, 0.0) for force in forces],
         "slipping": [if_else(active, value, 0.0) for value in slips],
-        "way": if_else(active, if_else(moving, side, way), 0.0),
+        "way": if_else(active, if_else(moving, side, if_else(track, 0.0, way)), 0.0),
     }

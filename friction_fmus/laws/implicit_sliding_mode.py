@@ -79,7 +79,8 @@ def implicit_sliding_mode(
     inertia part to f. With gain < 1, only this fraction of the step to s = 0 is made, which is less sensitive to noise
     of v and to a mass smaller than m.
 
-    While enable is false, u, F_hat and u_sat are 0.
+    While enable is false, u, F_hat and u_sat are 0. Without a state, u jumps when enabled unless f carries the load of
+    the axis.
 
     Limits: within K, the law is a proportional controller with the gain of a dead-beat step, gain m/Ts on s. A delay, a
     flexible load or a true mass below gain m/2 makes it unstable, and noise of v enters u with this factor. F_hat lags

@@ -19,6 +19,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import limited
+from friction_fmus.lawkit.parts.tracking import carried, restarts
 
 
 @law(
@@ -50,6 +51,8 @@ def implicit_super_twisting(
     f: SX = variables.FED_FORWARD,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and w is at its start value"),
     reset: SX = Command(False, "true: w is reset to its start value"),
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     w: SX = State(FORCE, 0.0, "friction estimate in the previous sample"),
     gain: SX = variables.GAIN,
     m: SX = variables.POSITIVE_MASS,
@@ -93,13 +96,13 @@ def implicit_super_twisting(
     Use it for precise tracking with smooth friction, with the bound L of its rate as the only model. Connect a friction
     feedforward without its inertia part to f.
 
-    While enable is false, u, F_hat, u_sat and w are 0; reset takes effect in the same sample.
+    While enable is false, u, F_hat, u_sat and w are 0; reset takes effect in the same sample. While track is true, w is
+    such that p = u_track, within the limits; with gain = 0 it is not changed.
 
     Limits: a jump of friction at a reversal is followed with a rate of at most c2 L. The gain on s is up to 2 m/Ts:
     delays, flexible loads and noise of v have the same effects as in ImplicitSlidingMode, and a true mass below m
     causes oscillation earlier. u_min must not exceed u_max.
     """
-    old = if_else(reset, 0.0, w)
     ed = rd - v
     s = ed + lam * (r - x)
     most = c2 * L * Ts
@@ -108,6 +111,8 @@ def implicit_super_twisting(
     # the root without a difference of nearly equal numbers
     y = 2.0 * fabs(s) / (b + sqrt(b**2 + 4.0 * fabs(s)) + if_else(s == 0.0, 1.0, 0.0))
     twisting = m * (rdd + lam * ed) + c1 * sqrt(m * L) * y * sign(s) + f
+    own = if_else(reset, 0.0, w)
+    old = carried(track, u_track, twisting + gain * step, gain, u_min, u_max, own)
     outputs = limited(twisting, old + step, gain, enable, u_min, u_max)
     after = old + unless_winding_up(step, outputs["u_sat"])
-    return {**outputs, "w": if_else(reset, 0.0, if_else(enable, after, 0.0))}
+    return {**outputs, "w": if_else(restarts(reset, track), 0.0, if_else(enable, after, 0.0))}

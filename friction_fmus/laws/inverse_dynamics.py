@@ -77,8 +77,8 @@ def inverse_dynamics(
     counteract the deflection of the spring. Add a friction feedforward with m = 0 to u of this law.
 
     Connect u to the input f of a position controller, whose parameter m must then be 0. While enable is false, u, F_hat
-    and u_sat are 0 and r_motor, rd_motor equal r, rd. The law has no state. Feedforward does not change the stability
-    of the loop.
+    and u_sat are 0 and r_motor, rd_motor equal r, rd. The law has no state, so u jumps when enabled in motion.
+    Feedforward does not change the stability of the loop.
 
     Limits: the coupling has no damping. The derivatives must be consistent; a jerk of 0 with a varying rdd causes the
     error m c m_load snap. With gain < 1, the deflection due to friction is still compensated completely. Plants with

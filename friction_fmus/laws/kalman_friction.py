@@ -22,6 +22,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.estimators import compensation, corrected, starts_now
+from friction_fmus.lawkit.parts.tracking import carried
 
 
 @law(
@@ -49,6 +50,8 @@ def kalman_friction(
     u_prev: SX = variables.U_PREV,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and the filter is at its start values"),
     reset: SX = Command(False, "true: the filter restarts at the measured position"),
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     x_hat: SX = variables.X_HAT,
     v_hat: SX = variables.V_HAT,
     F_walk: SX = State(FORCE, 0.0, "estimated friction force"),
@@ -101,7 +104,8 @@ def kalman_friction(
 
     where K2 (1/s) and K3 (N/m) are the gains of velocity and force. The first sample and a sample with reset adopt x
     and v (v = 0 if unconnected), and set F_hat to 0 and P to diag(n^2, 2 n^2, 1). While enable is false, u, F_hat,
-    u_sat and all states are 0.
+    u_sat and all states are 0. While track is true, F_walk is such that u = u_track, within the limits; with gain = 0
+    it is not changed.
 
     Limits: a wrong mass puts the missing inertia force into F_hat. At a reversal, the estimate lags by about the time
     constant of the filter. Full compensation with F_hat is an integral action, which can hunt if static friction
@@ -132,6 +136,7 @@ def kalman_friction(
     mean = [if_else(use_v, a, b) for a, b in zip(with_v[0], mean, strict=True)]
     P = [[if_else(use_v, a, b) for a, b in zip(*rows, strict=True)] for rows in zip(with_v[1], P, strict=True)]
 
+    mean[2] = carried(track, u_track, SX(0.0), gain, u_min, u_max, mean[2])
     names = ("P11", "P12", "P13", "P22", "P23", "P33")
     states = dict(zip(("x_hat", "v_hat", "F_walk", *names), (*mean, *P[0], *P[1], *P[2]), strict=True))
     return {

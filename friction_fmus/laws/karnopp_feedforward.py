@@ -69,7 +69,8 @@ def karnopp_feedforward(
     force needed for the start, and jumps at the edges of the band instead of at rd = 0.
 
     Connect u to the input f of a position controller, whose parameter m must then be 0. While enable is false, u, F_hat
-    and u_sat are 0. The law has no state. Feedforward does not change the stability of the loop.
+    and u_sat are 0. The law has no state, so u jumps when enabled in motion. Feedforward does not change the stability
+    of the loop.
 
     For feedback, connect rd to the measured velocity. DV must then also exceed its noise and the velocity of
     oscillations in presliding; otherwise F_hat, a relay of the velocity, makes the axis oscillate at rest.

@@ -23,6 +23,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.feedforward import fading, feedforward, increment, relax, when
+from friction_fmus.lawkit.parts.tracking import deflected
 
 
 @law(
@@ -48,6 +49,8 @@ def lugre_feedforward(
     rdd: SX = variables.RDD,
     enable: SX = variables.ENABLE_STATES,
     reset: SX = variables.RESET,
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     z: SX = State(LENGTH, 0.0, "mean bristle deflection", nominal=1e-5),
     last: SX = variables.LAST,
     started: SX = variables.STARTED,
@@ -93,8 +96,9 @@ def lugre_feedforward(
     friction must be known within a few per cent, the stiffness much less accurately.
 
     The first sample and a sample with reset start at r: dr = 0 and z = 0. While enable is false, u, F_hat, u_sat and
-    the states are 0; when enable becomes true again, dr is 0, however far r has moved. Connect u to the input f of a
-    position controller, whose parameter m must then be 0. Feedforward does not change the stability of the loop.
+    the states are 0; when enable becomes true again, dr is 0, however far r has moved. While track is true, z is such
+    that u = u_track, as far as |z| <= g(rd)/sigma0. Connect u to the input f of a position controller, whose parameter
+    m must then be 0. Feedforward does not change the stability of the loop.
 
     Limits: in the model, z drifts under a constant force with vibration, reversal points are not remembered, and a jump
     of rd causes a jump of F_hat by sigma1 times the jump of rd. With the start values, F_hat may even drive the axis
@@ -114,10 +118,16 @@ def lugre_feedforward(
 
     dr = increment(r, last, started, reset)
     g = level(dr / Ts)
-    now = relax(if_else(reset, 0.0, z), sign(dr) * g / sigma0, sigma0 * fabs(dr) / g)
-    stretching = rd - sigma0 * fabs(rd) / level(rd) * now
+    moved = relax(if_else(reset, 0.0, z), sign(dr) * g / sigma0, sigma0 * fabs(dr) / g)
+    steady = level(rd)
+    rate = sigma0 * fabs(rd) / steady
     viscous = if_else(logic_and(asymmetric, rd < 0.0), sigma2_neg, sigma2)
-    friction = sigma0 * now + fading(sigma1, rd, v_d) * stretching + viscous * rd
+    damping = fading(sigma1, rd, v_d)
+    rest = m * rdd + gain * ((damping + viscous) * rd)
+    stiffness = gain * (sigma0 - damping * rate)
+    now = deflected(track, u_track, rest, stiffness, steady / sigma0, u_min, u_max, moved)
+    stretching = rd - rate * now
+    friction = sigma0 * now + damping * stretching + viscous * rd
     return {
         **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
         **when(enable, z_hat=now, z=now, last=r, started=1.0),

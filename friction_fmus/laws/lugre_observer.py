@@ -21,6 +21,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import acting, limited
+from friction_fmus.lawkit.parts.tracking import deflected, restarts
 
 
 @law(
@@ -50,6 +51,8 @@ def lugre_observer(
     v: SX = variables.V,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and z is at its start value"),
     reset: SX = Command(False, "true: z is reset to its start value"),
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     z: SX = State(LENGTH, 0.0, "observed mean bristle deflection", nominal=1e-5),
     gain: SX = variables.GAIN,
     k: SX = Parameter("1/s", 0.0, "injection of the position error; 0: observer without correction", min=0.0),
@@ -101,19 +104,25 @@ def lugre_observer(
     (derived for this library). With the start values and 1 kg, this requires Kd >= 316 N.s/m. A position loop of 10 Hz
     has less damping; the tracking error then grows again above a certain k.
 
-    While enable is false, u, F_hat, u_sat and z are 0; reset sets z to 0 in the same sample.
+    While enable is false, u, F_hat, u_sat and z are 0; reset sets z to 0 in the same sample. While track is true, z is
+    such that u = u_track, as far as |z| <= g(v)/sigma0.
 
     Limits: the law needs a measured velocity, whose delay and noise are amplified by sigma1. If the parameters exceed
     the parameters of the axis, the estimate drives the axis; set gain < 1 in this case. u_min must not exceed u_max.
     """
-    rate = sigma0 * fabs(v) / stribeck_level(fabs(v), Fc, Fs, vs, delta)
+    level = stribeck_level(fabs(v), Fc, Fs, vs, delta)
+    rate = sigma0 * fabs(v) / level
     injected = k * (r - x)
-    slope = v + injected - rate * z
-    F_hat = if_else(reset, sigma1 * (v + injected), sigma0 * z + sigma1 * slope) + sigma2 * v
+    stretch = v + injected
+    rest, stiffness = gain * (sigma1 * stretch + sigma2 * v), gain * (sigma0 - sigma1 * rate)
+    old = deflected(track, u_track, rest, stiffness, level / sigma0, u_min, u_max, z)
+    fresh = restarts(reset, track)
+    slope = stretch - rate * old
+    F_hat = if_else(fresh, sigma1 * stretch, sigma0 * old + sigma1 * slope) + sigma2 * v
     active = limits(gain * F_hat, u_min, u_max)
     # separate from the usual case, where the slope is already computed for F_hat
-    held = if_else(active != 0.0, v + unless_winding_up(injected, active) - rate * z, slope)
+    held = if_else(active != 0.0, v + unless_winding_up(injected, active) - rate * old, slope)
     return {
         **limited(SX(0.0), F_hat, gain, enable, u_min, u_max),
-        "z": if_else(enable, if_else(reset, 0.0, z + acting(rate, Ts) * held), 0.0),
+        "z": if_else(enable, if_else(fresh, 0.0, old + acting(rate, Ts) * held), 0.0),
     }

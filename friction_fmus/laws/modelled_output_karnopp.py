@@ -94,7 +94,7 @@ def modelled_output_karnopp(
     must balance. Compensate less if the friction is uncertain.
 
     While enable is false, u, F_hat, u_sat and v_model are 0; reset takes effect in the same sample. The law has no
-    integral action.
+    integral action that could carry a load, so u jumps when enabled on a loaded axis.
 
     Limits: v_model lags Vs by m/CV, so F_hat changes its sign late. DV must exceed the change of v_model per sample;
     otherwise, v_model skips the band and the relay oscillates at rest. A constant load leaves an error of load/(CV KP).

@@ -178,7 +178,8 @@ def multi_loop_karnopp(
         M s^2 + CV (s + KP) + KP CV/(1 + CV G) = 0
 
     The states of CV in the velocity loop are held while u is limited and Vs - v pushes further into that limit. While
-    enable is false, all outputs and states are 0; reset takes effect in the same sample.
+    enable is false, all outputs and states are 0; reset takes effect in the same sample. The integrators then start at
+    0, so u jumps when enabled on a loaded axis.
 
     Limits: the model does not know the limits of u. DV must exceed the change of v_model per sample; otherwise, v_model
     skips the band and the relay oscillates at rest. An integral in CV causes hunting if static friction exceeds Coulomb

@@ -21,6 +21,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.tracking import carried, restarts
 
 
 @law(
@@ -59,8 +60,10 @@ def pid(
     f: SX = variables.FED_FORWARD,
     enable: SX = variables.ENABLE_INTEGRAL,
     reset: SX = variables.RESET_INTEGRAL,
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     integral: SX = State(LENGTH + ".s", 0.0, "integral of the position error", nominal=1e-4),
-    held: SX = State(NO_UNIT, 0.0, "1 while the dead-band holds the integral"),
+    held: SX = State(NO_UNIT, 0.0, "1 while the dead-band holds the integral", flag=True),
     side: SX = State(NO_UNIT, 0.0, "sign of the last velocity above v_zc"),
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain", min=0.0),
     Kd: SX = Parameter(DAMPING, 190.0, "derivative gain", min=0.0),
@@ -89,13 +92,21 @@ def pid(
         I      = reversal I + 2 Fc_turned sgn(v)/Ki, before it is used, at a
                  reversal: |v| > v_zc, and the sign of v differs from that
                  of the last v with |v| > v_zc
+        I      = (u_track - Kp e - Kd (rd - v) - m rdd - f)/Ki  while track
+                 is true, so that u = u_track
 
-    Astrom, Hagglund: Advanced PID Control, ISA 2006 (conditional integration against windup). Ki = 0 is PD
-    control. The start values place three poles near 10 Hz for a mass of 1 kg without friction.
+    Astrom, Hagglund: Advanced PID Control, ISA 2006 (conditional integration against windup, tracking); Hanus,
+    Kinnaert, Henrotte: Conditioning technique, a general anti-windup and bumpless transfer method, Automatica 23(6),
+    1987 (from memory). Ki = 0 is PD control. The start values place three poles near 10 Hz for a mass of 1 kg without
+    friction.
 
     The integral used in a sample does not contain the error of that sample. While reset is true, the integral is 0, in
     the same sample and in the next one. While enable is false, u, u_sat and the integral are 0. When enable becomes
     true again, u does not jump if the reference starts at the state of the axis (r = x, rd = v, rdd = 0).
+
+    To take over an axis without a jump, set track in the first sample with enable, and u_track to the force that acts:
+    u is then u_track, within u_min and u_max, and continues from it. The integral also absorbs the jump of a
+    compensator at f that is enabled in such a sample. With Ki = 0 there is no memory, and track has no effect.
 
     Dead-band and reversal act against hunting; the start values disable them. A dead-band with db_ratio > 1 does not
     chatter with a noisy error. reversal = 0 resets the integral, -1 reverses its sign like Coulomb friction, and values
@@ -122,16 +133,17 @@ def pid(
     moves = fabs(v) > v_zc
     flip = if_else(Ki > 0.0, 2.0 * Fc_turned * sign(v) / if_else(Ki > 0.0, Ki, 1.0), 0.0)
     turned = if_else(logic_and(moves, side * v < 0.0), reversal * integral + flip, integral)
-    old = if_else(reset, start, turned)
     e = r - x
+    feedback, ahead = Kp * e + Kd * (rd - v), m * rdd + f
+    old = carried(track, u_track, feedback + ahead, Ki, u_min, u_max, if_else(reset, start, turned))
     hold = logic_or(fabs(e) <= db, logic_and(held, fabs(e) <= db_ratio * db))
-    wanted = Kp * e + Kd * (rd - v) + Ki * old + m * rdd + f
+    wanted = feedback + Ki * old + m * rdd + f
     u_sat = limits(wanted, u_min, u_max)
     rate = if_else(hold, 0.0, unless_winding_up(e, u_sat))
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
         "u_sat": if_else(enable, u_sat, 0.0),
-        "integral": if_else(reset, start, if_else(enable, old + Ts * rate, start)),
+        "integral": if_else(restarts(reset, track), start, if_else(enable, old + Ts * rate, start)),
         "held": if_else(enable, hold, 0.0),
         "side": if_else(enable, if_else(moves, sign(v), side), 0.0),
     }

@@ -18,6 +18,7 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.estimators import compensation, starts_now
+from friction_fmus.lawkit.parts.tracking import carried
 
 
 @law(
@@ -48,6 +49,8 @@ def predictive_filter(
     u_prev: SX = variables.U_PREV,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and the filter is at its start values"),
     reset: SX = Command(False, "true: the filter restarts at the measured velocity"),
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     v_hat: SX = variables.V_HAT,
     running: SX = variables.RUNNING,
     gain: SX = variables.GAIN,
@@ -84,15 +87,18 @@ def predictive_filter(
         F - F_hat = c Ts (1/a - 1/2)
 
     The first sample and a sample with reset adopt v and set F_hat to 0. While enable is false, u, F_hat, u_sat and all
-    states are 0.
+    states are 0. While track is true, v_hat is such that u = u_track, within the limits; with gain = 0 it is not
+    changed.
 
     Limits: with v_noise = 0, the estimate is dead-beat: F_hat is the mean force in the last interval, with the noise of
     the difference of two samples times m/Ts. With a wrong mass, F_hat contains the difference of the inertia forces.
     Full compensation with F_hat can cause hunting if friction decreases with velocity. u_min must not exceed u_max.
     """
     new = starts_now(reset, running)
-    predicted = if_else(new, v, v_hat + Ts / m * u_prev)
     a = 1.0 / (1.0 + (v_noise / F_size * m / Ts) ** 2)
+    slope = gain * (m / Ts * a)
+    kept = if_else(new, v, v_hat + Ts / m * u_prev)
+    predicted = carried(track, u_track, -slope * v, slope, u_min, u_max, kept)
     residual = a * (v - predicted)
     return {
         **compensation(-m / Ts * residual, gain, u_min, u_max, enable),

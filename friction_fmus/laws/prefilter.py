@@ -86,7 +86,8 @@ def prefilter(
     required.
 
     While reset is true, the states are 0 in the same sample; while enable is false, they are 0, and r and rd pass
-    unchanged. When enable becomes true again, d starts at 0; the force d' Kd acts immediately, like a feedforward.
+    unchanged. When enable becomes true again, d starts at 0; the force u_hat = d' Kd jumps when enabled, like a
+    feedforward.
 
     Limits: the identity holds while u of the controller is not limited, as its anti-windup uses r_out. Kp, Kd, Ki and
     Ts must equal those of the controller. The position error in the controller contains d, so limits of the following

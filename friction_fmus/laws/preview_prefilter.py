@@ -90,7 +90,7 @@ def preview_prefilter(
     measured position with r_now.
 
     In the first sample and in a sample with reset, r is assumed to have been constant. While enable is false, r_now and
-    rd_now pass unchanged and d is 0; the line of references continues.
+    rd_now pass unchanged and d is 0; the line of references continues. u_hat jumps when enabled, as in Prefilter.
 
     Limits: as for Prefilter. Noise and rounding errors of r enter rdd_now with the factor 3.5 / Ts^2. Corners of r
     cause ringing over four samples. f must correspond to r_now.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, if_else, sign
+from casadi import SX, if_else, logic_or, sign
 
 from friction_fmus.lawkit.expressions import clip, limits, unless_winding_up
 from friction_fmus.lawkit.law import (
@@ -21,6 +21,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.tracking import carried, restarts
 
 
 @law(
@@ -49,6 +50,8 @@ def reset_pid(
     f: SX = variables.FED_FORWARD,
     enable: SX = variables.ENABLE_INTEGRAL,
     reset: SX = variables.RESET_INTEGRAL,
+    track: SX = variables.TRACK,
+    u_track: SX = variables.U_TRACK,
     integral: SX = State(LENGTH + ".s", 0.0, "integral of the position error", nominal=1e-4),
     side: SX = State(NO_UNIT, 0.0, "last sign of the position error"),
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain", min=0.0),
@@ -69,6 +72,8 @@ def reset_pid(
         u      = clip(Kp e + Kd (rd - v) + Ki I + m rdd + f, u_min, u_max)
         I_next = I + Ts e
         I_next = I while u is limited and e pushes further into that limit
+        I      = (u_track - Kp e - Kd (rd - v) - m rdd - f)/Ki,  without a
+                 jump, while track is true
 
     Without jumps, the law equals PID. The idea of resetting or reversing the integral of a PID controller when the
     error passes zero is from Beerens, Bisoffi, Zaccarian, Heemels, Nijmeijer, van de Wouw: Reset integral control for
@@ -98,7 +103,8 @@ def reset_pid(
     within presliding.
 
     While reset is true, the integral is 0 and the sign of the error is discarded; while enable is false, u and u_sat
-    are also 0. jumped is then 0.
+    are also 0. jumped is then 0. While track is true, I is such that u = u_track within the
+    limits, as in PID; with Ki = 0, track has no effect.
 
     Limits: the law is meant for positioning, as zero crossings of the error during tracking or due to noise also cause
     jumps. With encoder noise near the target, rho well below 1 removes the integral. If f contains the inertia force, m
@@ -106,14 +112,16 @@ def reset_pid(
     """
     start = 0.0
     e = r - x
-    before = if_else(reset, 0.0, side)
+    before = if_else(logic_or(reset, track), 0.0, side)
     crossing = before * e < 0.0
     offset = mass / Kd * e
     held = if_else(reset, start, integral)
-    old = if_else(crossing, -offset - rho * (held + offset), held)
-    wanted = Kp * e + Kd * (rd - v) + Ki * old + m * rdd + f
+    jumped = if_else(crossing, -offset - rho * (held + offset), held)
+    feedback, ahead = Kp * e + Kd * (rd - v), m * rdd + f
+    old = carried(track, u_track, feedback + ahead, Ki, u_min, u_max, jumped)
+    wanted = feedback + Ki * old + m * rdd + f
     u_sat = limits(wanted, u_min, u_max)
-    runs = if_else(reset, 0.0, enable)
+    runs = if_else(restarts(reset, track), 0.0, enable)
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
         "u_sat": if_else(enable, u_sat, 0.0),

@@ -58,7 +58,7 @@ def static_feedback(
 
     Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey). Fs = Fc is Coulomb friction alone. The
     parameters are the same as in the block Stribeck. Connect u to the input f of a position controller. While enable is
-    false, u, F_hat and u_sat are 0. The law has no state.
+    false, u, F_hat and u_sat are 0. The law has no state, so u jumps when enabled in motion.
 
     Use it if no reference is known in advance, as in hand guiding or force control, and the velocity signal is good. It
     needs the Stribeck curve; compensate less than all of the friction.

@@ -70,7 +70,7 @@ def static_feedforward(
     in the block Stribeck: F_hat is positive for rd > 0.
 
     Connect u to the input f of a position controller with the parameter m = 0, or directly to the plant. While enable
-    is false, u, F_hat and u_sat are 0. The law has no state.
+    is false, u, F_hat and u_sat are 0. The law has no state, so u jumps when enabled in motion.
 
     Feedforward does not change the stability of the loop. In sliding, its benefit depends on the accuracy of the
     parameters. gain is limited to 1, because overcompensation drives the axis.

@@ -73,7 +73,7 @@ def tustin_feedback(
 
     The paper with this scheme was not found; tables and threshold follow a summary. Connect u to the input f of a
     position controller. With x and v connected to the reference position and velocity, the law is feedforward. While
-    enable is false, u, F_hat and u_sat are 0. The law has no state.
+    enable is false, u, F_hat and u_sat are 0. The law has no state, so u jumps when enabled in motion.
 
     v_min suppresses the effect of velocity noise at rest; without it, the compensation switches by 2 Fs at each change
     of sign. Cogging is also compensated at rest.

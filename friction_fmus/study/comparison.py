@@ -18,6 +18,8 @@ from friction_fmus.study.compensator_records import CompensatorResult, Limits, L
 from friction_fmus.study.compensators import (
     INTEGRAL,
     INTEGRAL_SUMMARY,
+    TABLE,
+    TABLE_SUMMARY,
     AxisKnowledge,
     Candidate,
     buildable,
@@ -38,6 +40,9 @@ JOINED: Final = 3
 
 ESTIMATORS: Final = ("estimator", "integral action")
 """Kinds of compensators that are combined with a feedforward: they compensate what it leaves."""
+
+WITH_TABLE: Final = ("feedforward", *ESTIMATORS, "feedforward with estimator", "feedforward with integral action")
+"""Kinds of compensators whose best one is also tried with the table over position."""
 
 CLEAR: Final = 1.02
 """Compensation over the friction of the axis above which it is an objection; friction is not known better."""
@@ -137,6 +142,20 @@ def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, unit: str,
         rows.append(row)
         found[row.name] = evaluation
 
+    if TABLE.name in found:
+        best = _best_of_each_kind(rank(none, rows, wanted.weights, limits.Ms))
+        steps = []
+        for row in best:
+            scheme = found[row.name].scheme
+            assert scheme is not None
+            # a feedforward leaves the margins unchanged
+            arguments = bench, [replace(scheme, table=True)], tried
+            steps.append(Step(f"compensator-{row.name}-table", evaluate, arguments, Evaluation))
+        for row, evaluation in zip(best, run(steps), strict=True):
+            joined = _with_table(row, evaluation)
+            rows.append(joined)
+            found[joined.name] = evaluation
+
     ranked = rank(none, rows, wanted.weights, limits.Ms)
     rungs = ladder(plain.metrics, motion, none, ranked)
     contradicted = _contradicted(bench, ranked, found)
@@ -227,8 +246,21 @@ def _pairs(ranked: Sequence[CompensatorResult], known: Sequence[Candidate]) -> l
     return [(feedforward, estimator) for feedforward in best("feedforward") for estimator in best(*ESTIMATORS)]
 
 
+def _best_of_each_kind(ranked: Sequence[CompensatorResult]) -> list[CompensatorResult]:
+    """Return the best compensator of each kind that a table over position is added to."""
+    best = {kind: row for row in reversed(ranked) if row.rank is not None and (kind := row.kind) in WITH_TABLE}
+    return list(best.values())
+
+
+def _with_table(row: CompensatorResult, evaluation: Evaluation) -> CompensatorResult:
+    """Return the entry of a compensator to which the table over position was added."""
+    name, summary = f"{row.name} + {TABLE.name}", f"{row.summary}; {TABLE_SUMMARY[0].lower()}{TABLE_SUMMARY[1:]}"
+    return _row(name, summary, TABLE.kind, row.model, evaluation)
+
+
 def _candidate_row(candidate: Candidate, evaluation: Evaluation | None) -> CompensatorResult:
-    summary = INTEGRAL_SUMMARY if candidate == INTEGRAL else catalogue()[candidate.name].summary
+    own = {INTEGRAL.name: INTEGRAL_SUMMARY, TABLE.name: TABLE_SUMMARY}
+    summary = own[candidate.name] if candidate.name in own else catalogue()[candidate.name].summary
     if evaluation is None:
         return CompensatorResult(candidate.name, summary, candidate.kind, False, candidate.reason)
     return _row(candidate.name, summary, candidate.kind, candidate.model, evaluation, (candidate.name,))

@@ -150,7 +150,8 @@ class CompensatorResult:
         servo without compensation.
     kind : str
         "none", "integral action", "feedforward", "model feedback", "estimator", "feedforward with estimator",
-        "dither", "learning", or "controller".
+        "feedforward with integral action", "table over position" (alone or with others), "dither", "learning", or
+        "controller".
     applies : bool
         Whether the compensator was co-simulated.
     reason : str

@@ -6,7 +6,7 @@ The file of each law and controller states how it is used and tuned, see `fricti
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi, sqrt
 from typing import Final, TypeAlias
 
@@ -170,7 +170,7 @@ class Candidate:
     @property
     def applies(self) -> bool:
         """Whether the candidate can be tried on the axis."""
-        return self.compensator is not None or self.kind == INTEGRAL.kind
+        return self.compensator is not None or (self.kind in (INTEGRAL.kind, TABLE.kind) and not self.reason)
 
     @property
     def has_bandwidth(self) -> bool:
@@ -195,6 +195,11 @@ INTEGRAL: Final = Candidate("IntegralAction", "integral action", "", None)
 """Integral action of the servo."""
 
 INTEGRAL_SUMMARY: Final = "Integral action of the servo"
+
+TABLE: Final = Candidate("PositionMap", "table over position", "", None)
+"""Identified force over position, compensated along the reference."""
+
+TABLE_SUMMARY: Final = "Force over position, compensated along the reference"
 
 
 def buildable(wanted: Sequence[str] | str) -> list[str]:
@@ -221,8 +226,10 @@ def candidates(wanted: Sequence[str] | str, known: AxisKnowledge) -> list[Candid
     """
     check_names(wanted)
     uses = compensators()
-    names = [*uses, INTEGRAL.name] if wanted == ALL else list(wanted)
-    return [INTEGRAL if name == INTEGRAL.name else _choice(name, uses[name], known) for name in names]
+    names = [*uses, INTEGRAL.name, TABLE.name] if wanted == ALL else list(wanted)
+    flat = "No force of the axis that depends on position was identified." if known.plant.position is None else ""
+    without_law = {INTEGRAL.name: INTEGRAL, TABLE.name: replace(TABLE, reason=flat)}
+    return [without_law[name] if name in without_law else _choice(name, uses[name], known) for name in names]
 
 
 def within_range(compensator: Compensator) -> bool:
@@ -244,10 +251,10 @@ def tuned_to(candidate: Candidate, known: AxisKnowledge) -> Compensator:
 
 def check_names(wanted: Sequence[str] | str) -> None:
     """Raise ConfigError if a name is not one of `compensators`."""
-    uses = compensators()
+    known = [*compensators(), INTEGRAL.name, TABLE.name]
     for name in () if isinstance(wanted, str) else wanted:
-        if name not in uses and name != INTEGRAL.name:
-            hint = nearest(name, [*uses, INTEGRAL.name])
+        if name not in known:
+            hint = nearest(name, known)
             raise ConfigError(
                 f"[compensation], compensators: there is no compensator {name!r}{hint}; correct the name."
             )

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.axis.elements import Compensator
+from friction_fmus.axis.elements import Compensator, Trajectory
 from friction_fmus.axis.loop import closed_loop, run_loop, with_gain
 from friction_fmus.axis.pool import PartPool
 from friction_fmus.axis.servo import Servo
@@ -40,6 +40,8 @@ class Scheme:
         Compensator, and the friction feedforward beside it.
     margins : LoopMargins or None
         Margins of the loop; None if the compensator cannot be linearised.
+    table : bool
+        Whether the identified force over position is compensated along the reference.
     """
 
     servo: Servo
@@ -48,6 +50,7 @@ class Scheme:
     compensator: Compensator | None = None
     feedforward: Compensator | None = None
     margins: LoopMargins | None = None
+    table: bool = False
 
 
 @dataclass(frozen=True)
@@ -122,11 +125,16 @@ def _best(trials: Sequence[tuple[Scheme, Metrics, Array]]) -> tuple[Scheme, Metr
 
 def system_of(bench: Bench, scheme: Scheme, pool: PartPool) -> System:
     """Return the axis with a scheme as a system; the caller closes the pool."""
-    servo, plant, trajectory = scheme.servo, bench.plant, bench.trajectory
+    servo, plant, trajectory = scheme.servo, bench.plant, with_table(bench, scheme)
     if scheme.compensator is None:
         return closed_loop(servo, plant, trajectory, scheme.feedforward, pool=pool)
     system = closed_loop(servo, plant, trajectory, scheme.compensator, feedforward=scheme.feedforward, pool=pool)
     return with_gain(system, scheme.gain)
+
+
+def with_table(bench: Bench, scheme: Scheme) -> Trajectory:
+    """Return the trajectory of the axis, with the table over position if the scheme has one."""
+    return replace(bench.trajectory, table=bench.plant.position) if scheme.table else bench.trajectory
 
 
 def _corner(bench: Bench, scheme: Scheme, case: Case, pool: PartPool) -> Corner:

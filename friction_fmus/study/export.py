@@ -8,15 +8,17 @@ from typing import Final, Literal
 
 from friction_fmus.axis.assembly import viscous_beside
 from friction_fmus.axis.loop import accurate, block, closed_loop, typed, with_gain
-from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.export import export_law
+from friction_fmus.codegen.loop_file import LOOP_FILE, LoopFile, loop_text
 from friction_fmus.fmi.package import build
-from friction_fmus.study.evaluation import Scheme
+from friction_fmus.study.compensators import TABLE
+from friction_fmus.study.evaluation import Scheme, with_table
+from friction_fmus.study.loop import recommended_loop, without_code
 from friction_fmus.study.metrics import Bench
 from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.recording import with_tracking_error
 from friction_fmus.study.records import WrittenFile
-from friction_fmus.study.wiring import Figures, wiring
+from friction_fmus.study.wiring import NOTHING, Figures, wiring
 from harness import FmuPart, Parameter, ParameterSet, open_archive, write_ssv
 from harness.storage.atomic import atomic_path
 
@@ -58,6 +60,7 @@ def export_recommended(
         both = {"compensator": scheme.feedforward}
     laws = {part: law for part, law in both.items() if law is not None}
     fmus: dict[str, Path] = {}
+    chosen: dict[str, Mapping[str, float | bool]] = {}
     has_gain = True
     for part, law in laws.items():
         limits = {"u_min": -bench.servo.force_limit, "u_max": bench.servo.force_limit}
@@ -72,25 +75,44 @@ def export_recommended(
         parameters = _parameters(fmus[part], values)
         write_ssv(ParameterSet(f"{name} {law.model}", parameters, _cited(citation)), folder / f"{part}.ssv")
         written.append(WrittenFile(f"{OWN}/{part}.ssv", f"Parameters of {law.model}, SSP 1.0"))
-        if find(law.model).kind == "law" and not bench.trajectory.rotary:
-            code, prefix = (folder / "c" / part, part) if len(laws) > 1 else (folder / "c", "law")
-            for file in export_law(law.model, code, start=values, prefix=prefix):
-                written.append(WrittenFile(_path(out, file), f"C code of {law.model} for an embedded target"))
+        chosen[part] = values
     compensator = laws.get("compensator")
     second = laws.get("feedforward")
-    with closed_loop(scheme.servo, bench.plant, bench.trajectory, compensator, fmus, feedforward=second) as system:
+    table = bench.plant.position
+    if scheme.table and table is not None:
+        fmus["table"] = table.to_fmu(folder, TABLE.name, bench.trajectory.rotary)
+        written.append(WrittenFile(_path(out, fmus["table"]), "Force over position; connected to the reference"))
+    trajectory = with_table(bench, scheme)
+    with closed_loop(scheme.servo, bench.plant, trajectory, compensator, fmus, feedforward=second) as system:
         inside = compensator is None or (compensator.output == "u" and has_gain)
         whole = system if inside else with_gain(system, scheme.gain)
         whole, _ = accurate(with_tracking_error(whole))
         whole.to_ssp(folder / "axis.ssp")
         title = "SSP archive of the whole axis: reference, compensator, servo, mass, friction"
         written.append(WrittenFile(f"{OWN}/axis.ssp", title))
-        has_code = any(file.path.startswith(f"{OWN}/c/") for file in written)
+        missing = without_code(scheme.servo, laws)
+        recommends = bool(laws) or "table" in fmus or scheme.servo != bench.servo
+        if recommends and not missing:
+            rotary, path = bench.trajectory.rotary, folder / LOOP_FILE
+            loop = recommended_loop(whole, scheme.servo, laws, chosen, rotary, path)
+            written += _controller(out, loop, f"Recommended loop of {name}")
         with atomic_path(folder / "README.md") as temporary:
-            text = wiring(whole, scheme.servo, figures, has_code)
+            text = wiring(whole, scheme.servo, figures, missing) if recommends else NOTHING
             temporary.write_text(text, encoding="utf-8", newline="\n")
         written.append(WrittenFile(f"{OWN}/README.md", "Connections of the compensator, as co-simulated"))
     return tuple(written)
+
+
+def _controller(out: Path, loop: LoopFile, heading: str) -> list[WrittenFile]:
+    """Write the file of a loop and its C code."""
+    with atomic_path(loop.path) as temporary:
+        temporary.write_text(loop_text(loop, heading), encoding="utf-8", newline="\n")
+    files = export_law(loop.path, loop.path.parent / "c")
+    text = "Servo and compensation as one function in C for an embedded target"
+    return [
+        WrittenFile(_path(out, loop.path), "Servo and compensation with their parameters, for `friction-fmus codegen`"),
+        *(WrittenFile(_path(out, file), text) for file in files),
+    ]
 
 
 def export_models(out: Path, models: Sequence[IdentifiedModel], rotary: bool, citation: str) -> tuple[WrittenFile, ...]:

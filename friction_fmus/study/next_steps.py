@@ -67,6 +67,8 @@ def _integral(bench: Bench, scheme: Scheme) -> Iterator[str]:
 
 
 def _laws(scheme: Scheme, row: CompensatorResult) -> Iterator[str]:
+    if scheme.table:
+        yield "Subtract the force over position at the reference, see PositionMap.fmu in the folder recommended."
     laws = [law for law in (scheme.feedforward, scheme.compensator) if law is not None]
     if not laws:
         return

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from friction_fmus.study.compensator_records import CompensatorResult, Metrics, Recommendation, Rung
-from friction_fmus.study.compensators import INTEGRAL
+from friction_fmus.study.compensators import INTEGRAL, TABLE
 from friction_fmus.study.ranking import WORTH
 
 AS_MEASURED = "as measured"
@@ -36,6 +36,7 @@ def ladder(
         ("feedforward", "with friction feedforward"),
         ("estimator", "with an estimator"),
         ("feedforward with estimator", "with feedforward and estimator"),
+        (TABLE.kind, "with a table over position"),
     )
     for kind, title in steps:
         row = next((row for row in ranked if row.kind == kind and row.rank is not None), None)

@@ -267,6 +267,7 @@ class _Study:
         smallest = min((each.error for each in found if each.error is not None), default=0.0)
         close = [each.error is not None and each.error <= CLOSE * smallest for each in found]
         chosen = [each for each, is_close in zip(found, close, strict=True) if is_close and each.row.name != INVERSE]
+        chosen.sort(key=lambda each: "needs force" not in catalogue()[each.block].features)  # the slowest first
         steps = [Step(f"loop-{each.row.name}", refine, (each, measured, *records), IdentifiedModel) for each in chosen]
         refined = self._run(steps, 0.4, 0.6)
         better = {each.row.name: each for each in refined}

@@ -11,7 +11,7 @@ import numpy as np
 
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.study.compensator_records import Limits
-from friction_fmus.study.compensators import INTEGRAL, AxisKnowledge, Candidate, tuned_to, within_range
+from friction_fmus.study.compensators import INTEGRAL, TABLE, AxisKnowledge, Candidate, tuned_to, within_range
 from friction_fmus.study.evaluation import Scheme
 from friction_fmus.study.margins import margins_of
 
@@ -60,6 +60,8 @@ def trials(
         margins = margins_of(servo, plant, speed, compensator, candidate.kind)
         return Scheme(servo, 1.0, bandwidth, compensator, margins=margins)
 
+    if candidate == TABLE:
+        return [Scheme(servo, margins=margins_of(servo, plant, speed), table=True)]
     if not candidate.has_bandwidth:
         return [each for each in map(with_gain, gains) if limits.kept_by(each.margins)]
     # scales beyond the cap of the bandwidth give the same compensator

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from friction_fmus.axis.servo import Servo
+from friction_fmus.codegen.loop_file import LOOP_FILE
 from friction_fmus.study.recording import ERROR
 from harness import FmuPart, System, Wire
 from harness.system.wire import parse_wire, split_name
@@ -16,7 +17,12 @@ PLANT: Final = ("axis", "friction", "position", "encoder", "measured", "noise", 
 """Parts that stand for the machine or compute the tracking error; the README has the connections of all others."""
 
 SUMS: Final = ("force", "unexplained")
-"""Parts that add their inputs u1 and u2, multiplied by gain[1] and gain[2] (1 if not in the table)."""
+"""Parts that add their inputs u1, u2, ..., multiplied by gain[1], gain[2], ... (1 if not in the table)."""
+
+NOTHING: Final = (
+    "# Recommended compensator\n\nNo compensator is recommended: `axis.ssp` contains the servo without one.\n"
+)
+"""README if nothing is recommended."""
 
 LAWS: Final = ("compensator", "feedforward")
 """Parts that are added to the servo."""
@@ -38,7 +44,7 @@ class Figures:
     unit: str
 
 
-def wiring(system: System, servo: Servo, figures: Figures | None, has_code: bool) -> str:
+def wiring(system: System, servo: Servo, figures: Figures | None, no_code: str) -> str:
     """Return the README of the folder of the recommendation.
 
     Parameters
@@ -49,14 +55,14 @@ def wiring(system: System, servo: Servo, figures: Figures | None, has_code: bool
         Feedback and sensors.
     figures : Figures or None
         Figures of the report; None if the axis has no compensator.
-    has_code : bool
-        Whether the folder contains the compensator as C code.
+    no_code : str
+        Why the folder does not contain the loop as C code; empty if it does.
     """
     assert system.experiment is not None
     every = round(servo.Ts / system.experiment.step)
     wires = [wire for wire in map(parse_wire, system.wires) if split_name(wire.target)[0] not in PLANT]
     lines = ["# Recommended compensator"]
-    for text in _paragraphs(system, servo, wires, figures, has_code):
+    for text in _paragraphs(system, servo, wires, figures, no_code):
         lines += ["", textwrap.fill(text, 120, break_on_hyphens=False, break_long_words=False)]
     lines += ["", "| input | value | delay [samples] |", "|---|---|--:|"]
     lines += [f"| `{wire.target}` | {_value(wire)} | {wire.delay // every} |" for wire in wires]
@@ -66,12 +72,9 @@ def wiring(system: System, servo: Servo, figures: Figures | None, has_code: bool
 
 
 def _paragraphs(
-    system: System, servo: Servo, wires: list[Wire], figures: Figures | None, has_code: bool
+    system: System, servo: Servo, wires: list[Wire], figures: Figures | None, no_code: str
 ) -> Iterator[str]:
     """Yield the paragraphs above the table."""
-    if not any(name in system.parts for name in LAWS):
-        yield "No compensator is recommended: `axis.ssp` contains the servo without one."
-        return
     yield (
         f"The laws are sampled every {servo.Ts:g} s, together with the servo. The table lists every input of the "
         "sampled parts of `axis.ssp`, in the units of the axis."
@@ -80,21 +83,26 @@ def _paragraphs(
         part, output = split_name(wire.source)
         if part in LAWS and output != "u" and split_name(wire.target)[0] in ("servo", *SUMS):
             yield f"Use the output `{output}` of `{part}`. Its output `u` is the force of a whole controller."
+    if "table" in system.parts:
+        yield (
+            "`table` is the identified force over position at the reference, see `PositionMap.fmu` and the table in "
+            "its sources; subtract it. Because of the table, there is no C code of the loop."
+        )
     sums = [f"`{name}.y`" for name in SUMS if name in system.parts]
     if sums:
-        yield f"{' and '.join(sums)} = gain[1] u1 + gain[2] u2, where a gain that is not in the table is 1."
+        yield f"{' and '.join(sums)} = gain[1] u1 + gain[2] u2 + ..., where a gain that is not in the table is 1."
     if any(wire.source == "servo.u" for wire in wires):
         yield "`servo.u` is the force of the drive after all limits; a delay of 1 stands for the previous sample."
     yield (
         "Start all parts together, with the axis at rest on the reference, as in the run of the report: only then do "
         "the start values of the laws fit the motion."
     )
-    if has_code:
-        laws = "both laws" if "feedforward" in system.parts else "the compensator"
-        yield (
-            f"`c/` contains {laws} with these parameters. Once per sample, assign the inputs of a law, call its "
-            "function `step`, and use its output in place of the output of the part."
-        )
+    table = "the force of the table, subtracted, to `f_known`, " if "table" in system.parts else ""
+    yield no_code or (
+        f"`c/` contains all of this as one function, from `{LOOP_FILE}`: servo, laws, velocity, sums, limits and "
+        f"delays. Once per sample, assign reference and measured position to `loop_inputs`, {table}call `loop_step`, "
+        "and pass `u` to the drive."
+    )
     if figures is not None:
         yield (
             f"The tracking error of the report is {figures.rms:.4g} {figures.unit} rms; `friction-fmus run axis.ssp` "
@@ -115,7 +123,7 @@ def _constants(system: System) -> Iterator[tuple[str, float]]:
     for name, part in system.parts.items():
         if name in PLANT or not isinstance(part, FmuPart):
             continue
-        inputs = {port.name for port in part.inputs} | {f"gain[{i}]" for i in (1, 2) if name in SUMS}
+        inputs = {port.name for port in part.inputs} | {f"gain[{i}]" for i in (1, 2, 3) if name in SUMS}
         for target, value in system.start.items():
             if split_name(target)[0] == name and split_name(target)[1] in inputs and not isinstance(value, str):
                 yield target, float(value)

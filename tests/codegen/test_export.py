@@ -62,7 +62,7 @@ def compiled(folder: Path, compiler: str, *flags: str) -> Path:
 
 def test_a_vector_a_switch_and_no_states(elements: Path, tmp_path: Path) -> None:
     export_law(elements, tmp_path / "c", start={"k[2]": 1.0, "x": 2.0})
-    for compiler, standard in product(COMPILERS, ("c89", "c99")):
+    for compiler, standard in product(COMPILERS, ("c99", "c17")):
         program = compiled(tmp_path / "c", compiler, f"-std={standard}")
         # x = 1e-3 k: u = 5 x + x^2
         shown = subprocess.run([program], capture_output=True, text=True, check=True).stdout.split()[2::3]
@@ -80,11 +80,36 @@ double step(double x) { i.x = x; law_step(&p, &s, &i, &o); return o.u; }
 int fault(void) { return o.fault; }
 """
 
+WITHOUT_POINTERS = """
+#include "law.c"
+int left_alone(void);
+int left_alone(void)
+{
+    law_parameters p; law_states s; law_inputs i; law_outputs o;
+    law_init(&p, &s, &i, &o);
+    i.x = 1.0;
+    law_step(NULL, &s, &i, &o); law_step(&p, NULL, &i, &o); law_step(&p, &s, NULL, &o); law_step(&p, &s, &i, NULL);
+    law_init(NULL, &s, &i, &o); law_init(&p, NULL, &i, &o); law_init(&p, &s, NULL, &o); law_init(&p, &s, &i, NULL);
+    return law_check(NULL) == -1 && law_check(&p) == 0 && i.x == 1.0 && o.u == 0.0;
+}
+"""
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+def test_pointers_are_checked_if_asked(compiler: str, elements: Path, tmp_path: Path) -> None:
+    export_law(elements, tmp_path)
+    (tmp_path / "calls.c").write_text(WITHOUT_POINTERS, encoding="utf-8")
+    command = [*COMPILERS[compiler], *WARNINGS, "-Werror", "-std=c99", "-DLAW_CHECK_POINTERS", "-shared", "-fPIC"]
+    subprocess.run([*command, "calls.c", "-o", "calls.so", "-lm"], cwd=tmp_path, check=True)
+    assert ctypes.CDLL(str(tmp_path / "calls.so")).left_alone() == 1
+    for text in ((tmp_path / name).read_text(encoding="utf-8") for name in ("law.h", "README.md")):
+        assert "LAW_CHECK_POINTERS" in text
+
 
 def test_the_guard_and_the_check(elements: Path, tmp_path: Path) -> None:
     export_law(elements, tmp_path)
     (tmp_path / "calls.c").write_text(CALLS, encoding="utf-8")
-    for standard in ("gnu89", "c99"):
+    for standard in ("c99", "gnu17"):
         library = tmp_path / f"{standard}.so"
         command = [*COMPILERS["zig"], f"-std={standard}", "-O2", "-shared", "-fPIC", "calls.c", "-o", str(library)]
         subprocess.run([*command, "-lm"], cwd=tmp_path, check=True)

@@ -26,24 +26,33 @@ def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
     return bool((np.ascontiguousarray(a).view(np.int64) == np.ascontiguousarray(b).view(np.int64)).all())
 
 
+def same_numbers(a: np.ndarray, b: np.ndarray) -> bool:
+    """All bits are equal but the signs of zeros: a + 0.0 makes 0.0 of -0.0 and changes no other bit.
+
+    casadi's sum of both sides of a decision makes 0.0 of -0.0. The C does so only where it can change another number.
+    """
+    return same_bits(a + 0.0, b + 0.0)
+
+
 def check_double(name: str, count: int, folder: Path) -> None:
-    """The exported C and the FMU have casadi's bits over a long run."""
+    """Over a long run, each with its own states, the exported C has the FMU's bits and both have casadi's numbers."""
     export = make_export(name)
     given = samples(export, count, seed=2)
     rows = rows_of(export, given)
     expected = run_casadi(export.law, rows)
     assert np.isfinite(expected).all()
     assert np.ptp(expected[:, 0]) > 0.0
-    assert same_bits(LawC(export, folder / "c").run(rows, feeds_back=True), expected)
-    assert same_bits(LawFmu(export.law, folder).run(given)[0], expected)
+    found = LawC(export, folder / "c").run(rows, feeds_back=True)
+    assert same_bits(LawFmu(export.law, folder).run(given)[0], found)
+    assert same_numbers(found, expected)
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_double_has_casadis_bits_for_any_parameters(name: str, tmp_path: Path) -> None:
+def test_double_has_casadis_numbers_for_any_parameters(name: str, tmp_path: Path) -> None:
     export = make_export(name)
     rows = random_arguments(export.law, 20_000, seed=5)
     expected, _ = casadi_by_rows(export.law, rows)
-    assert same_bits(LawC(export, tmp_path).run(rows, feeds_back=False), expected)
+    assert same_numbers(LawC(export, tmp_path).run(rows, feeds_back=False), expected)
 
 
 def check_float(name: str, count: int, folder: Path) -> None:

@@ -32,6 +32,7 @@ from harness.compiling import toolchain
 LAWS = [law.name for law in discover_laws(laws_folder())]
 VARIED = ("PID", "LuGreFeedforward", "KalmanFriction", "AdaptiveLuGre", "TustinFeedback", "Prefilter")
 """A controller, a feedforward law, an observer, an adaptive law, a law with a table, and one whose output is a pair."""
+LOOP = str(Path(__file__).parents[2] / "examples" / "loop.toml")
 REALS: tuple[Literal["double", "float"], ...] = ("double", "float")
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Werror")
 
@@ -62,11 +63,11 @@ def without_fault(export: Export) -> str:
 
 def check_passes(name: str, folder: Path, *flags: str) -> None:
     for real in REALS:
-        write(make_export(name, real=real), folder)
+        write(make_export(name, real=real, prefix="law"), folder)
         assert status(folder, "-O2", *flags) == 0, real
 
 
-@pytest.mark.parametrize("name", VARIED)
+@pytest.mark.parametrize("name", [*VARIED, LOOP])
 def test_the_law_passes(name: str, tmp_path: Path) -> None:
     check_passes(name, tmp_path)
 
@@ -117,6 +118,18 @@ def test_every_parameter_but_those_that_the_test_names_is_tested(name: str, real
     assert library.tested(-1) == 0
     passed = {variable.name for i, variable in enumerate(parameters) if library.tested(i) == 0}
     assert passed == set(vectors(export).untested)
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("text", ["- states->last_feedforward", "+ parameters->offset", "states->u_last = "])
+def test_a_wrong_connection_of_a_loop_fails(text: str, real: Literal["double", "float"], tmp_path: Path) -> None:
+    export = make_export(LOOP, real=real, prefix="law", start={"offset": 3.0})
+    code = implementation(export)
+    begin, end = code.index("static void sample"), code.index("\n}\n", code.index("static void sample"))
+    assert text in code[begin:end]
+    wrong = code[begin:end].replace(text, "/* states->u_last = */ (void)" if text.endswith("= ") else "")
+    write(export, tmp_path, code[:begin] + wrong + code[end:])
+    assert 0 < status(tmp_path, "-O1", "-Wno-unused-value") <= N
 
 
 @pytest.mark.parametrize(("name", "real"), list(product(("KalmanFriction", "ImplicitSuperTwisting"), REALS)))

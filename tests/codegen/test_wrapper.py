@@ -18,10 +18,29 @@ from friction_fmus.codegen.wrapper import class_name, wrapper
 
 REALS: tuple[Literal["double", "float"], ...] = ("double", "float")
 
+LOOP = """
+[loop]
+Ts = 1e-3
+u_min = -1000
+u_max = 1000
+window = 2
+
+[servo]
+law = "PID"
+
+[feedforward]
+law = "KarnoppFeedforward"
+parameters = { m = 0.0 }
+
+[compensator]
+law = "PredictiveFilter"
+"""
+
 PROGRAM = """
 #include "law.hpp"
 #include "law.hpp"
 #include "law_test.c"
+#include <cmath>
 #include <cstring>
 #include <type_traits>
 
@@ -29,6 +48,10 @@ static_assert(std::is_trivially_copyable<Law>::value, "a value");
 static_assert(noexcept(Law().step(Law::start())), "no exception");
 
 template <class T> static bool equal(const T &a, const T &b) { return std::memcmp(&a, &b, sizeof a) == 0; }
+static bool equal(const law_states &a, const law_states &b)  /* without the bytes between members */
+{
+    return equal(a.integral, b.integral) && a.held == b.held && equal(a.side, b.side);
+}
 
 int main()
 {
@@ -66,23 +89,35 @@ int main()
     far.r = 1;
     if (law.step(far).u != second.step(far).u || law.step(far).u == Law().step(far).u)
         return 6;
+
+    Law taken;
+    const Law::Outputs first = taken.take_over(far, 30);
+    if (std::fabs(first.u - 30) > 1e-2 || std::fabs(first.u - law.step(far).u) < 100)
+        return 7;
+    far.track = true;  /* the same by the inputs */
+    far.u_track = 30;
+    if (Law().step(far).u != first.u)
+        return 8;
     return law_test();
 }
 """
 
 
 @pytest.mark.skipif(not shutil.which("g++"), reason="g++ not installed")
+@pytest.mark.parametrize("model", ["PID", "loop"])
 @pytest.mark.parametrize(("real", "standard"), list(product(REALS, ("c++11", "c++20"))))
 def test_the_class_computes_what_the_functions_compute(
-    real: Literal["double", "float"], standard: str, tmp_path: Path
+    model: str, real: Literal["double", "float"], standard: str, tmp_path: Path
 ) -> None:
-    export = make_export("PID", real=real)
+    """Of a law, and of a loop with this law as its servo."""
+    (tmp_path / "loop.toml").write_text(LOOP, encoding="utf-8")
+    export = make_export(model if model == "PID" else tmp_path / "loop.toml", real=real, prefix="law")
     texts = {
         "law.h": header(export),
         "law.c": implementation(export),
         "law.hpp": wrapper(export),
         "law_test.c": unit_test(export, vectors(export)),
-        "program.cpp": PROGRAM,
+        "program.cpp": PROGRAM if model == "PID" else PROGRAM.replace("Kp", "servo_Kp"),
     }
     for name, text in texts.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
@@ -96,3 +131,8 @@ def test_the_class_computes_what_the_functions_compute(
 def test_the_class_has_the_name_of_the_prefix() -> None:
     assert [class_name(prefix) for prefix in ("law", "inner_loop", "_x", "PID")] == ["Law", "InnerLoop", "X", "PID"]
     assert "class InnerLoop {" in wrapper(make_export("PID", prefix="inner_loop"))
+
+
+def test_only_a_law_with_a_memory_of_force_takes_over() -> None:
+    assert "take_over" in wrapper(make_export("LuGreObserver"))
+    assert "take_over" not in wrapper(make_export("StaticFeedback"))

@@ -23,6 +23,7 @@ FIGURES = {f"Figure {number}" for number in ("1.1", "1.2", "1.3", "1.4", "1.5", 
 EQUATIONS = {f"(1.{number})" for number in range(1, 24)} | {f"(2.{number})" for number in range(1, 6)}
 FOLDERS = ("models", "compensation")
 BEYOND = {
+    "compensation/bumpless_start": "a start without a jump, which the report does not discuss",
     "compensation/friction_from_displacements": "an estimator that the report does not know",
     "compensation/quadrant_glitches": "a measure of the report's applications, in cascade_on_a_circle",
     "compensation/sliding_mode": "implicit laws, which the report does not know",

@@ -13,7 +13,7 @@ import pytest
 from casadi import Function
 
 from friction_fmus.blocks.catalogue import source_folder
-from friction_fmus.lawkit.emit.c_text import DOUBLE, Real, kernel
+from friction_fmus.lawkit.emit.c_text import DOUBLE, Kernel, Real, kernel
 from harness.compiling.toolchain import compiler, header_folder
 
 FLAGS = (
@@ -50,17 +50,22 @@ class Workshop:
         assert run.returncode == 0, run.stderr
         return target
 
-    def evaluator(self, function: Function, real: Real = DOUBLE, *flags: str) -> Evaluate:
-        """Rows of arguments -> rows of results, by compiled C."""
+    def evaluator(self, function: Function, real: Real = DOUBLE, *flags: str, in_place: bool = False) -> Evaluate:
+        """Rows of arguments -> rows of results, by compiled C, in which results may overwrite arguments."""
         n, m = function.n_in(), function.n_out()
-        written = kernel(function, [f"given[{i}]" for i in range(n)], [f"result[{i}]" for i in range(m)], real=real)
+        reads, writes = [f"given[{i}]" for i in range(n)], [f"result[{i}]" for i in range(m)]
+        if in_place:
+            reads = [f"result[{m - 1 - i}]" for i in range(n)]
+        written = kernel(function, reads, writes, real=real)
         text = "\n".join(
             [
                 "#include <math.h>",
                 "#include <stdbool.h>",
+                "#include <stdint.h>",
                 f"void sample(const {real.name} *given, {real.name} *result);",
                 f"void sample(const {real.name} *given, {real.name} *result)",
                 "{",
+                *([f"    {place} = given[{i}];" for i, place in enumerate(reads)] if in_place else []),
                 *written.lines,
                 "}",
                 '__attribute__((visibility("default")))',
@@ -81,6 +86,45 @@ class Workshop:
         def evaluate(rows: np.ndarray) -> np.ndarray:
             results = np.full((len(rows), m), np.nan, kind)
             run(len(rows), np.ascontiguousarray(rows, kind), results)
+            return results
+
+        return evaluate
+
+    def in_struct(self, found: Kernel, members: str, reads: Sequence[str], writes: Sequence[str]) -> Evaluate:
+        """Rows of arguments -> rows of results, by statements on a struct `v` of arguments and results."""
+        n, m = len(reads), len(writes)
+        text = "\n".join(
+            [
+                "#include <math.h>",
+                "#include <stdbool.h>",
+                "#include <stdint.h>",
+                f"typedef struct {{ {members} }} Values;",
+                "static void sample(Values *v)",
+                "{",
+                *found.lines,
+                "}",
+                '__attribute__((visibility("default")))',
+                "void run(int n, const double *given, double *result);",
+                "void run(int n, const double *given, double *result)",
+                "{",
+                "Values w, *v = &w;",
+                "for (int k = 0; k < n; k++) {",
+                *(f"{place} = given[{n} * k + {i}];" for i, place in enumerate(reads)),
+                "sample(v);",
+                *(f"result[{m} * k + {i}] = v->{place};" for i, place in enumerate(writes)),
+                "}",
+                "}",
+                "",
+            ]
+        )
+        run = ctypes.CDLL(str(self.library(text))).run
+        pointer = np.ctypeslib.ndpointer(np.float64, 2, flags="C_CONTIGUOUS")
+        run.argtypes = (ctypes.c_int, pointer, pointer)
+        run.restype = None
+
+        def evaluate(rows: np.ndarray) -> np.ndarray:
+            results = np.full((len(rows), m), np.nan)
+            run(len(rows), np.ascontiguousarray(rows), results)
             return results
 
         return evaluate
@@ -114,10 +158,12 @@ def by_casadi_fixture() -> Callable[[Function, np.ndarray], np.ndarray]:
 
 
 def different_bits(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Where two arrays differ, -0.0 from 0.0 included, every NaN being equal."""
-    return (np.ascontiguousarray(a).view(np.int64) != np.ascontiguousarray(b).view(np.int64)) & ~(
-        np.isnan(a) & np.isnan(b)
-    )
+    """Where two arrays differ in any bit, every NaN being equal, and -0.0 equal to 0.0.
+
+    casadi's sum of both sides of a decision makes 0.0 of -0.0; generated C need not, unless a division or another
+    operation would make another number of it, see `signed_zeros`. `a + 0.0` makes 0.0 of -0.0 and changes no other bit.
+    """
+    return ((a + 0.0).view(np.int64) != (b + 0.0).view(np.int64)) & ~(np.isnan(a) & np.isnan(b))
 
 
 @pytest.fixture(scope="session", name="different_bits")

@@ -156,7 +156,8 @@ def test_an_integral_never_pushes_further_into_the_limit(name: str, build_fmu: C
     limited = 0
     free = {"u_min": -1e300, "u_max": 1e300}
     for sample in signals(library, 2, 400):
-        values = {**kept, **{key: value for key, value in sample.items() if key != "reset"}, "enable": 1.0}
+        commands = {"enable": 1.0, "reset": 0.0, "track": 0.0}
+        values = {**kept, **sample, **{key: value for key, value in commands.items() if key in library.variables}}
         values |= PI_CONTROL.get(name, {})
         found = law.evaluate({**values, "u_min": -LIMIT, "u_max": LIMIT})
         if found["u_sat"] and not found.get("jumped"):
@@ -172,11 +173,13 @@ def test_an_integral_never_pushes_further_into_the_limit(name: str, build_fmu: C
 
 
 def disabled(library: Library, seed: int, count: int) -> list[dict[str, float]]:
-    return [values | {"enable": 0.0} for values in signals(library, seed, count)]
+    silent = {name: 0.0 for name in ("enable", "track") if name in library.variables}
+    return [values | silent for values in signals(library, seed, count)]
 
 
 def enabled(library: Library, seed: int, count: int) -> list[dict[str, float]]:
-    calm = {"enable": 1.0} | {name: library.start(name) for name in ("reset", "trial_end") if name in library.variables}
+    others = [name for name in ("reset", "track", "trial_end") if name in library.variables]
+    calm = {"enable": 1.0} | {name: library.start(name) for name in others}
     return [values | calm for values in signals(library, seed, count)]
 
 

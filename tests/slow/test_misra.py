@@ -14,14 +14,15 @@ from friction_fmus.codegen.export import make_export
 from friction_fmus.codegen.readme import readme
 from friction_fmus.codegen.sources import header, implementation
 
-LAWS = ("LuGreFeedforward", "GMSFeedforward", "ExtendedStateObserver", "DisturbanceObserver", "StaticFeedforward")
+LOOP = str(Path(__file__).parents[2] / "examples" / "loop.toml")
+LAWS = ("LuGreFeedforward", "GMSFeedforward", "ExtendedStateObserver", "DisturbanceObserver", "StaticFeedforward", LOOP)
 
 
 @pytest.mark.skipif(shutil.which("cppcheck") is None, reason="cppcheck is not installed")
 @pytest.mark.parametrize("real", ["double", "float"])
 @pytest.mark.parametrize("name", LAWS)
 def test_the_readme_lists_the_deviations(name: str, real: Literal["double", "float"], tmp_path: Path) -> None:
-    export = make_export(name, real=real)
+    export = make_export(name, real=real, prefix="law")
     (tmp_path / "law.h").write_text(header(export), encoding="utf-8")
     (tmp_path / "law.c").write_text(implementation(export), encoding="utf-8")
     text = readme(export, ())

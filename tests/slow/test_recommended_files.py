@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 from friction_fmus.__main__ import main
-from friction_fmus.axis.loop import Plant, Trace, Trajectory, block, run_loop
+from friction_fmus.axis.loop import Compensator, Plant, Trace, Trajectory, block, run_loop
+from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.identification import LINEAR, identifiable
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.study import Servo
@@ -47,6 +48,7 @@ KINDS = {  # with gains at which the gain matters
     "feedforward with an output of a controller": "StaticFeedforward + ExtendedStateObserver",
 }
 GAIN = 0.8
+FEEDFORWARD = Compensator("StaticFeedforward", "u", {"Fc": 1.0, "m": 0.0})
 
 
 @dataclass(frozen=True)
@@ -142,20 +144,107 @@ def test_the_readme_names_the_figure(files: Recommended) -> None:
         assert "Use the output `F_hat` of `compensator`" in text
 
 
-def test_the_code_connected_as_the_readme_says(files: Recommended, tmp_path: Path) -> None:
+def test_fmus_connected_as_the_readme_says(files: Recommended) -> None:
     given = {"compensator": files.scheme.compensator, "feedforward": files.scheme.feedforward}
-    models = {name: law.model for name, law in given.items() if law is not None}
-    laws: list[Part] = []
-    for name, model in models.items():
-        code, prefix = (files.folder / "c" / name, name) if len(models) > 1 else (files.folder / "c", "law")
-        fmu = files.folder / f"{model}.fmu"
-        if model == "RepetitiveController":  # it is written in C
-            assert not code.exists()
-            laws.append(FmuPart(name, fmu, every=EVERY))
-        else:
-            laws.append(compiled(name, code, prefix, fmu, tmp_path))
+    laws = [
+        FmuPart(name, files.folder / f"{law.model}.fmu", every=EVERY) for name, law in given.items() if law is not None
+    ]
     with by_hand(files, laws) as system:
         assert rms_of(run_loop(system), files) == pytest.approx(files.rms, rel=tolerance(files, 1e-6))
+
+
+@pytest.mark.parametrize(
+    "files",
+    [name for name in KINDS.values() if name != "RepetitiveController"],
+    ids=[kind for kind in KINDS if kind != "learning"],
+    indirect=True,
+)
+def test_the_code_is_the_whole_controller(files: Recommended, tmp_path: Path) -> None:
+    """One call a sample, with the bits of the separate FMUs; with dither, the axis moves within `tolerance`."""
+    with System.from_ssp(files.folder / "axis.ssp") as system:
+        expected, experiment = run_loop(system), system.experiment
+    assert experiment is not None
+    with in_one(files, compiled("servo", files.folder / "c", "loop", tmp_path), experiment) as system:
+        found = run_loop(system)
+    assert rms_of(found, files) == pytest.approx(files.rms, rel=tolerance(files, 1e-9))
+    if tolerance(files, 0.0) == 0.0:
+        np.testing.assert_array_equal(found.force, expected.force)
+        np.testing.assert_array_equal(found.q, expected.q)
+    np.testing.assert_array_equal(*replayed(files.folder, tmp_path))
+
+
+def replayed(folder: Path, tmp_path: Path, f_known: str = "") -> tuple[np.ndarray, np.ndarray]:
+    """The force of the separate FMUs, and that of the code with the recorded inputs of the servo."""
+    with System.from_ssp(folder / "axis.ssp") as system:
+        assert system.experiment is not None
+        inputs = {name: f"servo.{name}" for name in ("r", "rd", "rdd", "x")} | ({"f_known": f_known} if f_known else {})
+        experiment = replace(system.experiment, record=("servo.u", *inputs.values()))
+        result = System(system.parts.values(), system.wires, system.start, experiment).run()
+    unit = compiled("servo", folder / "c", "loop", tmp_path)
+    place = [port.name for port in unit.outputs].index("u")
+    columns = [result[inputs[port.name]].values[1:] for port in unit.inputs]  # in the sample that ends at a row
+    state, found = unit.initial_state, []
+    for row in np.array(columns).T:
+        found.append(unit.function(0.0, row, state)[place])
+        state = unit.advance(0.0, 0.0, row, state)
+    return result["servo.u"].values[1:], np.array(found)
+
+
+def test_a_table_over_position_is_an_input_of_the_code(tmp_path: Path) -> None:
+    nodes = 33
+    ripple = tuple(0.5 * np.sin(2.0 * np.pi * np.linspace(0.0, 4.0, nodes)))
+    table = PositionMap(Grid(-2e-3, 12e-3 / (nodes - 1), nodes), ripple, (0.1,) * nodes, 1e-3)
+    reference = build_reference(T, R, tmp_path, "Reference")
+    bench = Bench(SERVO, replace(PLANT, position=table), Trajectory(reference, len(T), 0.0, 0.0, motion=True), R)
+    both = {"compensator": Compensator("DisturbanceObserver", "u", {"m": 1.0}), "feedforward": FEEDFORWARD}
+    export_recommended(tmp_path, bench, Scheme(SERVO, 0.8, table=True, **both), "test", "", None)
+    folder = tmp_path / "recommended"
+    assert "known_force = true" in (folder / "loop.toml").read_text(encoding="utf-8")
+    text = " ".join((folder / "README.md").read_text(encoding="utf-8").split())
+    assert "the force of the table, subtracted, to `f_known`" in text
+    expected, found = replayed(folder, tmp_path, "force.u3")
+    np.testing.assert_array_equal(found, expected)
+    with System.from_ssp(folder / "axis.ssp") as system:
+        assert system.experiment is not None
+        names = ("force.u3", "servo.r", "servo.rd")
+        experiment = replace(system.experiment, record=names)
+        result = System(system.parts.values(), system.wires, system.start, experiment).run()
+    force, r, rd = (result[name].values[1:] for name in names)
+    np.testing.assert_allclose(force, -table.force(r, rd), atol=1e-12)  # without a delay
+    assert np.ptp(force) > 0.5
+
+
+def test_a_controller_in_c_has_no_code(tmp_path: Path) -> None:
+    files = recommended("RepetitiveController", tmp_path)
+    assert not (files.folder / "c").exists()
+    assert not (files.folder / "loop.toml").exists()
+    text = (files.folder / "README.md").read_text(encoding="utf-8")
+    assert "no C code of the loop, because RepetitiveController is a block in C" in " ".join(text.split())
+
+
+def test_integral_action_is_recommended_with_code(tmp_path: Path) -> None:
+    """The servo without a law beside it; its integral is part of the unit."""
+    reference = build_reference(T, R, tmp_path, "Reference")
+    bench = Bench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2), R)
+    servo = replace(SERVO, gains={**SERVO.gains, "Ki": 1e5})
+    found = evaluate(bench, [Scheme(servo)], ())
+    assert found.metrics is not None
+    export_recommended(tmp_path, bench, Scheme(servo), "test", "", Figures(found.metrics.rms, "m"))
+    files = Recommended(tmp_path / "recommended", bench, Scheme(servo), found.metrics.rms)
+    with System.from_ssp(files.folder / "axis.ssp") as system:
+        expected, experiment = run_loop(system), system.experiment
+    assert experiment is not None
+    with in_one(files, compiled("servo", files.folder / "c", "loop", tmp_path), experiment) as system:
+        np.testing.assert_array_equal(run_loop(system).force, expected.force)
+
+
+def test_nothing_recommended_has_no_code(tmp_path: Path) -> None:
+    reference = build_reference(T, R, tmp_path, "Reference")
+    bench = Bench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2), R)
+    export_recommended(tmp_path, bench, Scheme(SERVO), "test", "", None)
+    assert {path.name for path in (tmp_path / "recommended").iterdir()} == {"README.md", "axis.ssp"}
+    text = (tmp_path / "recommended" / "README.md").read_text(encoding="utf-8")
+    assert "No compensator is recommended" in text
 
 
 EVERY = 2  # steps of the plant in a sample: 0.5 ms
@@ -181,7 +270,7 @@ def by_hand(files: Recommended, laws: Sequence[Part]) -> System:
     parts: list[Part] = [FmuPart("reference", files.bench.trajectory.reference, every=EVERY), *laws]
     blocks = {"velocity": "Differentiator", "servo": "PID", "encoder": "Quantiser", "axis": "Mass", "friction": "LuGre"}
     sums = {wire.target.split(".")[0] for wire in wires} & {"force", "unexplained"}
-    blocks |= dict.fromkeys(sums, "Sum")
+    blocks |= dict.fromkeys(sums, "SampledSum")
     parts += [
         FmuPart(name, block(model), every=1 if name in ("axis", "friction") else EVERY)
         for name, model in blocks.items()
@@ -201,8 +290,22 @@ def by_hand(files: Recommended, laws: Sequence[Part]) -> System:
     return System(parts, [*wires, *plant], {**given, **start}, experiment)
 
 
-def compiled(name: str, code: Path, prefix: str, fmu: Path, tmp_path: Path) -> Part:
-    """Compile the C code of a law and return it as a part that computes its function `step` in every sample."""
+def in_one(files: Recommended, controller: Part, experiment: Experiment) -> System:
+    """The axis with a controller that has the reference and the measured position as inputs."""
+    parts: list[Part] = [FmuPart("reference", files.bench.trajectory.reference, every=EVERY), controller]
+    parts.append(FmuPart("encoder", block("Quantiser"), every=EVERY))
+    parts += [FmuPart(name, block(model)) for name, model in (("axis", "Mass"), ("friction", "LuGre"))]
+    wires = [f"reference.{name} -> servo.{name}" for name in ("r", "rd", "rdd")]
+    wires += ["axis.x -> encoder.x", "encoder.y -> servo.x", "servo.u -> axis.F_drive"]
+    wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
+    trajectory = files.bench.trajectory
+    start = {"encoder.q": 1e-7, "axis.m": 1.0, "axis.F_load": -0.2, "axis.x0": trajectory.x0, "axis.v0": trajectory.v0}
+    start |= {f"friction.{name}": value for name, value in CONTACT.items()}
+    return System(parts, wires, start, replace(experiment, record=("axis.x", "servo.u")))
+
+
+def compiled(name: str, code: Path, prefix: str, tmp_path: Path) -> CallablePart:
+    """Compile C code and return it as a part that calls its function `step` in every sample."""
     library = tmp_path / f"{name}.so"
     options = ["-std=c99", "-O1", "-ffp-contract=off", "-fPIC", "-shared"]
     subprocess.run(["gcc", *options, "-o", str(library), str(code / f"{prefix}.c"), "-lm"], check=True)
@@ -227,8 +330,8 @@ def compiled(name: str, code: Path, prefix: str, fmu: Path, tmp_path: Path) -> P
         computed(u, x)
         return numbers(states)
 
-    wired = {wire.target for wire in connections((fmu.parent / "README.md").read_text(encoding="utf-8"))[0]}
-    ports = [port for port in FmuPart("law", fmu).inputs if f"{name}.{port.name}" in wired]
+    fields = [name for name, _ in inputs._fields_]
+    ports = [Port(name) for name in ("r", "rd", "rdd", "x", "f_known") if name in fields]
     names = [name for name, kind in outputs._fields_ if kind is ctypes.c_double]
     return CallablePart(
         name,
@@ -250,8 +353,8 @@ def structure(header: str, group: str) -> type[ctypes.Structure]:
     found = re.search(rf"typedef struct \{{([^}}]*)\}} {group};", header)
     assert found is not None
     fields: list[tuple[str, type]] = []
-    for kind, field, size in re.findall(r"^\s+(double|int) (\w+)(?:\[(\d+)\])?;", found[1], re.M):
-        base = ctypes.c_double if kind == "double" else ctypes.c_int
+    for kind, field, size in re.findall(r"^\s+(double|bool) (\w+)(?:\[(\d+)\])?;", found[1], re.M):
+        base = ctypes.c_double if kind == "double" else ctypes.c_bool
         fields.append((field, base * int(size) if size else base))
     return type(group, (ctypes.Structure,), {"_fields_": fields})
 

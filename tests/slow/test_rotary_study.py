@@ -104,6 +104,10 @@ def test_no_text_of_a_rotary_study_has_linear_words_or_units(joint: Path, capsys
     assert "moment of inertia" in described
     assert linear_words(" . ".join(described)) == []
 
+    code = (out / "recommended" / "c" / "loop.h").read_text(encoding="utf-8")
+    assert linear_words(" ".join(re.findall(r"/\* (.*?) \*/", code, re.S))) == []
+    assert "[N.m] control torque" in code
+
     result = json.loads((out / "study.json").read_text(encoding="utf-8"))
     texts = [text for row in result["doctor"] for text in (row["wrong"], row["change"])]
     texts += [result["recommendation"]["reason"], *result["overview"].values()]

@@ -1,7 +1,8 @@
-"""Generate C code of a law for an embedded target, with its cost.
+"""Generate C code of a law, or of a position loop, for an embedded target, with its cost.
 
 The code has a struct of parameters and allocates no memory. A unit test for the target belongs to it. Its cost is
-stated for three microcontrollers.
+stated for three microcontrollers. The file of a loop, such as recommended/loop.toml of a study, joins servo,
+feedforward and compensator to one function call per sample.
 """
 
 from __future__ import annotations
@@ -14,12 +15,12 @@ from friction_fmus.cli.arguments import parse_assignments
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("law", metavar="LAW", help="name of a law, or its .py file")
+    parser.add_argument("law", metavar="LAW", help="name of a law, its .py file, or the .toml file of a loop")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the files")
     parser.add_argument("--real", choices=["float", "double"], default="double", help="type of all numbers")
     parser.add_argument("--set", action="append", metavar="NAME=VALUE", help="start value; may be repeated")
     parser.add_argument(
-        "--prefix", default="law", metavar="NAME", help="prefix of files, types and functions; default: law"
+        "--prefix", default="", metavar="NAME", help="prefix of files, types and functions; default: law or loop"
     )
 
 

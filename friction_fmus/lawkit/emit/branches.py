@@ -5,8 +5,10 @@ from __future__ import annotations
 import heapq
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import NamedTuple
 
+from friction_fmus.lawkit.emit.fusion import in_loops
 from friction_fmus.lawkit.emit.graph import CALLS, Node
 
 DECIDES = ("SELECT", "IF_ELSE_ZERO")
@@ -36,8 +38,24 @@ class Decision:
     sides: tuple[Block, Block]
 
 
-Block = tuple["int | Decision", ...]
-"""Nodes and decisions in the order of computation."""
+@dataclass(frozen=True)
+class Loop:
+    """A loop over the elements of vectors.
+
+    Attributes
+    ----------
+    lanes : int
+        Number of elements.
+    items : tuple of int or Decision
+        Operations on one element, and sums over the elements.
+    """
+
+    lanes: int
+    items: tuple[int | Decision, ...]
+
+
+Block = tuple["int | Decision | Loop", ...]
+"""Nodes, decisions and loops in the order of computation."""
 
 
 class _Edge(NamedTuple):
@@ -121,19 +139,27 @@ def _paths(
             path = paths[number]
             if node.operation in DECIDES and position > 0:
                 path = (*path, _edge(nodes, number, position, groups))
+            if not nodes[argument].lanes:
+                path = _outside_loops(nodes, path)
             paths[argument] = _common(paths.get(argument, path), path)
     spared: dict[tuple[int, int], int] = {}
     for number in order:
-        operation = nodes[number].operation
-        if operation not in ("CONST", "INPUT"):
+        if not nodes[number].is_leaf:
             for condition, _, group in paths[number]:
-                weight = _CALL if operation in CALLS else 1
+                weight = _CALL if nodes[number].operation in CALLS else 1
+                if not nodes[condition].lanes:
+                    weight *= max(nodes[number].lanes, 1)
                 spared[condition, group] = spared.get((condition, group), 0) + weight
     return {
         number: tuple(edge for edge in paths[number] if spared.get((edge.condition, edge.group), 0) >= PAYS)
         for number in order
-        if nodes[number].operation not in ("CONST", "INPUT")
+        if not nodes[number].is_leaf
     }
+
+
+def _outside_loops(nodes: Sequence[Node], path: _Path) -> _Path:
+    """Return the decisions before the first one on an element of a vector."""
+    return tuple(takewhile(lambda edge: not nodes[edge.condition].lanes, path))
 
 
 def _common(first: _Path, second: _Path) -> _Path:
@@ -185,14 +211,29 @@ class _Scheduler:
         ordered = _ordered(waits, last)
         if len(ordered) < len(waits):
             raise _CircleError([key[0] for key in waits if key not in ordered and key[1] != _ITSELF])
-        items: list[int | Decision] = []
-        for condition, group in ordered:
+
+        def item(key: tuple[int, int]) -> int | Decision:
+            condition, group = key
             if group == _ITSELF:
-                items.append(condition)
-            else:
-                first, second = (self.block((*path, _Edge(condition, side, group))) for side in (1, 2))
-                items.append(Decision(condition, tuple(units[condition, group]), (first, second)))
-        return tuple(items)
+                return condition
+            first, second = (self.block((*path, _Edge(condition, side, group))) for side in (1, 2))
+            return Decision(condition, tuple(units[condition, group]), (first, second))
+
+        lanes = {key: self._lanes(key[0]) for key in ordered}
+        if not any(lanes.values()) or len(_outside_loops(self._nodes, path)) < len(path):
+            return tuple(map(item, ordered))
+        return tuple(
+            Loop(lanes[step[0]], tuple(map(item, step))) if lanes[step[0]] else item(step[0])
+            for step in in_loops(ordered, waits, lanes, {key for key in ordered if self._is_sum(key[0])})
+        )
+
+    def _lanes(self, number: int) -> int:
+        """Return the number of elements that a node, or a decision on it, has in a loop; 0 outside loops."""
+        node = self._nodes[number]
+        return self._nodes[node.arguments[0]].lanes if node.operation == "SUM" else node.lanes
+
+    def _is_sum(self, number: int) -> bool:
+        return self._nodes[number].operation == "SUM"
 
 
 def _ordered(

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -12,6 +14,7 @@ from casadi import Function
 
 from friction_fmus.lawkit.emit.branches import plan
 from friction_fmus.lawkit.emit.graph import graph
+from friction_fmus.lawkit.emit.loops import INDEX, Rolled, roll
 from friction_fmus.lawkit.emit.names import Named, Names, place_name
 from friction_fmus.lawkit.emit.pairs import Weight, split
 from friction_fmus.lawkit.emit.real import DOUBLE, FLOAT, Real
@@ -28,8 +31,7 @@ class Kernel:
     Attributes
     ----------
     lines : tuple of str
-        Declarations, then statements, which end with the assignments of all results. Truth values have the type
-        ``bool``.
+        Declarations and statements, which end with the assignments of all results. Truth values have the type ``bool``.
     functions : frozenset of str
         Called functions of <math.h>.
     """
@@ -65,8 +67,10 @@ def kernel(
     positive: Iterable[int] | None = None,
     taken: Iterable[str] = (),
     lows: Lows | None = None,
-    named: Collection[Named] = (),
+    named: Collection[Named] | None = None,
     remarks: Mapping[int, Sequence[str]] | None = None,
+    flags: Collection[str] = (),
+    unrolls: bool = False,
 ) -> Kernel:
     """Translate a casadi function into C statements.
 
@@ -93,14 +97,19 @@ def kernel(
     lows : Lows, optional
         Arguments and results that are pairs; the default is none.
     named : collection of Named
-        Names of nodes of the function's graph; without them, constants are t1, t2, ...
+        Names of nodes of the function's graph; others get a name that describes their operation. If None, constants are
+        t1, t2, ...
     remarks : mapping of int to sequence of str, optional
         Comments for nodes of the function's graph.
+    flags : collection of str
+        Elements of `writes` that are C truth values.
+    unrolls : bool
+        Whether the macro UNROLLED stands before each loop.
 
     Returns
     -------
     Kernel
-        C99 (and C89) declarations and assignments. In double, results are bit-identical to casadi's if compiled without
+        C99 declarations and assignments. In double, results are bit-identical to casadi's if compiled without
         contraction (``-ffp-contract=off``) and with the same C library.
 
     Raises
@@ -109,6 +118,7 @@ def kernel(
         If an operation has no C form, or the function is not scalar.
     """
     nodes, results = graph(function)
+    describes, named = named is not None, named or ()
     if lows:
         low_of = {number: len(reads) + i for i, number in enumerate(lows.reads)}
         nodes, results, pairs = split(nodes, results, lows.wide, low_of, lows.writes)
@@ -120,14 +130,48 @@ def kernel(
             if node is not None
         ]
         remarks = {pairs[node][0]: texts for node, texts in (remarks or {}).items()}
+    rolled = roll(nodes, results, reads, writes)
     truths = frozenset(conditions)
-    targets: dict[int, list[str]] = {}
-    for number, target in zip(results, writes, strict=True):
-        targets.setdefault(number, []).append(target)
-    named = [entry for entry in named if nodes[entry.node].operation not in ("CONST", "INPUT")]
-    names = Names(nodes, named, {number: place_name(places[0]) for number, places in targets.items()}, taken)
-    unsigned = truths if positive is None else range(len(reads))
-    zeros = Zeros(nodes, results, unsigned, truths | {*(positive or ())})
-    writer = Writer(nodes, reads, real, truths, zeros, names, writes, remarks or {})
-    lines = writer.statements(plan(nodes, results), targets)
+    truths |= {i for i, members in rolled.members.items() if truths >= {*members}}
+    never_negative = truths | {*(positive or ())}
+    never_negative |= {i for i, members in rolled.members.items() if never_negative >= {*members}}
+    unsigned = truths if positive is None else range(len(rolled.reads))
+    named = _moved(named, rolled)
+    texts_of: dict[int, list[str]] = {}
+    for node, texts in (remarks or {}).items():
+        texts_of.setdefault(rolled.place[node], []).extend(texts)
+    kept: dict[int, list[int]] = {}
+    places = {place_name(place): i for i, place in enumerate(rolled.reads)}
+    for number, targets in rolled.targets.items():
+        for name in filter(places.__contains__, map(place_name, targets)):
+            kept.setdefault(places[name], []).append(number)
+    zeros = Zeros(rolled.nodes, kept, unsigned, never_negative)
+    first = {number: targets[0] for number, targets in rolled.targets.items()}
+    names = Names(rolled.nodes, named, rolled.reads, first, [INDEX, *taken], describes=describes)
+    vectors = {place.rpartition("[")[0] for place in flags} - {""}
+    written = {place for targets in rolled.targets.values() for place in targets}
+    of_vectors = {place for place in written if place.rpartition("[")[0] in vectors}
+    writer = Writer(rolled, real, truths, zeros, names, texts_of, flags={*flags, *of_vectors}, unrolls=unrolls)
+    lines = writer.statements(plan(rolled.nodes, rolled.targets), rolled.targets)
     return Kernel(tuple(lines), frozenset(writer.functions))
+
+
+def _moved(named: Collection[Named], rolled: Rolled) -> list[Named]:
+    """Return the names of nodes in a graph with vectors, which have the names that most of their elements have."""
+    nodes = rolled.nodes
+    known = [entry for entry in named if entry.node in rolled.place]
+    vectors = [entry._replace(node=rolled.place[entry.node], name=_INDEXED.sub("", entry.name)) for entry in known]
+    counts = Counter(vectors)
+    found: dict[Named, None] = {}
+    for entry, vector in zip(known, vectors, strict=True):
+        lanes = nodes[vector.node].lanes
+        if not lanes:
+            found[entry._replace(node=vector.node)] = None
+        elif 2 * counts[vector] >= lanes:
+            found[vector] = None
+        elif entry.node in rolled.single:
+            found[entry._replace(node=rolled.single[entry.node])] = None
+    return [entry for entry in found if not nodes[entry.node].is_leaf]
+
+
+_INDEXED = re.compile(r"_\d+$")

@@ -36,11 +36,20 @@ BOTH = 4
 EITHER = 3
 CHOICE = 2
 
+TRUE, FALSE = (Text(text, PRIMARY, frozenset()) for text in ("true", "false"))
+_TRUTHS = ("true", "false")
+
 TERNARY = {"SELECT", "IF_ELSE_ZERO", "SIGN", "FMIN", "FMAX"}
 REPEATS = {"SQ": 2, "SIGN": 3, "FMIN": 2, "FMAX": 2}
 """Largest number of times that an expression contains an argument; 1 for other operations."""
 
 _MIRRORED = {"LT": ">", "LE": ">=", "EQ": "==", "NE": "!="}
+
+
+def literal(value: float, real: Real) -> Text:
+    """Return a number."""
+    text = real.literal(value)
+    return Text(text, UNARY if text.startswith("-") else PRIMARY, frozenset())
 
 
 def in_brackets(text: Text, least: int) -> str:
@@ -49,7 +58,9 @@ def in_brackets(text: Text, least: int) -> str:
 
 
 def joined(first: Text, operator: str, second: Text, rank: int, least: tuple[int, int]) -> Text:
-    """Return both expressions with an operator between them."""
+    """Return both expressions with an operator between them; ``a + -b`` becomes ``a - b``, which has the same bits."""
+    if operator in "+-" and second.text.startswith("-") and second.rank >= PRODUCT:
+        operator, second = "-" if operator == "+" else "+", second._replace(text=second.text[1:])
     text = f"{in_brackets(first, least[0])} {operator} {in_brackets(second, least[1])}"
     return Text(text, rank, first.reads | second.reads)
 
@@ -60,8 +71,23 @@ def choice(condition: Text, first: Text, second: Text) -> Text:
     return Text(text, CHOICE, condition.reads | first.reads | second.reads)
 
 
+def either(condition: Text, first: Text, second: Text) -> Text:
+    """Return one of two truth values, depending on a condition."""
+    if FALSE in (first, second) or TRUE in (first, second):
+        if second.text in _TRUTHS:
+            condition, first, second = negation(condition), second, first
+        if second.text in _TRUTHS:
+            return condition if first == TRUE else negation(condition)
+        if first == TRUE:
+            return joined(condition, "||", second, EITHER, (UNARY, UNARY))
+        return joined(negation(condition), "&&", second, BOTH, (UNARY, UNARY))
+    return choice(condition, first, second)
+
+
 def negation(condition: Text) -> Text:
     """Return whether a truth value is false."""
+    if condition.rank == UNARY and condition.text.startswith("!"):
+        return Text(condition.text[1:], PRIMARY, condition.reads)
     return Text(f"!{in_brackets(condition, PRIMARY)}", UNARY, condition.reads)
 
 
@@ -100,7 +126,7 @@ def expression(operation: str, given: Sequence[Text], real: Real, *, number_firs
 
 
 def _formula(operation: str, given: Sequence[Text], real: Real) -> Text:
-    one, two, zero, minus_one = (Text(real.literal(value), PRIMARY, frozenset()) for value in (1.0, 2.0, 0.0, -1.0))
+    one, two, zero, minus_one = (literal(value, real) for value in (1.0, 2.0, 0.0, -1.0))
     if operation == "NEG":
         return Text(f"-{in_brackets(given[0], PRIMARY)}", UNARY, given[0].reads)
     if operation in ("SQ", "TWICE"):

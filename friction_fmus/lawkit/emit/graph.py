@@ -29,11 +29,32 @@ OPERATIONS = {*INFIX, *CONDITIONS, *LIBM, *FORMULAS, "IF_ELSE_ZERO"}
 
 @dataclass(frozen=True)
 class Node:
-    """An operation: name, indices of its arguments, and the value of a constant or the index of an input."""
+    """An operation.
+
+    Attributes
+    ----------
+    operation : str
+        Its name.
+    arguments : tuple of int
+        Indices of its arguments.
+    value : float
+        The value of a constant, the index of an input, the first value of the index of a loop.
+    lanes : int
+        Number of elements of a vector; 0 for a scalar.
+    brief : bool
+        Whether its expression is repeated at each use.
+    """
 
     operation: str
     arguments: tuple[int, ...] = ()
     value: float = 0.0
+    lanes: int = 0
+    brief: bool = False
+
+    @property
+    def is_leaf(self) -> bool:
+        """Whether it is computed wherever it is used: an argument, a number, an index or a brief expression."""
+        return self.brief or self.operation in ("CONST", "INPUT", "INDEX")
 
 
 def graph(function: Function) -> tuple[list[Node], list[int]]:

@@ -37,13 +37,12 @@ class Real:
         if math.isnan(value):
             return "NAN"
         if math.isinf(value):
-            return f"(-{self.infinity})" if value < 0.0 else self.infinity
+            return f"-{self.infinity}" if value < 0.0 else self.infinity
         if abs(value) > self.largest:
             raise FrictionError(f"The constant {value!r} is too large for the C type {self.name}")
         if 0.0 < abs(value) < self.smallest:
             value = math.copysign(self.smallest, value)
-        text = repr(float(value)) + self.suffix
-        return f"({text})" if math.copysign(1.0, value) < 0.0 else text
+        return repr(float(value)) + self.suffix
 
 
 DOUBLE = Real("double", "", "HUGE_VAL", math.inf, 0.0)

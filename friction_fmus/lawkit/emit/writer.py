@@ -4,45 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
-from friction_fmus.lawkit.emit.branches import DECIDES, Block, Decision
+from friction_fmus.lawkit.emit.branches import DECIDES, Block, Decision, Loop
 from friction_fmus.lawkit.emit.comments import comment_lines
 from friction_fmus.lawkit.emit.expressions import (
-    CHOICE,
-    COMPARISON,
     PRIMARY,
-    REPEATS,
-    SUM,
     TERNARY,
     UNARY,
     Text,
-    called_function,
-    choice,
-    expression,
-    joined,
-    negation,
+    literal,
 )
-from friction_fmus.lawkit.emit.graph import COMPARE, CONDITIONS, LIBM, LOGIC, Node
+from friction_fmus.lawkit.emit.loops import INDEX, Rolled
 from friction_fmus.lawkit.emit.names import Names
 from friction_fmus.lawkit.emit.real import Real
 from friction_fmus.lawkit.emit.signed_zeros import Zeros
+from friction_fmus.lawkit.emit.statements import is_if, statement
+from friction_fmus.lawkit.emit.uses import RESULT, SIDE, Store, computed, count_users, is_in, last_values, numbers
+from friction_fmus.lawkit.emit.values import Values
 
-_WIDTH = 84  # longest expression that is not divided
-_IN_A_LINE = 80  # length of a list of declared variables
-
-_LEAVES = ("CONST", "INPUT")
-
-_RESULT, _SIDE, _IF = -1, -2, -3  # users of a value that are not nodes
+_WIDTH = 150  # longest expression that is not divided into several
 
 
-class Writer:
+class Writer(Values):
     """Writer of the statements of a function.
 
     Parameters
     ----------
-    nodes : sequence of Node
-        All operations, arguments before their users.
-    reads : sequence of str
-        C expression of each argument.
+    rolled : Rolled
+        All operations, C expressions of arguments, and places of results.
     real : Real
         Type of all numbers.
     conditions : collection of int
@@ -51,47 +39,40 @@ class Writer:
         Where -0.0 must become 0.0.
     names : Names
         Identifiers.
-    overwritten : collection of str
-        C expressions to which results are assigned.
     remarks : mapping of int to sequence of str
         Comments for nodes, which then become constants or variables.
+    flags : collection of str
+        Places of results that are truth values.
+    unrolls : bool
+        Whether the macro UNROLLED stands before each loop.
     """
 
     def __init__(
         self,
-        nodes: Sequence[Node],
-        reads: Sequence[str],
+        rolled: Rolled,
         real: Real,
         conditions: Collection[int],
         zeros: Zeros,
         names: Names,
-        overwritten: Collection[str],
         remarks: Mapping[int, Sequence[str]],
+        *,
+        flags: Collection[str] = (),
+        unrolls: bool = False,
     ) -> None:
         """Prepare the texts of arguments and constants."""
-        self.functions: set[str] = set()
-        self._nodes = nodes
-        self._real = real
-        self._conditions = conditions
-        self._zeros = zeros
+        super().__init__(rolled, real, conditions, zeros)
         self._names = names
         self._kept = names.assigned | remarks.keys()
         self._remarks = {node: list(texts) for node, texts in remarks.items()}
-        self._overwritten = frozenset(i for i, place in enumerate(reads) if place in overwritten)
-        self._reads = reads
-        self._zero = Text(real.literal(0.0), PRIMARY, frozenset())
-        self._texts: dict[int, Text] = {}
-        self._open: set[int] = set()  # nodes whose text is an expression instead of a name
-        self._users: dict[int, list[tuple[int, int]]] = {}  # users of each node, and the place among their arguments
-        self._last_moment: set[int] = set()  # nodes that are read while results are assigned
-        self._decided: dict[int, int] = {}  # side of each condition in the current block
-        self._lines = _Lines()
-        for number, node in enumerate(nodes):
-            if node.operation == "CONST":
-                self._texts[number] = Text(real.literal(node.value), PRIMARY, frozenset())
-            elif node.operation == "INPUT":
-                place = int(node.value)
-                self._texts[number] = Text(reads[place], PRIMARY, frozenset([place]))
+        self._places = {place for places in rolled.targets.values() for place in places}
+        self._overwritten = frozenset(i for i, place in enumerate(rolled.reads) if place in self._places)
+        self._flags = flags
+        self._unrolls = unrolls
+        self._last_moment: dict[int, set[str]] = {}  # nodes that are read while results are assigned, and their places
+        self._elements: dict[int, str] = {}  # places of elements that are stored before the end
+        self._lines: list[str] = []
+        self._arrays: set[int] = set()  # elements that are used outside their loop
+        self._in_loop = False
 
     def statements(self, block: Block, targets: Mapping[int, Sequence[str]]) -> list[str]:
         """Return the statements of a function.
@@ -103,66 +84,203 @@ class Writer:
         targets : mapping of int to sequence of str
             Places to which each result is assigned.
         """
-        last = block[-1] if block else None
-        joined_last = last.selects if isinstance(last, Decision) else ()
-        self._last_moment = {*targets, *(n for select in joined_last for n in self._nodes[select].arguments[1:])}
-        self._count(block)
+        for number, place in last_values(self._nodes, block, targets):
+            self._last_moment.setdefault(number, set()).add(place)
+        count_users(self._nodes, block, self._users)
         for number, places in targets.items():
-            for _ in places:
-                self._users.setdefault(number, []).append((_RESULT, 0))
+            self._users.setdefault(number, []).extend([(RESULT, 0)] * len(places))
         copies = [line for number in sorted(self._last_moment) for line in self._copy(number)]
         return [*copies, *self._block(block, targets)]
-
-    def _count(self, block: Block) -> None:
-        """Find the users of each node as they appear in the text."""
-        for item in block:
-            if isinstance(item, Decision):
-                self._users.setdefault(item.condition, []).append((_IF, 0))
-                for select in item.selects:
-                    for argument in self._nodes[select].arguments[1:]:
-                        self._users.setdefault(argument, []).append((_SIDE, select))
-                for side in item.sides:
-                    self._count(side)
-            else:
-                node = self._nodes[item]
-                for place, argument in enumerate(node.arguments):
-                    self._users.setdefault(argument, []).extend([(item, place)] * REPEATS.get(node.operation, 1))
 
     def _copy(self, number: int) -> list[str]:
         """Copy an argument that is also a result if another result overwrites it."""
         node = self._nodes[number]
-        if node.operation != "INPUT" or int(node.value) not in self._overwritten:
+        if node.operation != "INPUT" or int(node.value) not in self._overwritten or node.lanes:
             return []
-        value = self._number(number).text
+        if self._last_moment[number] == {self._reads[int(node.value)]}:
+            return []  # it is its own next value
+        value = self._texts[number].text
         name = self._names.copy(self._reads[int(node.value)])
         self._texts[number] = Text(name, PRIMARY, frozenset())
-        return [f"const {self._real.name} {name} = {value};"]
+        return [f"const {self._kind(number)} {name} = {value};"]
 
-    def _block(self, block: Block, targets: Mapping[int, Sequence[str]] | None = None) -> list[str]:
-        """Return declarations, then statements, then assignments to the targets of nodes."""
-        outer, self._lines = self._lines, _Lines()
-        left = dict(targets or {})
-        for item in block:
-            if isinstance(item, Decision):
-                # nothing is computed after the last decision, so results there need no names
-                final = {number: left.pop(number) for number in item.selects if number in left and item is block[-1]}
-                names = {number: self._names.of(number) for number in item.selects if number not in final}
-                for name in names.values():
-                    self._lines.declare(self._real.name, name)
-                for number in item.selects:
-                    self._lines.statements += self._remark(number)
-                self._lines.statements += self._decision(
-                    item, {**final, **{number: [name] for number, name in names.items()}}
-                )
-                self._texts.update((number, Text(name, PRIMARY, frozenset())) for number, name in names.items())
+    def _block(self, block: Block, targets: Mapping[int, Sequence[str]], stores: Sequence[Store] = ()) -> list[str]:
+        """Return statements, then assignments to the targets of nodes.
+
+        Parameters
+        ----------
+        block : Block
+            Operations.
+        targets : mapping of int to sequence of str
+            Places to which values are assigned.
+        stores : sequence of Store
+            Assignments to elements of vectors.
+        """
+        outer, self._lines = self._lines, []
+        left = dict(targets)
+        stores = [*stores]
+        if not self._in_loop and not self._ends_with(block, [n for n in left if self._nodes[n].lanes]):
+            stores += [Store(n, left.pop(n), None) for n in [*left] if self._nodes[n].lanes]
+        for place, item in enumerate(block):
+            stores = self._stored_early(item, block[place + 1 :], stores)
+            if isinstance(item, Loop):
+                inside = stores if item is block[-1] else []
+                self._loop(item.lanes, item.items, [store for store in inside if self._lanes(store) == item.lanes])
+                stores = [store for store in stores if store not in inside or self._lanes(store) != item.lanes]
+            elif isinstance(item, Decision):
+                # nothing is computed after the last decision, and nothing reads an output: results need no names there
+                ends = [n for n in item.selects if n in left and (item is block[-1] or self._only_shown(n, left[n]))]
+                final = {number: left.pop(number) for number in ends}
+                self._select(item, final)
             else:
                 self._operation(item)
-        results = []
+        for lanes in sorted({self._lanes(store) for store in stores}):
+            self._loop(lanes, (), [store for store in stores if self._lanes(store) == lanes])
         for number, places in left.items():
-            results += self._remark(number)
-            results += [f"{place} = {self._number(number).text};" for place in places]
-        lines, self._lines = self._lines.all() + results, outer
+            self._lines += self._remark(number)
+            self._lines += self._assignments(places, number)
+        lines, self._lines = self._lines, outer
         return lines
+
+    def _stored_early(self, item: int | Decision | Loop, later: Block, stores: Sequence[Store]) -> list[Store]:
+        """Choose the place of a result for elements that are used later, unless its old value is also used later.
+
+        Returns
+        -------
+        list of Store
+            The other assignments.
+        """
+        inner = item.items if isinstance(item, Loop) else (item,)
+        left = []
+        for store in stores if later else ():
+            values = store.values(self._nodes)
+            found = [place for place, part in enumerate(inner) if {*computed(part)} & {*values}]
+            after = [*inner[found[0] + 1 :], *later] if found else []
+            read = {argument for part in after for n in numbers(part) for argument in self._nodes[n].arguments}
+            read |= {value for other in stores if other is not store for value in other.values(self._nodes)}
+            old = any(self._nodes[n].operation == "INPUT" and self._element(n) == store.places[0] for n in read)
+            exact = store.side is None or not self._zeros.becomes_plus(store.node, store.side)
+            exact = exact and bool(values) and self._is_condition(values[0]) == (store.places[0] in self._flags)
+            if found and exact and not old and values[0] not in self._elements and len(store.places) == 1:
+                self._elements[values[0]] = store.places[0]
+            else:
+                left.append(store)
+        return left if later else [*stores]
+
+    def _ends_with(self, block: Block, vectors: Sequence[int]) -> bool:
+        """Return whether the last decision of a block assigns all these vectors."""
+        last = block[-1] if block else None
+        return isinstance(last, Decision) and {*vectors} <= {*last.selects}
+
+    def _lanes(self, store: Store) -> int:
+        return self._nodes[store.node].lanes
+
+    def _select(self, item: Decision, final: Mapping[int, Sequence[str]]) -> None:
+        """Write a decision; selects that are not assigned to final places become variables."""
+        names = {number: self._names.of(number) for number in item.selects if number not in final}
+        for number in item.selects:
+            self._lines += self._remark(number)
+        for number, name in names.items():
+            array = number in self._arrays or (self._nodes[number].lanes and not self._in_loop)
+            if number not in self._arrays and number not in self._elements:
+                size = f"[{self._nodes[number].lanes}]" if array else ""
+                self._lines.append(f"{self._kind(number)} {name}{size};")
+            if array:
+                names[number] = self._elements.get(number, f"{name}[{INDEX}]")
+        self._lines += self._decision(item, {**final, **{number: [name] for number, name in names.items()}})
+        self._texts.update((number, Text(name, PRIMARY, frozenset())) for number, name in names.items())
+
+    def _loop(self, lanes: int, items: Sequence[int | Decision], stores: Sequence[Store]) -> None:
+        """Write a loop with the operations on an element, the sums, and the assignments to elements."""
+        sums = [item for item in items if isinstance(item, int) and self._nodes[item].operation == "SUM"]
+        arrays = self._outside(items, stores)
+        declared = [number for number in arrays if number not in self._elements]
+        self._lines += [f"{self._kind(number)} {self._names.of(number)}[{lanes}];" for number in declared]
+        for number in sums:
+            self._lines += self._remark(number)
+            self._lines.append(f"{self._real.name} {self._names.of(number)} = {self._start(number).text};")
+        self._arrays.update(arrays)
+        outer, self._lines, self._in_loop = self._lines, [], True
+        for item in items:
+            if isinstance(item, Decision):
+                self._select(item, {})
+            elif item not in sums:
+                self._operation(item)
+        for number in sums:
+            term = self._number(self._nodes[number].arguments[0]).text
+            self._lines += statement(f"{self._names.of(number)} += {term};")
+        self._lines += self._stored(stores)
+        body, self._lines, self._in_loop = self._lines, outer, False
+        if not body:
+            return
+        self._lines += ["UNROLLED"] if self._unrolls else []
+        self._lines.append(f"for (int32_t {INDEX} = 0; {INDEX} < {lanes}; {INDEX}++) {{")
+        self._lines += [*(f"    {line}" for line in body), "}"]
+        self._texts.update((number, Text(self._names.of(number), PRIMARY, frozenset())) for number in sums)
+
+    def _start(self, number: int) -> Text:
+        """Return the value before the first term of a sum; -0.0 keeps the sign of the sum of -0.0."""
+        term, *first = self._nodes[number].arguments
+        if first:
+            return self._number(first[0])
+        signed = self._zeros.matters(number) and not self._zeros.never_minus(term)
+        return literal(-0.0 if signed else 0.0, self._real)
+
+    def _outside(self, items: Sequence[int | Decision], stores: Sequence[Store]) -> list[int]:
+        """Return the operations on elements that are used outside their loop."""
+        inside = {number for item in items for number in numbers(item)}
+        found = []
+        for number in (n for item in items for n in computed(item)):
+            stored = [store for store in stores if number in store.values(self._nodes)]
+            users = [(user, place) for user, place in self._users.get(number, ()) if not is_in(user, place, inside)]
+            if self._nodes[number].lanes and len(users) > sum(store.uses for store in stored):
+                found.append(number)
+        return found
+
+    def _stored(self, stores: Sequence[Store]) -> list[str]:
+        """Return assignments to elements; a value that an earlier assignment overwrites is copied before."""
+        lines, copies = [], []
+        written: set[str] = set()
+        for store in stores:
+            for argument in (store.node, *store.values(self._nodes)):
+                lines += self._remark(argument)
+            for place in store.places:
+                is_truth = self._holds_truth(place, store.node)
+                value = self._assigned(store.node, store.side, is_truth)
+                if any(self._reads[i] in written for i in value.reads):
+                    name = self._names.copy(self._reads[min(value.reads)])
+                    copies += statement(f"const {'bool' if is_truth else self._real.name} {name} = {value.text};")
+                    value = Text(name, PRIMARY, frozenset())
+                lines += statement(f"{place} = {value.text};") if value.text != place else []
+            written |= {*store.places}
+        return [*copies, *lines]
+
+    def _only_shown(self, number: int, places: Sequence[str]) -> bool:
+        """Return whether a value is only assigned to places that are never read."""
+        return len(self._users[number]) == len(places) and not any(place in self._reads for place in places)
+
+    def _assignments(self, places: Iterable[str], number: int, side: int | None = None) -> list[str]:
+        """Return the assignments of a node, or of a select on one side."""
+        lines = []
+        for place in places:
+            text = self._assigned(number, side, self._holds_truth(place, number)).text
+            lines += statement(f"{place} = {text};") if text != place else []
+        return lines
+
+    def _holds_truth(self, place: str, number: int) -> bool:
+        """Return whether a place is a truth value: a flag, or the variable of a node that is one."""
+        return place in self._flags or (place not in self._places and self._is_condition(number))
+
+    def _assigned(self, number: int, side: int | None, is_truth: bool) -> Text:
+        """Return what is assigned, as a truth value or as a number."""
+        if side is None:
+            return self._truth(number) if is_truth else self._number(number)
+        if is_truth:
+            return self._true_side(number, side)
+        if self._is_condition(number):
+            values = self._nodes[number].arguments[side : side + 1]
+            return self._number(values[0]) if values else self._zero
+        return self._side(number, side)
 
     def _operation(self, number: int) -> None:
         """Compute a node now, or keep its expression for its only user."""
@@ -180,12 +298,15 @@ class Writer:
 
     def _stays_open(self, number: int) -> bool:
         node, text, users = self._nodes[number], self._texts[number], self._users[number]
+        early = {place for place in self._elements.values() if self._in_loop}
+        if number in self._arrays or any(self._reads[i] in early for i in text.reads):
+            return False
         if self._is_brief(number):
             return number not in self._kept
         if len(users) > 1 or (number in self._last_moment and text.reads & self._overwritten):
             return False
         ((user, place),) = users
-        if user == _RESULT or (user == _SIDE and number not in self._names.assigned):
+        if user == RESULT or (user == SIDE and number not in self._names.assigned):
             return True
         if number in self._kept:
             return False
@@ -202,9 +323,13 @@ class Writer:
 
     def _name(self, number: int) -> None:
         """Declare a constant with the value of a node."""
-        kind = "bool" if self._is_condition(number) else self._real.name
         name = self._names.of(number)
-        self._lines.constant(kind, name, self._texts[number].text, self._remark(number))
+        self._lines += self._remark(number)
+        if number in self._arrays:
+            name = self._elements.get(number, f"{name}[{INDEX}]")
+            self._lines += statement(f"{name} = {self._texts[number].text};")
+        else:
+            self._lines += statement(f"const {self._kind(number)} {name} = {self._texts[number].text};")
         self._texts[number] = Text(name, PRIMARY, frozenset())
         self._open.discard(number)
 
@@ -216,125 +341,42 @@ class Writer:
         outer = self._decided
         for side in order:
             self._decided = {**outer, decision.condition: side}
-            lines += [f"    {line}" for line in self._block(decision.sides[side - 1])]
+            inner = decision.sides[side - 1]
+            assigned = self._assigned_inside(inner, side, targets)
+            stored = [n for n in targets if self._nodes[n].lanes and not self._in_loop and n not in assigned]
+            statements = self._block(
+                inner,
+                {self._nodes[n].arguments[side]: targets[n] for n in assigned},
+                [Store(n, targets[n], side) for n in stored],
+            )
             for number, names in targets.items():
-                value = self._side(number, side).text
+                if number in stored:
+                    continue
                 for argument in self._nodes[number].arguments[side : side + 1]:
-                    lines += [f"    {line}" for line in self._remark(argument)]
-                lines += [f"    {name} = {value};" for name in names]
-            lines.append("} else {" if side == order[0] else "}")
+                    statements += self._remark(argument)
+                if number not in assigned:
+                    statements += self._assignments(names, number, side)
+            if side == order[1] and is_if(statements):
+                lines += [f"}} else {statements[0]}", *statements[1:]]
+            else:
+                lines += ["} else {"] if side == order[1] else []
+                lines += [f"    {line}" for line in statements or ["/* nothing changes */"]]
+                lines += ["}"] if side == order[1] else []
         self._decided = outer
         return lines
 
-    def _choice(self, number: int) -> Text:
-        """Return a select as an expression; on one side of a decision on the same condition, only this side is left."""
-        condition = self._nodes[number].arguments[0]
-        decided = self._decided.get(condition)
-        if decided and all(map(self._is_dispensable, self._others(number, decided))):
-            return self._side(number, decided)
-        sides = self._side(number, 1), self._side(number, 2)
-        opposite = self._opposite(condition)
-        return choice(self._truth(condition), *sides) if opposite < 0 else choice(self._truth(opposite), *sides[::-1])
-
-    def _others(self, number: int, side: int) -> list[int]:
-        """Return the value of a select on the other side, unless it is 0."""
-        return [value for i, value in enumerate(self._nodes[number].arguments) if i not in (0, side)]
-
-    def _is_dispensable(self, number: int) -> bool:
-        """Return whether a value is an argument, a number, or also used elsewhere."""
-        return self._nodes[number].operation in _LEAVES or len(self._users[number]) > 1
-
-    def _opposite(self, condition: int) -> int:
-        """Return the node that a condition negates, or -1 if it is not a negation or has a name."""
-        node = self._nodes[condition]
-        negated = node.operation == "NOT" and condition in self._open and self._is_condition(node.arguments[0])
-        return node.arguments[0] if negated else -1
-
-    def _side(self, number: int, side: int) -> Text:
-        """Return the value of a select on one side; casadi's sum of both sides turns -0.0 into 0.0."""
-        node = self._nodes[number]
-        if side == len(node.arguments):
-            return self._zero
-        value = self._number(node.arguments[side])
-        return joined(value, "+", self._zero, SUM, (SUM, PRIMARY)) if self._zeros.becomes_plus(number, side) else value
-
-    def _number(self, node: int) -> Text:
-        """Return the node as a number."""
-        text = self._texts[node]
-        if not self._is_condition(node):
-            return text
-        return choice(text, Text(self._real.literal(1.0), PRIMARY, frozenset()), self._zero)
-
-    def _truth(self, node: int) -> Text:
-        """Return the node as a truth value."""
-        text = self._texts[node]
-        if self._is_condition(node):
-            return text
-        return joined(text, "!=", self._zero, COMPARISON, (CHOICE + 1, PRIMARY))
+    def _assigned_inside(self, block: Block, side: int, targets: Mapping[int, Sequence[str]]) -> list[int]:
+        """Return the selects whose value on one side is a select of the last decision there, and is used only once."""
+        last = block[-1] if block else None
+        inside = last.selects if isinstance(last, Decision) else ()
+        found = []
+        for number in targets:
+            value = self._nodes[number].arguments[side : side + 1]
+            once = value and value[0] in inside and len(self._users[value[0]]) == 1
+            if once and not self._zeros.becomes_plus(number, side):
+                found.append(number)
+        return found
 
     def _remark(self, number: int) -> list[str]:
         """Return the comment of a node, once."""
         return comment_lines(self._remarks.pop(number, ()))
-
-    def _is_limit(self, first: int, second: int) -> bool:
-        """Return whether a comparison reads better with the second value first."""
-        leaf = self._nodes[first].operation in _LEAVES
-        return leaf and (self._nodes[first].operation == "CONST" or self._nodes[second].operation not in _LEAVES)
-
-    def _is_condition(self, number: int) -> bool:
-        node = self._nodes[number]
-        return node.operation in CONDITIONS or (node.operation == "INPUT" and int(node.value) in self._conditions)
-
-    def _expression(self, number: int) -> Text:
-        node = self._nodes[number]
-        operation, arguments = node.operation, node.arguments
-        if operation in LOGIC:
-            truths = [self._truth(argument) for argument in arguments]
-            return expression(operation, truths, self._real, number_first=False)
-        if operation == "NOT":
-            text = self._texts[arguments[0]]
-            if self._is_condition(arguments[0]):
-                return negation(text)
-            return joined(text, "==", self._zero, COMPARISON, (CHOICE + 1, PRIMARY))
-        if operation in DECIDES:
-            return self._choice(number)
-        if operation in LIBM:
-            self.functions.add(called_function(operation, self._real))
-        mirrored = operation in COMPARE and self._is_limit(*arguments)
-        numbers = [self._number(argument) for argument in arguments]
-        return expression(operation, numbers, self._real, number_first=mirrored)
-
-
-class _Lines:
-    """Lines of a block; C89 has no declarations after statements."""
-
-    def __init__(self) -> None:
-        self.statements: list[str] = []
-        self._constants: list[str] = []
-        self._variables: dict[str, list[str]] = {}
-
-    def constant(self, kind: str, name: str, value: str, remark: Sequence[str]) -> None:
-        """Add a constant, or a variable with a single assignment after other statements."""
-        if self.statements:
-            self.declare(kind, name)
-            self.statements += [*remark, f"{name} = {value};"]
-        else:
-            self._constants += [*remark, f"const {kind} {name} = {value};"]
-
-    def declare(self, kind: str, name: str) -> None:
-        """Declare a variable."""
-        self._variables.setdefault(kind, []).append(name)
-
-    def all(self) -> list[str]:
-        """Return declarations, then statements."""
-        declared = [line for kind, names in self._variables.items() for line in _declarations(kind, names)]
-        return [*self._constants, *declared, *self.statements]
-
-
-def _declarations(kind: str, names: Iterable[str]) -> list[str]:
-    lines = [kind]
-    for name in names:
-        if len(lines[-1]) + len(name) > _IN_A_LINE:
-            lines.append(kind)
-        lines[-1] += f" {name},"
-    return [f"{line[:-1]};" for line in lines]

@@ -36,7 +36,8 @@ def relax(value: SX, target: SX, decay: SX) -> SX:
 def fading(sigma1: SX, speed: SX, v_d: SX) -> SX:
     """Return the bristle damping, which decreases with speed if v_d > 0, as in presliding.h."""
     fades = v_d > 0.0
-    return if_else(fades, sigma1 * exp(-((speed / if_else(fades, v_d, 1.0)) ** 2)), sigma1)
+    ratio = speed / if_else(fades, v_d, 1.0)
+    return if_else(fades, sigma1 * exp(-(ratio**2)), sigma1)
 
 
 def feedforward(inertia: SX, friction: SX, gain: SX, enable: SX, u_min: SX, u_max: SX) -> dict[str, SX]:

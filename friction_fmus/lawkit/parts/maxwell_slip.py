@@ -13,7 +13,7 @@ from friction_fmus.lawkit.law import FORCE, NO_UNIT, STIFFNESS, Parameter, State
 ELEMENTS = 10
 
 FI: Any = State(FORCE, (0.0,) * ELEMENTS, "force of the element", nominal=0.1)
-SLIPPING: Any = State(NO_UNIT, (0.0,) * ELEMENTS, "1 if the element slips")
+SLIPPING: Any = State(NO_UNIT, (0.0,) * ELEMENTS, "1 if the element slips", flag=True)
 WAY: Any = State(NO_UNIT, 0.0, "sign of the last motion")
 N: Any = Parameter(NO_UNIT, 10.0, "number of elements in use", min=1.0, max=float(ELEMENTS))
 K: Any = Parameter(
@@ -39,7 +39,7 @@ class Element:
     moved : SX
         Its force after the displacement [force].
     slipped, slips : SX
-        Whether it slips during the displacement, and 1 or 0 after it.
+        Whether it slips during the displacement, and 1 or 0 after it; 0 for an element that is not in use.
     """
 
     level: SX
@@ -48,33 +48,41 @@ class Element:
     slips: SX
 
 
-def used_elements(values: Sequence[SX], N: SX) -> list[SX]:
-    """Return the values of the first N elements and 0 for the others."""
-    every = ELEMENTS - 1 < N  # decided first, which saves a decision per element
-    return [if_else(every, value, if_else(i < N, value, 0.0)) for i, value in enumerate(values)]
+def in_use(N: SX) -> list[SX]:
+    """Return whether each element is one of the first N."""
+    every = ELEMENTS - 1 < N  # tested first, which saves a comparison per element
+    return [logic_or(every, i < N) for i in range(ELEMENTS)]
 
 
-def slide(Fi: SX, slipping: SX, way: SX, k: SX, alpha: SX, N: SX, dx: SX, S: SX, decay: SX) -> list[Element]:
+def weights(alpha: SX, N: SX) -> tuple[list[SX], SX]:
+    """Return the weights of the elements in use, 0 for the others, and their positive sum."""
+    shares = [if_else(used, alpha[i], 0.0) for i, used in enumerate(in_use(N))]
+    total = sum(shares)
+    return shares, if_else(total > 0.0, total, 1.0)
+
+
+def slide(
+    Fi: SX, slipping: SX, way: SX, k: SX, N: SX, shares: Sequence[SX], total: SX, dx: SX, S: SX, decay: SX
+) -> list[Element]:
     """Return the elements after a displacement dx at the Stribeck level S.
 
     Parameters
     ----------
     Fi, slipping, way : SX
         States before.
-    k, alpha, N : SX
-        Stiffness and weight of each element, number of elements.
+    k, N, shares, total : SX, SX, sequence of SX, SX
+        Stiffness of each element; number of elements in use; weights and their sum.
     dx, S, decay : SX
         Displacement in the sample, Stribeck level, and exp(-C Ts / S).
     """
     side = if_else(dx > 0.0, 1.0, -1.0)
-    shares = used_elements([alpha[i] for i in range(ELEMENTS)], N)
-    total = sum(shares)
-    unit = S / if_else(total > 0.0, total, 1.0)
+    unit, used = S / total, in_use(N)
     found = []
     for i, share in enumerate(shares):
         level, along = share * unit, side * Fi[i]
-        slipped = logic_or(logic_and(side == way, slipping[i] > 0.0), along >= level)
+        slipped = logic_or(logic_and(side == way, slipping[i]), along >= level)
         stuck = along + k[i] * fabs(dx)
         moved = if_else(slipped, level + (along - level) * decay, if_else(stuck > level, level, stuck))  # keeps NaN
-        found.append(Element(level, moved, slipped, if_else(slipped, 1.0, stuck >= level)))
+        slips = if_else(slipped, used[i], if_else(used[i], stuck >= level, 0.0))
+        found.append(Element(level, moved, slipped, slips))
     return found

@@ -55,5 +55,6 @@ def periodic_table(place: SX, table: SX) -> SX:
     for i in range(n):
         # without decisions, so that NaN in the place stays NaN
         apart = n / 2.0 - fabs(fabs(place - i) - n / 2.0)
-        total += (fabs(apart + 1.0) + fabs(apart - 1.0) - 2.0 * apart) / 2.0 * table[i]
+        weight = (fabs(apart + 1.0) + fabs(apart - 1.0) - 2.0 * apart) / 2.0
+        total += weight * table[i]
     return total

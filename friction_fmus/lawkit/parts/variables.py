@@ -45,6 +45,7 @@ RDD: Any = Input(ACCELERATION, 0.0, "reference acceleration")
 X: Any = Input(LENGTH, 0.0, "measured position")
 V: Any = Input(VELOCITY, 0.0, "measured velocity")
 FED_FORWARD: Any = Input(FORCE, 0.0, "feedforward force, added before the limits", optional=True)
+U_TRACK: Any = Input(FORCE, 0.0, "force from which u continues while track is true", optional=True)
 U_PREV: Any = Input(FORCE, 0.0, "force applied since the last sample, after all limits")
 
 # ---- commands --------------------------------------------------------------------------------------------------------
@@ -54,12 +55,13 @@ ENABLE_STATES: Any = Command(True, "false: u = 0, F_hat = 0 and the states are a
 ENABLE_INTEGRAL: Any = Command(True, "false: u = 0 and the integral is at its start value")
 RESET: Any = Command(False, "true: the states are reset to their start values")
 RESET_INTEGRAL: Any = Command(False, "true: the integral is reset to its start value")
+TRACK: Any = Command(False, "true: the states are set so that u = u_track")
 
 # ---- states ----------------------------------------------------------------------------------------------------------
 
 LAST: Any = State(LENGTH, 0.0, "reference in the previous sample")
-STARTED: Any = State(NO_UNIT, 0.0, "1 if there is a previous sample")
-RUNNING: Any = State(NO_UNIT, 0.0, "1 after the first sample")
+STARTED: Any = State(NO_UNIT, 0.0, "1 if there is a previous sample", flag=True)
+RUNNING: Any = State(NO_UNIT, 0.0, "1 after the first sample", flag=True)
 X_HAT: Any = State(LENGTH, 0.0, "estimated position", nominal=1e-3)
 V_HAT: Any = State(VELOCITY, 0.0, "estimated velocity", nominal=1e-2)
 

@@ -1,0 +1,77 @@
+"""Laws by name, and their start values, for code generation."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from friction_fmus.blocks.catalogue import find
+from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Law
+
+
+def law_of(model: str | Path) -> Law:
+    """Return a law.
+
+    Parameters
+    ----------
+    model : str or Path
+        Name of a law, or path of a law file.
+
+    Raises
+    ------
+    UnknownNameError, FrictionError
+        If the model is unknown; if it is a block in C.
+    """
+    block = find(model)
+    if block.kind != "law" and block.path.suffix != ".py":
+        raise FrictionError(f"{block.name} is not a law but a C block; use its file {block.path.name}")
+    return next(law for law in discover_laws(block.path) if law.name == block.name)
+
+
+def start_values(law: Law, start: Mapping[str, float | bool]) -> dict[str, tuple[float, ...]]:
+    """Return the start values of a law by variable, with some changed.
+
+    Parameters
+    ----------
+    law : Law
+        The law.
+    start : mapping of str to number
+        Other start values of parameters, states and inputs; elements of vectors are ``k[1]``.
+
+    Raises
+    ------
+    UnknownNameError, FrictionError
+        If a name is unknown; if a value lies outside its limits or the values violate a condition of the law.
+    """
+    values = {variable.name: variable.starts for variable in law.given}
+    for name, value in start.items():
+        _set(law, values, name, value)
+    if broken := law.conditions.violated(values):
+        raise FrictionError(f"{law.name} requires {broken[0]}, which the given values violate")
+    return values
+
+
+def _set(law: Law, values: dict[str, tuple[float, ...]], name: str, value: float | bool) -> None:
+    element = re.fullmatch(r"(\w+)\[(\d+)\]", name)
+    plain = element[1] if element else name
+    variable = next((v for v in law.given if v.name == plain), None)
+    if variable is None or (variable.kind in VECTORS) != bool(element):
+        names = [v.name for v in law.given]
+        raise UnknownNameError(f"{law.name} has no variable {name!r} with a start value{nearest(plain, names)}")
+    place = int(element[2]) - 1 if element else 0
+    if not 0 <= place < len(variable.starts):
+        raise UnknownNameError(
+            f"There is no variable {name!r}; the elements of {plain} are 1 to {len(variable.starts)}"
+        )
+    if variable.kind in BOOLEANS and value not in (0.0, 1.0):
+        raise FrictionError(f"{name} = {value:g} is not a Boolean; give true or false")
+    if not (variable.min <= value <= variable.max and abs(value) < float("inf")):
+        raise FrictionError(
+            f"{name} = {value:g} lies outside [{variable.min:g}, {variable.max:g}]; choose a value inside"
+        )
+    changed = list(values[plain])
+    changed[place] = float(value)
+    values[plain] = tuple(changed)

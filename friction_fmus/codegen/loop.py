@@ -1,0 +1,309 @@
+"""A servo with feedforward and compensator as one law.
+
+The forces are added, limited and fed back as in a system of separate FMUs, so that the results are the same to the last
+bit.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final, TypeAlias
+
+from casadi import SX, if_else
+
+from friction_fmus.blocks.catalogue import find
+from friction_fmus.codegen.composition import Composition
+from friction_fmus.codegen.laws import law_of, start_values
+from friction_fmus.codegen.loop_file import LAWS, SHARED, LoopFile
+from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.lawkit.conditions import PARAMETERS
+from friction_fmus.lawkit.declarations import (
+    FORCE,
+    LENGTH,
+    NO_UNIT,
+    VECTORS,
+    VELOCITY,
+    Command,
+    Input,
+    Output,
+    Parameter,
+    SampleTime,
+    State,
+    Unit,
+    Variable,
+)
+from friction_fmus.lawkit.law import Kind, Law
+from friction_fmus.lawkit.parts import variables
+
+INPUTS: Final = (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND)
+
+SIGNALS: Final[Mapping[str, Any]] = {
+    "r": variables.R,
+    "rd": variables.RD,
+    "rdd": variables.RDD,
+    "x": variables.X,
+    "v": variables.V,
+    "enable": Command(True, "false: u = 0 and all laws are disabled"),
+    "reset": Command(False, "true: all laws are reset"),
+}
+"""Inputs of a loop; inputs of laws with these names are connected to them."""
+
+KNOWN: Final = Input(FORCE, 0.0, "known force, which is added to the other forces and hidden from the compensator")
+"""Input of a loop for a further feedforward, such as a table over position."""
+
+TAKING_OVER: Final = ("track", "u_track")
+"""Inputs with which the servo takes over an axis: its memory then contains the jumps of the other laws, too."""
+
+Named: TypeAlias = tuple[str, SX]
+"""A signal with its name or formula."""
+
+
+def loop_law(loop: LoopFile) -> Law:
+    """Return a loop as one law.
+
+    Parameters
+    ----------
+    loop : LoopFile
+        Its laws, parameters and connections.
+
+    Raises
+    ------
+    UnknownNameError, FrictionError
+        If a law, a variable or a connection is unknown or cannot be used in a loop.
+    """
+    return _Loop(loop).law()
+
+
+class _Loop:
+    """A loop under construction."""
+
+    def __init__(self, loop: LoopFile) -> None:
+        self._loop = loop
+        self._laws = {name: _law(loop, name) for name in LAWS if name in loop.laws}
+        self._parts = Composition()
+        self._equations: list[str] = []
+        self._sections: dict[str, str] = {}
+        self._outputs: list[tuple[Variable, SX]] = []
+        # all inputs first, in the order of the members of the struct; those without effect are omitted later
+        inputs = {name: variable for name, variable in SIGNALS.items() if name != "v" or not loop.window}
+        self._signals = {name: self._declared(name, variable) for name, variable in inputs.items()}
+        self._Ts = self._declared("Ts", replace(SampleTime(), start=loop.Ts))
+        self._declared("u_min", replace(variables.U_MIN, start=loop.u_min))
+        self._declared("u_max", replace(variables.U_MAX, start=loop.u_max))
+
+    def law(self) -> Law:
+        """Return the law."""
+        loop, parts = self._loop, self._parts
+        if loop.window:
+            self._signals["v"] = self._velocity(loop.window)
+        u_last = self._declared("u_last", State(FORCE, 0.0, "u in the previous sample"))
+        offset = self._number("offset", loop.offset, FORCE, "constant part of u, unknown to the laws")
+        seen = ("u_last", u_last) if offset is None else ("u_last - offset", u_last - offset)
+        forces: dict[str, SX] = {}
+        if "feedforward" in self._laws:
+            text, force = self._force("feedforward", seen)
+            forces[text] = force
+            seen = self._without(seen, "last_feedforward", text, force)
+        known = self._declared("f_known", KNOWN) if loop.known_force else None
+        if known is not None:
+            seen = self._without(seen, "last_known", "f_known", known)
+        if "compensator" in self._laws:
+            text, force = self._force("compensator", seen)
+            forces[text] = force
+        if known is not None:
+            forces["f_known"] = known
+        if offset is not None:
+            forces["offset"] = offset
+        f = SX(0.0)
+        if forces:
+            f = parts.label("f", _sum([*forces.values()]))
+            self._equations.append(f"f = {' + '.join(forces)}")
+        found = self._apply("servo", {"f": ("f", f), "u_prev": ("u_last", u_last)})
+        parts.result("u_last", found["u"])
+        for name in ("u_sat", "u"):
+            if name in found:
+                self._outputs.insert(0, (_named(name, _output(self._laws["servo"], name)), found[name]))
+        for variable, value in self._outputs:
+            parts.output(variable, value)
+        documentation, prefixes = self._documentation()
+        return parts.law("Loop", self._summary(), "the papers named with each law", documentation, loop.path, prefixes)
+
+    def _without(self, seen: Named, state: str, text: str, force: SX) -> Named:
+        """Return the fed back force without a force of the previous sample."""
+        last = self._declared(state, State(FORCE, 0.0, f"{text} in the previous sample"))
+        self._parts.result(state, force)
+        return f"{seen[0]} - {state}", seen[1] - last
+
+    def _declared(self, name: str, variable: Variable) -> SX:
+        (symbol,) = self._parts.declare(_named(name, variable))
+        return symbol
+
+    def _number(self, name: str, value: float | None, unit: Unit, text: str) -> SX | None:
+        """Return a parameter of the loop, or None if the file does not give it."""
+        return None if value is None else self._declared(name, Parameter(unit, value, text))
+
+    def _velocity(self, window: int) -> SX:
+        """Return the velocity from the positions in this sample and `window` samples ago, as the block Differentiator.
+
+        Before the first sample, x is assumed to have moved at v0.
+        """
+        x, parts = self._signals["x"], self._parts
+        v0 = self._number("v0", self._loop.v0, VELOCITY, "velocity before the first sample")
+        past = parts.declare(_named("x_past", State(LENGTH, (0.0,) * window, "x in the previous samples")))
+        begun = self._declared("begun", variables.RUNNING)
+        before = [x if v0 is None else x - i * v0 * self._Ts for i in range(1, window + 1)]
+        last = [if_else(begun, kept, start) for kept, start in zip(past, before, strict=True)]
+        v = parts.label("v", (x - last[-1]) / (window * self._Ts))
+        parts.result("x_past", x, *last[:-1])
+        parts.result("begun", SX(1.0))
+        self._outputs.append((_named("v", Output(VELOCITY, f"velocity over {window} samples")), v))
+        self._equations.append(f"v = (x - x[k-{window}])/({window} Ts)")
+        return v
+
+    def _force(self, name: str, seen: Named) -> Named:
+        """Compute a law before the servo, and return its force."""
+        entry, law = self._loop.laws[name], self._laws[name]
+        forces = [variable.name for variable in law.select(Kind.OUTPUT) if variable.unit == FORCE]
+        if entry.output not in forces:
+            raise FrictionError(
+                f"{self._where(name)} has output = {entry.output!r}, but the outputs of {law.name} with a force are "
+                f"{', '.join(forces)}; choose one of them"
+            )
+        text, value = seen
+        found = self._apply(name, {"u_prev": (text, self._parts.label(f"{name}_u_prev", value))})
+        for shown in dict.fromkeys((entry.output, "F_hat")):
+            if shown in found:
+                self._outputs.append((_named(f"{name}_{shown}", _output(law, shown)), found[shown]))
+        factor = self._number(f"factor_{name}", entry.factor, NO_UNIT, f"factor of {name}_{entry.output} in the force")
+        if factor is None:
+            return f"{name}_{entry.output}", found[entry.output]
+        return f"factor_{name} {name}_{entry.output}", factor * found[entry.output]
+
+    def _apply(self, name: str, computed: Mapping[str, Named]) -> Mapping[str, SX]:
+        """Compute a law and return its outputs."""
+        entry, law = self._loop.laws[name], self._laws[name]
+        self._check_connections(name, computed)
+        given = {
+            variable.name: self._value(name, variable, entry.connections.get(variable.name), computed)
+            for variable in law.select(*INPUTS)
+        }
+        shared = {parameter for parameter in SHARED if parameter not in entry.parameters}
+        title = f"{name} is {law.name}: {law.summary}. {law.source}. Its variables have the prefix {name}_."
+        others = [f"    {each} = {text}" for each, (text, _) in given.items() if text != each]
+        equations = re.findall(r"(?:^    .*\n?)+", law.documentation, re.M)
+        self._sections[f"{name}_"] = "\n\n".join(
+            filter(None, [_filled(title), "\n".join(others), *(lines.rstrip() for lines in equations)])
+        )
+        return self._parts.apply(name, law, {each: value for each, (_, value) in given.items()}, shared)
+
+    def _check_connections(self, name: str, computed: Mapping[str, Named]) -> None:
+        inputs, law = _inputs(self._laws[name]), self._laws[name].name
+        if name == "servo" and "f" not in inputs and not computed["f"][1].is_constant():
+            raise FrictionError(
+                f"{self._where(name)} names {law}, which has no input f for the force of other laws; choose a servo "
+                "with this input, such as CascadePPI or PID"
+            )
+        choices = [each for each in inputs if each not in computed]
+        for each in self._loop.laws[name].connections:
+            if each not in choices:
+                raise FrictionError(
+                    f"{self._where(name)} connects {each}, but {law} has no such input to connect"
+                    f"{nearest(each, choices)}; choose from {', '.join(choices)}"
+                )
+
+    def _value(self, name: str, variable: Variable, given: float | str | None, computed: Mapping[str, Named]) -> Named:
+        """Return an input of a law: as given, computed, connected by its name, constant, or a new input of the loop."""
+        if isinstance(given, str) and given != variable.name:
+            if given not in self._signals:
+                raise FrictionError(
+                    f"{self._where(name)} connects {variable.name} to {given!r}, which is not an input of the loop"
+                    f"{nearest(given, self._signals)}; choose from {', '.join(self._signals)}, or give a number"
+                )
+            return given, self._signals[given]
+        if isinstance(given, float | int):
+            return f"{given:g}", SX(float(given))
+        if variable.name in computed:
+            return computed[variable.name]
+        if variable.name not in self._signals:
+            takes_over = name == "servo" and variable.name in TAKING_OVER
+            if given is None and variable.kind is not Kind.INPUT and not takes_over:
+                return f"{variable.starts[0]:g}", SX(variable.starts[0])
+            self._signals[variable.name] = self._declared(variable.name, variable)
+        return variable.name, self._signals[variable.name]
+
+    def _where(self, name: str) -> str:
+        return f"{self._loop.path}, [{name}],"
+
+    def _summary(self) -> str:
+        others = [law.name for name, law in self._laws.items() if name != "servo"]
+        return self._laws["servo"].name + (f" with {' and '.join(others)}" if others else "")
+
+    def _documentation(self) -> tuple[str, dict[int, str]]:
+        """Return the documentation, and the prefixes of variables by its line."""
+        text = (
+            f"One sample of a position loop. The laws are computed in the order {', '.join(self._laws)}, each with the "
+            "results of those before it."
+        )
+        equations = "\n".join(f"    {equation}" for equation in self._equations)
+        limits = (
+            "The limits u_min and u_max apply to the sum of all forces: the servo stops its integral while the sum is "
+            "limited, and estimators receive the limited sum of the previous sample, which the drive must apply. Start "
+            "with the axis at rest."
+        )
+        pages = ["\n\n".join(filter(None, [_filled(text), equations, _filled(limits)]))]
+        prefixes = {}
+        for prefix, section in self._sections.items():
+            prefixes["\n\n".join([*pages, ""]).count("\n")] = prefix
+            pages.append(section)
+        return "\n\n".join(pages), prefixes
+
+
+def _law(loop: LoopFile, name: str) -> Law:
+    """Return a law of a loop with its start values."""
+    entry, where = loop.laws[name], f"{loop.path}, [{name}]"
+    path = loop.path.parent / entry.law
+    try:
+        block = find(path if path.suffix in (".py", ".c") else entry.law)
+        if block.kind != "law":
+            raise FrictionError(
+                f"{block.name} is written in C and cannot be joined with the laws; choose a law, or compute it beside "
+                "the loop and pass its force to f_known, an input with known_force = true in [loop]"
+            )
+        law = law_of(block.path if path.suffix == ".py" else entry.law).with_room(entry.parameters)
+        known = [v.name for v in law.select(*PARAMETERS) if v.kind is not Kind.SAMPLE_TIME]
+        for parameter in entry.parameters:
+            if parameter.partition("[")[0] not in known:
+                raise UnknownNameError(f"{law.name} has no parameter {parameter!r}{nearest(parameter, known)}")
+        values = start_values(law, {**entry.parameters, "Ts": loop.Ts})
+    except FrictionError as error:
+        raise FrictionError(f"{where}: {error}") from error
+    starts = {v.name: values[v.name] if v.kind in VECTORS else values[v.name][0] for v in law.given}
+    return replace(law, variables=tuple(replace(v, start=starts.get(v.name, v.start)) for v in law.variables))
+
+
+def _named(name: str, variable: Variable) -> Variable:
+    return replace(variable, name=name)
+
+
+def _inputs(law: Law) -> list[str]:
+    return [variable.name for variable in law.select(*INPUTS)]
+
+
+def _output(law: Law, name: str) -> Variable:
+    """Return an output of a law."""
+    return next(variable for variable in law.select(Kind.OUTPUT) if variable.name == name)
+
+
+def _sum(values: Sequence[SX]) -> SX:
+    """Return the sum from the first to the last."""
+    total, *others = values
+    for value in others:
+        total = total + value
+    return total
+
+
+def _filled(text: str) -> str:
+    return textwrap.fill(text, 116, break_on_hyphens=False, break_long_words=False)

@@ -1,0 +1,238 @@
+"""The file of a loop: a servo, the laws whose forces are added to its force, and their parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+from friction_fmus.errors import FrictionError, nearest
+from harness.storage.files import reason
+from harness.storage.toml_file import read_toml
+from harness.values import number, shown
+
+LOOP_FILE: Final = "loop.toml"
+"""Name of the file that a study writes."""
+
+LAWS: Final = ("feedforward", "compensator", "servo")
+"""The tables of the laws, in the order in which the laws are computed."""
+
+SHARED: Final = ("Ts", "u_min", "u_max")
+"""Parameters that all laws have in common, unless the file gives the limit of one."""
+
+MOST: Final = 64
+"""Largest number of samples over which the velocity is computed."""
+
+Numbers: TypeAlias = Mapping[str, float | bool]
+
+_STUDY: Final = ("data", "columns", "windows", "identify", "compensation")
+_FLAGS: Final = ("rotary", "known_force")
+_SETTINGS: Final = ("Ts", "u_min", "u_max", "offset", "window", "v0", *_FLAGS)
+
+
+@dataclass(frozen=True)
+class LoopLaw:
+    """A law of a loop.
+
+    Attributes
+    ----------
+    law : str
+        Its name, or the path of its file.
+    parameters : mapping of str to number
+        Its parameters; elements of vectors are ``W[1]``. Others have their start values.
+    connections : mapping of str to number or str
+        Constant inputs, and inputs that are connected to another input of the loop.
+    output : str
+        The output that is added to the force of the servo.
+    factor : float or None
+        Factor of this output; None for 1.
+    """
+
+    law: str
+    parameters: Numbers = field(default_factory=dict)
+    connections: Mapping[str, float | str] = field(default_factory=dict)
+    output: str = "u"
+    factor: float | None = None
+
+
+@dataclass(frozen=True)
+class LoopFile:
+    """A servo with compensation.
+
+    Attributes
+    ----------
+    laws : mapping of str to LoopLaw
+        The laws by the name of their table, ``servo`` and optionally ``feedforward`` and ``compensator``.
+    Ts : float
+        Sample time [s].
+    u_min, u_max : float
+        Limits of the force [N].
+    offset : float or None
+        Constant force that is added [N]; None for none.
+    window : int
+        Number of samples over which the velocity is computed; 0 if it is an input.
+    v0 : float or None
+        Velocity before the first sample [m/s]; None for rest.
+    rotary : bool
+        Whether the axis is rotary; read m as rad, N as N.m and kg as kg.m2.
+    known_force : bool
+        Whether the loop has an input for a known force, which is added and hidden from estimators.
+    path : Path
+        The file.
+    """
+
+    laws: Mapping[str, LoopLaw]
+    Ts: float
+    u_min: float
+    u_max: float
+    offset: float | None = None
+    window: int = 0
+    v0: float | None = None
+    rotary: bool = False
+    known_force: bool = False
+    path: Path = Path(LOOP_FILE)
+
+
+def read_loop(path: Path) -> LoopFile:
+    """Read the file of a loop.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    LoopFile
+        Its content, in which laws and names of variables are not checked.
+
+    Raises
+    ------
+    FrictionError
+        If the file does not exist, is not TOML, or has an unknown or invalid entry.
+    """
+    if not path.is_file():
+        raise FrictionError(
+            f"There is no file {path}; write one, or use that of a study, which writes recommended/{LOOP_FILE} if it "
+            "recommends a compensation"
+        )
+    try:
+        content = read_toml(path)
+    except (OSError, ValueError) as error:
+        raise FrictionError(f"{path} cannot be read as TOML ({reason(error)}); correct it") from error
+    if "loop" not in content and any(name in content for name in _STUDY):
+        raise FrictionError(
+            f"{path} describes a study, not a loop; run `friction-fmus study {path.name} -o out` and use "
+            f"out/recommended/{LOOP_FILE}, which the study writes if it recommends a compensation"
+        )
+    _known(content, ("loop", *LAWS), str(path), "table")
+    tables = {name: _table(content, name, str(path)) for name in content}
+    for name in ("loop", "servo"):
+        if name not in tables:
+            raise FrictionError(f"{path} has no table [{name}]; add it")
+    where = f"{path}, [loop],"
+    settings = tables["loop"]
+    _known(settings, _SETTINGS, where, "key")
+    for key in ("Ts", "u_min", "u_max"):
+        if key not in settings:
+            raise FrictionError(f"{where} has no {key}; add it")
+    flags = {key: settings[key] for key in _FLAGS if key in settings}
+    for key, value in flags.items():
+        if not isinstance(value, bool):
+            raise FrictionError(f"{where} has {key} = {shown(value)}; give true or false")
+    values = {key: _finite(settings, key, where) for key in settings if key not in flags}
+    if values["Ts"] < 1e-9:
+        raise FrictionError(f"{where} has Ts = {values['Ts']:g}; give a sample time of at least 1e-9 s")
+    if values["u_min"] > values["u_max"]:
+        raise FrictionError(f"{where} has u_min above u_max; exchange them")
+    window = values.get("window", 0.0)
+    if window not in range(MOST + 1):
+        raise FrictionError(f"{where} has window = {window:g}; give an integer number of samples up to {MOST}")
+    return LoopFile(
+        {name: _law(tables[name], f"{path}, [{name}],", name) for name in LAWS if name in tables},
+        values["Ts"],
+        values["u_min"],
+        values["u_max"],
+        values.get("offset"),
+        int(window),
+        values.get("v0"),
+        path=path,
+        **flags,
+    )
+
+
+def loop_text(loop: LoopFile, heading: str) -> str:
+    """Return the file of a loop with a heading as comment."""
+    settings = {key: getattr(loop, key) for key in _SETTINGS}
+    lines = [
+        f"# {heading}",
+        "# C code: friction-fmus codegen " + loop.path.name + " -o c",
+        "",
+        "[loop]",
+        *_rows({key: value for key, value in settings.items() if value is not None and value is not False}),
+    ]
+    for name, law in loop.laws.items():
+        lines += ["", f"[{name}]", f'law = "{law.law}"']
+        if name != "servo":
+            lines.append(f'output = "{law.output}"')
+        if law.factor is not None:
+            lines.append(f"factor = {law.factor!r}")
+        for title, values in (("parameters", law.parameters), ("connections", law.connections)):
+            if values:
+                lines += ["", f"[{name}.{title}]", *_rows(values)]
+    return "\n".join([*lines, ""])
+
+
+def _rows(values: Mapping[str, float | bool | str]) -> list[str]:
+    keys = {key: key if key.isidentifier() else f'"{key}"' for key in values}
+    return [f"{keys[key]} = {_toml(value)}" for key, value in values.items()]
+
+
+def _toml(value: float | bool | str) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+def _law(table: Mapping[str, Any], where: str, name: str) -> LoopLaw:
+    keys = ("law", "parameters", "connections", *(("output", "factor") if name != "servo" else ()))
+    _known(table, keys, where, "key")
+    for key in ("law", "output"):
+        value = table.get(key, "u" if key == "output" else None)
+        if not isinstance(value, str):
+            raise FrictionError(f"{where} has {key} = {shown(value)}; give the name of {_THING[key]} as text")
+    parameters, connections = (_table(table, key, where) for key in ("parameters", "connections"))
+    for key, value in parameters.items():
+        if not isinstance(value, bool):
+            _finite(parameters, key, where)
+    for key, value in connections.items():
+        if not isinstance(value, str):
+            _finite(connections, key, where)
+    factor = _finite(table, "factor", where) if "factor" in table else None
+    return LoopLaw(table["law"], parameters, connections, table.get("output", "u"), factor)
+
+
+_THING = {"law": "a law", "output": "an output of the law"}
+
+
+def _table(content: Mapping[str, Any], name: str, where: str) -> Mapping[str, Any]:
+    table = content.get(name, {})
+    if not isinstance(table, Mapping):
+        raise FrictionError(f"{where} has {name} = {shown(table)}; make it a table")
+    return table
+
+
+def _finite(table: Mapping[str, Any], key: str, where: str) -> float:
+    found = number(table[key])
+    if found is None or not math.isfinite(found):
+        raise FrictionError(f"{where} has {key} = {shown(table[key])}; give a finite number")
+    return found
+
+
+def _known(content: Mapping[str, Any], names: tuple[str, ...], where: str, noun: str) -> None:
+    for name in content:
+        if name not in names:
+            hint = nearest(name, names)
+            raise FrictionError(f"{where} has the unknown {noun} {shown(name)}{hint}; valid are {', '.join(names)}")

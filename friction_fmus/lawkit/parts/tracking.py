@@ -1,0 +1,55 @@
+"""Bumpless start of laws: memories for which the output of a law continues from a given force.
+
+While the input ``track`` is true, a law computes its memory backwards from the input ``u_track`` and continues with it:
+Astrom, Hagglund: Advanced PID Control, ISA 2006 (tracking mode and bumpless transfer); Hanus, Kinnaert, Henrotte:
+Conditioning technique, a general anti-windup and bumpless transfer method, Automatica 23(6), 1987 (both from memory).
+"""
+
+from __future__ import annotations
+
+from casadi import SX, if_else, logic_and, logic_not
+
+from friction_fmus.lawkit.expressions import clip
+
+
+def restarts(reset: SX, track: SX) -> SX:
+    """Return whether the memory is at its start value: during a reset, unless the law tracks a force."""
+    return logic_and(reset, logic_not(track))
+
+
+def carried(track: SX, u_track: SX, rest: SX, gain: SX, u_min: SX, u_max: SX, otherwise: SX) -> SX:
+    """Return the memory with which a law begins a sample.
+
+    Parameters
+    ----------
+    track, u_track : SX
+        Whether the law tracks a force, and this force.
+    rest, gain : SX
+        The output of the law before its limits is rest + gain memory, with gain >= 0.
+    u_min, u_max : SX
+        Limits of the output, which also limit u_track.
+    otherwise : SX
+        The memory if the law does not track, or if gain = 0, so that the memory does not act on the output.
+    """
+    follows = logic_and(track, gain != 0.0)
+    limited_track = clip(u_track, u_min, u_max)
+    return if_else(follows, (limited_track - rest) / if_else(follows, gain, 1.0), otherwise)
+
+
+def deflected(track: SX, u_track: SX, rest: SX, stiffness: SX, most: SX, u_min: SX, u_max: SX, otherwise: SX) -> SX:
+    """Return the deflection of a contact with which a law begins a sample, as `carried`.
+
+    Parameters
+    ----------
+    track, u_track, rest, u_min, u_max, otherwise : SX
+        See `carried`.
+    stiffness : SX
+        The output of the law before its limits is rest + stiffness deflection; may be negative.
+    most : SX
+        Largest magnitude of the deflection, which is that of steady sliding.
+    """
+    squared = stiffness**2  # of a known sign, unlike the stiffness, so that the generated C need not exclude -0.0
+    follows = logic_and(track, squared != 0.0)
+    limited_track = clip(u_track, u_min, u_max)
+    deflection = (limited_track - rest) * stiffness / if_else(follows, squared, 1.0)
+    return if_else(follows, clip(deflection, -most, most), otherwise)

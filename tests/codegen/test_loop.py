@@ -1,0 +1,293 @@
+"""A servo with feedforward and compensator as one unit: the numbers of its laws, its limits, and what it refuses."""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+from codegen.test_numbers import same_numbers
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from benchmarks.law_runs import LawC, rows_of, run_casadi
+from friction_fmus.__main__ import main
+from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.codegen.equations import equations_of
+from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.layout import Export
+from friction_fmus.codegen.loop import loop_law
+from friction_fmus.codegen.loop_file import LoopFile, LoopLaw, loop_text, read_loop
+from friction_fmus.codegen.readme import readme
+from friction_fmus.codegen.rotary import rotary_law
+from friction_fmus.codegen.sources import header, implementation
+from friction_fmus.errors import FrictionError
+from friction_fmus.lawkit.law import Kind, Law
+
+TS = 1e-3
+EXAMPLE = Path(__file__).parents[2] / "examples" / "loop.toml"
+CASCADE = LoopLaw("CascadePPI", {"kp": 30.0, "kv": 190.0, "ki": 400.0, "m": 1.0})
+FEEDFORWARD = LoopLaw("StaticFeedforward", {"Fc": 2.0, "m": 0.0})
+ELEMENTS = LoopLaw("GMSFeedforward", {"N": 3.0, "m": 0.0})
+OBSERVER = LoopLaw("DisturbanceObserver", {"fq": 20.0, "gain": 0.8})
+ESTIMATOR = LoopLaw("ExtendedStateObserver", {"wo": 200.0}, output="F_hat", factor=0.7)
+
+
+def loop(limit: float = 20.0, **laws: LoopLaw) -> LoopFile:
+    return LoopFile(laws, TS, -limit, limit, offset=0.3, window=2)
+
+
+LOOPS = {
+    "servo": loop(servo=CASCADE),
+    "feedforward": loop(feedforward=FEEDFORWARD, servo=CASCADE),
+    "observer": loop(compensator=OBSERVER, servo=CASCADE),
+    "limited": loop(2.0, feedforward=FEEDFORWARD, compensator=OBSERVER, servo=CASCADE),
+    "factor": loop(feedforward=FEEDFORWARD, compensator=ESTIMATOR, servo=CASCADE),
+    "measured velocity": replace(loop(compensator=OBSERVER, servo=LoopLaw("PID", {"Kp": 9e3})), window=0, offset=None),
+    "without motion": loop(servo=replace(CASCADE, connections={"rd": 0.0, "rdd": 0.0}), compensator=OBSERVER),
+    "vectors": loop(
+        feedforward=LoopLaw("GMSFeedforward", {"N": 3.0, "m": 0.0}),
+        compensator=LoopLaw("KalmanFriction"),
+        servo=CASCADE,
+    ),
+    "known force": replace(loop(feedforward=FEEDFORWARD, compensator=OBSERVER, servo=CASCADE), known_force=True),
+    "rotary": replace(loop(servo=CASCADE, compensator=OBSERVER), rotary=True, v0=0.02),
+    "own limit": loop(
+        compensator=replace(OBSERVER, parameters={"u_min": -0.5, "u_max": 0.5}), servo=LoopLaw("ResetPID")
+    ),
+}
+
+
+def motion(n: int) -> dict[str, np.ndarray]:
+    """A reference with three reversals, followed with a lag and noise; the laws are disabled and reset once."""
+    t = TS * np.arange(n)
+    phase = 2.0 * np.pi * 2.0 * t
+    r = 5e-3 * np.sin(phase)
+    x = 5e-3 * np.sin(phase - 0.1) + 1e-6 * np.random.default_rng(1).normal(size=n)
+    rd, rdd = 5e-3 * 4.0 * np.pi * np.cos(phase), -5e-3 * (4.0 * np.pi) ** 2 * np.sin(phase)
+    enable, reset = np.ones(n), np.zeros(n)
+    enable[n // 3 : n // 3 + 5], reset[n // 2] = 0.0, 1.0
+    return {
+        "r": r,
+        "rd": rd,
+        "rdd": rdd,
+        "x": x,
+        "v": np.gradient(x, TS),
+        "enable": enable,
+        "reset": reset,
+        "f_known": 3.0 * np.sin(3.0 * phase),
+    }
+
+
+class Separate:
+    """The laws of a loop, evaluated one after the other with connections written out by hand."""
+
+    def __init__(self, description: LoopFile) -> None:
+        self.loop = description
+        self.laws = {name: self._law(entry) for name, entry in description.laws.items()}
+        self.values = {name: self._values(name) for name in description.laws}
+        self.positions: list[float] = []
+        self.u = self.known = self.f_known = 0.0
+
+    def _law(self, entry: LoopLaw) -> Law:
+        return make_export(entry.law).law
+
+    def _values(self, name: str) -> dict[str, float]:
+        limits = {"Ts": TS, "u_min": self.loop.u_min, "u_max": self.loop.u_max}
+        own = {v.name for v in self.laws[name].given}
+        return {key: v for key, v in {**limits, **self.loop.laws[name].parameters}.items() if key in own}
+
+    def sample(self, given: dict[str, float]) -> float:
+        if self.loop.window:
+            v0 = self.loop.v0 or 0.0
+            before = [given["x"] - 2.0 * v0 * TS, given["x"] - v0 * TS]
+            self.positions = [*(self.positions or before), given["x"]][-3:]
+            given = {**given, "v": (self.positions[2] - self.positions[0]) / (2.0 * TS)}
+        offset = self.loop.offset or 0.0
+        forces = {"feedforward": 0.0, "compensator": 0.0}
+        for name in forces:
+            if name in self.laws:
+                fed_back = self.u - offset - (self.known if name == "compensator" else 0.0)
+                fed_back -= self.f_known if name == "compensator" else 0.0
+                output = self.loop.laws[name].output
+                forces[name] = (self.loop.laws[name].factor or 1.0) * self._one(name, {**given, "u_prev": fed_back})[
+                    output
+                ]
+        f_known = given["f_known"] if self.loop.known_force else 0.0
+        f = forces["feedforward"] + forces["compensator"] + f_known + offset
+        self.known, self.f_known = forces["feedforward"], f_known
+        self.u = self._one("servo", {**given, "f": f})["u"]
+        return self.u
+
+    def _one(self, name: str, given: dict[str, float]) -> dict[str, float]:
+        law, values = self.laws[name], self.values[name]
+        inputs = {v.name for v in law.select(Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND)} - {"f_prev"}
+        constant = {key: v for key, v in self.loop.laws[name].connections.items() if isinstance(v, float)}
+        found = law.evaluate({**values, **{key: v for key, v in {**given, **constant}.items() if key in inputs}})
+        values.update({v.name: found[v.name] for v in law.select(Kind.STATE, Kind.STATES)})
+        return found
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_the_unit_computes_its_laws_one_after_the_other(name: str) -> None:
+    """With the same bits: its laws are evaluated one by one, and connected here."""
+    law, given = loop_law(LOOPS[name]), motion(600)
+    labels = [v.name for v in law.given for _ in v.starts]
+    start = [s for v in law.given for s in v.starts]
+    rows = np.array([given.get(label, np.full(600, value)) for label, value in zip(labels, start, strict=True)]).T
+    found = run_casadi(law, rows)[:, 0]
+    separate = Separate(LOOPS[name])
+    expected = [separate.sample({key: float(column[k]) for key, column in given.items()}) for k in range(600)]
+    np.testing.assert_array_equal(found, expected)
+    assert np.ptp(found) > 1.0
+
+
+def test_the_c_code_has_the_numbers_of_the_law(tmp_path: Path) -> None:
+    export = make_export(EXAMPLE)
+    given = motion(3000)
+    rows = rows_of(export, {v.name: given.get(v.name, np.full(3000, v.start)) for v in export.groups["inputs"]})
+    assert same_numbers(LawC(export, tmp_path).run(rows, feeds_back=True), run_casadi(export.law, rows))
+
+
+def test_the_limits_hold_for_the_sum_and_stop_the_integral() -> None:
+    """An error of 1 mm is 5.7 N, the offset is 0.3 N: with the limit 2 N, the integral never starts."""
+    law = loop_law(loop(2.0, compensator=OBSERVER, servo=CASCADE))
+    names = [v.name for v in law.given for _ in v.starts]
+    values = {v.name: v.start for v in law.given} | {"r": 1e-3, "x": 0.0}
+    for _ in range(50):
+        found = law.evaluate(values)
+        values |= {v.name: found[v.name] for v in law.results if v.kind is not Kind.OUTPUT}
+        assert found["u"] == 2.0
+        assert found["u_sat"] == 1.0
+        assert found["servo_integral"] == 0.0
+        assert found["u_last"] == 2.0
+    assert "servo_integral" in names
+
+
+def test_a_law_may_be_in_a_file_beside_that_of_the_loop(tmp_path: Path) -> None:
+    law = laws_folder() / "static_feedforward.py"
+    (tmp_path / "own.py").write_text(law.read_text(encoding="utf-8").replace("StaticFeedforward", "Own"), "utf-8")
+    path = tmp_path / "loop.toml"
+    path.write_text(loop_text(loop(feedforward=LoopLaw("own.py"), servo=CASCADE), "A loop"), encoding="utf-8")
+    export = make_export(path)
+    assert export.law.summary == "CascadePPI with Own"
+    assert "computed in the order feedforward, servo," in " ".join(header(export).split())
+
+
+def test_variables_without_effect_are_omitted() -> None:
+    """The output F_hat of ExtendedStateObserver depends on neither its controller nor its limits nor the reference."""
+    law = loop_law(loop(compensator=ESTIMATOR, servo=replace(CASCADE, connections={"rd": 0.0, "rdd": 0.0})))
+    names = {v.name for v in law.variables}
+    assert {"compensator_wo", "compensator_m", "factor_compensator", "offset", "x_past"} <= names
+    assert not {"compensator_wc", "compensator_gain", "compensator_u_min", "servo_m", "rd", "rdd"} & names
+
+
+def test_the_equations_stand_at_the_operations_of_their_law() -> None:
+    export = make_export(EXAMPLE)
+    text = implementation(export)
+    for equation in equations_of(export.law.documentation, export.law.prefixes):
+        assert text.count(f"/* ({equation.number}) ") == 1
+    at = text.index(") F_m = u_prev - f_prev - m (v - v_last)/Ts")
+    assert "compensator_F_m = " in text[at : at + 200]
+    at = text.index(") w = kp (r - x) + (rd - v)")
+    assert "servo_w = " in text[at : at + 100]
+    assert "feedforward is LuGreFeedforward" in header(export)
+
+
+def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
+    for number, description in enumerate(LOOPS.values()):
+        path = tmp_path / f"{number}.toml"
+        path.write_text(loop_text(description, "A loop"), encoding="utf-8")
+        assert read_loop(path) == replace(description, laws=dict(description.laws), path=path)
+
+
+def test_a_rotary_loop_has_the_same_code_in_its_units() -> None:
+    linear, rotary = (make_export(EXAMPLE, real="float"), rotary_export("float"))
+    assert rotary.pairs == linear.pairs
+    assert implementation(rotary) == implementation(linear)
+    text, page = header(rotary), readme(rotary, ())
+    for unit in ("N.m", "rad", "rad/s", "rad/s2", "N.m.s/rad", "N.m/rad", "kg.m2", "Hz"):
+        assert f"[{unit}]" in text
+    assert not re.search(r"\[(N|m|m/s|m/s2|kg|N/m|N\.s/m)\]", text)
+    assert "control torque" in text
+    assert "around 0, 0.1, 1 and 10 rad" in page
+
+
+def rotary_export(real: Literal["float", "double"]) -> Export:
+    """The example with `rotary = true`; its path is the same, so that the comments are, too."""
+    law = rotary_law(make_export(EXAMPLE).law)
+    return replace(make_export(EXAMPLE, real=real), law=law, rotary=True)
+
+
+def test_the_command_writes_all_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["codegen", str(EXAMPLE), "-o", str(tmp_path), "--real", "float", "--set", "servo_kp=25"]) == 0
+    names = {"loop.h", "loop.c", "loop_test.c", "loop.hpp", "main.c", "README.md"}
+    assert {path.name for path in tmp_path.iterdir()} == names
+    assert "parameters->servo_kp = 25.0f;" in (tmp_path / "loop.c").read_text(encoding="utf-8")
+
+
+SETTINGS = "[loop]\nTs = 1e-3\nu_min = -20\nu_max = 20\nwindow = 2\n"
+SERVO = '[servo]\nlaw = "CascadePPI"\n'
+WRONG = {
+    "unknown law": (
+        SETTINGS + '[servo]\nlaw = "CascadePI"\n',
+        "There is no model 'CascadePI' (did you mean CascadePPI?)",
+    ),
+    "a block in C": (
+        SETTINGS + SERVO + '[compensator]\nlaw = "RepetitiveController"\n',
+        "RepetitiveController is written in C and cannot be joined with the laws",
+    ),
+    "unknown connection": (
+        SETTINGS + SERVO + "[servo.connections]\nrdx = 0.0\n",
+        "connects rdx, but CascadePPI has no such input to connect (did you mean rd?)",
+    ),
+    "unknown signal": (
+        SETTINGS + SERVO + '[servo.connections]\nrd = "speed"\n',
+        "connects rd to 'speed', which is not an input of the loop",
+    ),
+    "unknown parameter": (SETTINGS + SERVO + "[servo.parameters]\nkq = 1.0\n", "CascadePPI has no parameter 'kq'"),
+    "value outside its limits": (SETTINGS + SERVO + "[servo.parameters]\nkp = -1.0\n", "kp = -1 lies outside [0, inf]"),
+    "no force": (
+        SETTINGS + SERVO + '[compensator]\nlaw = "ExtendedStateObserver"\noutput = "v_est"\n',
+        "the outputs of ExtendedStateObserver with a force are u, F_hat",
+    ),
+    "no input for forces": (
+        SETTINGS + '[servo]\nlaw = "AdaptiveSlidingMode"\n[compensator]\nlaw = "DisturbanceObserver"\n',
+        "AdaptiveSlidingMode, which has no input f for the force of other laws",
+    ),
+    "no servo": (SETTINGS, "has no table [servo]; add it"),
+    "no sample time": ("[loop]\nu_min = -20\nu_max = 20\n" + SERVO, "[loop], has no Ts; add it"),
+    "exchanged limits": ("[loop]\nTs = 1e-3\nu_min = 20\nu_max = -20\n" + SERVO, "has u_min above u_max"),
+    "a text in place of a number": (
+        SETTINGS + 'offset = "none"\n' + SERVO,
+        "has offset = 'none'; give a finite number",
+    ),
+    "unknown table": (SETTINGS + SERVO + "[estimator]\n", "has the unknown table 'estimator'"),
+    "a study": (
+        '[data]\nfile = "axis.csv"\n[servo]\nlaw = "PID"\n',
+        "describes a study, not a loop; run `friction-fmus",
+    ),
+    "no Boolean": (SETTINGS + "rotary = 1\n" + SERVO, "has rotary = 1; give true or false"),
+    "no toml": ("[loop", "cannot be read as TOML"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_file_is_refused(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """In one sentence, with the status of wrong input, before anything is written."""
+    text, message = WRONG[name]
+    path = tmp_path / "loop.toml"
+    path.write_text(text, encoding="utf-8")
+    assert main(["codegen", str(path), "-o", str(tmp_path / "c")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert message in line
+    assert not (tmp_path / "c").exists()
+
+
+def test_a_study_without_a_recommendation_writes_no_loop(tmp_path: Path) -> None:
+    with pytest.raises(FrictionError, match=r"which writes recommended/loop.toml if it recommends a compensation"):
+        make_export(tmp_path / "recommended" / "loop.toml")
