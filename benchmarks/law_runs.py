@@ -13,7 +13,7 @@ import fmpy
 import numpy as np
 
 from friction_fmus import build
-from friction_fmus.codegen.layout import INPUTS, STATES, Export
+from friction_fmus.codegen.layout import INPUTS, STATES, Export, is_flag
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, Variable
 from harness.compiling.toolchain import FLAGS, compiler, header_folder
@@ -116,8 +116,8 @@ def _driver(export: Export, step: str, others: Sequence[Path]) -> str:
     arguments = f"const {p}_parameters *, {p}_states *, const {p}_inputs *, {p}_outputs *"
 
     def assigned(variable: Variable, places: Sequence[str], source: str, first: int) -> list[str]:
-        kind = "int" if variable.kind in BOOLEANS else export.real.name
-        highs = [f"            {place} = ({kind}){source}[{first + i}];" for i, place in enumerate(places)]
+        begin, end = ("", " != 0.0") if is_flag(variable) else (f"({export.real.name})", "")
+        highs = [f"            {place} = {begin}{source}[{first + i}]{end};" for i, place in enumerate(places)]
         return highs + [
             f"            {low} = (float)({source}[{first + i}] - (double){place});"
             for i, (place, low) in enumerate(zip(places, local(export.lows(variable)), strict=False))

@@ -10,9 +10,9 @@ from casadi import MX, exp, expm1, fabs, if_else
 
 from benchmarks.law_runs import LawC
 from friction_fmus.codegen.export import make_export
-from friction_fmus.codegen.layout import Export
+from friction_fmus.codegen.layout import Export, is_flag
 from friction_fmus.lawkit.emit import branches
-from friction_fmus.lawkit.law import BOOLEANS, Law
+from friction_fmus.lawkit.law import Law
 
 CURVE = "stribeck_level({0}, Fc, Fs, vs, delta)"
 PLAIN_CURVE = "(Fc + (Fs - Fc) * casadi.exp(-(({0} / vs) ** delta)))"
@@ -70,7 +70,7 @@ def by_casadi(export: Export, function: casadi.Function, folder: Path) -> LawC:
     given, truths = [], []
     for variable in export.law.given:
         for place in export.places(variable):
-            if variable.kind in BOOLEANS:
+            if is_flag(variable):
                 truths.append(f"    const double truth{len(given)} = (double){place};")
                 given.append(f"&truth{len(given)}")
             else:

@@ -8,27 +8,6 @@
 #include "fmi2_state.h"
 #include "fmi2_derivatives.h"
 
-/* ---- about the library -------------------------------------------------------------------------------------- */
-
-const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
-const char *fmi2GetVersion(void) { return fmi2Version; }
-
-fmi2Status fmi2SetDebugLogging(fmi2Component component, fmi2Boolean on, size_t n, const fmi2String names[])
-{
-    ENTER("SetDebugLogging", MAY_SetDebugLogging)
-    int chosen = n == 0 ? LOG_EVERYTHING : 0;
-    for (size_t i = 0; i < n; i++) {
-        int which = 0;
-        REQUIRE(names && names[i], "fmi2SetDebugLogging: category %d is a null pointer", (int)i)
-        while (which < LOG_CATEGORIES && strcmp(names[i], categories[which]) != 0)
-            which++;
-        REQUIRE(which < LOG_CATEGORIES, "fmi2SetDebugLogging: there is no log category \"%s\"", names[i])
-        chosen |= which == LOG_CATEGORIES - 1 ? LOG_EVERYTHING : 1 << which;
-    }
-    c->logging = on ? chosen : c->logging & ~chosen;
-    return fmi2OK;
-}
-
 /* ---- life of an instance ------------------------------------------------------------------------------------ */
 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2String guid, fmi2String resources,
@@ -333,44 +312,6 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
         return report(c, fmi2Warning, LOG_WARNING, "%s at t = %g s: %s", c->name, m->time, WARNING);
     }
 #endif
-    return fmi2OK;
-}
-
-fmi2Status fmi2CancelStep(fmi2Component component)
-{
-    Instance *const c = (Instance *)component;
-    return c ? report(c, fmi2Error, LOG_ERROR, "fmi2CancelStep: steps of %s are never pending", QUOTE(MODEL))
-             : fmi2Error;
-}
-
-#define NO_STATUS(TYPE, value_type)                                                                                    \
-    fmi2Status fmi2Get##TYPE(fmi2Component component, const fmi2StatusKind kind, value_type *value)                    \
-    {                                                                                                                  \
-        ENTER("Get" #TYPE, MAY_GetStatus)                                                                              \
-        (void)value;                                                                                                   \
-        return report(c, fmi2Discard, LOG_DISCARD, "fmi2Get" #TYPE ": status kind %d is not available", (int)kind);    \
-    }
-NO_STATUS(Status, fmi2Status)
-NO_STATUS(IntegerStatus, fmi2Integer)
-NO_STATUS(StringStatus, fmi2String)
-
-fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Real *value)
-{
-    ENTER("GetRealStatus", MAY_GetStatus)
-    if (kind != fmi2LastSuccessfulTime)
-        return report(c, fmi2Discard, LOG_DISCARD, "fmi2GetRealStatus: status kind %d is not available", (int)kind);
-    REQUIRE(value, "fmi2GetRealStatus: the pointer to the value is null")
-    *value = c->model.time;
-    return fmi2OK;
-}
-
-fmi2Status fmi2GetBooleanStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Boolean *value)
-{
-    ENTER("GetBooleanStatus", MAY_GetStatus)
-    if (kind != fmi2Terminated)
-        return report(c, fmi2Discard, LOG_DISCARD, "fmi2GetBooleanStatus: status kind %d is not available", (int)kind);
-    REQUIRE(value, "fmi2GetBooleanStatus: the pointer to the value is null")
-    *value = fmi2False;
     return fmi2OK;
 }
 

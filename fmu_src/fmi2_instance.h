@@ -3,48 +3,7 @@
 #ifndef BLOCK_FMI2_INSTANCE_H
 #define BLOCK_FMI2_INSTANCE_H
 
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#define PASTE_(a, b)         a##b
-#define PASTE(a, b)          PASTE_(a, b)
-#define QUOTE_(name)         #name
-#define QUOTE(name)          QUOTE_(name)
-#define FMI2_FUNCTION_PREFIX PASTE(MODEL, _)
-#include "fmi2Functions.h"
-
-/* Modes, and the modes in which each function may be called (table in section 4.2.4). Two columns are more lenient than
-   the table, as importers require: inputs may be set directly after fmi2Instantiate. */
-/* clang-format off */
-enum { INSTANTIATED = 1, INITIALIZING = 2, STEP_COMPLETE = 4, STEP_FAILED = 8, TERMINATED = 16 };
-enum {
-    BEFORE_STEPPING             = INSTANTIATED | INITIALIZING,
-    WITH_RESULTS                = INITIALIZING | STEP_COMPLETE | STEP_FAILED | TERMINATED,
-    ANY_MODE                    = INSTANTIATED | WITH_RESULTS,
-    MAY_SetDebugLogging         = ANY_MODE,
-    MAY_SetupExperiment         = INSTANTIATED,
-    MAY_EnterInitializationMode = INSTANTIATED,
-    MAY_ExitInitializationMode  = INITIALIZING,
-    MAY_Terminate               = STEP_COMPLETE | STEP_FAILED,
-    MAY_Reset                   = ANY_MODE,
-    MAY_Get                     = WITH_RESULTS,
-    MAY_Set                     = BEFORE_STEPPING | STEP_COMPLETE,
-    MAY_FMUstate                = ANY_MODE,
-    MAY_GetDirectionalDerivative = WITH_RESULTS,
-    MAY_SetRealInputDerivatives = BEFORE_STEPPING | STEP_COMPLETE,
-    MAY_GetRealOutputDerivatives = STEP_COMPLETE | STEP_FAILED | TERMINATED,
-    MAY_DoStep                  = STEP_COMPLETE,
-    MAY_GetStatus               = STEP_COMPLETE | STEP_FAILED | TERMINATED
-};
-/* clang-format on */
-
-static const char *const categories[] = {"logStatusWarning", "logStatusDiscard", "logStatusError", "logEvents",
-                                         "logAll"};
-enum { LOG_WARNING = 1, LOG_DISCARD = 2, LOG_ERROR = 4, LOG_EVENTS = 8, LOG_EVERYTHING = 31, LOG_CATEGORIES = 5 };
-
-enum { GUID_LENGTH = 38 }; /* {8-4-4-4-12} */
+#include "fmi2_modes.h"
 
 typedef struct {
     Model model;               /* everything in a saved state */
@@ -58,57 +17,10 @@ typedef struct {
     char name[]; /* of the instance */
 } Instance;
 
-/* Send a message; every % is doubled, because importers use the text as a format. */
-static fmi2Status report(const Instance *c, fmi2Status status, int category, const char *format, ...)
-{
-    if (!c->logger || !(c->logging & category))
-        return status;
-    char text[512], doubled[1024];
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
-    for (size_t end = strlen(text); end == sizeof text - 1 && (text[end - 1] & 0x80); end--)
-        text[end - 1] = '\0'; /* do not cut a UTF-8 character */
-    size_t length = 0;
-    for (const char *from = text; *from; from++) {
-        if (*from == '%')
-            doubled[length++] = '%';
-        doubled[length++] = *from;
-    }
-    doubled[length] = '\0';
-    int which = 0;
-    while (!(category >> which & 1))
-        which++;
-    c->logger(c->environment, c->name, status, categories[which], doubled);
-    return status;
-}
-
-static const char *mode_name(int mode)
-{
-    switch (mode) {
-    case INSTANTIATED: return "instantiated";
-    case INITIALIZING: return "initialization mode";
-    case STEP_COMPLETE: return "step complete";
-    case STEP_FAILED: return "step failed";
-    default: return "terminated";
-    }
-}
-
 #define MODE(c) ((c)->model.run.mode)
+#define NOW(c)  ((c)->model.time)
 
-/* Begin a function: get the instance `c` and check that the call is allowed. */
-#define ENTER(function, allowed)                                                                                       \
-    Instance *const c = (Instance *)component;                                                                         \
-    if (!c)                                                                                                            \
-        return fmi2Error;                                                                                              \
-    if (!(MODE(c) & (allowed)))                                                                                        \
-        return report(c, fmi2Error, LOG_ERROR, "fmi2%s is not allowed in the mode \"%s\"", function,                   \
-                      mode_name(MODE(c)));
-
-#define REQUIRE(condition, ...)                                                                                        \
-    if (!(condition))                                                                                                  \
-        return report(c, fmi2Error, LOG_ERROR, __VA_ARGS__);
+#include "fmi2_calls.h"
 
 static bool before_stepping(const Model *m) { return (m->run.mode & BEFORE_STEPPING) != 0; }
 

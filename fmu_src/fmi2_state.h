@@ -3,16 +3,9 @@
 #ifndef BLOCK_FMI2_STATE_H
 #define BLOCK_FMI2_STATE_H
 
-/* ---- identity ----------------------------------------------------------------------------------------------- */
+#include "fmi2_hash.h"
 
-/* FNV-1a, 64 bit. */
-static uint64_t mix(uint64_t hash, const void *data, size_t size)
-{
-    const unsigned char *byte = (const unsigned char *)data;
-    for (size_t i = 0; i < size; i++)
-        hash = (hash ^ byte[i]) * UINT64_C(1099511628211);
-    return hash;
-}
+/* ---- identity ----------------------------------------------------------------------------------------------- */
 
 static uint64_t mix_text(uint64_t hash, const char *text) { return mix(hash, text, strlen(text) + 1); }
 

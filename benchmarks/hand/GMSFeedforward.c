@@ -13,8 +13,10 @@ static double stribeck(const law_parameters *p, double speed)
 
 static void clear(law_states *s)
 {
-    for (int i = 0; i < MOST; i++)
-        s->Fi[i] = s->slipping[i] = 0.0;
+    for (int i = 0; i < MOST; i++) {
+        s->Fi[i] = 0.0;
+        s->slipping[i] = false;
+    }
     s->way = 0.0;
 }
 
@@ -30,17 +32,17 @@ static double move(const law_parameters *p, law_states *s, double dr, int used)
     for (int i = 0; i < used; i++) {
         const double level = p->alpha[i] * unit;
         double along = side * s->Fi[i];
-        if ((goes_on && s->slipping[i] != 0.0) || along >= level) {
+        if ((goes_on && s->slipping[i]) || along >= level) {
             if (decay < 0.0) /* the same for all elements */
                 decay = exp(-p->C * p->Ts / S);
             const double behind = (along - level) * decay;
             if (p->sigma > 0.0 && p->k[i] > 0.0)
                 creep += behind / p->k[i];
             along = level + behind;
-            s->slipping[i] = 1.0;
+            s->slipping[i] = true;
         } else {
             along += p->k[i] * path;
-            s->slipping[i] = (double)(along >= level);
+            s->slipping[i] = along >= level;
             if (along >= level)
                 along = level;
         }
@@ -58,22 +60,23 @@ static void branching(const law_parameters *p, law_states *s, const law_inputs *
         return;
     if (!in->enable) {
         clear(s);
-        s->last = s->started = 0.0;
+        s->last = 0.0;
+        s->started = false;
         out->u = out->F_hat = out->F_pre = out->slips = out->u_sat = 0.0;
         return;
     }
     if (in->reset)
         clear(s);
     const int used = (int)ceil(p->N);
-    const double dr = s->started != 0.0 && !in->reset ? in->r - s->last : 0.0;
+    const double dr = s->started && !in->reset ? in->r - s->last : 0.0;
     double creep = 0.0;
     if (dr != 0.0)
         creep = move(p, s, dr, used);
     else
         for (int i = 0; i < used; i++)
-            s->slipping[i] = 0.0;
+            s->slipping[i] = false;
     s->last = in->r;
-    s->started = 1.0;
+    s->started = true;
 
     double sum = 0.0, slips = 0.0;
     for (int i = 0; i < used; i++) {
@@ -107,7 +110,7 @@ static void branch_free(const law_parameters *p, law_states *s, const law_inputs
 {
     const int ok = isfinite(in->r) & isfinite(in->rd) & isfinite(in->rdd) & isfinite(in->Fn);
     const int on = in->enable, anew = in->reset;
-    const double dr = ((s->started != 0.0) & !anew) ? in->r - s->last : 0.0, path = fabs(dr);
+    const double dr = (s->started & !anew) ? in->r - s->last : 0.0, path = fabs(dr);
     const double side = (double)((dr > 0.0) - (dr < 0.0)), way = anew ? 0.0 : s->way;
     const double S = p->Fc + (p->Fs - p->Fc) * exp(-pow(path / p->Ts / p->vs, p->delta));
     const double decay = exp(-p->C * p->Ts / S);
@@ -119,7 +122,7 @@ static void branch_free(const law_parameters *p, law_states *s, const law_inputs
     const double unit = S / (total > 0.0 ? total : 1.0);
     for (int i = 0; i < MOST; i++) {
         const double level = i < p->N ? p->alpha[i] * unit : 0.0, before = anew ? 0.0 : s->Fi[i], along = side * before;
-        const int slipped = ((side == way) & (s->slipping[i] != 0.0)) | (along >= level);
+        const int slipped = ((side == way) & s->slipping[i]) | (along >= level);
         const double stuck = along + p->k[i] * path, least = stuck < level ? stuck : level;
         const double behind = (along - level) * decay, moved = slipped ? level + behind : least;
         creep += ((slipped & (p->k[i] > 0.0)) ? behind : 0.0) / (p->k[i] > 0.0 ? p->k[i] : 1.0);
@@ -142,10 +145,10 @@ static void branch_free(const law_parameters *p, law_states *s, const law_inputs
     out->u_sat = ok ? on ? active : 0.0 : out->u_sat;
     for (int i = 0; i < MOST; i++) {
         s->Fi[i] = ok ? on ? force[i] : 0.0 : s->Fi[i];
-        s->slipping[i] = ok ? on ? slip[i] : 0.0 : s->slipping[i];
+        s->slipping[i] = ok ? on && slip[i] != 0.0 : s->slipping[i];
     }
     s->way = ok ? on ? (side == 0.0 ? way : side) : 0.0 : s->way;
     s->last = ok ? on ? in->r : 0.0 : s->last;
-    s->started = ok ? on ? 1.0 : 0.0 : s->started;
+    s->started = ok ? on : s->started;
     out->fault = !ok;
 }

@@ -11,7 +11,7 @@
 static void sample(const law_parameters *parameters, law_states *states, const law_inputs *inputs, law_outputs *outputs)
 {
     if (inputs->enable) {
-        const bool fresh = inputs->reset || (states->running <= 0.5);
+        const bool fresh = inputs->reset || !states->running;
         const double Ts_squared = parameters->Ts * parameters->Ts;
         const double force = (inputs->u_prev - states->F_est) / parameters->m;
         /* (1) x_p = x_hat + Ts v_hat + Ts^2/(2 m) (u_prev - F_est) */
@@ -69,7 +69,7 @@ static void sample(const law_parameters *parameters, law_states *states, const l
         states->v_hat = 0.0;
         states->x_hat = 0.0;
     }
-    states->running = inputs->enable ? 1.0 : 0.0;
+    states->running = inputs->enable;
 }
 
 void law_init(law_parameters *parameters, law_states *states, law_inputs *inputs, law_outputs *outputs)
@@ -87,7 +87,7 @@ void law_init(law_parameters *parameters, law_states *states, law_inputs *inputs
         inputs->reset = false;
         inputs->track = false;
         inputs->u_track = 0.0;
-        states->running = 0.0;
+        states->running = false;
         states->x_hat = 0.0;
         states->v_hat = 0.0;
         states->F_est = 0.0;

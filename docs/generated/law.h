@@ -53,7 +53,7 @@ typedef struct {
 } law_parameters;
 
 typedef struct {
-    double running; /* 1 after the first sample */
+    bool running; /* 1 after the first sample */
     double x_hat; /* [m] estimated position */
     double v_hat; /* [m/s] estimated velocity */
     double F_est; /* [N] estimated friction */

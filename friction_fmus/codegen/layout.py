@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 from casadi import Function
 
+from friction_fmus.axis.position_map import PositionMap
 from friction_fmus.codegen.equations import equations_of, placed
 from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.declarations import FAULT
@@ -44,6 +45,8 @@ class Export:
         Start values of inputs, states and parameters by variable.
     rotary : bool
         Whether the law has the units of a rotary axis.
+    table : PositionMap or None
+        Force over position, for the input ``f_known`` of a loop.
     """
 
     law: Law
@@ -51,6 +54,7 @@ class Export:
     prefix: str
     start: Values
     rotary: bool = False
+    table: PositionMap | None = None
 
     @property
     def groups(self) -> dict[str, tuple[Variable, ...]]:
@@ -176,13 +180,13 @@ class Export:
             [place for v in given for place in self.places(v)],
             writes,
             real=self.real,
-            conditions=[i for i, variable in enumerate(scalars) if variable.kind in BOOLEANS],
+            conditions=[i for i, variable in enumerate(scalars) if is_flag(variable)],
             positive=[i for i, variable in enumerate(scalars) if variable.min >= 0.0],
             lows=lows,
             named=named,
             remarks=remarks,
             taken=self.groups,
-            flags=flags,
+            flags=[*flags, *(place for v in self.groups["states"] if v.flag for place in self.places(v))],
         )
 
     def places(self, variable: Variable) -> list[str]:
@@ -193,13 +197,18 @@ class Export:
 
     def member(self, variable: Variable) -> str:
         """Return the declaration of a member."""
-        kind = "bool" if variable.kind in (*BOOLEANS, Kind.FLAG) else self.real.name
+        kind = "bool" if is_flag(variable) else self.real.name
         return f"{kind} {variable.name}{f'[{len(variable.starts)}]' if variable.kind in VECTORS else ''}"
 
 
 def _scalars(variables: Sequence[Variable]) -> list[tuple[Variable, int]]:
     """Return every variable once per scalar, with the index of the element."""
     return [(variable, element) for variable in variables for element in range(len(variable.starts))]
+
+
+def is_flag(variable: Variable) -> bool:
+    """Return whether a variable is a truth value."""
+    return variable.flag or variable.kind in (*BOOLEANS, Kind.FLAG)
 
 
 def _is_length(variable: Variable) -> bool:

@@ -153,7 +153,7 @@ class _Loop:
         x, parts = self._signals["x"], self._parts
         v0 = self._number("v0", self._loop.v0, VELOCITY, "velocity before the first sample")
         past = parts.declare(_named("x_past", State(LENGTH, (0.0,) * window, "x in the previous samples")))
-        begun = self._declared("begun", State(NO_UNIT, 0.0, "1 after the first sample"))
+        begun = self._declared("begun", variables.RUNNING)
         before = [x if v0 is None else x - i * v0 * self._Ts for i in range(1, window + 1)]
         last = [if_else(begun, kept, start) for kept, start in zip(past, before, strict=True)]
         v = parts.label("v", (x - last[-1]) / (window * self._Ts))

@@ -62,7 +62,9 @@ def program(export: Export, given: Mapping[str, np.ndarray], restart: int = 0) -
     cells = [cell for v in inputs for cell in _cells(export, v, given[v.name])]
     rows = [f"    {{{', '.join(row)}}}," for row in zip(*(column for _, column in cells), strict=True)]
     shown = [place.replace("->", ".") for place in (*export.results, *export.result_lows.values())]
-    write = [f"            hex(&{place}, sizeof({export.real.name}));" for place in shown]
+    write = [
+        line for place in shown for line in (f"            value = {place};", "            hex(&value, sizeof value);")
+    ]
     return "\n".join(
         [
             f'#include "{p}.h"',
@@ -78,6 +80,7 @@ def program(export: Export, given: Mapping[str, np.ndarray], restart: int = 0) -
             "static void __attribute__((noinline, noclone)) run(unsigned n, int writes)",
             "{",
             "    unsigned k;",
+            f"    {export.real.name} value;",
             '    __asm__ volatile("mov %0, sp" : "=r"(stack));',
             "    for (k = 0; k < n; k++) {",
             f"        if (k == 0 || k == {restart})",

@@ -104,6 +104,8 @@ class Variable:
         Limits of a parameter, nominal value of a state.
     name : str
         Name in the law, the FMU and the equations.
+    flag : bool
+        Whether a state is 0 or 1; in generated C without FMI it is a ``bool``.
     """
 
     kind: Kind
@@ -114,6 +116,7 @@ class Variable:
     max: float = math.inf
     nominal: float = 1.0
     name: str = ""
+    flag: bool = False
 
     @property
     def scalars(self) -> tuple[str, ...]:
@@ -142,15 +145,16 @@ def Command(start: bool, text: str) -> Any:  # noqa: N802
 
 
 def State(  # noqa: N802
-    unit: Unit | str, start: float | tuple[float, ...], text: str, *, nominal: float = 1.0
+    unit: Unit | str, start: float | tuple[float, ...], text: str, *, nominal: float = 1.0, flag: bool = False
 ) -> Any:
     """Declare a state: the law receives its value and returns the next value under the same name.
 
-    With a tuple of start values it is a vector, written as ``z[0]``, ``z[1]``, ... and returned as a list.
+    With a tuple of start values it is a vector, written as ``z[0]``, ``z[1]``, ... and returned as a list. A state that
+    is 0 or 1 has ``flag=True``.
     """
     if isinstance(start, tuple):
-        return Variable(Kind.STATES, _unit(unit), tuple(map(float, start)), text, nominal=nominal)
-    return Variable(Kind.STATE, _unit(unit), float(start), text, nominal=nominal)
+        return Variable(Kind.STATES, _unit(unit), tuple(map(float, start)), text, nominal=nominal, flag=flag)
+    return Variable(Kind.STATE, _unit(unit), float(start), text, nominal=nominal, flag=flag)
 
 
 def Parameter(  # noqa: N802

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, exp, fabs, if_else, logic_or
+from casadi import SX, exp, fabs, if_else
 
 from friction_fmus.lawkit.expressions import clip, stribeck_level, unless_winding_up
 from friction_fmus.lawkit.law import (
@@ -22,6 +22,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.estimators import starts_now
 from friction_fmus.lawkit.parts.observers import limited, relaxed
 from friction_fmus.lawkit.parts.tracking import deflected
 
@@ -157,7 +158,7 @@ def andfc(
     this. Fc, Fs and vs are not adapted separately. A wrong mass causes an error of the velocity. u_min must not exceed
     u_max.
     """
-    fresh = logic_or(reset, running <= 0.5)
+    fresh = starts_now(reset, running)
     p = exp(-wo * Ts)
     force = (u_prev - F_last) / m
     x_p = x_hat + Ts * v_hat + Ts**2 / 2.0 * force

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, exp, fabs, if_else, logic_or, sign
+from casadi import SX, exp, fabs, if_else, sign
 
 from friction_fmus.lawkit.expressions import clip
 from friction_fmus.lawkit.law import (
@@ -22,6 +22,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.estimators import starts_now
 from friction_fmus.lawkit.parts.observers import limited
 from friction_fmus.lawkit.parts.tracking import deflected
 
@@ -97,7 +98,7 @@ def elasto_plastic_estimator(
     contact and of the position loop. After a start at rest, z is unknown until the axis has moved by about 3 z_m. u_min
     must not exceed u_max.
     """
-    fresh = logic_or(reset, running <= 0.5)
+    fresh = starts_now(reset, running)
     # the difference is 0, or NaN if x is NaN
     step = x - if_else(fresh, x, x_last)
     old = if_else(fresh, 0.0, z)

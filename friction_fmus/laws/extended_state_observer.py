@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from casadi import SX, exp, if_else, logic_or
+from casadi import SX, exp, if_else
 
 from friction_fmus.lawkit.law import (
     FORCE,
@@ -18,6 +18,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.estimators import starts_now
 from friction_fmus.lawkit.parts.observers import limited
 from friction_fmus.lawkit.parts.tracking import carried
 
@@ -93,7 +94,7 @@ def extended_state_observer(
     Full compensation with F_est is an integral action, which causes hunting if static friction exceeds Coulomb
     friction. With a wrong mass, F_est contains the difference of the inertia forces. u_min must not exceed u_max.
     """
-    fresh = logic_or(reset, running <= 0.5)
+    fresh = starts_now(reset, running)
     p = exp(-wo * Ts)
     force = (u_prev - F_est) / m
     x_p = x_hat + Ts * v_hat + Ts**2 / 2.0 * force

@@ -63,7 +63,7 @@ def pid(
     track: SX = variables.TRACK,
     u_track: SX = variables.U_TRACK,
     integral: SX = State(LENGTH + ".s", 0.0, "integral of the position error", nominal=1e-4),
-    held: SX = State(NO_UNIT, 0.0, "1 while the dead-band holds the integral"),
+    held: SX = State(NO_UNIT, 0.0, "1 while the dead-band holds the integral", flag=True),
     side: SX = State(NO_UNIT, 0.0, "sign of the last velocity above v_zc"),
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain", min=0.0),
     Kd: SX = Parameter(DAMPING, 190.0, "derivative gain", min=0.0),

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -13,6 +15,7 @@ import fmpy
 from harness.compiling import toolchain
 from harness.errors import BuildError, nearest
 from harness.parts.universal import universal
+from harness.processors import available
 from harness.storage.cache import cached
 
 
@@ -70,7 +73,13 @@ def select(names: tuple[str, ...]) -> tuple[Platform, ...]:
     return tuple({platform.folder: platform for name in names for platform in known[name]}.values())
 
 
-def compiled(platform: Platform, sources: Mapping[str, str], name: str, *, headers: bool = True) -> bytes:
+def compiled(
+    platform: Platform,
+    sources: Mapping[str, str],
+    name: str,
+    *,
+    headers: bool = True,
+) -> bytes:
     """Compile a library for a platform.
 
     Parameters
@@ -93,6 +102,83 @@ def compiled(platform: Platform, sources: Mapping[str, str], name: str, *, heade
     return universal(slices) if len(slices) > 1 else slices[0]
 
 
+def linked(platform: Platform, units: Mapping[str, Mapping[str, str]], name: str) -> bytes:
+    """Compile and link a library of several C files for a platform; the object of each file is cached.
+
+    Parameters
+    ----------
+    platform : Platform
+        The target platform.
+    units : mapping of str to mapping of str to str
+        For each file to compile, its text and those of the files that it includes, by path.
+    name : str
+        Name of the library.
+
+    Raises
+    ------
+    BuildError
+        If a file does not compile, or the library cannot be linked.
+    """
+    slices = [_linked(target, units, f"{name}{platform.suffix}") for target in platform.targets]
+    return universal(slices) if len(slices) > 1 else slices[0]
+
+
+def _linked(target: str | None, units: Mapping[str, Mapping[str, str]], library: str) -> bytes:
+    def make(unit: str) -> bytes:
+        return _object(target, unit, units[unit])
+
+    with ThreadPoolExecutor(available()) as pool:
+        objects = dict(zip(units, pool.map(make, units), strict=True))
+    flags = " ".join(toolchain.unused_flags(target))
+    digest = _digest(
+        target, f"{library} {flags}", {unit: hashlib.sha256(data).hexdigest() for unit, data in objects.items()}
+    )
+
+    def link_it() -> bytes:
+        with _scratch() as scratch:
+            for number, data in enumerate(objects.values()):
+                (scratch / f"{number}.o").write_bytes(data)
+            names = [f"{number}.o" for number in range(len(objects))]
+            toolchain.link_library(scratch, names, scratch / library, target=target)
+            return (scratch / library).read_bytes()
+
+    return cached(toolchain.cache_folder() / "libraries" / f"{digest}-{library}", link_it)
+
+
+def _object(target: str | None, unit: str, sources: Mapping[str, str]) -> bytes:
+    """Return the object of one C file, from the cache or compiled."""
+
+    def compile_it() -> bytes:
+        with _scratch() as scratch:
+            _write(scratch, sources)
+            toolchain.compile_object(scratch, unit, scratch / "unit.o", target=target)
+            return (scratch / "unit.o").read_bytes()
+
+    digest = _digest(target, " ".join((unit, *toolchain.SECTIONS)), sources)
+    return cached(toolchain.cache_folder() / "objects" / f"{digest}.o", compile_it)
+
+
+@contextmanager
+def _scratch() -> Iterator[Path]:
+    """Yield a folder that is removed at the end, so that no path of the cache enters a binary."""
+    with tempfile.TemporaryDirectory(prefix="friction-fmus-") as scratch:
+        yield Path(scratch)
+
+
+def _write(folder: Path, sources: Mapping[str, str]) -> None:
+    for file, text in sources.items():
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        (folder / file).write_text(text, encoding="utf-8", newline="\n")
+
+
+def _digest(target: str | None, name: str, sources: Mapping[str, str]) -> str:
+    """Return a hash of everything that determines a compiled file."""
+    digest = hashlib.sha256()
+    for text in (toolchain.identity(target), name, *(part for item in sorted(sources.items()) for part in item)):
+        digest.update(text.encode() + b"\0")
+    return digest.hexdigest()[:24]
+
+
 def native_library(sources: Mapping[str, str], name: str, *, headers: bool = True) -> Path:
     """Compile a library for this machine and return its path in the cache; see `compiled`."""
     return _kept(None, NATIVE.suffix, sources, name, headers)[0]
@@ -100,16 +186,12 @@ def native_library(sources: Mapping[str, str], name: str, *, headers: bool = Tru
 
 def _kept(target: str | None, suffix: str, sources: Mapping[str, str], name: str, headers: bool) -> tuple[Path, bytes]:
     """Return the path in the cache and the content of a library for one architecture; compile it if needed."""
-    digest = hashlib.sha256()
-    for text in (toolchain.identity(target), name, *(part for item in sorted(sources.items()) for part in item)):
-        digest.update(text.encode() + b"\0")
-    path = toolchain.cache_folder() / "libraries" / f"{name}-{digest.hexdigest()[:24]}{suffix}"
+    path = toolchain.cache_folder() / "libraries" / f"{name}-{_digest(target, name, sources)}{suffix}"
 
     def compile_it() -> bytes:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix="compile-", dir=path.parent) as scratch:
-            for file, text in sources.items():
-                (Path(scratch) / file).write_text(text, encoding="utf-8", newline="\n")
+            _write(Path(scratch), sources)
             library = Path(scratch) / f"{name}{suffix}"
             toolchain.compile_library(Path(scratch), f"{name}.c", library, headers=headers, target=target)
             return library.read_bytes()

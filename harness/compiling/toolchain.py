@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -22,6 +23,8 @@ FLAGS = (
     "-DFMI2_OVERRIDE_FUNCTION_PREFIX",
 )
 LINK_FLAGS = ("-shared", "-s", "-lm")
+SECTIONS = ("-ffunction-sections", "-fdata-sections")
+"""Flags of object files, so that the linker can remove what nothing calls."""
 
 
 def cache_folder() -> Path:
@@ -116,13 +119,39 @@ def compile_library(
         If the file does not compile; the message quotes the compiler's first error.
     """
     include = ["-I", str(header_folder())] if headers else []
-    command = [*compiler(target), *FLAGS, *include, source, "-o", str(library), *LINK_FLAGS]
+    command = [*compiler(target), *FLAGS, *include, source, "-o", str(library), *_link_flags(library, target)]
+    _run(folder, command, f"{source} does not compile", target)
+
+
+def compile_object(folder: Path, source: str, output: Path, *, target: str | None = None) -> None:
+    """Compile a C file that includes the FMI headers to an object file; see `compile_library`."""
+    command = [*compiler(target), *FLAGS, *SECTIONS, "-I", str(header_folder()), "-c", source, "-o", str(output)]
+    _run(folder, command, f"{source} does not compile", target)
+
+
+def link_library(folder: Path, objects: Sequence[str], library: Path, *, target: str | None = None) -> None:
+    """Link object files to a shared library; see `compile_library`."""
+    command = [*compiler(target), *objects, "-o", str(library), *_link_flags(library, target), *unused_flags(target)]
+    _run(folder, command, f"{library.name} cannot be linked", target)
+
+
+def unused_flags(target: str | None) -> tuple[str, ...]:
+    """Return the flags with which the linker removes what nothing calls."""
+    apple = "macos" in (target or "") or (target is None and sys.platform == "darwin")
+    return ("-Wl,-dead_strip",) if apple else ("-Wl,--gc-sections",)
+
+
+def _link_flags(library: Path, target: str | None) -> list[str]:
     if "linux" in (target or sys.platform):
-        command.append("-Wl,--build-id=none")
-    elif "macos" in (target or "") or sys.platform == "darwin":
-        command.append(f"-Wl,-install_name,@rpath/{library.name}")
+        return [*LINK_FLAGS, "-Wl,--build-id=none"]
+    if "macos" in (target or "") or sys.platform == "darwin":
+        return [*LINK_FLAGS, f"-Wl,-install_name,@rpath/{library.name}"]
+    return [*LINK_FLAGS]
+
+
+def _run(folder: Path, command: Sequence[str], what: str, target: str | None) -> None:
     _version(tuple(compiler(target)))
     run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if run.returncode != 0:
         complaints = [line for line in run.stderr.splitlines() if "error" in line] or run.stderr.splitlines()
-        raise BuildError(f"{source} does not compile: {complaints[0] if complaints else 'the compiler failed'}")
+        raise BuildError(f"{what}: {complaints[0] if complaints else 'the compiler failed'}")

@@ -5,9 +5,8 @@
 #include "defect.h"
 #include "drive.h"
 #include "floats.h"
-#include "manipulate.h"
 #include "masters.h" /* generated: it includes the header of each master */
-#include "part.h"
+#include "tick.h"
 
 #include <stdlib.h>
 
@@ -20,23 +19,6 @@ MIRRORED(EnginePart)
 MIRRORED(Line)
 MIRRORED(Manipulator)
 MIRRORED(Pair)
-
-/* Perform one operation of an explicit master. */
-static bool operate(Engine *e, int operation, int64_t index, int64_t tick)
-{
-    EnginePart *const p = &e->parts[index];
-    if (!is_due(p, tick))
-        return true;
-    int status = 0;
-    if (operation == SET) {
-        fetch_inputs(e, p);
-        status = hand_over(p, e->signals);
-    } else if (operation == STEP)
-        status = step_part(p, time_of(e, tick - p->phase), (double)p->every * e->step);
-    else
-        status = fetch_outputs(p, e->signals);
-    return status <= 1 || failed(e, index, operation, status, time_of(e, tick));
-}
 
 /* Data to set, step and read one part in a single pass, stored contiguously. Only for FMUs that exchange Reals only and
    are stepped at every tick. */
@@ -109,19 +91,6 @@ static void record(Engine *e)
     e->filled++;
 }
 
-/* Perform the operations of the master from one tick to the next. */
-static bool advance(Engine *e, int64_t tick)
-{
-    if (e->manipulator_count > 0)
-        manipulate(e, tick);
-    if (e->advance)
-        return e->advance(e, tick);
-    for (int64_t i = 0; i < e->program_length; i++)
-        if (!operate(e, (int)e->program[2 * i], e->program[2 * i + 1], tick))
-            return false;
-    return true;
-}
-
 /* Run the ticks from, ..., to - 1. Return the first tick that was not completed, or `to` if all were. */
 static int64_t run_ticks(Engine *e, const Turn *turns, int64_t turn_count, int64_t from, int64_t to)
 {
@@ -129,6 +98,7 @@ static int64_t run_ticks(Engine *e, const Turn *turns, int64_t turn_count, int64
         for (int64_t i = 0; i < turn_count; i++)
             if (!take_turn(e, &turns[i], time_of(e, tick)))
                 return tick;
+        span_tick(e, tick);
         if (turn_count == 0 && !advance(e, tick))
             return tick;
         measure_defects(e);

@@ -13,7 +13,10 @@
 #include <stdint.h>
 #include <string.h>
 
-#if defined _WIN32
+/* A composite FMU contains the engine and exports nothing of it. */
+#if defined COMPOSITE
+#define EXPORT static
+#elif defined _WIN32
 #define EXPORT __declspec(dllexport)
 #else
 #define EXPORT __attribute__((visibility("default")))
@@ -45,6 +48,7 @@ typedef struct {
     const int *orders;          /* 1, 1, ...: order of the input derivatives */
     double *slopes;             /* buffer for the input derivatives */
     int64_t every, phase;       /* stepped over `every` ticks at the ticks k with k % every == phase */
+    int64_t sampled;            /* stepped at the beginning of a tick, over all of them at once */
 } EnginePart;
 
 /* Coupling error of one connection: the held value against the value at the end of the step. */
@@ -85,6 +89,8 @@ struct engine {
     const int64_t *program; /* pairs (operation, part) performed in each tick */
     int64_t program_length;
     double start, step;     /* [s] tick k begins at start + k step */
+    double time, length;    /* [s] span in this advance: a tick, or a part of one in a composite FMU */
+    int64_t begins, ends;   /* the span begins with the tick; it ends with it */
     double *rows;           /* recorded values */
     const int64_t *columns; /* recorded signals */
     int64_t width, decimate, filled;
@@ -101,8 +107,12 @@ struct engine {
 };
 
 /* Declares the size of a struct that Python mirrors, for the check when the library is loaded. */
+#ifdef COMPOSITE
+#define MIRRORED(name)
+#else
 #define MIRRORED(name)                                                                                                 \
     EXPORT extern const int64_t size_of_##name;                                                                        \
     const int64_t size_of_##name = (int64_t)sizeof(name);
+#endif
 
 #endif

@@ -15,6 +15,9 @@ from harness.compiling.platforms import NATIVE, native_library
 from harness.parts.shared_library import missing_bytes
 
 _POINTER, _INT = ctypes.c_void_p, ctypes.c_int64
+_NUMBERS = ctypes.POINTER(ctypes.c_double)
+RESIDUAL: Final = ctypes.CFUNCTYPE(ctypes.c_bool, _POINTER, _NUMBERS, _NUMBERS)
+"""``Residual`` of fixed_point.h."""
 
 _MIRRORS: Final[dict[str, type[ctypes.Structure]]] = {}
 _Struct = TypeVar("_Struct", bound=type[ctypes.Structure])
@@ -33,6 +36,10 @@ def library() -> ctypes.CDLL:
     engine.engine_float_control.restype = ctypes.c_uint32
     engine.engine_set_float_control.argtypes = (ctypes.c_uint32,)
     engine.engine_drive.argtypes = (_POINTER, _INT)
+    engine.newton_begin.restype = None
+    engine.newton_begin.argtypes = (_POINTER, _POINTER)
+    engine.find_fixed_point.restype = ctypes.c_bool
+    engine.find_fixed_point.argtypes = (RESIDUAL, _POINTER, _POINTER, _INT, _POINTER, _POINTER)
     for name in _MIRRORS:
         _check_size(engine, name)
     return engine

@@ -150,7 +150,7 @@ def _lay_out(plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]) -> Ma
         raise ExperimentError(
             f"{manipulator.input} is {plan.ports[manipulator.input].type}: a {manipulator.kind} needs a Real"
         )
-    target = next(part for part in range(len(plan.parts)) if plan.inputs[part, 0] <= index < plan.inputs[part, 1])
+    target = _target(plan, index)
     first, last = _tick(plan, manipulator.start), _tick(plan, manipulator.stop)
     output = float(plan.signals[plan.sources[index]])
     ticks = min(last, plan.ticks) - max(first, 0)
@@ -168,9 +168,7 @@ def _lay_out(plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]) -> Ma
         case Freeze():
             kind = _LOSS
         case Delay():
-            # count from the end of a step, except for a sample of a continuous part, which is taken at its beginning
-            source = plan.parts[plan.owners[int(plan.sources[index])]]
-            kind, length = _DELAY, manipulator.ticks + (plan.parts[target].sampled and not source.sampled)
+            kind, length = _DELAY, delay_length(plan, index, manipulator.ticks)
         case _:
             raise TypeError(manipulator)
     return Manipulation(
@@ -187,6 +185,29 @@ def _lay_out(plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]) -> Ma
         gain=float(plan.gains[index]),
         offset=float(plan.offsets[index]),
     )
+
+
+def delay_length(plan: Plan, signal: int, ticks: int) -> int:
+    """Return the number of past values that a connection with a delay needs.
+
+    The delay counts from the end of a step, except for a sample of a continuous part, which is taken at its beginning.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan.
+    signal : int
+        Index of the connected input.
+    ticks : int
+        The delay in communication steps.
+    """
+    source = plan.parts[plan.owners[int(plan.sources[signal])]]
+    return ticks + (plan.parts[_target(plan, signal)].sampled and not source.sampled)
+
+
+def _target(plan: Plan, signal: int) -> int:
+    """Return the part with this connected input."""
+    return next(part for part in range(len(plan.parts)) if plan.inputs[part, 0] <= signal < plan.inputs[part, 1])
 
 
 def _drawn(manipulator: Manipulator, draw: Callable[[int], Values], ticks: int) -> Values:

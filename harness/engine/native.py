@@ -44,7 +44,7 @@ class EnginePart(ctypes.Structure):
         *((name, _POINTER) for name in ("input_references", "output_references")),
         *((name, _INT * 4) for name in ("inputs", "outputs")),
         *((name, _POINTER) for name in ("whole", "orders", "slopes")),
-        *((name, _INT) for name in ("every", "phase")),
+        *((name, _INT) for name in ("every", "phase", "sampled")),
     )
 
 
@@ -60,7 +60,8 @@ class EngineData(ctypes.Structure):
         ("manipulator_count", _INT),
         ("program", _POINTER),
         ("program_length", _INT),
-        *((name, _REAL) for name in ("start", "step")),
+        *((name, _REAL) for name in ("start", "step", "time", "length")),
+        *((name, _INT) for name in ("begins", "ends")),
         *((name, _POINTER) for name in ("rows", "columns")),
         *((name, _INT) for name in ("width", "decimate", "filled")),
         ("defects", _POINTER),
@@ -261,6 +262,7 @@ class Engine:
 
         part = EnginePart()
         part.every, part.phase = int(plan.every[index]), int(plan.phase[index])
+        part.sampled = plan.parts[index].sampled
         for side, block in zip(("inputs", "outputs"), ranges, strict=True):
             types = [plan.ports[name].type for name in names[block]]
             places = np.cumsum([block.start, *(types.count(kind) for kind in _TYPES)])

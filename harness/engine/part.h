@@ -119,9 +119,31 @@ static inline void fetch_inputs(const Engine *e, const EnginePart *p)
             e->signals[i] = arriving(e, i);
 }
 
-static inline bool is_due(const EnginePart *p, int64_t tick) { return p->every == 1 || tick % p->every == p->phase; }
-
 static inline double time_of(const Engine *e, int64_t tick) { return e->start + (double)tick * e->step; }
+
+/* Return whether a part is stepped in this span: a sampled part at the beginning of a tick, a slow part at the end. */
+static inline bool is_due(const Engine *e, const EnginePart *p, int64_t tick)
+{
+    if (p->every == 1 && !p->sampled)
+        return true;
+    return (p->sampled ? e->begins : e->ends) && (p->every == 1 || tick % p->every == p->phase);
+}
+
+/* Set t and h to the interval over which a part that is due is stepped. */
+static inline void interval_of(const Engine *e, const EnginePart *p, int64_t tick, double *t, double *h)
+{
+    const bool spans = p->every == 1 && !p->sampled;
+    *t = spans ? e->time : time_of(e, tick - p->phase);
+    *h = spans ? e->length : (double)p->every * e->step;
+}
+
+/* Let the span be a whole tick. */
+static inline void span_tick(Engine *e, int64_t tick)
+{
+    e->time = time_of(e, tick);
+    e->length = e->step;
+    e->begins = e->ends = true;
+}
 
 /* Store the failure and return false. */
 static bool failed(Engine *e, int64_t part, int operation, int status, double t)

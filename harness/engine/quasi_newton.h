@@ -5,7 +5,7 @@
 #ifndef QUASI_NEWTON_H
 #define QUASI_NEWTON_H
 
-#define NOISE 10.0 /* largest residual of a solution, over the tolerance, if no iteration reaches the tolerance */
+#define NOISY 10.0 /* largest residual of a solution, over the tolerance, if no iteration reaches the tolerance */
 
 /* inverse += (s - inverse y) s' inverse / (s' inverse y), Broyden 1965, for the step s that changed r by y. */
 static void update_inverse(double *inverse, int64_t n, const double *s, const double *y, double *by)
@@ -136,7 +136,7 @@ static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, cons
     int status = evaluate(e, newton, g, s, again, &norm);
     for (int64_t tries = 1; status == SOLVED && norm > newton->tolerance; tries++) {
         if (tries > (n == 1 ? MOST_BISECTIONS : MOST_EVALUATIONS)) {
-            if (norm <= NOISE * newton->tolerance)
+            if (norm <= NOISY * newton->tolerance)
                 break; /* the outputs of a part with an error control of its own are not smoother */
             newton->worst_residual = norm;
             return NOT_CONVERGED;

@@ -82,8 +82,8 @@ static void begin_lines(const Engine *e, Newton *newton, const Group *g, Which w
 static int hold_again(Engine *e, Newton *newton, int64_t number, double t)
 {
     const Group *const g = &newton->groups[number];
-    const double h = ldexp(e->step, -MOST_HALVINGS);
-    const Span instant = {t, h, 0.0, h / e->step, 1.0, true};
+    const double h = ldexp(e->length, -MOST_HALVINGS);
+    const Span instant = {t, h, 0.0, h / e->length, 1.0, true};
     int status = save_loop(e, newton, g, t);
     if (status == SOLVED)
         status = solve(e, newton, g, number, &instant, false);

@@ -43,17 +43,18 @@ EXPORT bool extrapolated_tick(Engine *e, int64_t tick)
     extrapolate(e, e->algorithm);
     for (int64_t index = 0; index < e->part_count; index++) {
         EnginePart *const p = &e->parts[index];
-        if (!is_due(p, tick))
+        if (!is_due(e, p, tick))
             continue;
         fetch_inputs(e, p);
-        const double t = time_of(e, tick - p->phase);
-        const int status = step_on_lines(e, index, t, (double)p->every * e->step);
+        double t = 0.0, h = 0.0;
+        interval_of(e, p, tick, &t, &h);
+        const int status = step_on_lines(e, index, t, h);
         if (status > 1)
             return failed(e, index, STEP, status, t);
     }
     for (int64_t index = 0; index < e->part_count; index++) {
         EnginePart *const p = &e->parts[index];
-        const int status = is_due(p, tick) ? fetch_outputs(p, e->signals) : 0;
+        const int status = is_due(e, p, tick) ? fetch_outputs(p, e->signals) : 0;
         if (status > 1)
             return failed(e, index, GET, status, time_of(e, tick));
     }

@@ -203,7 +203,7 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
     StepCheck *const guard = &newton->guards[number];
     const double smallest = ldexp(h, -MOST_HALVINGS), accurate = h / newton->finest;
     double *const proposed = &newton->proposed[number];
-    Progress p = {time_of(e, tick), h, 0.0, tick};
+    Progress p = {e->time, h, 0.0, tick};
     while (p.done < h) {
         const bool varies = (newton->error > 0.0 || guard->alarm > 0) && *proposed > 0.0;
         double piece = fmin(varies ? *proposed : h, h - p.done);
@@ -252,27 +252,29 @@ static bool moves(const Engine *e, const Newton *newton, const Group *g)
 static bool advance_group(Engine *e, Newton *newton, int64_t number, int64_t tick)
 {
     const Group *const g = &newton->groups[number];
-    const double t = time_of(e, tick);
+    const double t = e->time;
     const int64_t index = newton->order[g->first];
     EnginePart *const p = &e->parts[index];
     if (g->is_loop) {
-        const int status = step_loop(e, newton, number, tick, e->step);
+        const int status = step_loop(e, newton, number, tick, e->length);
         if (status == NOT_CONVERGED)
             return failed(e, number, NOT_CONVERGED, status, t);
         newton->guards[number].jumped = newton->jumped;
         return status == SOLVED;
     }
     if (moves(e, newton, g)) {
-        const Span whole = {t, e->step, 0.0, 1.0, 1.0, false};
+        const Span whole = {t, e->length, 0.0, 1.0, 1.0, false};
         return move_part(e, newton, index, &whole) <= 1;
     }
-    if (!is_due(p, tick))
+    if (!is_due(e, p, tick))
         return true;
     fetch_inputs(e, p);
     int status = hand_over(p, e->signals);
     if (status > 1)
         return failed(e, index, SET, status, t);
-    status = step_part(p, time_of(e, tick - p->phase), (double)p->every * e->step);
+    double begin = 0.0, length = 0.0;
+    interval_of(e, p, tick, &begin, &length);
+    status = step_part(p, begin, length);
     if (status > 1)
         return failed(e, index, STEP, status, t);
     status = fetch_outputs(p, e->signals);
@@ -292,9 +294,9 @@ EXPORT bool newton_tick(Engine *e, int64_t tick)
             return false;
     for (int64_t i = number; i < newton->group_count && moves(e, newton, &newton->groups[i]); i++)
         if (jumps(e, newton, &newton->groups[i])) {
-            const int status = restart(e, newton, i, time_of(e, tick));
+            const int status = restart(e, newton, i, e->time);
             if (status == NOT_CONVERGED)
-                return failed(e, i, NOT_CONVERGED, status, time_of(e, tick));
+                return failed(e, i, NOT_CONVERGED, status, e->time);
             if (status != SOLVED)
                 return false;
         }
@@ -306,6 +308,9 @@ EXPORT bool newton_tick(Engine *e, int64_t tick)
             m->u0 = m->u1;
     return true;
 }
+
+#include "begin.h"
+#include "fixed_point.h"
 
 MIRRORED(Group)
 MIRRORED(Moving)

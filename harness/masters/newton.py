@@ -20,12 +20,12 @@ from scipy.sparse.csgraph import connected_components
 
 from harness.engine.algorithm import Algorithm
 from harness.engine.defect import UNRESOLVED, WRONG
-from harness.engine.library import bytes_of, mirrors
+from harness.engine.library import bytes_of, library, mirrors
 from harness.engine.line import attach_lines
 from harness.engine.native import Engine
 from harness.errors import ExperimentError
 from harness.system.experiment import LOOP_TOLERANCE, Experiment
-from harness.system.plan import MovingWire, Plan, Schedule, map_of
+from harness.system.plan import MovingWire, Plan, Schedule
 
 _LOG = logging.getLogger("harness")
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
@@ -145,13 +145,13 @@ class Loops(Algorithm):
         plan = engine.plan
         wires = plan.moving_wires
         groups = groups_of(plan, wires)
-        self._order = [part for group in groups for part in group]
-        place = {part: index for index, part in enumerate(self._order)}
+        self.order = [part for group in groups for part in group]
+        place = {part: index for index, part in enumerate(self.order)}
         group_of = {part: number for number, group in enumerate(groups) for part in group}
         unknowns: list[int] = []
         numbers: dict[int, int] = {}
-        self._rows: list[Group] = []
-        self._held: list[int] = []
+        self.rows: list[Group] = []
+        self.held: list[int] = []
         first = 0
         inner = [
             wire for wire in wires if group_of[wire.source] == group_of[wire.target] and not plan.delays[wire.input]
@@ -164,58 +164,47 @@ class Loops(Algorithm):
                     numbers[wire.output] = len(unknowns)
                     unknowns.append(wire.output)
             held = _held_inputs(plan, group, wires) if plan.parts[group[0]].moves else []
-            row = (first, len(group), bool(mine), begin, len(unknowns) - begin, len(self._held), len(held))
-            self._rows.append(Group(*row))
+            row = (first, len(group), bool(mine), begin, len(unknowns) - begin, len(self.held), len(held))
+            self.rows.append(Group(*row))
             first += len(group)
-            self._held += held
+            self.held += held
             if mine:
                 self._check(engine, group)
         self.groups, self.plan = groups, plan
         self.unknowns, self.inner, self.wires = unknowns, inner, wires
         self._engine, self._tolerance, self._error = engine, tolerance, error
-        self._numbers = [
+        self.numbers = [
             numbers[wire.output] if wire in inner and place[wire.source] >= place[wire.target] else -1 for wire in wires
         ]
 
     def begin(self) -> None:
         """Begin a run at the start values of the plan."""
-        engine, plan, rows, unknowns = self._engine, self.plan, self._rows, self.unknowns
-        moving = []
-        for wire, unknown in zip(self.wires, self._numbers, strict=True):
-            gain, offset = float(plan.gains[wire.input]), float(plan.offsets[wire.input])
-            value = map_of(gain, offset, float(plan.signals[wire.output]))
-            sizes = (value, value, value, value, abs(value), 0.0)
-            moving.append(Moving(wire in self.inner, unknown, value == 0.0, *sizes, gain, offset))
+        engine, plan, rows = self._engine, self.plan, self.rows
         attach_lines(engine, self.wires)
         most = max((row.unknowns for row in rows), default=0)
-        n = len(unknowns)
+        n = len(self.unknowns)
         self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale", "surprise", "growth")}
-        self._memory["w"][:] = self._memory["w_last"][:] = plan.signals[unknowns]
-        self._memory["scale"][:] = np.abs(plan.signals[unknowns])
-        self._memory["held_values"] = np.array(
-            [
-                map_of(float(plan.gains[i]), float(plan.offsets[i]), float(plan.signals[plan.sources[i]]))
-                for i in self._held
-            ]
-        )
-        self._memory["inverse"] = np.tile(-np.eye(most), (len(rows), 1))
+        self._memory["held_values"] = np.zeros(len(self.held))
+        self._memory["inverse"] = np.zeros((len(rows) * most, most))
         self._memory["proposed"], self._memory["before"] = np.zeros(len(rows)), np.zeros(len(rows))
         data = self.data = NewtonData()
         keep = engine.keep
-        places = Moving * max(1, len(moving))
+        places = Moving * max(1, len(self.wires))
         self._arrays = (
             (Group * len(rows))(*rows),
-            places(*moving),
+            places(
+                *(Moving(wire in self.inner, unknown) for wire, unknown in zip(self.wires, self.numbers, strict=True))
+            ),
             (StepCheck * len(rows))(),
             places(),
         )
         data.groups, data.moving, data.guards, data.kept_lines = (ctypes.addressof(array) for array in self._arrays)
-        data.kept = keep(np.zeros(6 * most + most * most + 2 * len(moving)))
+        data.kept = keep(np.zeros(6 * most + most * most + 2 * len(self.wires)))
         data.group_count = len(rows)
-        data.order = keep(np.array(self._order, dtype=np.int64))
+        data.order = keep(np.array(self.order, dtype=np.int64))
         data.continuous = keep(np.array([part.moves for part in plan.parts], dtype=np.int64))
-        data.unknowns = keep(np.array(unknowns, dtype=np.int64))
-        data.held = keep(np.array(self._held, dtype=np.int64))
+        data.unknowns = keep(np.array(self.unknowns, dtype=np.int64))
+        data.held = keep(np.array(self.held, dtype=np.int64))
         for name, array in self._memory.items():
             setattr(data, name, keep(array))
         data.r, data.work = keep(np.zeros(n)), keep(np.zeros(6 * most + most * most))
@@ -223,6 +212,7 @@ class Loops(Algorithm):
         data.tolerance, data.error = self._tolerance, self._error
         data.finest = FINEST_ADAPTIVE if self._error > 0.0 else FINEST
         engine.advance_by("newton_tick", data)
+        library().newton_begin(ctypes.addressof(engine.data), ctypes.addressof(data))
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
         """Return the values kept from step to step for a checkpoint, as views of the data."""
@@ -263,15 +253,17 @@ class Loops(Algorithm):
             )
         return {**counts, "checks": checks, "unresolved_error": worst}
 
+    def shown(self, number: int) -> str:
+        """Return the connections of a loop as text."""
+        names, group = self.plan.names, set(self.groups[number])
+        return ", ".join(f"{names[wire.output]} -> {names[wire.input]}" for wire in self.inner if wire.target in group)
+
     def failure(self, number: int, time: float) -> ExperimentError:
         """Return the error for a loop that does not converge."""
-        names = list(self.plan.ports)
-        group = set(self.groups[number])
-        wires = [wire for wire in self.inner if wire.target in group]
-        shown = ", ".join(f"{names[wire.output]} -> {names[wire.input]}" for wire in wires)
         return ExperimentError(
-            f"the loop {shown} does not converge at t = {time:.12g} s, even with a millionth of the step: its residual "
-            f"is {self.data.worst_residual:.2g} of the size of the values; look for a part whose outputs do not settle"
+            f"the loop {self.shown(number)} does not converge at t = {time:.12g} s, even with a millionth of the step: "
+            f"its residual is {self.data.worst_residual:.2g} of the size of the values; look for a part whose outputs "
+            "do not settle"
         )
 
     def _check(self, engine: Engine, group: Sequence[int]) -> None:

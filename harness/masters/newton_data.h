@@ -43,7 +43,7 @@ typedef struct {
 } StepCheck;
 
 typedef struct {
-    Group *groups;
+    const Group *groups;
     int64_t group_count;
     const int64_t *order;      /* indices of the parts, group by group */
     const int64_t *continuous; /* of each part */

@@ -94,12 +94,12 @@ class FmuPart(Part):
         self.model = model
         self.every = every
         self.reuse = False
-        self._archive = open_archive(self.path)
+        self.archive = open_archive(self.path)
         self._library: Library | None = None
         self.instance: Instance | None = None
         self._idle: Instance | None = None
         self._states: list[_State] = []
-        ports, variables = self._archive.ports, self._archive.variables
+        ports, variables = self.archive.ports, self.archive.variables
         numeric = [name for name in ports if ports[name].type != "String"]
         self.inputs = tuple(ports[name] for name in numeric if variables[name].causality == "input")
         self.outputs = tuple(ports[name] for name in numeric if variables[name].causality == "output")
@@ -109,10 +109,10 @@ class FmuPart(Part):
         self.observables = tuple(
             ports[name] for name in numeric if variables[name].causality not in {"input", "output"}
         )
-        self.dependencies, self.undeclared = _dependencies(self._archive)
-        self.strict = str(self._archive.description.generationTool or "").startswith("friction-fmus")
-        self.saves = bool(self._archive.description.coSimulation.canGetAndSetFMUstate)
-        self.identity = str(self._archive.description.guid)
+        self.dependencies, self.undeclared = _dependencies(self.archive)
+        self.strict = str(self.archive.description.generationTool or "").startswith("friction-fmus")
+        self.saves = bool(self.archive.description.coSimulation.canGetAndSetFMUstate)
+        self.identity = str(self.archive.description.guid)
         self.sampled = bool(self.outputs) and all(port.held for port in self.outputs)
 
     def enter_initialisation(
@@ -121,11 +121,11 @@ class FmuPart(Part):
         """Instantiate or reset the FMU, set its start values and enter initialisation mode."""
         self.terminate()
         if self._library is None:
-            self._library = Library(self._archive, self.name)
-        instance = self.instance = self._idle or Instance(self._library, self._archive, self.name)
+            self._library = Library(self.archive, self.name)
+        instance = self.instance = self._idle or Instance(self._library, self.archive, self.name)
         self._idle = None
         for name, value in values.items():
-            self._set_start(instance, self._archive.ports[name], value)
+            self._set_start(instance, self.archive.ports[name], value)
         known = math.isfinite(stop)
         instance.call("SetupExperiment", tolerance is not None, tolerance or 0.0, start, known, stop if known else 0.0)
         instance.call("EnterInitializationMode")
@@ -149,8 +149,8 @@ class FmuPart(Part):
     def native(self, inputs: Sequence[str], outputs: Sequence[str]) -> Native | None:
         """Return the addresses of the instance and of the functions of its library."""
         assert self._library is not None, "native comes after enter_initialisation"
-        instance, ports, variables = self._started(), self._archive.ports, self._archive.variables
-        flags = self._archive.description.coSimulation
+        instance, ports, variables = self._started(), self.archive.ports, self.archive.variables
+        flags = self.archive.description.coSimulation
         return Native(
             instance.component,
             self._library.addresses,
@@ -187,7 +187,7 @@ class FmuPart(Part):
 
     def serialise(self) -> bytes:
         """Return the state from fmi2SerializeFMUstate."""
-        if not self._archive.description.coSimulation.canSerializeFMUstate:
+        if not self.archive.description.coSimulation.canSerializeFMUstate:
             raise PartError(self.name, "fmi2SerializeFMUstate", "this FMU declares that it cannot serialise its state")
         instance, state = self._started(), self.save()
         assert isinstance(state, _State)
@@ -251,7 +251,7 @@ class FmuPart(Part):
 
     def _set_start(self, instance: Instance, port: Port, value: StartValue) -> None:
         """Set one start value in a separate call, so that the message can name a rejected value."""
-        reference = (ctypes.c_uint * 1)(self._archive.variables[port.name].valueReference)
+        reference = (ctypes.c_uint * 1)(self.archive.variables[port.name].valueReference)
         try:
             buffer: Any
             if port.type == "String":
@@ -278,9 +278,9 @@ class FmuPart(Part):
         """Split names and values by type: (type, value references, view of the values)."""
         blocks: list[tuple[str, list[int], Values]] = []
         for index, name in enumerate(names):
-            kind = self._archive.ports[name].type
+            kind = self.archive.ports[name].type
             first = index - len(blocks[-1][1]) if blocks and blocks[-1][0] == kind else index
-            references = [self._archive.variables[other].valueReference for other in names[first : index + 1]]
+            references = [self.archive.variables[other].valueReference for other in names[first : index + 1]]
             blocks = [
                 *(blocks[:-1] if first < index else blocks),
                 (kind, references, values[first : index + 1]),

@@ -6,6 +6,7 @@ import math
 import struct
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -16,6 +17,29 @@ from harness.errors import PartError, SeriesError
 from harness.parts.part import Calls, Part, Port, StartValue, Values
 from harness.result import split_heading, unquoted
 from harness.storage.files import read_csv, reason
+
+
+@dataclass(frozen=True)
+class Table:
+    """A recorded series as arrays.
+
+    Parameters
+    ----------
+    times : float64 array, shape (n,)
+        Times of the samples [s].
+    values, slopes : float64 arrays, shape (n, columns)
+        Row k applies from sample k on; its values change by ``slopes`` per second.
+    slack : float
+        Time by which rounding may put a communication point before its sample [s].
+    end : float
+        Last time that a step may reach [s].
+    """
+
+    times: Values
+    values: Values
+    slopes: Values
+    slack: float
+    end: float
 
 
 class SeriesPart(Part):
@@ -118,6 +142,14 @@ class SeriesPart(Part):
         names = "\n".join(port.name for port in self.outputs)
         return names.encode() + self._times.tobytes() + self._values.tobytes()
 
+    def table(self) -> Table:
+        """Return the record as arrays."""
+        slopes = np.zeros_like(self._values)
+        if self.interpolation == "linear":
+            slopes[:-1] = np.diff(self._values, axis=0) / np.diff(self._times)[:, None]
+        end = self._grid[-1] + self._reach if self.beyond == "error" else math.inf
+        return Table(self._times, self._values, slopes, self._slack, end)
+
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
     ) -> None:
@@ -134,10 +166,9 @@ class SeriesPart(Part):
     def bind(self, inputs: Sequence[str], outputs: Sequence[str], u: Values, y: Values) -> Calls:
         """Connect to the signal vector."""
         names = [port.name for port in self.outputs]
-        rows = np.ascontiguousarray(self._values[:, [names.index(name) for name in outputs]])
-        slopes = np.zeros_like(rows)
-        if self.interpolation == "linear":
-            slopes[:-1] = np.diff(rows, axis=0) / np.diff(self._times)[:, None]
+        table = self.table()
+        places = [names.index(name) for name in outputs]
+        rows, slopes = (np.ascontiguousarray(values[:, places]) for values in (table.values, table.slopes))
         grid = self._grid
         last = len(grid) - 1
 

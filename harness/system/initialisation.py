@@ -3,21 +3,76 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from harness.engine.fixed_point import fixed_point
 from harness.errors import AlgebraicLoopError, PartError
 from harness.parts.guard import Guard
-from harness.parts.part import StartValue, Values
+from harness.parts.part import Part, StartValue, Values
 from harness.system.assembly import Assembly, start_values
 from harness.system.experiment import Experiment
 from harness.system.graph import direct_edges, find_loop, instantaneous, propagation_order
 from harness.system.plan import Plan, fetcher
-from harness.system.wire import split_name
+from harness.system.wire import Wire, split_name
 
 _LOG = logging.getLogger("harness")
 _TOLERANCE = 1e-10
+
+
+@dataclass(frozen=True)
+class StartOrder:
+    """How start values spread through the connections.
+
+    Parameters
+    ----------
+    order : tuple of int
+        The parts in the order in which values spread.
+    roots : tuple of int
+        Outputs whose values the algebraic loops determine, as indices of signals.
+    is_loop, is_late_loop : bool
+        Whether there is an algebraic loop; whether there is one through a sampled part or a delay.
+    loop : str
+        The connections of the algebraic loops.
+    """
+
+    order: tuple[int, ...]
+    roots: tuple[int, ...]
+    is_loop: bool
+    is_late_loop: bool
+    loop: str
+
+
+def start_order(plan: Plan, parts: Mapping[str, Part], wires: Sequence[Wire]) -> StartOrder:
+    """Return how start values spread through these parts, which the plan contains.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan.
+    parts : mapping of str to Part
+        The parts by name.
+    wires : sequence of Wire
+        The connections between them.
+    """
+    closing = instantaneous(parts, wires)
+    place = {part.name: index for index, part in enumerate(plan.parts)}
+    order = [place[name] for name in propagation_order(parts, wires)]
+    rank = {plan.parts[index].name: number for number, index in enumerate(order)}
+    back = [
+        wire
+        for wire in closing
+        if rank[wire.ends[0][0]] >= rank[wire.ends[1][0]] and plan.ports[wire.source].type == "Real"
+    ]
+    return StartOrder(
+        tuple(order),
+        tuple(sorted({plan.columns[wire.source] for wire in back})),
+        find_loop(direct_edges(parts, closing)) is not None,
+        find_loop(direct_edges(parts, wires)) is not None,
+        ", ".join(map(str, back)),
+    )
 
 
 class Initialisation:
@@ -41,17 +96,7 @@ class Initialisation:
         """Find the order in which values spread, and the loops."""
         parts, wires = system.parts, system.wires
         self._plan, self._experiment, self._guard, self._open_end = plan, experiment, guard, open_end
-        closing = instantaneous(parts, wires)
-        self._is_loop = find_loop(direct_edges(parts, closing)) is not None
-        self._is_late_loop = find_loop(direct_edges(parts, wires)) is not None
-        place = {part.name: index for index, part in enumerate(plan.parts)}
-        self._order = [place[name] for name in propagation_order(parts, wires)]
-        rank = {plan.parts[index].name: number for number, index in enumerate(self._order)}
-        self._back = [
-            wire
-            for wire in closing
-            if rank[wire.ends[0][0]] >= rank[wire.ends[1][0]] and plan.ports[wire.source].type == "Real"
-        ]
+        self._values = start_order(plan, parts, wires)
         names = [split_name(name)[1] for name in plan.names]
         self._bound = [
             (names[slice(*inputs)], names[slice(*outputs)])
@@ -120,44 +165,42 @@ class Initialisation:
 
         def spread() -> None:
             """Set and read all parts once, in propagation order."""
-            for index in self._order:
+            for index in self._values.order:
                 fetchers[index]()
                 plan.calls[index].get()
 
         for call in plan.calls:
             call.get()
-        if self._is_loop:
+        if self._values.is_loop:
             self._solve(spread)
             return
         # a loop through a sampled part or a delay has no fixed point to converge to: one sweep gives its start values
-        for _ in range(1 if self._is_late_loop else len(plan.parts) + 1):
+        for _ in range(1 if self._values.is_late_loop else len(plan.parts) + 1):
             before = plan.signals.copy()
             spread()
             if np.array_equal(before, plan.signals, equal_nan=True):
                 return
-        if not self._is_late_loop:
+        if not self._values.is_late_loop:
             moving = [name for name, i in plan.columns.items() if before[i] != plan.signals[i]]
             _LOG.warning("the start values of %s do not settle: the first steps may be wrong", ", ".join(moving))
 
     def _solve(self, spread: Callable[[], None]) -> None:
         """Find values of the connections against the order that a sweep reproduces."""
-        from scipy.optimize import root  # slow to import, and few systems need it
-
         signals = self._plan.signals
-        places = sorted({self._plan.columns[wire.source] for wire in self._back})
+        places = list(self._values.roots)
 
         def residual(w: Values) -> Values:
             signals[places] = w
             spread()
             return np.asarray(signals[places] - w)
 
-        w = root(residual, signals[places].copy(), tol=1e-13).x
+        w = fixed_point(residual, signals[places].copy())
         rest = np.abs(residual(w))
         size = np.maximum(np.maximum(np.abs(signals[places]), np.abs(w)), 1e-300)
         missed = rest / size
         if not (missed <= _TOLERANCE).all():
             raise AlgebraicLoopError(
-                f"no start values satisfy the algebraic loop through {', '.join(map(str, self._back))}: the best ones "
+                f"no start values satisfy the algebraic loop through {self._values.loop}: the best ones "
                 f"have an error of {float(np.max(missed)):.2g} of their size; give other start values"
             )
         spread()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -25,17 +25,17 @@ from harness.parts.guard import Guard
 from harness.parts.part import Part, Port, StartValue
 from harness.result import Result
 from harness.run import Options, run
-from harness.ssp import Parameter, ParameterSet, read_ssp, read_ssv, write_ssp
+from harness.ssp import Parameter, ParameterSet, read_ssv
 from harness.system.experiment import Experiment
 from harness.system.manipulator import Manipulator
-from harness.system.system_file import SystemDescription, read_system, write_system
+from harness.system.stored import StoredSystem
 from harness.system.wire import Wire, check_wires, find_part, parse_wire, split_name
 from harness.values import is_count, is_line, shown
 
 _LOG = logging.getLogger("harness")
 
 
-class System:
+class System(StoredSystem):
     """A system of connected parts; all names, types, units and values are checked when it is made.
 
     Parameters
@@ -111,94 +111,6 @@ class System:
     def _repr_html_(self) -> str:
         """Return parts, connections and start values as tables, for a notebook."""
         return system_html(self)
-
-    @classmethod
-    def from_toml(cls, path: str | Path, resolve: Callable[[str], Path] | None = None) -> Self:
-        """Read a system file.
-
-        Parameters
-        ----------
-        path : path-like
-            The TOML file; paths in it are relative to its folder.
-        resolve : callable or None
-            ``resolve("LuGre") -> Path`` finds the FMU of a part with ``model = "LuGre"``.
-
-        Returns
-        -------
-        System
-            The system.
-
-        Raises
-        ------
-        SystemFileError
-            If the file cannot be read or has unknown keys.
-        HarnessError
-            If the described system is invalid.
-        """
-        return cls._made(read_system(Path(path), resolve))
-
-    def to_toml(self, path: str | Path) -> None:
-        """Write a system file for `from_toml`.
-
-        Parameters
-        ----------
-        path : path-like
-            The TOML file.
-
-        Raises
-        ------
-        SystemFileError
-            If a part has no file (a Python function, or a series made from arrays).
-        OutputError
-            If the file cannot be written.
-        """
-        write_system(self, Path(path))
-
-    @classmethod
-    def from_ssp(cls, path: str | Path, folder: str | Path | None = None) -> Self:
-        """Read an archive of System Structure and Parameterization 1.0.
-
-        The FMU ``c`` in a nested system ``s`` becomes the part ``s_c``. Unconnected inputs keep the start values of
-        their FMUs. The experiment is None without a stop time or a communication step (or base step of OSP).
-
-        Parameters
-        ----------
-        path : path-like
-            The .ssp file.
-        folder : path-like or None
-            Folder for the unpacked FMUs; None uses a temporary folder that is removed with the parts.
-
-        Returns
-        -------
-        System
-            The system.
-
-        Raises
-        ------
-        SystemFileError
-            If the file cannot be read or is invalid, or if it contains signal dictionaries, components that are not
-            FMUs, tables that map values or calculated parameters.
-        HarnessError
-            If the described system is invalid.
-        """
-        return cls._made(read_ssp(Path(path), None if folder is None else Path(folder)))
-
-    def to_ssp(self, path: str | Path) -> None:
-        """Write an SSP archive for `from_ssp`, including the FMUs.
-
-        Parameters
-        ----------
-        path : path-like
-            The .ssp file.
-
-        Raises
-        ------
-        SystemFileError
-            If a part is not an FMU, or a start value is not finite or has the wrong type.
-        OutputError
-            If the file cannot be written.
-        """
-        write_ssp(self, Path(path))
 
     def with_parameters(
         self, parameters: str | Path | ParameterSet | Mapping[str, Parameter | StartValue], prefix: str = ""
@@ -346,15 +258,6 @@ class System:
     ) -> None:
         """Close the system."""
         self.close()
-
-    @classmethod
-    def _made(cls, description: SystemDescription) -> Self:
-        try:
-            return cls(**vars(description))
-        except HarnessError:
-            for part in description.parts:
-                part.close()
-            raise
 
     def _check_start(self) -> None:
         wired = {wire.target: wire for wire in self.wires}

@@ -13,7 +13,7 @@ def random_arguments(law: Law, n: int, seed: int) -> np.ndarray:
     columns = []
     for variable in law.given:
         for start in variable.starts:
-            if variable.kind in BOOLEANS:
+            if variable.kind in BOOLEANS or variable.flag:
                 columns.append(random.integers(0, 2, n).astype(float))
                 continue
             size = abs(start) or variable.nominal

@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 C_FILES = sorted(
     str(path.relative_to(ROOT))
-    for folder in ("fmu_src", "harness/engine", "benchmarks")
+    for folder in ("fmu_src", "harness/engine", "harness/masters", "benchmarks")
     for path in (ROOT / folder).rglob("*.[ch]")
 )
 

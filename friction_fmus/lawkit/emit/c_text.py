@@ -132,6 +132,7 @@ def kernel(
         remarks = {pairs[node][0]: texts for node, texts in (remarks or {}).items()}
     rolled = roll(nodes, results, reads, writes)
     truths = frozenset(conditions)
+    truths |= {i for i, members in rolled.members.items() if truths >= {*members}}
     never_negative = truths | {*(positive or ())}
     never_negative |= {i for i, members in rolled.members.items() if never_negative >= {*members}}
     unsigned = truths if positive is None else range(len(rolled.reads))
@@ -147,7 +148,10 @@ def kernel(
     zeros = Zeros(rolled.nodes, kept, unsigned, never_negative)
     first = {number: targets[0] for number, targets in rolled.targets.items()}
     names = Names(rolled.nodes, named, rolled.reads, first, [INDEX, *taken], describes=describes)
-    writer = Writer(rolled, real, truths, zeros, names, texts_of, flags=flags, unrolls=unrolls)
+    vectors = {place.rpartition("[")[0] for place in flags} - {""}
+    written = {place for targets in rolled.targets.values() for place in targets}
+    of_vectors = {place for place in written if place.rpartition("[")[0] in vectors}
+    writer = Writer(rolled, real, truths, zeros, names, texts_of, flags={*flags, *of_vectors}, unrolls=unrolls)
     lines = writer.statements(plan(rolled.nodes, rolled.targets), rolled.targets)
     return Kernel(tuple(lines), frozenset(writer.functions))
 

@@ -36,6 +36,9 @@ BOTH = 4
 EITHER = 3
 CHOICE = 2
 
+TRUE, FALSE = (Text(text, PRIMARY, frozenset()) for text in ("true", "false"))
+_TRUTHS = ("true", "false")
+
 TERNARY = {"SELECT", "IF_ELSE_ZERO", "SIGN", "FMIN", "FMAX"}
 REPEATS = {"SQ": 2, "SIGN": 3, "FMIN": 2, "FMAX": 2}
 """Largest number of times that an expression contains an argument; 1 for other operations."""
@@ -68,8 +71,23 @@ def choice(condition: Text, first: Text, second: Text) -> Text:
     return Text(text, CHOICE, condition.reads | first.reads | second.reads)
 
 
+def either(condition: Text, first: Text, second: Text) -> Text:
+    """Return one of two truth values, depending on a condition."""
+    if FALSE in (first, second) or TRUE in (first, second):
+        if second.text in _TRUTHS:
+            condition, first, second = negation(condition), second, first
+        if second.text in _TRUTHS:
+            return condition if first == TRUE else negation(condition)
+        if first == TRUE:
+            return joined(condition, "||", second, EITHER, (UNARY, UNARY))
+        return joined(negation(condition), "&&", second, BOTH, (UNARY, UNARY))
+    return choice(condition, first, second)
+
+
 def negation(condition: Text) -> Text:
     """Return whether a truth value is false."""
+    if condition.rank == UNARY and condition.text.startswith("!"):
+        return Text(condition.text[1:], PRIMARY, condition.reads)
     return Text(f"!{in_brackets(condition, PRIMARY)}", UNARY, condition.reads)
 
 

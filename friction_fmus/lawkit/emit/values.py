@@ -8,12 +8,15 @@ from friction_fmus.lawkit.emit.branches import DECIDES
 from friction_fmus.lawkit.emit.expressions import (
     CHOICE,
     COMPARISON,
+    FALSE,
     PRIMARY,
     SUM,
+    TRUE,
     UNARY,
     Text,
     called_function,
     choice,
+    either,
     expression,
     joined,
     literal,
@@ -48,12 +51,15 @@ class Values:
         self._real = real
         self._conditions = conditions
         self._zeros = zeros
-        self._zero = literal(0.0, real)
+        self._zero, self._one = literal(0.0, real), literal(1.0, real)
         self._texts: dict[int, Text] = {}
         self._open: set[int] = set()  # nodes whose text is an expression instead of a name
         self._users: dict[int, list[tuple[int, int]]] = {}  # users of each node, and the place among their arguments
         self._decided: dict[int, int] = {}  # side of each condition in the current block
+        self._truths: set[int] = set()  # nodes that are truth values
         for number, node in enumerate(rolled.nodes):
+            if self._is_truth(number):
+                self._truths.add(number)
             if node.operation == "CONST":
                 self._texts[number] = literal(node.value, real)
             elif node.operation == "INPUT":
@@ -69,11 +75,14 @@ class Values:
         """Return a select as an expression; on one side of a decision on the same condition, only this side is left."""
         condition = self._nodes[number].arguments[0]
         decided = self._decided.get(condition)
+        value = self._true_side if self._is_condition(number) else self._side
         if decided and all(map(self._is_dispensable, self._others(number, decided))):
-            return self._side(number, decided)
-        sides = self._side(number, 1), self._side(number, 2)
+            return value(number, decided)
         opposite = self._opposite(condition)
-        return choice(self._truth(condition), *sides) if opposite < 0 else choice(self._truth(opposite), *sides[::-1])
+        sides = value(number, 1), value(number, 2)
+        if opposite >= 0:
+            condition, sides = opposite, sides[::-1]
+        return (either if self._is_condition(number) else choice)(self._truth(condition), *sides)
 
     def _others(self, number: int, side: int) -> list[int]:
         """Return the value of a select on the other side, unless it is 0."""
@@ -97,16 +106,23 @@ class Values:
         value = self._number(node.arguments[side])
         return joined(value, "+", self._zero, SUM, (SUM, PRIMARY)) if self._zeros.becomes_plus(number, side) else value
 
+    def _true_side(self, number: int, side: int) -> Text:
+        """Return the truth value of a select on one side."""
+        values = self._nodes[number].arguments[side : side + 1]
+        return self._truth(values[0]) if values else FALSE
+
     def _number(self, node: int) -> Text:
         """Return the node as a number."""
         text = self._texts[node]
         if not self._is_condition(node):
             return text
-        return choice(text, literal(1.0, self._real), self._zero)
+        return choice(text, self._one, self._zero)
 
     def _truth(self, node: int) -> Text:
         """Return the node as a truth value."""
         text = self._texts[node]
+        if self._nodes[node].operation == "CONST":
+            return TRUE if self._nodes[node].value != 0.0 else FALSE
         if self._is_condition(node):
             return text
         return joined(text, "!=", self._zero, COMPARISON, (CHOICE + 1, PRIMARY))
@@ -117,8 +133,21 @@ class Values:
         return leaf and (self._nodes[first].operation == "CONST" or not self._nodes[second].is_leaf)
 
     def _is_condition(self, number: int) -> bool:
+        return number in self._truths
+
+    def _is_bit(self, number: int) -> bool:
+        """Return whether a node is the number 0 or 1."""
         node = self._nodes[number]
-        return node.operation in CONDITIONS or (node.operation == "INPUT" and int(node.value) in self._conditions)
+        return node.operation == "CONST" and self._texts[number].text in (self._zero.text, self._one.text)
+
+    def _is_truth(self, number: int) -> bool:
+        """Return whether a node, of which all arguments are known, is a truth value."""
+        node = self._nodes[number]
+        if node.operation == "INPUT":
+            return int(node.value) in self._conditions
+        if node.operation in DECIDES:
+            return all(value in self._truths or self._is_bit(value) for value in node.arguments[1:])
+        return node.operation in CONDITIONS
 
     def _expression(self, number: int) -> Text:
         node = self._nodes[number]

@@ -64,8 +64,8 @@ class Writer(Values):
         self._names = names
         self._kept = names.assigned | remarks.keys()
         self._remarks = {node: list(texts) for node, texts in remarks.items()}
-        overwritten = {place for places in rolled.targets.values() for place in places}
-        self._overwritten = frozenset(i for i, place in enumerate(rolled.reads) if place in overwritten)
+        self._places = {place for places in rolled.targets.values() for place in places}
+        self._overwritten = frozenset(i for i, place in enumerate(rolled.reads) if place in self._places)
         self._flags = flags
         self._unrolls = unrolls
         self._last_moment: dict[int, set[str]] = {}  # nodes that are read while results are assigned, and their places
@@ -99,10 +99,10 @@ class Writer(Values):
             return []
         if self._last_moment[number] == {self._reads[int(node.value)]}:
             return []  # it is its own next value
-        value = self._number(number).text
+        value = self._texts[number].text
         name = self._names.copy(self._reads[int(node.value)])
         self._texts[number] = Text(name, PRIMARY, frozenset())
-        return [f"const {self._real.name} {name} = {value};"]
+        return [f"const {self._kind(number)} {name} = {value};"]
 
     def _block(self, block: Block, targets: Mapping[int, Sequence[str]], stores: Sequence[Store] = ()) -> list[str]:
         """Return statements, then assignments to the targets of nodes.
@@ -138,7 +138,7 @@ class Writer(Values):
             self._loop(lanes, (), [store for store in stores if self._lanes(store) == lanes])
         for number, places in left.items():
             self._lines += self._remark(number)
-            self._lines += self._assignments(places, self._number(number), number)
+            self._lines += self._assignments(places, number)
         lines, self._lines = self._lines, outer
         return lines
 
@@ -160,7 +160,7 @@ class Writer(Values):
             read |= {value for other in stores if other is not store for value in other.values(self._nodes)}
             old = any(self._nodes[n].operation == "INPUT" and self._element(n) == store.places[0] for n in read)
             exact = store.side is None or not self._zeros.becomes_plus(store.node, store.side)
-            exact = exact and bool(values) and not self._is_condition(values[0])
+            exact = exact and bool(values) and self._is_condition(values[0]) == (store.places[0] in self._flags)
             if found and exact and not old and values[0] not in self._elements and len(store.places) == 1:
                 self._elements[values[0]] = store.places[0]
             else:
@@ -184,7 +184,7 @@ class Writer(Values):
             array = number in self._arrays or (self._nodes[number].lanes and not self._in_loop)
             if number not in self._arrays and number not in self._elements:
                 size = f"[{self._nodes[number].lanes}]" if array else ""
-                self._lines.append(f"{self._real.name} {name}{size};")
+                self._lines.append(f"{self._kind(number)} {name}{size};")
             if array:
                 names[number] = self._elements.get(number, f"{name}[{INDEX}]")
         self._lines += self._decision(item, {**final, **{number: [name] for number, name in names.items()}})
@@ -242,14 +242,16 @@ class Writer(Values):
         lines, copies = [], []
         written: set[str] = set()
         for store in stores:
-            value = self._number(store.node) if store.side is None else self._side(store.node, store.side)
             for argument in (store.node, *store.values(self._nodes)):
                 lines += self._remark(argument)
-            if any(self._reads[i] in written for i in value.reads):
-                name = self._names.copy(self._reads[min(value.reads)])
-                copies += statement(f"const {self._real.name} {name} = {value.text};")
-                value = Text(name, PRIMARY, frozenset())
-            lines += self._assignments(store.places, value, store.node)
+            for place in store.places:
+                is_truth = self._holds_truth(place, store.node)
+                value = self._assigned(store.node, store.side, is_truth)
+                if any(self._reads[i] in written for i in value.reads):
+                    name = self._names.copy(self._reads[min(value.reads)])
+                    copies += statement(f"const {'bool' if is_truth else self._real.name} {name} = {value.text};")
+                    value = Text(name, PRIMARY, frozenset())
+                lines += statement(f"{place} = {value.text};") if value.text != place else []
             written |= {*store.places}
         return [*copies, *lines]
 
@@ -257,13 +259,28 @@ class Writer(Values):
         """Return whether a value is only assigned to places that are never read."""
         return len(self._users[number]) == len(places) and not any(place in self._reads for place in places)
 
-    def _assignments(self, places: Iterable[str], value: Text, node: int) -> list[str]:
-        """Return the assignments of a value, of a node that may be a truth value."""
+    def _assignments(self, places: Iterable[str], number: int, side: int | None = None) -> list[str]:
+        """Return the assignments of a node, or of a select on one side."""
         lines = []
         for place in places:
-            text = (self._truth(node) if place in self._flags else value).text
+            text = self._assigned(number, side, self._holds_truth(place, number)).text
             lines += statement(f"{place} = {text};") if text != place else []
         return lines
+
+    def _holds_truth(self, place: str, number: int) -> bool:
+        """Return whether a place is a truth value: a flag, or the variable of a node that is one."""
+        return place in self._flags or (place not in self._places and self._is_condition(number))
+
+    def _assigned(self, number: int, side: int | None, is_truth: bool) -> Text:
+        """Return what is assigned, as a truth value or as a number."""
+        if side is None:
+            return self._truth(number) if is_truth else self._number(number)
+        if is_truth:
+            return self._true_side(number, side)
+        if self._is_condition(number):
+            values = self._nodes[number].arguments[side : side + 1]
+            return self._number(values[0]) if values else self._zero
+        return self._side(number, side)
 
     def _operation(self, number: int) -> None:
         """Compute a node now, or keep its expression for its only user."""
@@ -338,7 +355,7 @@ class Writer(Values):
                 for argument in self._nodes[number].arguments[side : side + 1]:
                     statements += self._remark(argument)
                 if number not in assigned:
-                    statements += self._assignments(names, self._side(number, side), number)
+                    statements += self._assignments(names, number, side)
             if side == order[1] and is_if(statements):
                 lines += [f"}} else {statements[0]}", *statements[1:]]
             else:

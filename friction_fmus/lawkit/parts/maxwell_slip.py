@@ -13,7 +13,7 @@ from friction_fmus.lawkit.law import FORCE, NO_UNIT, STIFFNESS, Parameter, State
 ELEMENTS = 10
 
 FI: Any = State(FORCE, (0.0,) * ELEMENTS, "force of the element", nominal=0.1)
-SLIPPING: Any = State(NO_UNIT, (0.0,) * ELEMENTS, "1 if the element slips")
+SLIPPING: Any = State(NO_UNIT, (0.0,) * ELEMENTS, "1 if the element slips", flag=True)
 WAY: Any = State(NO_UNIT, 0.0, "sign of the last motion")
 N: Any = Parameter(NO_UNIT, 10.0, "number of elements in use", min=1.0, max=float(ELEMENTS))
 K: Any = Parameter(
@@ -80,7 +80,7 @@ def slide(
     found = []
     for i, share in enumerate(shares):
         level, along = share * unit, side * Fi[i]
-        slipped = logic_or(logic_and(side == way, slipping[i] > 0.0), along >= level)
+        slipped = logic_or(logic_and(side == way, slipping[i]), along >= level)
         stuck = along + k[i] * fabs(dx)
         moved = if_else(slipped, level + (along - level) * decay, if_else(stuck > level, level, stuck))  # keeps NaN
         slips = if_else(slipped, used[i], if_else(used[i], stuck >= level, 0.0))

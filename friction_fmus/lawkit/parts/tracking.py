@@ -48,8 +48,8 @@ def deflected(track: SX, u_track: SX, rest: SX, stiffness: SX, most: SX, u_min: 
     most : SX
         Largest magnitude of the deflection, which is that of steady sliding.
     """
-    square = stiffness**2  # of a known sign, unlike the stiffness, so that the generated C need not exclude -0.0
-    follows = logic_and(track, square != 0.0)
+    squared = stiffness**2  # of a known sign, unlike the stiffness, so that the generated C need not exclude -0.0
+    follows = logic_and(track, squared != 0.0)
     limited_track = clip(u_track, u_min, u_max)
-    deflection = (limited_track - rest) * stiffness / if_else(follows, square, 1.0)
+    deflection = (limited_track - rest) * stiffness / if_else(follows, squared, 1.0)
     return if_else(follows, clip(deflection, -most, most), otherwise)

@@ -60,8 +60,8 @@ TRACK: Any = Command(False, "true: the states are set so that u = u_track")
 # ---- states ----------------------------------------------------------------------------------------------------------
 
 LAST: Any = State(LENGTH, 0.0, "reference in the previous sample")
-STARTED: Any = State(NO_UNIT, 0.0, "1 if there is a previous sample")
-RUNNING: Any = State(NO_UNIT, 0.0, "1 after the first sample")
+STARTED: Any = State(NO_UNIT, 0.0, "1 if there is a previous sample", flag=True)
+RUNNING: Any = State(NO_UNIT, 0.0, "1 after the first sample", flag=True)
 X_HAT: Any = State(LENGTH, 0.0, "estimated position", nominal=1e-3)
 V_HAT: Any = State(VELOCITY, 0.0, "estimated velocity", nominal=1e-2)
 

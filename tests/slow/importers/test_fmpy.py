@@ -87,14 +87,14 @@ def in_order(loop: Loop) -> list[tuple[str, str]]:
     return list(TopologicalSorter(first).static_order())
 
 
-def container(loop: Loop, folder: Path) -> Path:
+def container(loop: Loop, folder: Path, step: float = STEP) -> Path:
     """A container of a loop with all its outputs, and its start values as inputs and parameters."""
     parts = {part: Component(part, fmu, description(fmu)) for part, fmu in loop.fmus.items()}
     model = ModelDescription(
         fmiVersion="2.0",
         modelName="container",
         instantiationToken="{container}",
-        coSimulation=CoSimulation(fixedInternalStepSize=STEP, canHandleVariableCommunicationStepSize=True),
+        coSimulation=CoSimulation(fixedInternalStepSize=step, canHandleVariableCommunicationStepSize=True),
         # the library of the container counts from the second variable on
         modelVariables=[ModelVariable("time", type="Real", causality="independent", variability="continuous")],
     )

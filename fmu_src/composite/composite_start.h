@@ -1,0 +1,193 @@
+/* The start of a run: initialisation mode of all parts, with consistent values in all connections. */
+
+#ifndef COMPOSITE_START_H
+#define COMPOSITE_START_H
+
+#define SOLVED_START 1e-10 /* largest residual of an algebraic loop, relative to its values */
+
+/* Update the outputs of all parts. */
+static bool fetch_all(Instance *c)
+{
+    Engine *const e = &c->engine;
+    for (int64_t i = 0; i < PARTS; i++) {
+        const int status = fetch_outputs(&e->parts[i], e->signals);
+        if (status > 1)
+            return failed(e, i, GET, status, NOW(c));
+    }
+    return true;
+}
+
+static bool hand_over_to(Instance *c, int64_t part)
+{
+    Engine *const e = &c->engine;
+    const int status = is_fmu(part) ? hand_over(&e->parts[part], e->signals) : 0;
+    return status <= 1 || failed(e, part, SET, status, NOW(c));
+}
+
+/* Set and read all parts once, in the order in which start values spread. */
+static bool spread(Instance *c)
+{
+    Engine *const e = &c->engine;
+    for (int64_t k = 0; k < PARTS; k++) {
+        EnginePart *const p = &e->parts[start_order[k]];
+        fetch_inputs(e, p);
+        if (!hand_over_to(c, start_order[k]))
+            return false;
+        const int status = fetch_outputs(p, e->signals);
+        if (status > 1)
+            return failed(e, start_order[k], GET, status, NOW(c));
+    }
+    return true;
+}
+
+/* G(w) - w of the outputs on which the algebraic loops depend. */
+static bool start_residual(void *context, const double *w, double *r)
+{
+    Instance *const c = (Instance *)context;
+    for (int64_t i = 0; i < ROOTS; i++)
+        c->memory.signals[root_signals[i]] = w[i];
+    if (!spread(c))
+        return false;
+    for (int64_t i = 0; i < ROOTS; i++)
+        r[i] = c->memory.signals[root_signals[i]] - w[i];
+    return true;
+}
+
+static bool solve_start(Instance *c, double *norm)
+{
+    double *const r = c->start_work;
+    for (int64_t i = 0; i < ROOTS; i++)
+        c->start_values[i] = c->memory.signals[root_signals[i]];
+    return find_fixed_point(start_residual, c, c->start_values, ROOTS, c->start_work, norm) &&
+           start_residual(c, c->start_values, r) && spread(c);
+}
+
+/* Begin with the inputs that the parts have by themselves, so that the result does not depend on earlier calls. */
+static bool begin_spreading(Instance *c)
+{
+    Engine *const e = &c->engine;
+    memset(c->memory.signals, 0, sizeof c->memory.signals);
+    for (int64_t k = 0; k < MAPPED; k++) {
+        c->memory.gains[k] = wire_gains[k];
+        c->memory.offsets[k] = wire_offsets[k];
+    }
+    for (int64_t i = 0; i < PARTS; i++)
+        if (!is_fmu(i))
+            (void)fetch_outputs(&e->parts[i], e->signals);
+    for (int64_t i = 0; i < PARTS; i++) {
+        const EnginePart *const p = &e->parts[i];
+        for (int64_t k = p->inputs[REAL]; k < p->inputs[TYPES]; k++)
+            e->signals[k] = from_outside[k] ? arriving(e, k) : own_starts[k];
+        if (!hand_over_to(c, i))
+            return false;
+    }
+    return fetch_all(c);
+}
+
+/* Report why the start values cannot be computed. */
+static fmi2Status no_start(const Instance *c, const char *function)
+{
+    return report(c, fmi2Error, LOG_ERROR, "%s: %s rejected its start values: %s", function,
+                  part_data[c->engine.failed_part].name, c->said);
+}
+
+/* Compute the values of all connections, if something was set. One sweep gives the start values of a loop through a
+   sampled part or a delay, which has no fixed point. */
+static fmi2Status settle(Instance *c, const char *function)
+{
+    Memory *const m = &c->memory;
+    double norm = 0.0;
+    if (!m->stale)
+        return fmi2OK;
+    c->said[0] = '\0';
+    if (!begin_spreading(c))
+        return no_start(c, function);
+    if (START_LOOP) {
+        if (!solve_start(c, &norm))
+            return no_start(c, function);
+        REQUIRE(norm <= SOLVED_START,
+                "%s: no start values satisfy the algebraic loop through %s: the best ones have an error of %.2g of "
+                "their size; set other start values",
+                function, start_loop_name, norm)
+    } else
+        for (int64_t sweep = 0; sweep < (LATE_LOOP ? 1 : PARTS + 1); sweep++) {
+            memcpy(c->earlier, m->signals, sizeof m->signals);
+            if (!spread(c))
+                return no_start(c, function);
+            if (memcmp(c->earlier, m->signals, sizeof m->signals) == 0)
+                break;
+        }
+    m->stale = false;
+    return fmi2OK;
+}
+
+/* Perform a call of every FMU; the reason for a failure is its last message. */
+#define ALL_PARTS(function, call)                                                                                      \
+    c->said[0] = '\0';                                                                                                 \
+    for (int64_t i = 0; i < PARTS; i++) {                                                                              \
+        const PartFunctions *const f = part_data[i].functions;                                                         \
+        const fmi2Component p = c->parts[i].component;                                                                 \
+        REQUIRE(!f || (call) <= fmi2Warning, "%s: %s failed: %s", function, part_data[i].name, c->said)                \
+    }
+
+fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_given, fmi2Real tolerance, fmi2Real start,
+                               fmi2Boolean stop_given, fmi2Real stop)
+{
+    ENTER("SetupExperiment", MAY_SetupExperiment)
+    REQUIRE(!tolerance_given || (tolerance > 0.0 && isfinite(tolerance)),
+            "fmi2SetupExperiment: tolerance %g must be positive", tolerance)
+    REQUIRE(isfinite(start), "fmi2SetupExperiment: start time %g must be finite", start)
+    REQUIRE(!stop_given || stop >= start, "fmi2SetupExperiment: stop time %g must not be before start time %g", stop,
+            start)
+    /* not the stop time: a sampled part may end its last step after it */
+    ALL_PARTS("fmi2SetupExperiment", f->setup(p, tolerance_given, tolerance, start, fmi2False, 0.0))
+    Memory *const m = &c->memory;
+    m->tolerance = tolerance_given ? tolerance : 0.0;
+    m->start = m->time = m->reached = m->begun = start;
+    for (int i = 0; i <= SOURCES; i++)
+        m->sources[i] = start;
+    m->stop = stop_given ? stop : INFINITY;
+    m->stale = true;
+    return fmi2OK;
+}
+
+fmi2Status fmi2EnterInitializationMode(fmi2Component component)
+{
+    ENTER("EnterInitializationMode", MAY_EnterInitializationMode)
+    ALL_PARTS("fmi2EnterInitializationMode", f->enter(p))
+    MODE(c) = INITIALIZING;
+    return fmi2OK;
+}
+
+fmi2Status fmi2ExitInitializationMode(fmi2Component component)
+{
+    ENTER("ExitInitializationMode", MAY_ExitInitializationMode)
+    Memory *const m = &c->memory;
+    const fmi2Status status = settle(c, "fmi2ExitInitializationMode");
+    if (status != fmi2OK)
+        return status;
+    REQUIRE(keep_all(c), "fmi2ExitInitializationMode: a part cannot save its state: %s", c->said)
+    for (int64_t i = 0; i < PARTS; i++)
+        if (is_fmu(i) && part_data[i].functions->leave(c->parts[i].component) > fmi2Warning) {
+            (void)roll_back_all(c);
+            return report(c, fmi2Error, LOG_ERROR, "%s", c->said);
+        }
+    REQUIRE(fetch_all(c), "fmi2ExitInitializationMode: %s failed: %s", part_data[c->engine.failed_part].name, c->said)
+    newton_begin(&c->engine, &c->newton);
+    for (int64_t k = 0; k < DELAYS; k++)
+        for (int64_t i = 0; i < c->delays[k].length; i++)
+            c->delays[k].past[i] = m->signals[source_of[c->delays[k].input]];
+    MODE(c) = STEP_COMPLETE;
+    m->stale = false;
+    return fmi2OK;
+}
+
+fmi2Status fmi2Reset(fmi2Component component)
+{
+    ENTER("Reset", MAY_Reset)
+    ALL_PARTS("fmi2Reset", f->reset(p))
+    REQUIRE(set_start_values(c), "fmi2Reset: a part rejects its start value: %s", c->said)
+    return fmi2OK;
+}
+
+#endif

@@ -1,0 +1,225 @@
+/* Saved states: the memory of the engine and the states of all parts. */
+
+#ifndef COMPOSITE_STATE_H
+#define COMPOSITE_STATE_H
+
+#include "fmi2_hash.h"
+
+typedef struct {
+    char magic[8];
+    char guid[GUID_LENGTH + 2];
+    uint32_t byte_order, size;
+    uint64_t checksum; /* of everything that follows, in serialized states */
+    Memory memory;
+    void *parts[PARTS];
+} Saved;
+
+/* A serialized state: these bytes, then the size and the bytes of each part's state. */
+enum { SAVED_SIZE = offsetof(Saved, parts), AFTER_CHECKSUM = offsetof(Saved, memory) };
+
+static uint64_t checksum_of(const char *bytes, size_t size)
+{
+    return mix(UINT64_C(14695981039346656037), bytes + AFTER_CHECKSUM, size - AFTER_CHECKSUM);
+}
+
+static const char *fault_of(const Saved *saved)
+{
+    if (memcmp(saved->magic, "compose", 8) != 0)
+        return "it is not a state of this kind of FMU";
+    if (saved->byte_order != 0x01020304)
+        return "it was written on a machine with another byte order";
+    if (strncmp(saved->guid, GUID, sizeof saved->guid) != 0 || saved->size != sizeof(Saved))
+        return "it belongs to another FMU or version";
+    return NULL;
+}
+
+static void free_saved(Instance *c, Saved *saved)
+{
+    for (int64_t i = 0; saved && i < PARTS; i++)
+        if (is_fmu(i) && saved->parts[i])
+            part_data[i].functions->free_state(c->parts[i].component, &saved->parts[i]);
+    free(saved);
+}
+
+fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
+{
+    ENTER("GetFMUstate", MAY_FMUstate)
+    REQUIRE(state, "fmi2GetFMUstate: the pointer to the state is null")
+    if (!*state)
+        *state = calloc(1, sizeof(Saved));
+    Saved *const saved = (Saved *)*state;
+    REQUIRE(saved, "fmi2GetFMUstate: out of memory")
+    memset(saved, 0, AFTER_CHECKSUM);
+    memcpy(saved->magic, "compose", 8);
+    strcpy(saved->guid, GUID);
+    saved->byte_order = 0x01020304;
+    saved->size = sizeof(Saved);
+    memcpy(&saved->memory, &c->memory, sizeof c->memory);
+    for (int64_t i = 0; i < PARTS; i++)
+        REQUIRE(!is_fmu(i) || c->parts[i].get_state(c->parts[i].component, &saved->parts[i]) <= 1,
+                "fmi2GetFMUstate: %s cannot save its state: %s", part_data[i].name, c->said)
+    return fmi2OK;
+}
+
+fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state)
+{
+    ENTER("SetFMUstate", MAY_FMUstate)
+    REQUIRE(state, "fmi2SetFMUstate: the state is a null pointer")
+    const Saved *const saved = (const Saved *)state;
+    const char *const fault = fault_of(saved);
+    REQUIRE(!fault, "fmi2SetFMUstate: the state cannot be used: %s", fault)
+    for (int64_t i = 0; i < PARTS; i++)
+        REQUIRE(!is_fmu(i) || c->parts[i].set_state(c->parts[i].component, saved->parts[i]) <= 1,
+                "fmi2SetFMUstate: %s rejects its state: %s", part_data[i].name, c->said)
+    c->memory = saved->memory;
+    c->refreshed = false;
+    return fmi2OK;
+}
+
+fmi2Status fmi2FreeFMUstate(fmi2Component component, fmi2FMUstate *state)
+{
+    ENTER("FreeFMUstate", MAY_FMUstate)
+    if (state) {
+        free_saved(c, (Saved *)*state);
+        *state = NULL;
+    }
+    return fmi2OK;
+}
+
+/* Return the number of bytes of a serialized state; 0 if a part cannot tell. */
+static size_t serialized_size(Instance *c, const Saved *saved)
+{
+    size_t size = SAVED_SIZE;
+    for (int64_t i = 0; i < PARTS; i++) {
+        size_t inner = 0;
+        if (!is_fmu(i))
+            continue;
+        if (part_data[i].functions->size_of_state(c->parts[i].component, saved->parts[i], &inner) > fmi2Warning)
+            return 0;
+        size += sizeof(uint64_t) + inner;
+    }
+    return size;
+}
+
+fmi2Status fmi2SerializedFMUstateSize(fmi2Component component, fmi2FMUstate state, size_t *size)
+{
+    ENTER("SerializedFMUstateSize", MAY_FMUstate)
+    REQUIRE(state && size, "fmi2SerializedFMUstateSize: a pointer is null")
+    *size = serialized_size(c, (const Saved *)state);
+    REQUIRE(*size > 0, "fmi2SerializedFMUstateSize: a part cannot serialize its state: %s", c->said)
+    return fmi2OK;
+}
+
+fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
+{
+    ENTER("SerializeFMUstate", MAY_FMUstate)
+    REQUIRE(state && bytes, "fmi2SerializeFMUstate: a pointer is null")
+    const Saved *const saved = (const Saved *)state;
+    const size_t needed = serialized_size(c, saved);
+    REQUIRE(needed > 0 && size >= needed, "fmi2SerializeFMUstate: %u bytes are too few for a state with %u bytes",
+            (unsigned)size, (unsigned)needed)
+    memcpy(bytes, saved, SAVED_SIZE);
+    size_t end = SAVED_SIZE;
+    for (int64_t i = 0; i < PARTS; i++) {
+        if (!is_fmu(i))
+            continue;
+        const PartFunctions *const f = part_data[i].functions;
+        const fmi2Component part = c->parts[i].component;
+        size_t inner = 0;
+        REQUIRE(f->size_of_state(part, saved->parts[i], &inner) <= fmi2Warning,
+                "fmi2SerializeFMUstate: %s cannot serialize its state: %s", part_data[i].name, c->said)
+        const uint64_t stored = inner;
+        memcpy(bytes + end, &stored, sizeof stored);
+        end += sizeof stored;
+        REQUIRE(f->serialize(part, saved->parts[i], bytes + end, inner) <= fmi2Warning,
+                "fmi2SerializeFMUstate: %s cannot serialize its state: %s", part_data[i].name, c->said)
+        end += inner;
+    }
+    const uint64_t checksum = checksum_of(bytes, needed);
+    memcpy(bytes + offsetof(Saved, checksum), &checksum, sizeof checksum);
+    return fmi2OK;
+}
+
+static bool is_bit(int64_t flag) { return flag == 0 || flag == 1; }
+static bool in_range(int64_t value, int64_t first, int64_t last) { return value >= first && value <= last; }
+
+static bool plausible_guard(const StepCheck *g)
+{
+    const int64_t most = INT64_C(1) << 53;
+    return in_range(g->line, 0, LINES) && in_range(g->alarm, 0, ALARM) && in_range(g->patience, 0, 2 * MOST_PATIENCE) &&
+           in_range(g->next, 0, most) && in_range(g->last, -most, most) &&
+           in_range(g->recurrences, 0, MOST_RECURRENCES) && in_range(g->calm, 0, most) &&
+           in_range(g->checks, 0, most) && is_bit(g->hopeless) && is_bit(g->jumped);
+}
+
+/* Return whether a run can reach this memory: whatever is used as an index, a count or a time is in range. */
+static bool plausible(const Memory *m)
+{
+    const int mode = m->mode;
+    const double next = m->start + (double)(m->tick + 1) * STEP_SIZE, slack = 1e-3 * STEP_SIZE + 1e-9 * fabs(next);
+    bool good = (mode == INSTANTIATED || mode == INITIALIZING || mode == STEP_COMPLETE || mode == STEP_FAILED ||
+                 mode == TERMINATED) &&
+                is_bit(m->stale) && is_bit(m->slopes_used) && is_bit(m->inside) &&
+                in_range(m->tick, 0, INT64_C(1) << 53) && isfinite(m->start) && isfinite(m->time) &&
+                m->reached >= next - STEP_SIZE - slack && m->reached <= next + slack &&
+                fabs(m->time - m->reached) <= slack && m->stop >= m->start && m->tolerance >= 0.0 &&
+                m->tolerance < INFINITY && isfinite(m->begun);
+    for (int64_t k = 0; k < LINES; k++)
+        good = good && m->moving[k].inner == line_data[k].inner && m->moving[k].unknown == line_data[k].unknown &&
+               is_bit(m->moving[k].from_rest);
+    for (int64_t g = 0; g < GROUPS; g++)
+        good = good && plausible_guard(&m->guards[g]);
+    for (int i = 0; i < INPUTS; i++)
+        good = good && isfinite(m->slopes[i]);
+    return good;
+}
+
+/* Read the states of the parts; return the reason why the bytes cannot be used, or NULL. */
+static const char *read_parts(Instance *c, Saved *saved, const fmi2Byte bytes[], size_t size)
+{
+    size_t end = SAVED_SIZE;
+    for (int64_t i = 0; i < PARTS; i++) {
+        uint64_t inner = 0;
+        if (!is_fmu(i))
+            continue;
+        if (size - end < sizeof inner)
+            return "they are too few";
+        memcpy(&inner, bytes + end, sizeof inner);
+        end += sizeof inner;
+        if (inner > size - end)
+            return "they are too few";
+        if (part_data[i].functions->deserialize(c->parts[i].component, bytes + end, (size_t)inner, &saved->parts[i]) >
+            fmi2Warning)
+            return c->said;
+        end += (size_t)inner;
+    }
+    return end == size ? NULL : "they are too many";
+}
+
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
+{
+    ENTER("DeSerializeFMUstate", MAY_FMUstate)
+    REQUIRE(bytes && state, "fmi2DeSerializeFMUstate: a pointer is null")
+    REQUIRE(size >= SAVED_SIZE, "fmi2DeSerializeFMUstate: %u bytes were given, but a state of this FMU has more",
+            (unsigned)size)
+    Saved *const read = (Saved *)calloc(1, sizeof(Saved));
+    REQUIRE(read, "fmi2DeSerializeFMUstate: out of memory")
+    memcpy(read, bytes, SAVED_SIZE);
+    const char *fault = fault_of(read);
+    if (!fault && read->checksum != checksum_of(bytes, size))
+        fault = "they are damaged";
+    if (!fault && !plausible(&read->memory))
+        fault = "no run can reach such values";
+    read->checksum = 0;
+    if (!fault)
+        fault = read_parts(c, read, bytes, size);
+    if (fault) {
+        report(c, fmi2Error, LOG_ERROR, "fmi2DeSerializeFMUstate: the bytes cannot be used: %s", fault);
+        free_saved(c, read);
+        return fmi2Error;
+    }
+    *state = read;
+    return fmi2OK;
+}
+
+#endif

@@ -1,0 +1,118 @@
+/* Messages, the check of a call, and the functions of FMI that are the same in every FMU. The shell has defined before:
+   Instance with logger, environment, logging and name; MODE(c), its mode; NOW(c), its time; MODEL, its name. */
+
+#ifndef FMI2_CALLS_H
+#define FMI2_CALLS_H
+
+/* Send a message; every % is doubled, because importers use the text as a format. */
+static fmi2Status report(const Instance *c, fmi2Status status, int category, const char *format, ...)
+{
+    if (!c->logger || !(c->logging & category))
+        return status;
+    char text[512], doubled[1024];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    for (size_t end = strlen(text); end == sizeof text - 1 && (text[end - 1] & 0x80); end--)
+        text[end - 1] = '\0'; /* do not cut a UTF-8 character */
+    size_t length = 0;
+    for (const char *from = text; *from; from++) {
+        if (*from == '%')
+            doubled[length++] = '%';
+        doubled[length++] = *from;
+    }
+    doubled[length] = '\0';
+    int which = 0;
+    while (!(category >> which & 1))
+        which++;
+    c->logger(c->environment, c->name, status, categories[which], doubled);
+    return status;
+}
+
+static const char *mode_name(int mode)
+{
+    switch (mode) {
+    case INSTANTIATED: return "instantiated";
+    case INITIALIZING: return "initialization mode";
+    case STEP_COMPLETE: return "step complete";
+    case STEP_FAILED: return "step failed";
+    default: return "terminated";
+    }
+}
+
+/* Begin a function: get the instance `c` and check that the call is allowed. */
+#define ENTER(function, allowed)                                                                                       \
+    Instance *const c = (Instance *)component;                                                                         \
+    if (!c)                                                                                                            \
+        return fmi2Error;                                                                                              \
+    if (!(MODE(c) & (allowed)))                                                                                        \
+        return report(c, fmi2Error, LOG_ERROR, "fmi2%s is not allowed in the mode \"%s\"", function,                   \
+                      mode_name(MODE(c)));
+
+#define REQUIRE(condition, ...)                                                                                        \
+    if (!(condition))                                                                                                  \
+        return report(c, fmi2Error, LOG_ERROR, __VA_ARGS__);
+
+/* ---- about the library -------------------------------------------------------------------------------------- */
+
+const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
+const char *fmi2GetVersion(void) { return fmi2Version; }
+
+fmi2Status fmi2SetDebugLogging(fmi2Component component, fmi2Boolean on, size_t n, const fmi2String names[])
+{
+    ENTER("SetDebugLogging", MAY_SetDebugLogging)
+    int chosen = n == 0 ? LOG_EVERYTHING : 0;
+    for (size_t i = 0; i < n; i++) {
+        int which = 0;
+        REQUIRE(names && names[i], "fmi2SetDebugLogging: category %d is a null pointer", (int)i)
+        while (which < LOG_CATEGORIES && strcmp(names[i], categories[which]) != 0)
+            which++;
+        REQUIRE(which < LOG_CATEGORIES, "fmi2SetDebugLogging: there is no log category \"%s\"", names[i])
+        chosen |= which == LOG_CATEGORIES - 1 ? LOG_EVERYTHING : 1 << which;
+    }
+    c->logging = on ? chosen : c->logging & ~chosen;
+    return fmi2OK;
+}
+
+/* ---- status of a step --------------------------------------------------------------------------------------- */
+
+fmi2Status fmi2CancelStep(fmi2Component component)
+{
+    Instance *const c = (Instance *)component;
+    return c ? report(c, fmi2Error, LOG_ERROR, "fmi2CancelStep: steps of %s are never pending", QUOTE(MODEL))
+             : fmi2Error;
+}
+
+#define NO_STATUS(TYPE, value_type)                                                                                    \
+    fmi2Status fmi2Get##TYPE(fmi2Component component, const fmi2StatusKind kind, value_type *value)                    \
+    {                                                                                                                  \
+        ENTER("Get" #TYPE, MAY_GetStatus)                                                                              \
+        (void)value;                                                                                                   \
+        return report(c, fmi2Discard, LOG_DISCARD, "fmi2Get" #TYPE ": status kind %d is not available", (int)kind);    \
+    }
+NO_STATUS(Status, fmi2Status)
+NO_STATUS(IntegerStatus, fmi2Integer)
+NO_STATUS(StringStatus, fmi2String)
+
+fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Real *value)
+{
+    ENTER("GetRealStatus", MAY_GetStatus)
+    if (kind != fmi2LastSuccessfulTime)
+        return report(c, fmi2Discard, LOG_DISCARD, "fmi2GetRealStatus: status kind %d is not available", (int)kind);
+    REQUIRE(value, "fmi2GetRealStatus: the pointer to the value is null")
+    *value = NOW(c);
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetBooleanStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Boolean *value)
+{
+    ENTER("GetBooleanStatus", MAY_GetStatus)
+    if (kind != fmi2Terminated)
+        return report(c, fmi2Discard, LOG_DISCARD, "fmi2GetBooleanStatus: status kind %d is not available", (int)kind);
+    REQUIRE(value, "fmi2GetBooleanStatus: the pointer to the value is null")
+    *value = fmi2False;
+    return fmi2OK;
+}
+
+#endif

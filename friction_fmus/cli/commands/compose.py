@@ -1,0 +1,49 @@
+"""Write a system as one FMU, which solves the loops between its parts."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from friction_fmus.cli.arguments import add_system
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    add_system(parser)
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the FMU to write")
+    parser.add_argument("--name", metavar="IDENTIFIER", help="model identifier; default: the name of the file")
+    parser.add_argument("--step", type=float, metavar="H", help="step inside the FMU [s]; default: the system's step")
+    parser.add_argument("--master", metavar="NAME", help="master algorithm inside the FMU: newton or adaptive")
+    parser.add_argument("--inputs", nargs="*", metavar="PART.PORT", help="inputs; default: all that nothing drives")
+    parser.add_argument("--outputs", nargs="*", metavar="PATTERN", help="outputs; default: all")
+    parser.add_argument(
+        "--platform",
+        nargs="+",
+        default=["native"],
+        metavar="PLATFORM",
+        help="native (default), all, or FMI platform names such as win64",
+    )
+
+
+def run(options: argparse.Namespace) -> None:
+    """Write the FMU and print its path.
+
+    Raises
+    ------
+    HarnessError
+        If the system cannot be written as an FMU.
+    """
+    from friction_fmus.cli.systems import open_system
+
+    with open_system(options.system) as system:
+        system.to_fmu(
+            options.output,
+            name=options.name,
+            step=options.step,
+            master=options.master,
+            inputs=options.inputs,
+            outputs=options.outputs,
+            platforms=options.platform,
+        )
+    print(options.output)

@@ -1,0 +1,89 @@
+"""Dependencies of the outputs of a composite FMU on its inputs and parameters, through the connections of its parts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from harness.composite.variables import Variable
+from harness.parts.fmu import FmuPart
+from harness.system.assembly import Assembly
+from harness.system.graph import instantaneous
+from harness.system.wire import Wire, split_name
+
+
+def step_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[str, list[int]]:
+    """Return for each output the indices of the inputs on which it depends without a state in between.
+
+    Parameters
+    ----------
+    system : Assembly
+        The system.
+    variables : sequence of Variable
+        The variables of the FMU; indices count from 1.
+    """
+    drivers = _drivers(instantaneous(system.parts, system.wires))
+    inputs = {v.name: i for i, v in enumerate(variables, start=1) if v.causality == "input"}
+
+    def direct(name: str) -> Iterable[str]:
+        owner, output = split_name(name)
+        part = system.parts[owner]
+        return () if part.sampled else (f"{owner}.{port}" for port in part.dependencies[output])
+
+    return {
+        v.name: sorted(inputs[name] for name in _reached(v.name, direct, drivers) if name in inputs)
+        for v in variables
+        if v.causality == "output"
+    }
+
+
+def start_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[str, list[int] | None]:
+    """Return for each output the indices of the variables on which its start value depends; None: on all.
+
+    Parameters
+    ----------
+    system : Assembly
+        The system.
+    variables : sequence of Variable
+        The variables of the FMU; indices count from 1.
+    """
+    drivers = _drivers(system.wires)
+    knowns = {v.name: i for i, v in enumerate(variables, start=1) if v.causality == "input" or v.initial == "exact"}
+    stated = {name: _stated(part) for name, part in system.parts.items() if isinstance(part, FmuPart)}
+    if any(found is None for found in stated.values()):
+        return {v.name: None for v in variables if v.causality == "output"}
+
+    def direct(name: str) -> Iterable[str]:
+        owner, own = split_name(name)
+        return (f"{owner}.{port}" for port in (stated.get(owner) or {}).get(own, ()))
+
+    return {
+        v.name: sorted(knowns[name] for name in _reached(v.name, direct, drivers) if name in knowns)
+        for v in variables
+        if v.causality == "output"
+    }
+
+
+def _stated(part: FmuPart) -> dict[str, list[str]] | None:
+    """Return the initial dependencies that an FMU declares; None if it does not declare all of them."""
+    unknowns = part.archive.description.initialUnknowns
+    if any(unknown.dependencies is None for unknown in unknowns):
+        return None
+    return {unknown.variable.name: [known.name for known in unknown.dependencies] for unknown in unknowns}
+
+
+def _drivers(wires: Iterable[Wire]) -> Mapping[str, str]:
+    return {wire.target: wire.source for wire in wires}
+
+
+def _reached(output: str, direct: object, drivers: Mapping[str, str]) -> set[str]:
+    """Return all variables on which an output depends: directly, or through connections."""
+    assert callable(direct)
+    found: set[str] = set()
+    pending = [output]
+    while pending:
+        for name in direct(pending.pop()):
+            if name not in found:
+                found.add(name)
+                if name in drivers:
+                    pending.append(drivers[name])
+    return found

@@ -1,0 +1,230 @@
+"""modelDescription.xml of a composite FMU (FMI 2.0.5, section 2.2)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any, Final
+
+from lxml import etree
+
+from harness.composite.variables import Variable
+from harness.errors import BuildError
+from harness.parts.fmu import FmuPart
+from harness.parts.part import Part
+from harness.system.experiment import Experiment
+from harness.units import BASE_SYMBOLS, BaseUnit, parse_unit
+
+LOG_CATEGORIES: Final = {
+    "logStatusWarning": "warnings that do not stop the simulation",
+    "logStatusDiscard": "rejected values and steps",
+    "logStatusError": "calls that are not allowed",
+    "logEvents": "events inside the model",
+    "logAll": "all messages",
+}
+"""Log categories, as in fmi2_modes.h."""
+
+
+@dataclass(frozen=True)
+class Texts:
+    """What the description says of the FMU beside its variables.
+
+    Parameters
+    ----------
+    identifier, guid : str
+        Model identifier and GUID.
+    summary : str
+        One line on the system.
+    made : str
+        Time stamp.
+    sources : tuple of str
+        The files to compile.
+    """
+
+    identifier: str
+    guid: str
+    summary: str
+    made: str
+    sources: tuple[str, ...]
+
+
+def composite_description(
+    texts: Texts,
+    parts: Mapping[str, Part],
+    variables: Sequence[Variable],
+    dependencies: Mapping[str, Sequence[int]],
+    initial: Mapping[str, Sequence[int] | None],
+    experiment: Experiment,
+) -> bytes:
+    """Return the XML file.
+
+    Parameters
+    ----------
+    texts : Texts
+        Names and texts.
+    parts : mapping of str to Part
+        The parts by name.
+    variables : sequence of Variable
+        The variables; their indices count from 1 in the XML.
+    dependencies, initial : mapping of str to sequence of int
+        Indices of the variables on which each output depends, in a step and at the start; None: on all.
+    experiment : Experiment
+        Start, stop and step of the default experiment.
+
+    Raises
+    ------
+    BuildError
+        If two parts define one unit differently.
+    """
+    fmus = [part for part in parts.values() if isinstance(part, FmuPart)]
+    root = etree.Element(
+        "fmiModelDescription",
+        fmiVersion="2.0",
+        modelName=texts.identifier,
+        guid=texts.guid,
+        description=texts.summary,
+        version="1.0",
+        generationTool=f"friction-fmus {version('friction-fmus')}",
+        generationDateAndTime=texts.made,
+        variableNamingConvention="structured",
+    )
+    for name in ("author", "copyright", "license"):
+        stated = dict.fromkeys(str(getattr(fmu.archive.description, name) or "") for fmu in fmus)
+        text = "; ".join(filter(None, stated))
+        if text:
+            root.set(name, text)
+    simulation = etree.SubElement(root, "CoSimulation", {"modelIdentifier": texts.identifier, **capabilities(parts)})
+    files = etree.SubElement(simulation, "SourceFiles")
+    for source in texts.sources:
+        etree.SubElement(files, "File", name=source)
+    _units(root, fmus, variables)
+    types = _types(root, variables)
+    categories = etree.SubElement(root, "LogCategories")
+    for name, text in LOG_CATEGORIES.items():
+        etree.SubElement(categories, "Category", name=name, description=text)
+    times = {"startTime": experiment.start, "stopTime": experiment.stop, "stepSize": experiment.step}
+    if experiment.tolerance:
+        times["tolerance"] = experiment.tolerance
+    etree.SubElement(root, "DefaultExperiment", {name: _number(value) for name, value in times.items()})
+    listed = etree.SubElement(root, "ModelVariables")
+    for reference, variable in enumerate(variables):
+        _variable(listed, variable, reference, types)
+    structure = etree.SubElement(root, "ModelStructure")
+    outputs = [(i, v) for i, v in enumerate(variables, start=1) if v.causality == "output"]
+    _unknowns(structure, "Outputs", ((i, dependencies[v.name]) for i, v in outputs))
+    unset = ((i, initial[v.name]) for i, v in outputs if v.initial == "calculated")
+    _unknowns(structure, "InitialUnknowns", unset)
+    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+
+
+def capabilities(parts: Mapping[str, Part]) -> dict[str, str]:
+    """Return the capability flags: those that all parts have."""
+    flags = [part.archive.description.coSimulation for part in parts.values() if isinstance(part, FmuPart)]
+    orders = [int(each.maxOutputDerivativeOrder or 0) for each in flags]
+    return {
+        "canHandleVariableCommunicationStepSize": "true",
+        "canInterpolateInputs": "true",
+        "maxOutputDerivativeOrder": str(min(1, *orders)),
+        "canNotUseMemoryManagementFunctions": "true",
+        "canGetAndSetFMUstate": "true",
+        "canSerializeFMUstate": _flag(all(each.canSerializeFMUstate for each in flags)),
+    }
+
+
+def _flag(value: bool) -> str:
+    return "true" if value else "false"
+
+
+def _number(value: float) -> str:
+    return repr(float(value)).removesuffix(".0")
+
+
+def _units(root: etree._Element, fmus: Iterable[FmuPart], variables: Sequence[Variable]) -> None:
+    used = dict.fromkeys(variable.port.unit for variable in variables if variable.port.unit)
+    stated: dict[str, Any] = {}
+    for fmu in fmus:
+        for unit in fmu.archive.description.unitDefinitions:
+            stated.setdefault(unit.name, unit)
+    bases: dict[str, BaseUnit] = {}
+    for variable in variables:
+        unit = variable.port.unit
+        base = variable.port.base or (parse_unit(unit) if unit else None)
+        if unit and base is not None and not bases.setdefault(unit, base).agrees(base):
+            raise BuildError(
+                f"{variable.name} is in {unit} = {base}, but another part defines {unit} = {bases[unit]}: rename one "
+                "of the units"
+            )
+    definitions = etree.SubElement(root, "UnitDefinitions")
+    for unit in used:
+        element = etree.SubElement(definitions, "Unit", name=unit)
+        base = bases.get(unit)
+        if base is not None:
+            powers = zip(BASE_SYMBOLS, base.exponents, strict=True)
+            attributes = {name: str(power) for name, power in powers if power}
+            attributes |= {"factor": _number(base.factor)} if base.factor != 1.0 else {}
+            attributes |= {"offset": _number(base.offset)} if base.offset != 0.0 else {}
+            etree.SubElement(element, "BaseUnit", attributes)
+        for display in stated[unit].displayUnits if unit in stated else ():
+            attributes = {"name": display.name, "factor": _number(float(display.factor))}
+            if float(display.offset):
+                attributes["offset"] = _number(float(display.offset))
+            etree.SubElement(element, "DisplayUnit", attributes)
+
+
+def _types(root: etree._Element, variables: Sequence[Variable]) -> set[str]:
+    """Write the types of the Reals and return their names; a name with two meanings is left out."""
+    found: dict[str, tuple[str | None, str | None]] = {}
+    names = {variable.name for variable in variables}
+    for variable in variables:
+        if variable.type_name and variable.type_name not in names:
+            meaning = (variable.quantity, variable.port.unit)
+            found[variable.type_name] = meaning if found.get(variable.type_name, meaning) == meaning else (None, None)
+    kept = {name: meaning for name, meaning in found.items() if meaning != (None, None)}
+    if kept:
+        definitions = etree.SubElement(root, "TypeDefinitions")
+        for name, (quantity, unit) in kept.items():
+            attributes = {key: text for key, text in (("quantity", quantity), ("unit", unit)) if text}
+            etree.SubElement(etree.SubElement(definitions, "SimpleType", name=name), "Real", attributes)
+    return set(kept)
+
+
+def _variable(parent: etree._Element, variable: Variable, reference: int, types: set[str]) -> None:
+    port = variable.port
+    attributes = {"name": variable.name, "valueReference": str(reference)}
+    if port.description:
+        attributes["description"] = port.description
+    attributes |= {"causality": variable.causality, "variability": variable.variability}
+    if variable.initial:
+        attributes["initial"] = variable.initial
+    scalar = etree.SubElement(parent, "ScalarVariable", attributes)
+    if port.type == "Boolean":
+        start = {} if variable.start is None else {"start": _flag(bool(variable.start))}
+        etree.SubElement(scalar, "Boolean", start)
+        return
+    convert: Callable[[float], str] = _number if port.type == "Real" else lambda value: str(int(value))
+    typed: dict[str, str] = {}
+    if variable.type_name in types:
+        typed["declaredType"] = str(variable.type_name)
+    elif variable.quantity:
+        typed["quantity"] = variable.quantity
+    if port.unit:
+        typed["unit"] = port.unit
+    limits = (("min", port.limits[0]), ("max", port.limits[1]))
+    typed |= {name: convert(value) for name, value in limits if math.isfinite(value)}
+    if port.type == "Real" and port.nominal != 1.0:
+        typed["nominal"] = convert(port.nominal)
+    if variable.start is not None:
+        typed["start"] = convert(float(variable.start))
+    etree.SubElement(scalar, port.type, typed)
+
+
+def _unknowns(structure: etree._Element, name: str, unknowns: Iterable[tuple[int, Sequence[int] | None]]) -> None:
+    listed = sorted(unknowns)
+    if listed:
+        parent = etree.SubElement(structure, name)
+        for index, knowns in listed:
+            element = etree.SubElement(parent, "Unknown", index=str(index))
+            if knowns is not None:
+                element.set("dependencies", " ".join(str(i) for i in sorted(set(knowns))))

@@ -1,0 +1,161 @@
+"""The inputs and outputs of a composite FMU, and the part inside it that passes its inputs on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from harness.errors import BuildError, HarnessError, UnknownNameError, nearest
+from harness.parts.fmu import FmuPart
+from harness.parts.part import Calls, Part, Port, StartValue, Values
+from harness.parts.series import SeriesPart
+from harness.system.assembly import Assembly
+from harness.system.experiment import Experiment
+from harness.system.layout import recorded_names
+from harness.system.wire import Wire, find_part, split_name
+
+
+class InputsPart(Part):
+    """The inputs of a composite FMU, as outputs of a part.
+
+    Parameters
+    ----------
+    name : str
+        Name within the system.
+    ports : sequence of Port
+        The inputs, with names "part.port".
+    """
+
+    def __init__(self, name: str, ports: Sequence[Port]) -> None:
+        """Make a part with these outputs."""
+        self.name = name
+        self.inputs = ()
+        self.outputs = tuple(ports)
+        self.dependencies = {port.name: frozenset() for port in ports}
+
+    def enter_initialisation(
+        self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
+    ) -> None:
+        """Raise an error: the part exists in C only."""
+        raise HarnessError("the inputs of a composite FMU exist in the FMU only")
+
+    def bind(self, inputs: Sequence[str], outputs: Sequence[str], u: Values, y: Values) -> Calls:
+        """Raise an error, as `enter_initialisation`."""
+        raise HarnessError("the inputs of a composite FMU exist in the FMU only")
+
+    def exit_initialisation(self) -> None:
+        """Do nothing."""
+
+    def save(self, state: object | None = None) -> object:
+        """Return nothing, as there is no state."""
+        return None
+
+    def restore(self, state: object) -> None:
+        """Do nothing."""
+
+    def terminate(self) -> None:
+        """Do nothing."""
+
+
+@dataclass(frozen=True)
+class Interface:
+    """What a composite FMU shows of its system.
+
+    Parameters
+    ----------
+    inputs : tuple of str
+        Inputs of parts that are inputs of the FMU, as "part.port".
+    outputs : tuple of str
+        Outputs of parts that are outputs of the FMU.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class OpenSystem:
+    """A system whose inputs are driven by the part ``inputs``; an `Assembly`."""
+
+    name: str
+    parts: Mapping[str, Part]
+    wires: Sequence[Wire]
+    start: Mapping[str, StartValue]
+    strict: bool
+    experiment: Experiment | None
+
+
+def choose_interface(system: Assembly, inputs: Sequence[str] | None, outputs: Sequence[str] | None) -> Interface:
+    """Return the inputs and outputs of a composite FMU.
+
+    Parameters
+    ----------
+    system : Assembly
+        The system.
+    inputs : sequence of str or None
+        The chosen inputs; None chooses all inputs that nothing drives.
+    outputs : sequence of str or None
+        The chosen outputs, with ``*`` and ``?``; None chooses all outputs of all parts.
+
+    Raises
+    ------
+    UnknownNameError, BuildError
+        If a name is unknown, is given twice, or names an input that is driven.
+    """
+    driven = {wire.target: wire.source for wire in system.wires}
+    names = [f"{part.name}.{port.name}" for part in system.parts.values() for port in part.inputs]
+    free = [name for name in names if name not in driven]
+    chosen = free if inputs is None else list(inputs)
+    for number, name in enumerate(chosen):
+        if name in chosen[:number]:
+            raise BuildError(f"the input {name} is listed twice: list it once")
+        if name in driven:
+            raise BuildError(f"the input {name} is driven by {driven[name]}: list inputs that nothing drives")
+        if name not in free:
+            owner, port = split_name(name)
+            find_part(system.parts, owner, "inputs")
+            raise UnknownNameError(f"'{owner}' has no input '{port}' (in inputs): {nearest(name, free)}")
+    shown = recorded_names(system.parts, ("*",) if outputs is None else outputs)
+    known = {f"{part.name}.{port.name}" for part in system.parts.values() for port in part.outputs}
+    for name in shown:
+        if name not in known:
+            raise UnknownNameError(f"{name} is not an output of its part (in outputs): {nearest(name, known)}")
+    if len(set(outputs or ())) < len(outputs or ()):
+        twice = next(name for name in outputs or () if list(outputs or ()).count(name) > 1)
+        raise BuildError(f"the output {twice} is listed twice: list it once")
+    return Interface(tuple(chosen), tuple(shown))
+
+
+def check_parts(system: Assembly) -> None:
+    """Raise an error for a part that cannot be compiled into an FMU.
+
+    Raises
+    ------
+    BuildError
+        If a part is neither an FMU nor a recorded series.
+    """
+    if not any(isinstance(part, FmuPart) for part in system.parts.values()):
+        raise BuildError(f"the system '{system.name}' contains no FMU: add one")
+    for part in system.parts.values():
+        if not isinstance(part, (FmuPart, SeriesPart)):
+            raise BuildError(
+                f"'{part.name}' is a part in Python, which cannot be compiled: replace it with a law or a .c file"
+            )
+
+
+def opened(system: Assembly, interface: Interface) -> OpenSystem:
+    """Return the system with a part that drives the inputs, if there are any."""
+    if not interface.inputs:
+        return OpenSystem(system.name, system.parts, system.wires, system.start, system.strict, system.experiment)
+    name = "inputs"
+    while name in system.parts:
+        name += "_"
+    ports = []
+    for dotted in interface.inputs:
+        owner, own = split_name(dotted)
+        port = next(port for port in system.parts[owner].inputs if port.name == own)
+        ports.append(Port(dotted, port.unit, port.type, system.start.get(dotted, port.start), base=port.base))
+    parts = {**system.parts, name: InputsPart(name, ports)}
+    wires = (*system.wires, *(Wire(f"{name}.{dotted}", dotted) for dotted in interface.inputs))
+    start = {key: value for key, value in system.start.items() if key not in interface.inputs}
+    return OpenSystem(system.name, parts, wires, start, system.strict, system.experiment)

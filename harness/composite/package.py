@@ -1,0 +1,256 @@
+"""The archive of a composite FMU."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+import os
+import re
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from html import escape
+from pathlib import Path
+from typing import Final
+
+from harness.compiling.platforms import linked, select
+from harness.composite.code import PartCode, part_codes
+from harness.composite.dependencies import start_dependencies, step_dependencies
+from harness.composite.description import Texts, composite_description
+from harness.composite.interface import check_parts, choose_interface, opened
+from harness.composite.tables import table_file
+from harness.composite.variables import Variable, composite_variables
+from harness.engine.library import sources as engine_sources
+from harness.errors import BuildError, ExperimentError
+from harness.parts.feedthrough import find_feedthrough
+from harness.parts.fmu import FmuPart
+from harness.storage.atomic import atomic_path
+from harness.storage.zip_file import open_zip, read_zip
+from harness.system.assembly import Assembly
+from harness.system.experiment import LOOP_TOLERANCE, Experiment
+from harness.system.graph import check_loops, stepping_order
+from harness.system.initialisation import start_order
+from harness.system.layout import make_plan
+from harness.system.wire import Wire
+
+ERRORS: Final = {"newton": 0.0, "adaptive": 1e-5}
+"""Tolerated coupling error of each master that a composite FMU can contain, see `harness.masters.adaptive`."""
+
+_HEADERS: Final = ("fmi2_modes.h", "fmi2_calls.h", "fmi2_hash.h")
+
+
+def compose(
+    system: Assembly,
+    path: Path,
+    *,
+    name: str | None = None,
+    step: float | None = None,
+    master: str | None = None,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    platforms: Sequence[str] = ("native",),
+) -> None:
+    """Write a system as one FMU; see `System.to_fmu`."""
+    identifier = path.stem if name is None else name
+    if not re.fullmatch(r"[A-Za-z_]\w{0,99}", identifier, re.ASCII):
+        raise BuildError(
+            f"{identifier!r} cannot be the name of an FMU: give a name of letters, digits and _, with a letter first"
+        )
+    experiment = _experiment(system, step, master)
+    targets = select(tuple(platforms))
+    check_parts(system)
+    interface = choose_interface(system, inputs, outputs)
+    texts = [key for key, value in system.start.items() if isinstance(value, str)]
+    if texts:
+        raise BuildError(f"the start value {texts[0]} is a text, which a composite FMU cannot set: remove it")
+    codes = part_codes(system.parts, identifier)
+    find_feedthrough(system, experiment)
+    whole = opened(system, interface)
+    source = next((part for part in whole.parts if part not in system.parts), None)
+    order = [*(experiment.order or stepping_order(system.parts, system.wires)), *filter(None, [source])]
+    plan = make_plan(whole, replace(experiment, order=tuple(order)), [])
+    check_loops(whole.parts, whole.wires, implicit=True)
+    start = start_order(plan, system.parts, system.wires)
+    if source is not None:
+        start = replace(start, order=(len(plan.parts) - 1, *start.order))
+    variables = composite_variables(system, interface)
+    tolerance = experiment.loop_tolerance or LOOP_TOLERANCE
+
+    def tables(guid: str) -> str:
+        return table_file(identifier, guid, whole, plan, start, codes, variables, ERRORS[experiment.master], tolerance)
+
+    files = {**_shell(), **{key: text for code in codes.values() for key, text in code.sources.items()}}
+    units = (f"{identifier}.c", *dict.fromkeys(key for code in codes.values() for key in code.wrappers))
+    made = _time_stamp(system)
+
+    def description(guid: str) -> bytes:
+        return composite_description(
+            Texts(identifier, guid, _summary(system), made, units),
+            system.parts,
+            variables,
+            step_dependencies(system, variables),
+            start_dependencies(system, variables),
+            experiment,
+        )
+
+    guid = _guid(files, tables(""), description("").decode())
+    files[f"{identifier}.c"] = tables(guid)
+    members: dict[str, bytes] = {"modelDescription.xml": description(guid)}
+    members |= {f"sources/{key}": text.encode() for key, text in files.items()}
+    members |= _documentation(system, identifier, codes, variables)
+    compiling = {unit: _includes(unit, files) for unit in units}
+    for target in targets:
+        members[f"binaries/{target.folder}/{identifier}{target.suffix}"] = linked(target, compiling, identifier)
+    content = _zipped(members, made)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def _experiment(system: Assembly, step: float | None, master: str | None) -> Experiment:
+    """Return the experiment inside the FMU: its master solves loops.
+
+    Raises
+    ------
+    BuildError
+        If the system has no step, or a setting that an FMU cannot have.
+    """
+    if master is not None and master not in ERRORS:
+        raise BuildError(f"a composite FMU cannot contain the master {master!r}: give newton or adaptive")
+    experiment = system.experiment
+    if step is not None and not 0.0 < step < math.inf:
+        raise ExperimentError(f"the step is {step} s: give a positive number of seconds")
+    if experiment is None and step is None:
+        raise ExperimentError(f"the system '{system.name}' has no experiment: give a step")
+    if experiment is not None and experiment.manipulators:
+        raise BuildError(
+            f"the experiment of '{system.name}' has the manipulator {experiment.manipulators[0]}, which a composite "
+            "FMU cannot contain: remove it"
+        )
+    chosen = master or (experiment.master if experiment and experiment.master in ERRORS else "newton")
+    if experiment is None:
+        assert step is not None
+        return Experiment(stop=1000.0 * step, step=step, master=chosen)
+    if step is not None and step != experiment.step:
+        ticks = max(1, round((experiment.stop - experiment.start) / step))
+        experiment = replace(experiment, step=step, stop=experiment.start + ticks * step)
+    return replace(experiment, master=chosen, extrapolation=0)
+
+
+def _shell() -> dict[str, str]:
+    """Return the C files that every composite FMU contains: the FMI shell and the engine."""
+    package = Path(__file__).parents[1]
+    places = (package.parent / "fmu_src", package.parent / "friction_fmus" / "fmu_src")  # checkout, installed package
+    folder = next(place for place in places if place.is_dir())
+    paths = [*(folder / header for header in _HEADERS), *sorted((folder / "composite").glob("*.h"))]
+    found = {path.name: path.read_text(encoding="utf-8") for path in paths}
+    engine = engine_sources()
+    pending = ["newton.h", "tick.h"]
+    while pending:
+        name = pending.pop()
+        if name not in found:
+            found[name] = engine[name]
+            pending += re.findall(r'^#include "([^"]+)"', found[name], re.M)
+    return found
+
+
+def _includes(unit: str, files: Mapping[str, str]) -> dict[str, str]:
+    """Return the text of a file to compile and of the files that it can include."""
+    folders = set(re.findall(r'^#include "([^"/]+)/', files[unit], re.M))
+    found = (
+        {name: text for name, text in files.items() if name.split("/")[0] in folders}
+        if folders
+        else {name: text for name, text in files.items() if "/" not in name and name.endswith(".h")}
+    )
+    return {unit: files[unit], **found}
+
+
+def _guid(files: Mapping[str, str], *texts: str) -> str:
+    """Return a GUID that identifies the content."""
+    digest = hashlib.sha256()
+    for text in (*texts, *(part for item in sorted(files.items()) for part in item)):
+        digest.update(text.encode() + b"\0")
+    digits = digest.hexdigest()
+    return "{" + "-".join(digits[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32))) + "}"
+
+
+def _time_stamp(system: Assembly) -> str:
+    """Return ``SOURCE_DATE_EPOCH`` if set, or else the latest time at which a part was made."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH")
+    if epoch:
+        return datetime.fromtimestamp(int(epoch), UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    made = [
+        str(part.archive.description.generationDateAndTime or "")
+        for part in system.parts.values()
+        if isinstance(part, FmuPart)
+    ]
+    known = [stamp for stamp in made if re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", stamp)]
+    return max(known, default="1980-01-01T00:00:00Z")
+
+
+def _summary(system: Assembly) -> str:
+    kinds = [
+        f"{name} ({part.archive.description.modelName})" if isinstance(part, FmuPart) else f"{name} (recorded series)"
+        for name, part in system.parts.items()
+    ]
+    return f"{system.name}: {', '.join(kinds)}"
+
+
+def _documentation(
+    system: Assembly, identifier: str, codes: Mapping[str, PartCode], variables: Sequence[Variable]
+) -> dict[str, bytes]:
+    """Return a page on the parts, connections and variables, and the licences of the parts."""
+    found: dict[str, bytes] = {}
+    for name, code in codes.items():
+        part = system.parts[name]
+        assert isinstance(part, FmuPart)
+        with open_zip(part.path) as archive:
+            for member in sorted(archive.namelist()):
+                if member.startswith("documentation/licenses/") and not member.endswith("/"):
+                    found[f"documentation/licenses/{code.folder}-{Path(member).name}"] = read_zip(archive, member)
+    texts = dict.fromkeys(found.values())
+    found["documentation/licenses/license.txt"] = b"\n".join(texts) or b"The parts of this FMU state no licence.\n"
+    rows = {
+        "Parts": [
+            (name, part.archive.description.modelName, part.archive.description.description or "")
+            for name, part in system.parts.items()
+            if isinstance(part, FmuPart)
+        ],
+        "Connections": [(wire.source, wire.target, _map(wire)) for wire in system.wires],
+        "Variables": [(v.name, v.causality, v.port.description) for v in variables],
+    }
+    tables = "".join(
+        f"<h2>{title}</h2>\n<table>\n"
+        + "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>\n" for row in table)
+        + "</table>\n"
+        for title, table in rows.items()
+    )
+    page = (
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{identifier}</title>\n</head>\n'
+        f"<body>\n<h1>{identifier}</h1>\n<p>{escape(_summary(system))}. The FMU solves the loop of its parts.</p>\n"
+        f"{tables}</body>\n</html>\n"
+    )
+    found["documentation/index.html"] = page.encode()
+    return found
+
+
+def _map(wire: Wire) -> str:
+    texts = [f"gain {wire.gain:g}"] if wire.gain != 1.0 else []
+    texts += [f"offset {wire.offset:g}"] if wire.offset != 0.0 else []
+    texts += [f"delay of {wire.delay} steps"] if wire.delay else []
+    return ", ".join(texts)
+
+
+def _zipped(members: Mapping[str, bytes], made: str) -> bytes:
+    """Return the archive, with sorted entries, one time and one mode, so that equal contents give equal bytes."""
+    content = io.BytesIO()
+    moment = tuple(int(part) for part in re.findall(r"\d+", made))
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in sorted(members.items()):
+            entry = zipfile.ZipInfo(name, moment[:6])  # type: ignore[arg-type]
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.create_system = 3
+            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            archive.writestr(entry, data)
+    return content.getvalue()

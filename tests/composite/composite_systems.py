@@ -1,0 +1,139 @@
+"""Systems, their composite FMUs, and runs of both."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from hypothesis import HealthCheck, Phase, settings
+from hypothesis import strategies as st
+
+from friction_fmus import fmu
+from harness import Experiment, FmuPart, HarnessError, SeriesPart, System, Wire
+from harness.units import units_agree
+
+STEP = 1e-3
+
+POOL = (
+    *("Mass", "TwoMass", "LuGre", "Dahl", "Viscous", "MaxwellSlip", "ElastoPlastic", "Actuator"),
+    *("Sine", "Sum", "Quantiser", "PID", "LuGreFeedforward", "DisturbanceObserver", "Differentiator"),
+)
+
+
+def run_composite(path: Path, stop: float, step: float) -> dict[str, np.ndarray]:
+    """The outputs of a composite FMU, run alone with the start values of its inputs."""
+    part = FmuPart("composite", path)
+    start = {f"composite.{port.name}": port.start for port in part.inputs if port.start is not None}
+    with System([part], start=start) as system:
+        result = system.run(stop=stop, step=step, master="gauss-seidel")
+        return {port.name: result[f"composite.{port.name}"].to_numpy() for port in part.outputs}
+
+
+def run_parts(system: System, stop: float, master: str = "newton") -> dict[str, np.ndarray]:
+    """The outputs of all parts in the harness."""
+    result = system.run(stop=stop, master=master, record=["*"])
+    return {str(name): result[name].to_numpy() for name in result.data_vars}
+
+
+def differing(found: Mapping[str, np.ndarray], expected: Mapping[str, np.ndarray], every: int = 1) -> list[str]:
+    """The outputs that are not equal bit for bit."""
+    return [name for name in found if not np.array_equal(found[name], expected[name][::every], equal_nan=True)]
+
+
+@st.composite
+def random_systems(draw: st.DrawFn) -> System:
+    """Systems of 2 to 8 parts with loops, sampled and continuous parts, delays, gains and offsets."""
+    models = draw(st.lists(st.sampled_from(POOL), min_size=2, max_size=8))
+    parts: list[FmuPart | SeriesPart] = [
+        FmuPart(f"p{k}", fmu(model), every=draw(st.sampled_from((1, 1, 1, 2, 3)))) for k, model in enumerate(models)
+    ]
+    if draw(st.booleans()):
+        values = draw(st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=6))
+        held = draw(st.booleans())
+        parts.append(
+            SeriesPart(
+                "record",
+                np.linspace(0.0, 0.05, len(values)),
+                {"a": values, "b": values[::-1]},
+                {"a": "N", "b": "m/s"},
+                interpolation="previous" if held else "linear",
+                beyond="hold",
+            )
+        )
+    outputs = [(part, port) for part in parts for port in part.outputs]
+    wires, start = [], {}
+    for part in parts:
+        for port in part.inputs:
+            fitting = [
+                (other, source)
+                for other, source in outputs
+                if source.type == port.type
+                and (source.unit or port.unit is None)
+                and units_agree(source.unit, source.base, port.unit, port.base) is not False
+            ]
+            name = f"{part.name}.{port.name}"
+            if fitting and draw(st.integers(0, 3)) > 0:
+                other, source = draw(st.sampled_from(fitting))
+                real = port.type == "Real"
+                wires.append(
+                    Wire(
+                        f"{other.name}.{source.name}",
+                        name,
+                        gain=draw(st.sampled_from((1.0, 1.0, 0.5, -0.1))) if real else 1.0,
+                        offset=draw(st.sampled_from((0.0, 0.0, 0.01))) if real else 0.0,
+                        delay=draw(st.sampled_from((0, 0, 0, 1, 3))),
+                    )
+                )
+            elif port.type == "Real":
+                start[name] = draw(st.sampled_from((0.0, 0.01, 1.0, -0.3)))
+            else:
+                start[name] = bool(port.start)
+        if isinstance(part, FmuPart):
+            sample_time = [port.name for port in part.parameters if port.name == "Ts"]
+            start |= {f"{part.name}.{name}": part.every * STEP for name in sample_time}
+    return System(parts, wires, start, Experiment(stop=0.05, step=STEP), name="random")
+
+
+def equal_or_both_fail(system: System, path: Path, every: int) -> None:
+    """Compare a system in the harness with its composite FMU; errors of a run must occur in both."""
+    try:
+        expected = run_parts(system, 0.048)
+    except HarnessError:
+        expected = None
+    try:
+        found = run_composite(path, 0.048, every * STEP)
+    except HarnessError as error:
+        assert expected is None, error
+        return
+    assert expected is not None
+    assert found
+    assert differing(found, expected, every) == []
+
+
+_NUMBERS = itertools.count()
+
+
+def check_random_system(folder: Path, data: st.DataObject) -> None:
+    """Draw a system and compare it with its composite; systems that the harness refuses are left out."""
+    path = folder / f"random{next(_NUMBERS)}.fmu"
+    try:
+        system = data.draw(random_systems())
+        system.to_fmu(path, name="random_system")
+    except HarnessError:
+        return
+    with system:
+        equal_or_both_fail(system, path, data.draw(st.sampled_from((1, 2, 3))))
+    path.unlink()
+
+
+def random_seed_settings(count: int) -> settings:
+    """Settings for as many systems, each compiled once."""
+    return settings(
+        max_examples=count,
+        deadline=None,
+        database=None,
+        phases=[Phase.generate],
+        suppress_health_check=[*HealthCheck],
+    )

@@ -1,0 +1,150 @@
+"""What cannot become a composite FMU is refused in one sentence, and nothing is written."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from zipfile import ZipFile
+
+import pytest
+
+from friction_fmus import fmu
+from friction_fmus.cli.systems import open_system
+from harness import Bias, CallablePart, Experiment, FmuPart, HarnessError, System
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"inputs": ["mass.F_drive", "mass.F_drive"]}, ["mass.F_drive", "listed twice"]),
+        ({"inputs": ["mass.F_friction"]}, ["mass.F_friction", "driven by friction.F"]),
+        ({"inputs": ["mass.F_drve"]}, ["F_drve", "F_drive"]),
+        ({"inputs": ["axis.F"]}, ["no part 'axis'"]),
+        ({"outputs": ["mass.x", "mass.x"]}, ["mass.x", "listed twice"]),
+        ({"outputs": ["friction.Fs"]}, ["friction.Fs", "not an output"]),
+        ({"outputs": ["friction.Q*"]}, ["friction.Q*"]),
+        ({"name": "2nd axis"}, ["2nd axis", "letters"]),
+        ({"master": "jacobi"}, ["jacobi", "newton or adaptive"]),
+        ({"platforms": ["os2"]}, ["os2"]),
+        ({"step": 0.0}, ["step"]),
+    ],
+)
+def test_wrong_options(tmp_path: Path, options: dict[str, object], words: list[str]) -> None:
+    with open_system(EXAMPLES / "stick_slip.toml") as system, pytest.raises(HarnessError) as caught:
+        system.to_fmu(tmp_path / "axis.fmu", **options)  # type: ignore[arg-type]
+    check(str(caught.value), words, tmp_path)
+
+
+def check(message: str, words: list[str], folder: Path) -> None:
+    assert all(word in message for word in words), message
+    assert "\n" not in message
+    assert not (folder / "axis.fmu").exists()
+
+
+def test_a_part_in_python(tmp_path: Path) -> None:
+    part = CallablePart("law", lambda t, u, x: 0.0, ["x"], ["y"])
+    system = System([FmuPart("mass", fmu("Mass")), part], ["mass.x -> law.x"], REST, STEPS)
+    with system, pytest.raises(HarnessError) as caught:
+        system.to_fmu(tmp_path / "axis.fmu")
+    check(str(caught.value), ["'law'", "Python", "replace"], tmp_path)
+
+
+REST = {"mass.F_drive": 0.0, "mass.F_friction": 0.0}
+STEPS = Experiment(stop=1.0, step=1e-3)
+
+
+def changed_mass(folder: Path, change: Callable[[str, bytes], bytes | None], **more: bytes) -> Path:
+    """The FMU of Mass with changed members."""
+    path = folder / "changed.fmu"
+    with ZipFile(fmu("Mass")) as given, ZipFile(path, "w") as written:
+        for member in given.namelist():
+            data = change(member, given.read(member))
+            if data is not None:
+                written.writestr(member, data)
+        for member, data in more.items():
+            written.writestr(member.replace("__", "/"), data)
+    return path
+
+
+def without_sources(member: str, data: bytes) -> bytes | None:
+    if member.startswith("sources/"):
+        return None
+    return data.replace(b'<File name="Mass.c"/>', b"") if member == "modelDescription.xml" else data
+
+
+def broken(member: str, data: bytes) -> bytes | None:
+    return b"int x = ;" + data if member == "sources/Mass.c" else data
+
+
+@pytest.mark.parametrize(
+    ("change", "more", "words"),
+    [
+        (without_sources, {}, ["'mass'", "no sources"]),
+        (lambda m, d: None if m == "sources/Mass.c" else d, {}, ["'mass'", "Mass.c"]),
+        (lambda m, d: d, {"resources__table.csv": b"1"}, ["'mass'", "resources"]),
+        (broken, {}, ["part_Mass.c does not compile"]),
+    ],
+)
+def test_a_part_that_cannot_be_compiled(
+    tmp_path: Path,
+    change: Callable[[str, bytes], bytes | None],
+    more: dict[str, bytes],
+    words: list[str],
+) -> None:
+    part = FmuPart("mass", changed_mass(tmp_path, change, **more))
+    with System([part], [], REST, STEPS) as system, pytest.raises(HarnessError) as caught:
+        system.to_fmu(tmp_path / "axis.fmu")
+    check(str(caught.value), words, tmp_path)
+
+
+def test_a_loop_that_the_master_cannot_solve(tmp_path: Path) -> None:
+    """A sampled law whose output depends on itself at the same sample."""
+    part = FmuPart("pid", fmu("PID"))
+    start = {f"pid.{port.name}": 0.0 for port in part.inputs if not port.optional}
+    with System([part], ["pid.u -> pid.f"], start, STEPS) as system, pytest.raises(HarnessError) as caught:
+        system.to_fmu(tmp_path / "axis.fmu")
+    check(str(caught.value), ["algebraic loop pid.u -> pid.f -> pid.u", "delay"], tmp_path)
+
+
+def test_manipulators(tmp_path: Path) -> None:
+    experiment = Experiment(stop=1.0, step=1e-3, manipulators=(Bias("friction.v", 0.1),))
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("LuGre"))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction"]
+    with System(parts, wires, {"mass.F_drive": 0.0}, experiment) as system, pytest.raises(HarnessError) as caught:
+        system.to_fmu(tmp_path / "axis.fmu")
+    check(str(caught.value), ["friction.v", "manipulator", "remove it"], tmp_path)
+
+
+def test_a_system_without_an_experiment_needs_a_step(tmp_path: Path) -> None:
+    with System([FmuPart("mass", fmu("Mass"))], [], REST) as system:
+        with pytest.raises(HarnessError) as caught:
+            system.to_fmu(tmp_path / "axis.fmu")
+        check(str(caught.value), ["give a step"], tmp_path)
+        system.to_fmu(tmp_path / "given.fmu", step=1e-3)
+    assert (tmp_path / "given.fmu").exists()
+
+
+def test_the_command(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "friction_fmus", "compose", str(EXAMPLES / "stick_slip.toml")]
+    good = [
+        *command,
+        "-o",
+        str(tmp_path / "Axis.fmu"),
+        "--inputs",
+        "mass.F_drive",
+        "--outputs",
+        "mass.*",
+        "--step",
+        "2e-3",
+    ]
+    done = subprocess.run(good, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.strip(), done.stderr) == (0, str(tmp_path / "Axis.fmu"), "")
+    part = FmuPart("axis", tmp_path / "Axis.fmu")
+    assert [port.name for port in part.inputs] == ["mass.F_drive"]
+    assert [port.name for port in part.outputs] == [f"mass.{name}" for name in ("x", "v", "x_support", "a", "F_ext")]
+    bad = subprocess.run([*good, "mass.q*"], capture_output=True, text=True, check=False)
+    assert bad.returncode != 0

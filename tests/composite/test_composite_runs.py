@@ -1,0 +1,122 @@
+"""A composite FMU gives the values of the harness bit for bit where communication points lie on its grid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from zipfile import ZipFile
+
+import numpy as np
+import pytest
+from composite.composite_systems import (
+    STEP,
+    check_random_system,
+    differing,
+    random_seed_settings,
+    run_composite,
+    run_parts,
+)
+from hypothesis import given, seed, settings
+from hypothesis import strategies as st
+
+from friction_fmus import fmu
+from friction_fmus.cli.systems import open_system
+from harness import Experiment, FmuPart, SeriesPart, System, Wire
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.mark.parametrize("name", ["stick_slip", "compensated_axis"])
+@pytest.mark.parametrize("every", [1, 4])
+def test_examples_are_equal_to_the_harness(compose: Callable[[str], Path], name: str, every: int) -> None:
+    path = compose(name)
+    with open_system(EXAMPLES / f"{name}.toml") as system:
+        assert system.experiment is not None
+        step = system.experiment.step
+        expected = run_parts(system, 2.0)
+    found = run_composite(path, 2.0, every * step)
+    assert set(found) == set(expected)
+    assert differing(found, expected, every) == []
+
+
+def test_a_system_from_an_ssp_archive(tmp_path: Path) -> None:
+    with open_system(EXAMPLES / "stick_slip.toml") as system:
+        system.to_ssp(tmp_path / "axis.ssp")
+    with open_system(tmp_path / "axis.ssp") as system:
+        system.to_fmu(tmp_path / "axis.fmu")
+        expected = run_parts(system, 1.0)
+    assert differing(run_composite(tmp_path / "axis.fmu", 1.0, 1e-3), expected) == []
+
+
+def mixed() -> System:
+    """Sampled, slow and continuous parts, recorded tables, a delay, a gain, an offset and an algebraic start."""
+    times = np.linspace(0.0, 0.2, 6)
+    parts = [
+        FmuPart("mass", fmu("Mass")),
+        FmuPart("friction", fmu("LuGre")),
+        FmuPart("control", fmu("PID"), every=4),
+        FmuPart("sensor", fmu("Quantiser")),
+        SeriesPart("load", times, {"F": np.sin(40.0 * times)}, {"F": "N"}),
+        SeriesPart("steps", times, {"r": 1e-4 * np.arange(6)}, {"r": "m"}, interpolation="previous"),
+    ]
+    wires = [
+        "mass.v -> friction.v",
+        "friction.F -> mass.F_friction",
+        Wire("control.u", "mass.F_drive", gain=0.5, delay=2),
+        Wire("load.F", "mass.F_load", gain=-0.2, offset=0.05),
+        "steps.r -> control.r",
+        "mass.x -> sensor.x",
+        Wire("sensor.y", "control.x", delay=1),
+        "mass.v -> control.v",
+    ]
+    start = {"control.Ts": 4 * STEP, "control.rd": 0.0, "control.rdd": 0.0, "mass.m": 0.3, "sensor.q": 1e-6}
+    return System(parts, wires, start, Experiment(stop=0.2, step=STEP))
+
+
+@pytest.mark.parametrize("master", ["newton", "adaptive"])
+def test_tables_delays_gains_and_sample_times(tmp_path: Path, master: str) -> None:
+    with mixed() as system:
+        system.to_fmu(tmp_path / "mixed.fmu", master=master)
+        expected = run_parts(system, 0.2, master)
+    assert differing(run_composite(tmp_path / "mixed.fmu", 0.2, STEP), expected) == []
+    assert differing(run_composite(tmp_path / "mixed.fmu", 0.2, 5 * STEP), expected, 5) == []
+
+
+def test_connections_convert_units(tmp_path: Path) -> None:
+    with ZipFile(fmu("Quantiser")) as given, ZipFile(tmp_path / "InMillimetres.fmu", "w") as changed:
+        for member in given.namelist():
+            data = given.read(member)
+            if member == "modelDescription.xml":
+                data = data.replace(b'<Unit name="m">', b'<Unit name="mm">').replace(b'unit="m"', b'unit="mm"')
+                data = data.replace(b'<BaseUnit m="1"/>', b'<BaseUnit m="1" factor="0.001"/>')
+            changed.writestr(member, data)
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("sensor", tmp_path / "InMillimetres.fmu")]
+    start = {"mass.F_drive": 1.0, "sensor.q": 0.01, "mass.F_friction": 0.0}
+    with System(parts, ["mass.x -> sensor.x"], start, Experiment(stop=1.0, step=0.1)) as system:
+        system.to_fmu(tmp_path / "units.fmu")
+        expected = run_parts(system, 1.0)
+    assert expected["sensor.y"][-1] == pytest.approx(1000.0 * expected["mass.x"][-1], abs=0.005)
+    assert differing(run_composite(tmp_path / "units.fmu", 1.0, 0.1), expected) == []
+
+
+def test_composites_can_be_parts(tmp_path: Path) -> None:
+    with open_system(EXAMPLES / "stick_slip.toml") as system:
+        system.to_fmu(tmp_path / "Contact.fmu", inputs=["mass.F_drive"], outputs=["mass.x", "mass.v"])
+    times = np.linspace(0.0, 1.0, 5)
+    parts = [
+        FmuPart("axis", tmp_path / "Contact.fmu"),
+        SeriesPart("pull", times, {"F": 3.0 * np.sin(9.0 * times)}, {"F": "N"}),
+    ]
+    wires = ["pull.F -> axis.mass.F_drive"]
+    with System(parts, wires, experiment=Experiment(stop=1.0, step=1e-3)) as system:
+        system.to_fmu(tmp_path / "Outer.fmu")
+        expected = run_parts(system, 1.0)
+    assert differing(run_composite(tmp_path / "Outer.fmu", 1.0, 1e-3), expected) == []
+    assert np.abs(expected["axis.mass.x"]).max() > 0.0
+
+
+@seed(17)
+@settings(random_seed_settings(12))
+@given(data=st.data())
+def test_random_systems(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+    check_random_system(tmp_path_factory.getbasetemp(), data)

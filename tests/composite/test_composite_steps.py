@@ -1,0 +1,234 @@
+"""Steps of a composite FMU: any communication point, refusals, saved states, several instances."""
+
+from __future__ import annotations
+
+import itertools
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shell.instance import DISCARD, ERROR, OK, Instance, Library, load
+
+from friction_fmus import fmu
+from harness import Experiment, FmuPart, System
+
+NAMES = ("mass.x", "mass.v", "friction.F")
+
+
+@pytest.fixture
+def library(compose: Callable[[str], Path]) -> Library:
+    return load(compose("stick_slip"))
+
+
+def trajectory(library: Library, points: Sequence[float]) -> np.ndarray:
+    """The outputs at these communication points."""
+    rows = []
+    with Instance(library) as run:
+        run.initialise()
+        for t, end in itertools.pairwise(points):
+            run.step(t, end - t)
+            rows.append(run.get(*NAMES))
+    return np.array(rows)
+
+
+def test_points_between_grid_points_do_not_move_the_grid(tmp_path: Path) -> None:
+    """Against a run whose grid contains the points; the motion is smooth, so that both are exact to 1e-9."""
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Viscous"))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction"]
+    start = {"mass.F_drive": 0.2, "mass.k": 2.0}
+    with System(parts, wires, start, Experiment(stop=0.1, step=2e-5)) as system:
+        system.to_fmu(tmp_path / "smooth.fmu")
+        result = system.run(master="newton", step=1e-5, record=["mass.x", "mass.v", "friction.F"])
+        expected = np.array([result[name].to_numpy() for name in NAMES]).T
+    ticks = np.cumsum([0, *[5, 3, 1, 4] * 700])[:2000]  # of 1e-5 s; every second tick is between grid points
+    found = trajectory(load(tmp_path / "smooth.fmu"), [1e-5 * tick for tick in ticks])
+    error = np.abs(found - expected[ticks[1:]]).max(axis=0)
+    assert (error <= 1e-9 * np.abs(expected).max(axis=0)).all()
+
+
+def test_samples_are_taken_at_the_grid_whatever_the_importer_does(compose: Callable[[str], Path]) -> None:
+    library = load(compose("compensated_axis"))
+    held = {}
+    for h in (0.5e-3, 0.1e-3, 0.3e-3):
+        with Instance(library) as run:
+            run.initialise()
+            values = []
+            for k in range(round(30e-3 / h)):
+                run.step(k * h, h)
+                values.append(((k + 1) * h, *run.get("friction_model.u")))
+        held[h] = dict((round(1e7 * t), u) for t, u in values)
+    for t, u in held[0.1e-3].items():  # the value of the sample at the last grid point before t
+        assert u == pytest.approx(held[0.5e-3][-(-t // 5000) * 5000], rel=1e-12)
+    for t, u in held[0.3e-3].items():
+        assert u == pytest.approx(held[0.1e-3][t], rel=1e-12)
+
+
+def test_rounding_of_communication_points_adds_no_piece(library: Library) -> None:
+    points = np.cumsum([0.0, *[1e-3] * 300])  # sums of a step that is not a binary fraction
+    assert np.array_equal(trajectory(library, list(points)), trajectory(library, [k * 1e-3 for k in range(301)]))
+
+
+def test_a_step_much_shorter_than_rounding_is_accepted(library: Library) -> None:
+    with Instance(library) as run:
+        run.initialise()
+        for k in range(100):
+            run.step(k * 1e-12, 1e-12)
+        run.step(1e-10, 1e-3 - 1e-10)
+        assert run.get(*NAMES) == trajectory(library, [0.0, 1e-3]).tolist()[0]
+
+
+def test_a_refused_step_changes_nothing(library: Library) -> None:
+    with Instance(library) as run:
+        run.initialise()
+        for k in range(50):
+            run.step(k * 1e-3, 1e-3)
+        before = run.serialised()
+        run.set({"mass.F_drive": 1e308})
+        with run.saved() as state:
+            assert run.call("DoStep", 0.05, 1e-3, 0) == DISCARD
+            assert "mass" in run.messages[-1][-1].decode() or "finite" in run.messages[-1][-1].decode()
+            assert run.call("DoStep", 0.05, 1e-3, 0) == ERROR  # FMI: after Discard, the state must be set first
+            run.must("SetFMUstate", state)
+        run.set({"mass.F_drive": 0.0})
+        assert without_flags(run.serialised()) == without_flags(before)
+        run.step(0.05, 1e-3)
+        again = run.get(*NAMES)
+    assert again == trajectory(library, [k * 1e-3 for k in range(52)]).tolist()[-1]
+
+
+def without_flags(data: bytes) -> bytes:
+    """A serialised state without its checksum and the flag that a value was set."""
+    return data[:56] + data[64:68] + data[72:]
+
+
+def test_a_rejected_value_changes_nothing(library: Library) -> None:
+    with Instance(library) as run:
+        run.initialise()
+        run.step(0.0, 1e-3)
+        before = run.serialised()
+        references = [run.reference(name) for name in ("mass.m", "friction.Fs", "friction.sigma0")]
+        assert run.call_values("SetReal", references, [2.0, 3.0, -1.0]) == DISCARD
+        assert "friction.sigma0" in run.messages[-1][-1].decode()
+        assert run.serialised() == before
+        assert run.call_values("SetReal", [run.reference("mass.x0")], [1.0]) == ERROR
+
+
+def test_a_violated_relation_of_parameters_can_be_corrected(tmp_path: Path) -> None:
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("LoadDependentDahl"))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction"]
+    with System(parts, wires, {"mass.F_drive": 1.0}, Experiment(stop=1.0, step=1e-3)) as system:
+        system.to_fmu(tmp_path / "axis.fmu")
+    with Instance(load(tmp_path / "axis.fmu")) as run:
+        run.setup()
+        run.set({"friction.mu_dif": 0.5})
+        run.must("EnterInitializationMode")
+        assert run.call("ExitInitializationMode") == ERROR
+        assert "|mu_dif| <= mu_avg" in run.messages[-1][-1].decode()
+        run.set({"friction.mu_dif": 0.05})
+        run.must("ExitInitializationMode")
+        run.step(0.0, 1e-3)
+
+
+CONTINUE = """
+import sys
+sys.path[:0] = [{tests!r}]
+from pathlib import Path
+from shell.instance import Instance, load
+with Instance(load(Path(sys.argv[1]))) as run:
+    run.restore(bytes.fromhex(sys.stdin.read()))
+    for k in range(500, 700):
+        run.step(k * 1e-3, 1e-3)
+    print(run.serialised().hex())
+"""
+
+
+def test_another_process_continues_bit_for_bit(compose: Callable[[str], Path], tmp_path: Path) -> None:
+    path = shutil.copy(compose("stick_slip"), tmp_path)  # each process unpacks the FMU beside the file
+    with Instance(load(compose("stick_slip"))) as run:
+        run.initialise()
+        for k in range(500):
+            run.step(k * 1e-3, 1e-3)
+        state = run.serialised()
+        for k in range(500, 700):
+            run.step(k * 1e-3, 1e-3)
+        expected = run.serialised()
+    code = CONTINUE.format(tests=str(Path(__file__).parents[1]))
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(path)], input=state.hex(), capture_output=True, text=True, check=True
+    )
+    assert bytes.fromhex(done.stdout.strip()) == expected
+
+
+@pytest.mark.parametrize("place", [0, 20, 60, 100, 300, -20])
+def test_damaged_states_are_rejected(library: Library, place: int) -> None:
+    with Instance(library) as run:
+        run.initialise()
+        run.step(0.0, 1e-3)
+        state = bytearray(run.serialised())
+        state[place] ^= 0x40
+        assert run.try_restore(bytes(state)) == ERROR
+        assert run.try_restore(bytes(state[:-8])) == ERROR
+        run.step(1e-3, 1e-3)
+
+
+def test_a_state_inside_a_tick_continues(library: Library) -> None:
+    points = [0.0, 0.4e-3, 1.7e-3, 2e-3, 2.2e-3, 4e-3]
+    expected = trajectory(library, points)
+    with Instance(library) as run:
+        run.initialise()
+        run.step(0.0, 0.4e-3)
+        state = run.serialised()
+    with Instance(library) as run:
+        run.restore(state)
+        for t, end in itertools.pairwise(points[1:]):
+            run.step(t, end - t)
+        assert run.get(*NAMES) == expected[-1].tolist()
+
+
+def test_reset_starts_again(library: Library) -> None:
+    with Instance(library) as run:
+        for _ in range(2):
+            run.initialise()
+            for k in range(20):
+                run.step(k * 1e-3, 1e-3)
+            values = run.get(*NAMES)
+            assert values == trajectory(library, [k * 1e-3 for k in range(21)]).tolist()[-1]
+            run.must("Terminate")
+            run.must("Reset")
+
+
+def test_inputs_vary_linearly_within_a_step(tmp_path: Path) -> None:
+    """A free mass of 1 kg under a ramp force: v = F t^2/2 with F = 2 N/s, over one step and over ten inner steps."""
+    with System([FmuPart("mass", fmu("Mass"))], experiment=Experiment(stop=1.0, step=1e-2), start=free()) as system:
+        system.to_fmu(tmp_path / "ramp.fmu")
+    with Instance(load(tmp_path / "ramp.fmu")) as run:
+        run.initialise()
+        run.set({"mass.F_drive": 0.0})
+        assert run.input_derivatives({"mass.F_drive": 2.0}) == OK
+        run.step(0.0, 0.1)
+        assert run.get1("mass.v") == pytest.approx(0.01, rel=1e-12)
+        assert run.get1("mass.x") == pytest.approx(2.0 * 0.1**3 / 6.0, rel=1e-12)
+        run.step(0.1, 0.1)  # no derivative is set again: the force is held at 0.2 N
+        assert run.get1("mass.v") == pytest.approx(0.01 + 0.02, rel=1e-12)
+
+
+def free() -> dict[str, float]:
+    return {"mass.F_drive": 0.0, "mass.F_load": 0.0, "mass.F_friction": 0.0, "mass.v_support": 0.0, "mass.m": 1.0}
+
+
+def test_outputs_follow_inputs_without_a_step(library: Library) -> None:
+    with Instance(library) as run:
+        run.initialise()
+        run.step(0.0, 1e-3)
+        held = run.get1("mass.a")
+        run.set({"mass.F_drive": 3.0})
+        assert run.get1("mass.a") == pytest.approx(held + 3.0, rel=1e-9)
+        run.set({"mass.F_drive": 0.0})
+        assert run.get1("mass.a") == pytest.approx(held, rel=1e-9)
+        for k in range(1, 20):
+            run.step(k * 1e-3, 1e-3)
+        assert run.get(*NAMES) == trajectory(library, [k * 1e-3 for k in range(21)]).tolist()[-1]
