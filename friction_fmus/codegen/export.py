@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -14,6 +15,7 @@ from friction_fmus.codegen.loop_file import read_loop
 from friction_fmus.codegen.readme import readme
 from friction_fmus.codegen.rotary import rotary_law
 from friction_fmus.codegen.sources import example, header, implementation
+from friction_fmus.codegen.table import table_header, table_source
 from friction_fmus.codegen.target import COMPILER, CORES, missing
 from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import vectors
@@ -39,8 +41,8 @@ def export_law(
     model : str or Path
         Name of a law, or path of a law file or of the file of a loop, see `friction_fmus.codegen.loop_file`.
     out_dir : path-like
-        Folder for ``PREFIX.h``, ``PREFIX.c``, ``PREFIX_test.c``, ``PREFIX.hpp``, ``main.c`` and ``README.md``; it is
-        created if needed.
+        Folder for ``PREFIX.h``, ``PREFIX.c``, ``PREFIX_test.c``, ``PREFIX.hpp``, ``main.c``, ``README.md`` and, for a
+        loop with a table over position, ``PREFIX_table.h`` and ``PREFIX_table.c``; it is created if needed.
     real : {"float", "double"}
         Type of all numbers.
     start : mapping of str to number, optional
@@ -70,6 +72,9 @@ def export_law(
         "main.c": example(export),
         "README.md": readme(export, costs),
     }
+    if export.table is not None:
+        texts[f"{prefix}_table.h"] = table_header(export)
+        texts[f"{prefix}_table.c"] = table_source(export, export.table)
     folder = Path(out_dir)
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
@@ -88,10 +93,10 @@ def make_export(
     """Return the checked data of an export; arguments and errors are the same as for `export_law`."""
     loop = read_loop(Path(model)) if Path(model).suffix == ".toml" else None
     law = loop_law(loop) if loop else law_of(model).with_room(start or {})
-    rotary = loop is not None and loop.rotary
-    law = rotary_law(law) if rotary else law
+    law = rotary_law(law) if loop and loop.rotary else law
     prefix = prefix or ("loop" if loop else "law")
     check_identifier("codegen", "prefix", prefix)
     if prefix == "main":
         raise FrictionError("The prefix main is the name of the example; choose another prefix")
-    return Export(law, FLOAT if real == "float" else DOUBLE, prefix, start_values(law, start or {}), rotary)
+    export = Export(law, FLOAT if real == "float" else DOUBLE, prefix, start_values(law, start or {}))
+    return replace(export, rotary=loop.rotary, table=loop.table) if loop else export

@@ -10,6 +10,7 @@ from types import MappingProxyType
 
 from casadi import Function
 
+from friction_fmus.axis.position_map import PositionMap
 from friction_fmus.codegen.equations import equations_of, placed
 from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.declarations import FAULT
@@ -44,6 +45,8 @@ class Export:
         Start values of inputs, states and parameters by variable.
     rotary : bool
         Whether the law has the units of a rotary axis.
+    table : PositionMap or None
+        Force over position, for the input ``f_known`` of a loop.
     """
 
     law: Law
@@ -51,6 +54,7 @@ class Export:
     prefix: str
     start: Values
     rotary: bool = False
+    table: PositionMap | None = None
 
     @property
     def groups(self) -> dict[str, tuple[Variable, ...]]:

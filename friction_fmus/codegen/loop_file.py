@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
+from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.errors import FrictionError, nearest
 from harness.storage.files import reason
 from harness.storage.toml_file import read_toml
@@ -28,6 +29,7 @@ MOST: Final = 64
 Numbers: TypeAlias = Mapping[str, float | bool]
 
 _STUDY: Final = ("data", "columns", "windows", "identify", "compensation")
+_COLUMNS: Final = ("cogging", "friction")
 _FLAGS: Final = ("rotary", "known_force")
 _SETTINGS: Final = ("Ts", "u_min", "u_max", "offset", "window", "v0", *_FLAGS)
 
@@ -79,6 +81,8 @@ class LoopFile:
         Whether the axis is rotary; read m as rad, N as N.m and kg as kg.m2.
     known_force : bool
         Whether the loop has an input for a known force, which is added and hidden from estimators.
+    table : PositionMap or None
+        Force over position, which is compensated at the reference as a known force.
     path : Path
         The file.
     """
@@ -92,6 +96,7 @@ class LoopFile:
     v0: float | None = None
     rotary: bool = False
     known_force: bool = False
+    table: PositionMap | None = None
     path: Path = Path(LOOP_FILE)
 
 
@@ -127,7 +132,7 @@ def read_loop(path: Path) -> LoopFile:
             f"{path} describes a study, not a loop; run `friction-fmus study {path.name} -o out` and use "
             f"out/recommended/{LOOP_FILE}, which the study writes if it recommends a compensation"
         )
-    _known(content, ("loop", *LAWS), str(path), "table")
+    _known(content, ("loop", *LAWS, "table"), str(path), "table")
     tables = {name: _table(content, name, str(path)) for name in content}
     for name in ("loop", "servo"):
         if name not in tables:
@@ -159,7 +164,8 @@ def read_loop(path: Path) -> LoopFile:
         int(window),
         values.get("v0"),
         path=path,
-        **flags,
+        table=_position_map(tables["table"], f"{path}, [table],") if "table" in tables else None,
+        **{**flags, **({"known_force": True} if "table" in tables else {})},
     )
 
 
@@ -182,6 +188,11 @@ def loop_text(loop: LoopFile, heading: str) -> str:
         for title, values in (("parameters", law.parameters), ("connections", law.connections)):
             if values:
                 lines += ["", f"[{name}.{title}]", *_rows(values)]
+    if loop.table is not None:
+        grid, table = loop.table.grid, loop.table
+        numbers = {"begin": grid.begin, "spacing": grid.spacing, "periodic": grid.periodic, "v_sign": table.v_sign}
+        lines += ["", "[table]  # force over position at equally spaced nodes", *_rows(numbers)]
+        lines += [f"{name} = {list(map(float, getattr(table, name)))}" for name in _COLUMNS]
     return "\n".join([*lines, ""])
 
 
@@ -194,6 +205,26 @@ def _toml(value: float | bool | str) -> str:
     if isinstance(value, str):
         return f'"{value}"'
     return str(value).lower() if isinstance(value, bool) else repr(value)
+
+
+def _position_map(table: Mapping[str, Any], where: str) -> PositionMap:
+    keys = ("begin", "spacing", "periodic", "v_sign", *_COLUMNS)
+    _known(table, keys, where, "key")
+    for key in keys:
+        if key not in table:
+            raise FrictionError(f"{where} has no {key}; add it")
+    if not isinstance(table["periodic"], bool):
+        raise FrictionError(f"{where} has periodic = {shown(table['periodic'])}; give true or false")
+    cogging, friction = (_numbers(table, key, where) for key in _COLUMNS)
+    begin, spacing, v_sign = (_finite(table, key, where) for key in ("begin", "spacing", "v_sign"))
+    return PositionMap(Grid(begin, spacing, len(cogging), table["periodic"]), cogging, friction, v_sign)
+
+
+def _numbers(table: Mapping[str, Any], key: str, where: str) -> tuple[float, ...]:
+    if not isinstance(table[key], list):
+        raise FrictionError(f"{where} has {key} = {shown(table[key])}; give a list of numbers")
+    elements = {f"{key}[{i}]": value for i, value in enumerate(table[key], start=1)}
+    return tuple(_finite(elements, element, where) for element in elements)
 
 
 def _law(table: Mapping[str, Any], where: str, name: str) -> LoopLaw:

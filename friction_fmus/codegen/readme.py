@@ -57,6 +57,11 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
         f"`{p}_check` then returns -1. "
         f"{_agreement(real)} Do not compile with `-ffast-math`."
     )
+    sources, table = f"{p}.c", ""
+    if export.table is not None:
+        sources += f" {p}_table.c"
+        use_of_table = f"force over position; assign `{p}_table(r, rd)` to `f_known` before each `{p}_step`"
+        table = _fill(f"* `{p}_table.h`, `{p}_table.c`: {use_of_table}.", "  ") + "\n"
     text = f"""# {law.name} in C
 
 {_fill(origin)}
@@ -64,7 +69,7 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
 {_fill(files, "  ")}
 {_fill(test, "  ")}
 * `{p}.hpp`: the law as the C++ class `{class_name(p)}`, C++11; link `{p}.c` compiled as C.
-* `main.c`: an example, `cc main.c {p}.c -lm`.
+{table}* `main.c`: an example, `cc main.c {sources} -lm`.
 
 {_fill(use)}
 {_positions(export)}

@@ -307,6 +307,7 @@ def example(export: Export) -> str:
     p, real = export.prefix, export.real
     moved = export.law.select(Kind.INPUT, Kind.OPTIONAL)
     drive = f"        inputs.{moved[0].name} = {real.literal(1e-3)} * ({real.name})k;" if moved else ""
+    speed = "inputs.rd" if any(v.name == "rd" for v in moved) else real.literal(0.0)
     shown = export.law.select(Kind.OUTPUT)
     texts = "  ".join(f"{v.name} = %g" for v in shown)
     values = ", ".join(f"(double)outputs.{v.name}" for v in shown)
@@ -315,6 +316,7 @@ def example(export: Export) -> str:
             comment(f"{export.law.name} in a loop; in a drive, the body of the loop runs every parameters.Ts seconds."),
             "",
             f'#include "{p}.h"',
+            *([f'#include "{p}_table.h"'] if export.table else []),
             "",
             "#include <stdio.h>",
             "",
@@ -329,6 +331,7 @@ def example(export: Export) -> str:
             "    for (int32_t k = 0; k < 10; k++) {",
             "        /* read references and sensors here */",
             *([drive] if drive else []),
+            *([f"        inputs.f_known = {p}_table(inputs.r, {speed});"] if export.table else []),
             f"        {p}_step(&parameters, &states, &inputs, &outputs);",
             "        /* send the command to the actuator here */",
             f'        printf("{texts}\\n", {values});',

@@ -93,8 +93,7 @@ def export_recommended(
         missing = without_code(scheme.servo, laws)
         recommends = bool(laws) or "table" in fmus or scheme.servo != bench.servo
         if recommends and not missing:
-            rotary, path = bench.trajectory.rotary, folder / LOOP_FILE
-            loop = recommended_loop(whole, scheme.servo, laws, chosen, rotary, path)
+            loop = recommended_loop(whole, scheme.servo, laws, chosen, trajectory, folder / LOOP_FILE)
             written += _controller(out, loop, f"Recommended loop of {name}")
         with atomic_path(folder / "README.md") as temporary:
             text = wiring(whole, scheme.servo, figures, missing) if recommends else NOTHING

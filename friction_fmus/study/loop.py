@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from friction_fmus.axis.loop import Compensator
+from friction_fmus.axis.loop import Compensator, Trajectory
 from friction_fmus.axis.servo import Servo
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.laws import law_of
@@ -27,7 +27,7 @@ def recommended_loop(
     servo: Servo,
     laws: Mapping[str, Compensator],
     given: Mapping[str, Mapping[str, float | bool]],
-    rotary: bool,
+    trajectory: Trajectory,
     path: Path,
 ) -> LoopFile:
     """Return the loop of an axis, which `without_code` has nothing against.
@@ -42,8 +42,8 @@ def recommended_loop(
         The laws beside the servo, by name of the part.
     given : mapping of str to mapping
         Parameters of these laws.
-    rotary : bool
-        Whether the axis is rotary.
+    trajectory : Trajectory
+        Reference, with the table over position if it is compensated.
     path : Path
         The file.
     """
@@ -78,7 +78,8 @@ def recommended_loop(
         float(offset) or None,
         servo.window,
         float(start["velocity.v0"]) or None,
-        rotary,
-        "table" in system.parts,
+        trajectory.rotary,
+        trajectory.table is not None,
+        trajectory.table,
         path,
     )

@@ -97,7 +97,7 @@ def _paragraphs(
         "Start all parts together, with the axis at rest on the reference, as in the run of the report: only then do "
         "the start values of the laws fit the motion."
     )
-    table = "the force of the table, subtracted, to `f_known`, " if "table" in system.parts else ""
+    table = "`loop_table(r, rd)` to `f_known`, " if "table" in system.parts else ""
     yield no_code or (
         f"`c/` contains all of this as one function, from `{LOOP_FILE}`: servo, laws, velocity, sums, limits and "
         f"delays. Once per sample, assign reference and measured position to `loop_inputs`, {table}call `loop_step`, "

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import re
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -14,11 +16,12 @@ from codegen.test_numbers import same_numbers
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from benchmarks.law_runs import LawC, rows_of, run_casadi
+from benchmarks.law_runs import LawC, compile_, rows_of, run_casadi
 from friction_fmus.__main__ import main
+from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen.equations import equations_of
-from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.export import export_law, make_export
 from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.loop import loop_law
 from friction_fmus.codegen.loop_file import LoopFile, LoopLaw, loop_text, read_loop
@@ -27,6 +30,7 @@ from friction_fmus.codegen.rotary import rotary_law
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.law import Kind, Law
+from harness.compiling import toolchain
 
 TS = 1e-3
 EXAMPLE = Path(__file__).parents[2] / "examples" / "loop.toml"
@@ -205,6 +209,34 @@ def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
         assert read_loop(path) == replace(description, laws=dict(description.laws), path=path)
 
 
+NODES = 9
+TABLE = PositionMap(Grid(-0.01, 0.004, NODES), tuple(np.sin(np.arange(9.0))), tuple(0.1 * np.cos(np.arange(9.0))), 1e-3)
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize("periodic", [False, True])
+def test_the_table_is_that_of_the_axis(periodic: bool, real: Literal["double", "float"], tmp_path: Path) -> None:
+    """Inside, at the nodes, and beyond both ends."""
+    table = replace(TABLE, grid=replace(TABLE.grid, periodic=periodic))
+    path = tmp_path / "loop.toml"
+    path.write_text(loop_text(replace(LOOPS["servo"], table=table), "A loop"), encoding="utf-8")
+    assert read_loop(path).table == table
+    files = export_law(path, tmp_path, real=real)
+    assert {"loop_table.h", "loop_table.c"} <= {file.name for file in files}
+    warnings = ["-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Werror"]
+    command = [*toolchain.compiler(), "-std=c99", *warnings, "main.c", "loop.c", "loop_table.c", "-lm", "-o", "program"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    x = np.concatenate([np.linspace(-0.05, 0.06, 400), -0.01 + 0.004 * np.arange(NODES)])
+    v = 2e-3 * np.cos(np.arange(x.size))
+    kind = ctypes.c_double if real == "double" else ctypes.c_float
+    function = compile_(tmp_path / "loop_table.c").loop_table
+    function.restype, function.argtypes = kind, [kind, kind]
+    found = np.array([function(*pair) for pair in zip(x, v, strict=True)])
+    np.testing.assert_allclose(found, -table.force(x, v), atol=1e-13 if real == "double" else 1e-5)
+    text = " ".join((tmp_path / "README.md").read_text(encoding="utf-8").split())
+    assert "assign `loop_table(r, rd)` to `f_known` before each `loop_step`" in text
+
+
 def test_a_rotary_loop_has_the_same_code_in_its_units() -> None:
     linear, rotary = (make_export(EXAMPLE, real="float"), rotary_export("float"))
     assert rotary.pairs == linear.pairs
@@ -232,6 +264,7 @@ def test_the_command_writes_all_files(tmp_path: Path, capsys: pytest.CaptureFixt
 
 SETTINGS = "[loop]\nTs = 1e-3\nu_min = -20\nu_max = 20\nwindow = 2\n"
 SERVO = '[servo]\nlaw = "CascadePPI"\n'
+GRID = "[table]\nbegin = 0\nspacing = 1\nperiodic = false\nv_sign = 1\n"
 WRONG = {
     "unknown law": (
         SETTINGS + '[servo]\nlaw = "CascadePI"\n',
@@ -271,6 +304,13 @@ WRONG = {
         '[data]\nfile = "axis.csv"\n[servo]\nlaw = "PID"\n',
         "describes a study, not a loop; run `friction-fmus",
     ),
+    "a short table": (
+        SETTINGS
+        + SERVO
+        + "[table]\nbegin = 0\nspacing = 1\nperiodic = false\nv_sign = 1\ncogging = [1]\nfriction = [1]\n",
+        "give one of each for at least 4 nodes",
+    ),
+    "no table": (SETTINGS + SERVO + "[table]\nbegin = 0\n", "[table], has no spacing; add it"),
     "no Boolean": (SETTINGS + "rotary = 1\n" + SERVO, "has rotary = 1; give true or false"),
     "no toml": ("[loop", "cannot be read as TOML"),
 }

@@ -10,9 +10,11 @@ from typing import Literal
 
 import pytest
 
+from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.codegen.export import make_export
 from friction_fmus.codegen.readme import readme
 from friction_fmus.codegen.sources import header, implementation
+from friction_fmus.codegen.table import table_header, table_source
 
 LOOP = str(Path(__file__).parents[2] / "examples" / "loop.toml")
 LAWS = (
@@ -43,3 +45,16 @@ def test_the_readme_lists_the_deviations(name: str, real: Literal["double", "flo
     findings = set(re.findall(r"\[([\w.-]+)\]$", run.stderr, re.MULTILINE))
     listed = re.findall(r"^\* Rule (\d+\.\d+): ", text, re.MULTILINE)
     assert findings == {f"misra-c2012-{rule}" for rule in listed}
+
+
+@pytest.mark.skipif(shutil.which("cppcheck") is None, reason="cppcheck is not installed")
+@pytest.mark.parametrize("periodic", [False, True])
+def test_a_table_over_position_has_no_deviations(periodic: bool, tmp_path: Path) -> None:
+    grid = Grid(-0.01, 0.004, 5, periodic)
+    export = make_export("PID", prefix="loop")
+    table = PositionMap(grid, (1.0, 0.0, -1.0, 0.5, 0.0), (0.1, 0.2, 0.0, 0.0, 0.0), 1e-3)
+    (tmp_path / "loop_table.h").write_text(table_header(export), encoding="utf-8")
+    (tmp_path / "loop_table.c").write_text(table_source(export, table), encoding="utf-8")
+    command = ["cppcheck", "--addon=misra", "--std=c99", "--enable=style", "--quiet", "loop_table.c"]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=300)
+    assert run.stderr == ""

@@ -199,9 +199,8 @@ def test_a_table_over_position_is_an_input_of_the_code(tmp_path: Path) -> None:
     both = {"compensator": Compensator("DisturbanceObserver", "u", {"m": 1.0}), "feedforward": FEEDFORWARD}
     export_recommended(tmp_path, bench, Scheme(SERVO, 0.8, table=True, **both), "test", "", None)
     folder = tmp_path / "recommended"
-    assert "known_force = true" in (folder / "loop.toml").read_text(encoding="utf-8")
     text = " ".join((folder / "README.md").read_text(encoding="utf-8").split())
-    assert "the force of the table, subtracted, to `f_known`" in text
+    assert "assign reference and measured position to `loop_inputs`, `loop_table(r, rd)` to `f_known`" in text
     expected, found = replayed(folder, tmp_path, "force.u3")
     np.testing.assert_array_equal(found, expected)
     with System.from_ssp(folder / "axis.ssp") as system:
@@ -211,6 +210,7 @@ def test_a_table_over_position_is_an_input_of_the_code(tmp_path: Path) -> None:
         result = System(system.parts.values(), system.wires, system.start, experiment).run()
     force, r, rd = (result[name].values[1:] for name in names)
     np.testing.assert_allclose(force, -table.force(r, rd), atol=1e-12)  # without a delay
+    np.testing.assert_array_equal(force, in_c(folder / "c", r, rd, tmp_path))
     assert np.ptp(force) > 0.5
 
 
@@ -245,6 +245,26 @@ def test_nothing_recommended_has_no_code(tmp_path: Path) -> None:
     assert {path.name for path in (tmp_path / "recommended").iterdir()} == {"README.md", "axis.ssp"}
     text = (tmp_path / "recommended" / "README.md").read_text(encoding="utf-8")
     assert "No compensator is recommended" in text
+
+
+def in_c(code: Path, r: np.ndarray, rd: np.ndarray, tmp_path: Path) -> np.ndarray:
+    """The force over position by the C code."""
+    library = tmp_path / "table.so"
+    options = [
+        "-std=c99",
+        "-O1",
+        "-Wall",
+        "-Wextra",
+        "-Wconversion",
+        "-Werror",
+        "-ffp-contract=off",
+        "-fPIC",
+        "-shared",
+    ]
+    subprocess.run(["gcc", *options, "-o", str(library), str(code / "loop_table.c"), "-lm"], check=True)
+    function = ctypes.CDLL(str(library)).loop_table
+    function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double, ctypes.c_double]
+    return np.array([function(*pair) for pair in zip(r, rd, strict=True)])
 
 
 EVERY = 2  # steps of the plant in a sample: 0.5 ms
