@@ -8,7 +8,15 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from friction_fmus.cli.console import console_for, styled
-from friction_fmus.identification import ROTARY, AxisUnits, Finding, Identification, Measurement, Record
+from friction_fmus.identification import (
+    ROTARY,
+    AxisUnits,
+    Finding,
+    Identification,
+    LearnedResidual,
+    Measurement,
+    Record,
+)
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.plot import NAMES
 from friction_fmus.identification.survey import ModelComparison
@@ -82,6 +90,30 @@ def show_parameters(result: Identification) -> None:
         console.print(styled((name, "yellow"), f" is poorly identifiable: {reason}"), soft_wrap=True)
     for warning in result.warnings:
         console.print(styled(("warning", "yellow"), f" {warning}"), soft_wrap=True)
+
+
+def show_residual(result: Identification, learned: LearnedResidual | None) -> None:
+    """Print the errors of a model with and without its learned residual."""
+    console = console_for(result.records[0].units == ROTARY)
+    if learned is None:
+        console.print(f"residual of {result.model}: none, as no table reduces the error in cross-validation by 2 %")
+        return
+    unit = f" {_unit(result.unit)}".rstrip()
+    over = "velocity, position and direction" if learned.over_position else "velocity and direction"
+    windows = {
+        "cross-validation": (learned.crossed, learned.crossed_without),
+        "validation": (learned.validation, learned.validation_without),
+    }
+    errors = ", ".join(
+        f"{name} {error:.4g}{unit}, without it {without:.4g}{unit}"
+        for name, (error, without) in windows.items()
+        if math.isfinite(error)
+    )
+    console.print(
+        f"residual of {result.model} over {over}, at most {learned.table.R_max:.3g} "
+        f"{result.records[0].units.force}: error in {errors}",
+        soft_wrap=True,
+    )
 
 
 def _position_text(found: PositionFit, units: AxisUnits) -> str:

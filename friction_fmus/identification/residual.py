@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from friction_fmus.fmi.package import build
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.prediction import known_force, simulated
 from friction_fmus.identification.result import Identification
+
+BLOCK = "FrictionResidual"
+"""Law that adds the residual to the force of a model."""
 
 SPEEDS = (0.03, 0.1, 0.3, 0.6, 1.0)
 """Speeds of the table over the largest one in the training data; as many as FrictionResidual has."""
@@ -55,7 +60,13 @@ class ResidualTable:
     only_adds: bool = False
 
     def start_values(self) -> dict[str, float | bool]:
-        """Return the start values of `FrictionResidual`."""
+        """Return the start values of `FrictionResidual`.
+
+        Returns
+        -------
+        dict of str to float or bool
+            Values by variable.
+        """
         vectors = {"speed": self.speed, "forward": self.forward, "backward": self.backward}
         elements = {f"{name}[{i}]": each for name, values in vectors.items() for i, each in enumerate(values, 1)}
         rest = {"x_begin": self.x_begin, "spacing": self.spacing, "R_max": self.R_max, "only_adds": self.only_adds}
@@ -77,7 +88,32 @@ class ResidualTable:
         weights = np.array([*self.forward, *self.backward])
         along = np.clip(np.sign(v) * (columns(self.speed, self.x_begin, self.spacing, x, v) @ weights), *self._limits)
         way = np.sign(v)
-        return F_model + way * np.maximum(along, -np.maximum(way * F_model, 0.0))
+        total: Array = F_model + way * np.maximum(along, -np.maximum(way * F_model, 0.0))
+        return total
+
+    def to_fmu(self, folder: Path, name: str = BLOCK, rotary: bool = False) -> Path:
+        """Build the FMU with this table in a folder.
+
+        Parameters
+        ----------
+        folder : Path
+            Folder of the FMU.
+        name : str
+            Model identifier.
+        rotary : bool
+            Whether the axis has angles and torques.
+
+        Returns
+        -------
+        Path
+            The FMU.
+
+        Raises
+        ------
+        BuildError
+            If the FMU cannot be built.
+        """
+        return build(BLOCK, folder, self.start_values(), name, domain="rotational" if rotary else "translational")
 
     @property
     def _limits(self) -> tuple[float, float]:
@@ -191,12 +227,15 @@ def learn_residual(
     records = (validation,) if isinstance(validation, Record) else tuple(validation or ())
     checked = [_Part(result, record) for record in records]
     return LearnedResidual(
-        table,
-        crossed,
-        without,
-        *(_error(each, after) for each in (parts, checked) for after in (table, None)),
-        ridge,
-        shape is not same,
+        table=table,
+        crossed=crossed,
+        crossed_without=without,
+        train=_error(parts, table),
+        train_without=_error(parts, None),
+        validation=_error(checked, table),
+        validation_without=_error(checked, None),
+        ridge=ridge,
+        over_position=shape is not same,
     )
 
 

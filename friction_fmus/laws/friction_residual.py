@@ -92,7 +92,7 @@ def friction_residual(
     along_speed = SX(0.0)
     for i in range(SPEEDS):
         width = speed[i] - before[i]
-        along_speed += clip((magnitude - before[i]) / if_else(width == 0.0, 1.0, width), 0.0, 1.0)
+        along_speed += clip((magnitude - before[i]) / if_else(width == 0.0, 1.0, width), SX(0.0), SX(1.0))
     phase = (x - x_begin) / (POSITIONS * spacing)
     within = POSITIONS * (phase - floor(phase))  # a difference of two positions is accurate in single precision
     last = POSITIONS - 1.0

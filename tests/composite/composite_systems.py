@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 
 from friction_fmus import fmu
@@ -108,3 +110,30 @@ def equal_or_both_fail(system: System, path: Path, every: int) -> None:
     assert expected is not None
     assert found
     assert differing(found, expected, every) == []
+
+
+_NUMBERS = itertools.count()
+
+
+def check_random_system(folder: Path, data: st.DataObject) -> None:
+    """Draw a system and compare it with its composite; systems that the harness refuses are left out."""
+    path = folder / f"random{next(_NUMBERS)}.fmu"
+    try:
+        system = data.draw(random_systems())
+        system.to_fmu(path, name="random_system")
+    except HarnessError:
+        return
+    with system:
+        equal_or_both_fail(system, path, data.draw(st.sampled_from((1, 2, 3))))
+    path.unlink()
+
+
+def random_seed_settings(count: int) -> settings:
+    """Settings for as many systems, each compiled once."""
+    return settings(
+        max_examples=count,
+        deadline=None,
+        database=None,
+        phases=[Phase.generate],
+        suppress_health_check=[*HealthCheck],
+    )

@@ -17,7 +17,7 @@ from friction_fmus.identification.methods import method_names
 from harness.processors import available
 
 if TYPE_CHECKING:
-    from friction_fmus.identification import Measurement
+    from friction_fmus.identification import Identification, Measurement, Record
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
 SHOWN = 3
@@ -53,6 +53,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--position-map",
         action="store_true",
         help="identify cogging and position-dependent friction with each model, if this improves the prediction",
+    )
+    parser.add_argument(
+        "--residual",
+        action="store_true",
+        help="learn what the best model lacks, over velocity, position and direction (FrictionResidual)",
     )
     parser.add_argument(
         "--force", action="store_true", help="write FMUs although the drive force contradicts the motion"
@@ -121,6 +126,8 @@ def run(options: argparse.Namespace) -> int:
         console.print(
             f"\nThe parameters of the other models are in {options.output / 'parameters.toml'}.", soft_wrap=True
         )
+    if options.residual:
+        files += _residual(found.results[0], validation, options.output, fmus=options.force or not wrong)
     for name, reason in found.failed.items():
         console.print(styled((name, "bold red"), f" was not identified: {reason}"), soft_wrap=True)
     console.print(f"{options.output}: {_listed(files)}", soft_wrap=True)
@@ -128,6 +135,20 @@ def run(options: argparse.Namespace) -> int:
         less = "" if options.force else " No FMU was written; --force writes them."
         console.print(styled((f"The parameters cannot be used: {', '.join(wrong)}.", "bold red"), less), soft_wrap=True)
     return 1 if wrong else 0
+
+
+def _residual(result: Identification, validation: Sequence[Record], folder: Path, fmus: bool) -> list[Path]:
+    """Learn the residual of a model, print its errors and write its FMU."""
+    from friction_fmus.cli.identification_tables import show_residual
+    from friction_fmus.identification import ROTARY, learn_residual
+    from harness.compiling import toolchain
+
+    learned = learn_residual(result, validation)
+    show_residual(result, learned)
+    if learned is None or not fmus or toolchain.lacking() is not None:
+        return []
+    rotary = result.records[0].units == ROTARY
+    return [learned.table.to_fmu(folder, f"{result.model}Residual", rotary)]
 
 
 def parse_fixed(text: str) -> tuple[str, float | bool]:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 
-from friction_fmus.lawkit.emit.graph import CALLS, Node
+from friction_fmus.lawkit.emit.graph import CONDITIONS, Node
 
 LEAST = 3
 """Smallest number of elements for which a loop is written."""
@@ -16,7 +16,8 @@ INDEX = "i"
 """Index of the element in generated C."""
 
 _ELEMENT = re.compile(r"(.+)\[(\d+)\]")
-_BRIEF = 2  # operations that are repeated instead of being stored
+_BRIEF = 2  # comparisons and choices that are repeated instead of being stored
+_REPEATED = {*CONDITIONS, "SELECT", "IF_ELSE_ZERO"}
 
 Chain = tuple[int, ...]
 """Corresponding nodes of consecutive elements."""
@@ -58,14 +59,14 @@ class Search:
         self.needed = needed_for(nodes, results)
         self._by_key = {(node.operation, node.arguments): number for number, node in enumerate(nodes)}
         self._sizes = self._count_operations()
-        self._next = self._successors()
-        self._chain_of: dict[int, tuple[Chain, int]] = {}  # node -> its chain, and its place there
-        for chain in self._chains():
-            self._chain_of.update((number, (chain, lane)) for lane, number in enumerate(chain))
         self._users: dict[int, list[int]] = {}
         for number in self.needed:
             for argument in nodes[number].arguments:
                 self._users.setdefault(argument, []).append(number)
+        self._next = self._used_alike(self._successors())
+        self._chain_of: dict[int, tuple[Chain, int]] = {}  # node -> its chain, and its place there
+        for chain in self._chains():
+            self._chain_of.update((number, (chain, lane)) for lane, number in enumerate(chain))
         self.sums: dict[int, tuple[Chain, int | None, Chain]] = {}
         self.partial: dict[int, Chain] = {}
         self.operations = {chain for chain, _ in self._chain_of.values() if not self.is_leaf(chain[0])}
@@ -105,6 +106,23 @@ class Search:
                     taken.add(after)
                     break
         return found
+
+    def _used_alike(self, after: Mapping[int, int]) -> dict[int, int]:
+        """Return the operations whose users also continue with the next element, so that rows of tables end there."""
+        found = dict(after)
+        for number in sorted(found, reverse=True):
+            others = self._users.get(found[number], ())
+            continues = [
+                found.get(user) in others or self._is_added(user, others) for user in self._users.get(number, ())
+            ]
+            if not self.is_leaf(number) and not all(continues):
+                del found[number]
+        return found
+
+    def _is_added(self, addition: int, others: Iterable[int]) -> bool:
+        """Return whether a sum continues with another addition."""
+        additions = [other for other in others if self.nodes[other].operation == "ADD"]
+        return addition in additions or any(addition in self.nodes[other].arguments for other in additions)
 
     def _chains(self) -> Iterator[Chain]:
         after = {self._next[number] for number in self._next}
@@ -184,10 +202,10 @@ class Search:
         found: list[int] = []
         for node in self.nodes:
             place = self.reads[int(node.value)] if node.operation == "INPUT" else ""
-            if (place and (_vector(place) or place) in written) or node.operation in CALLS:
-                found.append(_BRIEF + 1)
-            elif node.operation in ("CONST", "INPUT"):
+            if node.operation == "CONST" or (place and (_vector(place) or place) not in written):
                 found.append(0)
+            elif node.operation not in _REPEATED:
+                found.append(_BRIEF + 1)
             else:
                 found.append(min(1 + sum(found[argument] for argument in node.arguments), _BRIEF + 1))
         return found

@@ -102,9 +102,10 @@ def graph(function: Function) -> tuple[list[Node], list[int]]:
 def _joined(nodes: list[Node], node: Node) -> Node:
     """Join casadi's form of if_else(c, a, b), which is (c ? a : 0) + (!c ? b : 0), into one decision."""
     if node.operation == "ADD":
-        first, second = (nodes[argument] for argument in node.arguments)
-        if first.operation == second.operation == "IF_ELSE_ZERO":
-            opposite = nodes[second.arguments[0]]
-            if opposite.operation == "NOT" and opposite.arguments[0] == first.arguments[0]:
-                return Node("SELECT", (*first.arguments, second.arguments[1]))
+        terms = [nodes[argument] for argument in node.arguments]
+        for first, second in (terms, terms[::-1]):
+            if first.operation == second.operation == "IF_ELSE_ZERO":
+                opposite = nodes[second.arguments[0]]
+                if opposite.operation == "NOT" and opposite.arguments[0] == first.arguments[0]:
+                    return Node("SELECT", (*first.arguments, second.arguments[1]))
     return node

@@ -1,0 +1,83 @@
+"""The archive of a composite FMU: no finding of the check, sources that compile by themselves, no other exports."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import lief
+import pytest
+from fmpy import read_model_description
+
+from friction_fmus.check import check
+from friction_fmus.cli.systems import open_system
+from harness import FmuPart
+from harness.compiling.toolchain import header_folder
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+FUNCTIONS = 34
+"""Functions of FMI 2.0 for co-simulation."""
+
+
+@pytest.mark.parametrize("name", ["stick_slip", "compensated_axis"])
+def test_check_finds_nothing(compose: Callable[[str], Path], name: str) -> None:
+    assert check(compose(name)) == []
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_sources_compile_without_a_warning(compose: Callable[[str], Path], compiler: str, tmp_path: Path) -> None:
+    if shutil.which(compiler) is None:
+        pytest.skip(f"{compiler} is not installed")
+    path = compose("compensated_axis")
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(tmp_path)
+    units = [f"part_{name}.c" for name in ("Sine", "LuGreFeedforward", "PID", "Mass", "LuGre")]
+    flags = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-Werror", "-fsyntax-only"]
+    done = subprocess.run(
+        [compiler, *flags, "-I", str(header_folder()), "compensated_axis.c", *units],
+        cwd=tmp_path / "sources",
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads an ELF library")
+def test_only_the_functions_of_fmi_are_exported(compose: Callable[[str], Path]) -> None:
+    with zipfile.ZipFile(compose("stick_slip")) as archive:
+        (name,) = (name for name in archive.namelist() if name.startswith("binaries/"))
+        library = lief.ELF.parse(list(archive.read(name)))
+    assert library is not None
+    exported = [str(symbol.name) for symbol in library.exported_symbols]
+    assert len(exported) == FUNCTIONS
+    assert all(symbol.startswith("fmi2") for symbol in exported)
+
+
+def test_two_builds_give_the_same_bytes(compose: Callable[[str], Path], tmp_path: Path) -> None:
+    with open_system(EXAMPLES / "stick_slip.toml") as system:
+        system.to_fmu(tmp_path / "stick_slip.fmu")
+    assert (tmp_path / "stick_slip.fmu").read_bytes() == compose("stick_slip").read_bytes()
+
+
+def test_units_types_and_limits_are_those_of_the_parts(compose: Callable[[str], Path]) -> None:
+    part = FmuPart("axis", compose("stick_slip"))
+    variables = {v.name: v for v in read_model_description(str(part.path)).modelVariables}
+    stiffness = variables["friction.sigma0"]
+    assert (stiffness.unit, stiffness.min, stiffness.variability) == ("N/m", "1e-09", "tunable")
+    assert stiffness.declaredType is not None
+    assert stiffness.declaredType.quantity == "TranslationalStiffness"
+    assert variables["mass.k"].start == "2"  # of the system, not of the block
+    assert variables["friction.z"].causality == "local"
+    assert [v.name for v in variables.values() if v.causality == "independent"] == ["time"]
+
+
+def test_direct_dependencies_are_those_of_the_loop(compose: Callable[[str], Path]) -> None:
+    """The acceleration depends directly on the forces from outside, the position on nothing."""
+    part = FmuPart("axis", compose("stick_slip"))
+    assert part.dependencies["mass.x"] == frozenset()
+    assert {"mass.F_drive", "mass.F_load"} <= part.dependencies["mass.a"]
