@@ -41,13 +41,13 @@ static fmi2Status refresh_direct(Instance *c, const char *function)
 /* Read a variable; *whole gets an Integer or Boolean, *real a Real. */
 static fmi2Status read_variable(Instance *c, const Variable *v, double *real, int *whole)
 {
-    if (v->part >= 0 && !v->is_input && v->signal < 0) {
+    if (v->part >= 0 && v->signal < 0 && !v->is_input) {
         EnginePart *const p = &c->parts[v->part];
         return (fmi2Status)p->get[v->type](p->component, &v->reference, 1,
                                            v->type == REAL ? (void *)real : (void *)whole);
     }
-    *real = v->part < 0    ? NOW(c)
-            : v->is_input  ? c->memory.inputs[v->reference]
+    *real = v->is_input    ? c->memory.inputs[v->reference]
+            : v->part < 0  ? NOW(c)
             : c->refreshed ? c->shown[v->signal]
                            : c->memory.signals[v->signal];
     *whole = v->type == REAL ? 0 : (int)*real;

@@ -12,6 +12,7 @@ from friction_fmus.codegen.export import export_law
 from friction_fmus.codegen.loop_file import LOOP_FILE, LoopFile, loop_text
 from friction_fmus.fmi.package import build
 from friction_fmus.study.compensators import TABLE
+from friction_fmus.study.composites import export_composites
 from friction_fmus.study.evaluation import Scheme, with_table
 from friction_fmus.study.loop import recommended_loop, without_code
 from friction_fmus.study.metrics import Bench
@@ -90,6 +91,7 @@ def export_recommended(
         whole.to_ssp(folder / "axis.ssp")
         title = "SSP archive of the whole axis: reference, compensator, servo, mass, friction"
         written.append(WrittenFile(f"{OWN}/axis.ssp", title))
+        written += export_composites(folder, whole)
         missing = without_code(scheme.servo, laws)
         recommends = bool(laws) or "table" in fmus or scheme.servo != bench.servo
         if recommends and not missing:

@@ -21,13 +21,16 @@ def step_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[s
     variables : sequence of Variable
         The variables of the FMU; indices count from 1.
     """
-    drivers = _drivers(instantaneous(system.parts, system.wires))
+    inside = [wire for wire in system.wires if wire.ends[0][0] in system.parts]
+    outside = [wire for wire in system.wires if wire not in inside and not wire.delay]
+    prompt = [wire for wire in outside if not system.parts[wire.ends[1][0]].sampled]
+    drivers = _drivers([*instantaneous(system.parts, inside), *prompt])
     inputs = {v.name: i for i, v in enumerate(variables, start=1) if v.causality == "input"}
 
     def direct(name: str) -> Iterable[str]:
         owner, output = split_name(name)
-        part = system.parts[owner]
-        return () if part.sampled else (f"{owner}.{port}" for port in part.dependencies[output])
+        part = system.parts.get(owner)
+        return () if part is None or part.sampled else (f"{owner}.{port}" for port in part.dependencies[output])
 
     return {
         v.name: sorted(inputs[name] for name in _reached(v.name, direct, drivers) if name in inputs)
@@ -85,5 +88,6 @@ def _reached(output: str, direct: object, drivers: Mapping[str, str]) -> set[str
             if name not in found:
                 found.add(name)
                 if name in drivers:
+                    found.add(drivers[name])  # an input of the FMU, or an output of a part
                     pending.append(drivers[name])
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from harness.errors import BuildError, HarnessError, UnknownNameError, nearest
 from harness.parts.fmu import FmuPart
@@ -63,19 +63,19 @@ class Interface:
 
     Parameters
     ----------
-    inputs : tuple of str
-        Inputs of parts that are inputs of the FMU, as "part.port".
+    inputs : mapping of str to Port
+        The inputs by name: inputs of parts, and outputs of sources that the FMU does not contain.
     outputs : tuple of str
         Outputs of parts that are outputs of the FMU.
     """
 
-    inputs: tuple[str, ...]
+    inputs: Mapping[str, Port]
     outputs: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class OpenSystem:
-    """A system whose inputs are driven by the part ``inputs``; an `Assembly`."""
+    """A system as it is inside the FMU; an `Assembly`."""
 
     name: str
     parts: Mapping[str, Part]
@@ -85,13 +85,55 @@ class OpenSystem:
     experiment: Experiment | None
 
 
-def choose_interface(system: Assembly, inputs: Sequence[str] | None, outputs: Sequence[str] | None) -> Interface:
-    """Return the inputs and outputs of a composite FMU.
+def without_sources(system: Assembly, inputs: Sequence[str] | None) -> tuple[OpenSystem, dict[str, Port]]:
+    """Return the system without the parts whose outputs are inputs of the FMU, and these inputs.
 
     Parameters
     ----------
     system : Assembly
         The system.
+    inputs : sequence of str or None
+        The chosen inputs, among them outputs of parts that have no inputs, such as a reference.
+
+    Raises
+    ------
+    BuildError
+        If another output of such a part is connected.
+    """
+    chosen = list(inputs or ())
+    outputs = {
+        f"{name}.{port.name}": port for name, part in system.parts.items() if not part.inputs for port in part.outputs
+    }
+    taken = {name: outputs[name] for name in chosen if name in outputs}
+    removed = {split_name(name)[0] for name in taken}
+    for wire in system.wires:
+        if wire.ends[0][0] in removed and wire.source not in taken:
+            raise BuildError(
+                f"'{wire.ends[0][0]}' becomes inputs of the FMU, but {wire.source} also drives {wire.target}: list "
+                f"{wire.source} among the inputs too"
+            )
+    kept = OpenSystem(
+        system.name,
+        {name: part for name, part in system.parts.items() if name not in removed},
+        system.wires,
+        {name: value for name, value in system.start.items() if split_name(name)[0] not in removed},
+        system.strict,
+        system.experiment,
+    )
+    return kept, taken
+
+
+def choose_interface(
+    system: OpenSystem, taken: Mapping[str, Port], inputs: Sequence[str] | None, outputs: Sequence[str] | None
+) -> Interface:
+    """Return the inputs and outputs of a composite FMU.
+
+    Parameters
+    ----------
+    system : OpenSystem
+        The system without the sources that are inputs.
+    taken : mapping of str to Port
+        Their outputs.
     inputs : sequence of str or None
         The chosen inputs; None chooses all inputs that nothing drives.
     outputs : sequence of str or None
@@ -103,18 +145,18 @@ def choose_interface(system: Assembly, inputs: Sequence[str] | None, outputs: Se
         If a name is unknown, is given twice, or names an input that is driven.
     """
     driven = {wire.target: wire.source for wire in system.wires}
-    names = [f"{part.name}.{port.name}" for part in system.parts.values() for port in part.inputs]
-    free = [name for name in names if name not in driven]
-    chosen = free if inputs is None else list(inputs)
+    ports = {f"{part.name}.{port.name}": port for part in system.parts.values() for port in part.inputs}
+    free = {**taken, **{name: port for name, port in ports.items() if name not in driven}}
+    chosen = list(free) if inputs is None else list(inputs)
     for number, name in enumerate(chosen):
         if name in chosen[:number]:
             raise BuildError(f"the input {name} is listed twice: list it once")
         if name in driven:
             raise BuildError(f"the input {name} is driven by {driven[name]}: list inputs that nothing drives")
         if name not in free:
-            owner, port = split_name(name)
+            owner, port_name = split_name(name)
             find_part(system.parts, owner, "inputs")
-            raise UnknownNameError(f"'{owner}' has no input '{port}' (in inputs): {nearest(name, free)}")
+            raise UnknownNameError(f"'{owner}' has no input '{port_name}' (in inputs): {nearest(name, free)}")
     shown = recorded_names(system.parts, ("*",) if outputs is None else outputs)
     known = {f"{part.name}.{port.name}" for part in system.parts.values() for port in part.outputs}
     for name in shown:
@@ -123,10 +165,10 @@ def choose_interface(system: Assembly, inputs: Sequence[str] | None, outputs: Se
     if len(set(outputs or ())) < len(outputs or ()):
         twice = next(name for name in outputs or () if list(outputs or ()).count(name) > 1)
         raise BuildError(f"the output {twice} is listed twice: list it once")
-    return Interface(tuple(chosen), tuple(shown))
+    return Interface({name: free[name] for name in chosen}, tuple(shown))
 
 
-def check_parts(system: Assembly) -> None:
+def check_parts(system: OpenSystem) -> None:
     """Raise an error for a part that cannot be compiled into an FMU.
 
     Raises
@@ -143,19 +185,23 @@ def check_parts(system: Assembly) -> None:
             )
 
 
-def opened(system: Assembly, interface: Interface) -> OpenSystem:
+def opened(system: OpenSystem, interface: Interface) -> OpenSystem:
     """Return the system with a part that drives the inputs, if there are any."""
     if not interface.inputs:
-        return OpenSystem(system.name, system.parts, system.wires, system.start, system.strict, system.experiment)
+        return system
     name = "inputs"
     while name in system.parts:
         name += "_"
-    ports = []
-    for dotted in interface.inputs:
-        owner, own = split_name(dotted)
-        port = next(port for port in system.parts[owner].inputs if port.name == own)
-        ports.append(Port(dotted, port.unit, port.type, system.start.get(dotted, port.start), base=port.base))
-    parts = {**system.parts, name: InputsPart(name, ports)}
-    wires = (*system.wires, *(Wire(f"{name}.{dotted}", dotted) for dotted in interface.inputs))
+    ports = [
+        Port(dotted, port.unit, port.type, system.start.get(dotted, port.start), base=port.base)
+        for dotted, port in interface.inputs.items()
+    ]
+    inner = {f"{part.name}.{port.name}" for part in system.parts.values() for port in part.inputs}
+    wires = [
+        replace(wire, source=f"{name}.{wire.source}") if wire.source in interface.inputs else wire
+        for wire in system.wires
+    ]
+    wires += [Wire(f"{name}.{dotted}", dotted) for dotted in interface.inputs if dotted in inner]
     start = {key: value for key, value in system.start.items() if key not in interface.inputs}
+    parts = {**system.parts, name: InputsPart(name, ports)}
     return OpenSystem(system.name, parts, wires, start, system.strict, system.experiment)

@@ -19,7 +19,7 @@ from harness.compiling.platforms import linked, select
 from harness.composite.code import PartCode, part_codes
 from harness.composite.dependencies import start_dependencies, step_dependencies
 from harness.composite.description import Texts, composite_description
-from harness.composite.interface import check_parts, choose_interface, opened
+from harness.composite.interface import check_parts, choose_interface, opened, without_sources
 from harness.composite.tables import table_file
 from harness.composite.variables import Variable, composite_variables
 from harness.engine.library import sources as engine_sources
@@ -60,22 +60,24 @@ def compose(
         )
     experiment = _experiment(system, step, master)
     targets = select(tuple(platforms))
-    check_parts(system)
-    interface = choose_interface(system, inputs, outputs)
-    texts = [key for key, value in system.start.items() if isinstance(value, str)]
+    inner, taken = without_sources(system, inputs)
+    check_parts(inner)
+    interface = choose_interface(inner, taken, inputs, outputs)
+    texts = [key for key, value in inner.start.items() if isinstance(value, str)]
     if texts:
         raise BuildError(f"the start value {texts[0]} is a text, which a composite FMU cannot set: remove it")
-    codes = part_codes(system.parts, identifier)
+    codes = part_codes(inner.parts, identifier)
     find_feedthrough(system, experiment)
-    whole = opened(system, interface)
-    source = next((part for part in whole.parts if part not in system.parts), None)
-    order = [*(experiment.order or stepping_order(system.parts, system.wires)), *filter(None, [source])]
+    whole = opened(inner, interface)
+    source = next((part for part in whole.parts if part not in inner.parts), None)
+    order = [part for part in experiment.order or stepping_order(system.parts, system.wires) if part in inner.parts]
+    order += [source] if source is not None else []
     plan = make_plan(whole, replace(experiment, order=tuple(order)), [])
     check_loops(whole.parts, whole.wires, implicit=True)
-    start = start_order(plan, system.parts, system.wires)
+    start = start_order(plan, inner.parts, [wire for wire in inner.wires if wire.ends[0][0] in inner.parts])
     if source is not None:
         start = replace(start, order=(len(plan.parts) - 1, *start.order))
-    variables = composite_variables(system, interface)
+    variables = composite_variables(inner, interface)
     tolerance = experiment.loop_tolerance or LOOP_TOLERANCE
 
     def tables(guid: str) -> str:
@@ -87,11 +89,11 @@ def compose(
 
     def description(guid: str) -> bytes:
         return composite_description(
-            Texts(identifier, guid, _summary(system), made, units),
-            system.parts,
+            Texts(identifier, guid, _summary(inner), made, units),
+            inner.parts,
             variables,
-            step_dependencies(system, variables),
-            start_dependencies(system, variables),
+            step_dependencies(inner, variables),
+            start_dependencies(inner, variables),
             experiment,
         )
 
@@ -99,7 +101,7 @@ def compose(
     files[f"{identifier}.c"] = tables(guid)
     members: dict[str, bytes] = {"modelDescription.xml": description(guid)}
     members |= {f"sources/{key}": text.encode() for key, text in files.items()}
-    members |= _documentation(system, identifier, codes, variables)
+    members |= _documentation(inner, identifier, codes, variables)
     compiling = {unit: _includes(unit, files) for unit in units}
     for target in targets:
         members[f"binaries/{target.folder}/{identifier}{target.suffix}"] = linked(target, compiling, identifier)

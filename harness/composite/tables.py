@@ -246,13 +246,14 @@ class _Writer:
     def variables(self) -> list[str]:
         plan, rows = self._plan, []
         inputs = [variable.name for variable in self._inputs]
+        ends = [(wire.ends[0][1], wire.ends[1][0]) for wire in self._system.wires]
+        moved = {source for source, target in ends if not self._system.parts[target].sampled}
         exchanged = {name: i for i, name in enumerate(plan.names) if i < int(plan.outputs.max(initial=0))}
         for v in self._variables:
             is_input, is_output = v.causality == "input", v.causality == "output"
             setting = "SET_ALWAYS" if is_input else _SETTINGS[v.early] if v.start is not None else "SET_NEVER"
             reference = inputs.index(v.name) if is_input else v.reference
-            target = plan.parts[self._index[v.part]] if v.part else None
-            finite = is_input and v.port.type == "Real" and target is not None and not target.sampled
+            finite = is_input and v.port.type == "Real" and v.name in moved
             row = (
                 *(_text(v.name), self._index[v.part] if v.part else -1, exchanged.get(v.name, -1), reference),
                 *(TYPE_ORDER.index(v.port.type), setting, int(is_input), int(is_output), int(finite)),

@@ -68,6 +68,11 @@ def composite_variables(system: Assembly, interface: Interface) -> list[Variable
             found += _of_fmu(name, part, system.start, interface, wired)
         else:
             found += _of_series(name, part, interface)
+    known = {variable.name for variable in found}
+    for name, port in interface.inputs.items():  # outputs of sources that the FMU does not contain
+        if name not in known:
+            variability = "continuous" if port.type == "Real" else "discrete"
+            found.append(Variable(name, "", port, 0, "input", variability, start=port.start or 0.0))
     inputs = [variable for variable in found if variable.causality == "input"]
     outputs = [variable for variable in found if variable.causality == "output"]
     rest = [variable for variable in found if variable.causality not in ("input", "output")]

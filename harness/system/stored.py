@@ -137,7 +137,8 @@ class StoredSystem:
         master : {"newton", "adaptive"} or None
             Master algorithm inside the FMU; None takes adaptive if the experiment does, and newton otherwise.
         inputs : sequence of str or None
-            Inputs of the FMU, as "part.port"; None takes all inputs that nothing drives. The others are parameters.
+            Inputs of the FMU, as "part.port"; None takes all inputs that nothing drives. The others are parameters. An
+            output of a part without inputs, such as a reference, becomes an input in place of this part.
         outputs : sequence of str or None
             Outputs of the FMU, with ``*`` and ``?``; None takes all outputs. The others are local variables.
         platforms : sequence of str

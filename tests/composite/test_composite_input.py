@@ -110,6 +110,12 @@ def test_a_loop_that_the_master_cannot_solve(tmp_path: Path) -> None:
     check(str(caught.value), ["algebraic loop pid.u -> pid.f -> pid.u", "delay"], tmp_path)
 
 
+def test_a_reference_must_become_inputs_entirely(tmp_path: Path) -> None:
+    with open_system(EXAMPLES / "compensated_axis.toml") as system, pytest.raises(HarnessError) as caught:
+        system.to_fmu(tmp_path / "axis.fmu", inputs=["reference.r"])
+    check(str(caught.value), ["'reference'", "reference.rd", "list reference.rd"], tmp_path)
+
+
 def test_manipulators(tmp_path: Path) -> None:
     experiment = Experiment(stop=1.0, step=1e-3, manipulators=(Bias("friction.v", 0.1),))
     parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("LuGre"))]

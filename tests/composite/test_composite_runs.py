@@ -120,3 +120,23 @@ def test_composites_can_be_parts(tmp_path: Path) -> None:
 @given(data=st.data())
 def test_random_systems(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     check_random_system(tmp_path_factory.getbasetemp(), data)
+
+
+def test_a_reference_can_become_inputs(tmp_path: Path) -> None:
+    """One input drives all laws that read the reference; the record plays it back outside the FMU."""
+    outputs = ("reference.r", "reference.rd", "reference.rdd")
+    with open_system(EXAMPLES / "compensated_axis.toml") as system:
+        system.to_fmu(tmp_path / "servo.fmu", inputs=outputs)
+        expected = run_parts(system, 0.2)
+        steps = 0.5e-3 * np.arange(401)
+        columns = {name.replace(".", "_"): expected[name] for name in outputs}
+        units = {name.replace(".", "_"): unit for name, unit in zip(outputs, ("m", "m/s", "m/s2"), strict=True)}
+    record = SeriesPart("record", steps, columns, units)
+    part = FmuPart("servo", tmp_path / "servo.fmu")
+    assert [port.name for port in part.inputs] == [*outputs]
+    wires = [(f"record.{name.replace('.', '_')}", f"servo.{name}") for name in outputs]
+    with System([record, part], wires) as system:
+        found = system.run(stop=0.2, step=0.5e-3, order=["servo", "record"])
+    for port in part.outputs:
+        difference = np.abs(found[f"servo.{port.name}"].to_numpy() * 1.0 - expected[port.name])
+        assert difference.max() <= 1e-12 * max(np.abs(expected[port.name] * 1.0).max(), 1e-6), port.name

@@ -121,6 +121,25 @@ def test_the_archive_repeats_the_run(files: Recommended, tmp_path: Path) -> None
     assert rms_of(trace, files) == pytest.approx(files.rms, rel=tolerance(files, 1e-6))
 
 
+def test_one_fmu_moves_as_the_archive(files: Recommended) -> None:
+    """`servo_axis.fmu` reads the reference of the archive once a sample; `axis.fmu` has the drive force only."""
+    with System.from_ssp(files.folder / "axis.ssp") as system:
+        experiment, reference = system.experiment, system.parts["reference"]
+        assert experiment is not None
+        assert isinstance(reference, FmuPart)
+        expected = system.run(master="newton", record=["axis.x"], decimate=EVERY)["axis.x"].to_numpy()
+        one = FmuPart("one", files.folder / "servo_axis.fmu")
+        wires = [f"{port.name} -> one.{port.name}" for port in one.inputs]
+        start = {name: value for name, value in system.start.items() if name.startswith("reference.")}
+        again = FmuPart("reference", reference.path)
+        with System([again, one], wires, start) as alone:
+            order = ["one", "reference"]  # laws take their samples at the beginning of a step
+            result = alone.run(stop=experiment.stop, step=EVERY * experiment.step, record=["one.axis.x"], order=order)
+    found = result["one.axis.x"].to_numpy()
+    assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
+    assert [port.name for port in FmuPart("one", files.folder / "axis.fmu").inputs] == ["axis.F_drive"]
+
+
 def test_the_archive_records_the_error_with_a_rigid_contact(tmp_path: Path) -> None:
     """It needs the implicit master, under which other parts are stepped after the contact."""
     plant = Plant("Coulomb", {"Fc": 1.0}, 1.0, 0.2)
@@ -242,7 +261,9 @@ def test_nothing_recommended_has_no_code(tmp_path: Path) -> None:
     reference = build_reference(T, R, tmp_path, "Reference")
     bench = Bench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2), R)
     export_recommended(tmp_path, bench, Scheme(SERVO), "test", "", None)
-    assert {path.name for path in (tmp_path / "recommended").iterdir()} == {"README.md", "axis.ssp"}
+    assert {path.name for path in (tmp_path / "recommended").iterdir()} == {
+        *("README.md", "axis.ssp", "axis.fmu", "servo_axis.fmu")
+    }
     text = (tmp_path / "recommended" / "README.md").read_text(encoding="utf-8")
     assert "No compensator is recommended" in text
 
