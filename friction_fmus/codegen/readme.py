@@ -169,7 +169,9 @@ def _start(export: Export) -> str:
     """Return how the law takes over from another controller."""
     p = export.prefix
     if not export.tracks:
-        return _fill(f"The law has no memory that could carry a force. `{p}.h` says what happens when it is enabled.")
+        enabled = any(variable.name == "enable" for variable in export.groups["inputs"])
+        more = f" `{p}.h` says what happens when it is enabled." if enabled else ""
+        return _fill(f"The law has no memory that could carry a force.{more}")
     detail = (
         "`outputs.u` is then `force`, as far as its limits and the memory of the law allow, and continues from it. "
         "`enable` must be true in this sample."

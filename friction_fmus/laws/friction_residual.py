@@ -9,6 +9,7 @@ from friction_fmus.lawkit.law import (
     FORCE,
     LENGTH,
     VELOCITY,
+    Command,
     Input,
     Output,
     Parameter,
@@ -53,6 +54,7 @@ def friction_residual(
     F_model: SX = Input(FORCE, 0.0, "force of the friction model, or of a feedforward law"),
     x: SX = Input(LENGTH, 0.0, "position, or its reference"),
     v: SX = Input(VELOCITY, 0.0, "velocity, or its reference"),
+    enable: SX = Command(True, "false: F = F_model"),
     gain: SX = variables.GAIN,
     speed: SX = Parameter(VELOCITY, (1e-3, 3e-3, 1e-2, 3e-2, 1e-1), "speeds of the table, ascending from above 0"),
     x_begin: SX = Parameter(LENGTH, 0.0, "first position of the table"),
@@ -82,7 +84,9 @@ def friction_residual(
     with presliding returns energy that it stored; only_adds keeps the sum passive with every passive model.
 
     Use it for what a model lacks: friction that depends on position and direction, or another curve over speed. Connect
-    a friction model and the motion, or F_hat of a feedforward law and the reference. It has no state.
+    a friction model and the motion, or F_hat of a feedforward law and the reference.
+
+    While enable is false, residual is 0 and F = F_model. The law has no state, so F jumps when enabled in motion.
 
     Limits: the table does not know the history of the motion, so it cannot learn presliding. It is as good as the
     motion from which it was learned; outside it holds the values of the edge.
@@ -110,5 +114,5 @@ def friction_residual(
     way = sign(v)
     opposed = way * F_model
     least = if_else(opposed > 0.0, -opposed, 0.0)
-    residual = way * if_else(resisting < least, least, resisting)
+    residual = if_else(enable, way * if_else(resisting < least, least, resisting), 0.0)
     return {"F": F_model + residual, "residual": residual}

@@ -22,6 +22,7 @@ from friction_fmus.lawkit.law import Kind
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
 BLOCKS = [block.name for block in catalogue().values() if block.kind in ("law", "controller")]
 LIMITED = [name for name in BLOCKS if "u_sat" in catalogue()[name].code]
+ENABLED = [name for name in BLOCKS if re.search(r"\bCOMMAND\s*\(enable,", catalogue()[name].code)]
 ESTIMATING = [name for name in BLOCKS if re.search(r"\bOUTPUT\s*\(F_hat,", catalogue()[name].code)]
 Ts = 1e-3
 LIMIT = 0.05
@@ -183,7 +184,7 @@ def enabled(library: Library, seed: int, count: int) -> list[dict[str, float]]:
     return [values | calm for values in signals(library, seed, count)]
 
 
-@pytest.fixture(params=BLOCKS)
+@pytest.fixture(params=ENABLED)
 def any_library(request: pytest.FixtureRequest, build_fmu: Callable[..., Path]) -> Library:
     return load(build_fmu(request.param, Ts=Ts))
 

@@ -17,7 +17,16 @@ from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.codegen.table import table_header, table_source
 
 LOOP = str(Path(__file__).parents[2] / "examples" / "loop.toml")
-LAWS = ("LuGreFeedforward", "GMSFeedforward", "ExtendedStateObserver", "DisturbanceObserver", "StaticFeedforward", LOOP)
+LAWS = (
+    "LuGreFeedforward",
+    "GMSFeedforward",
+    "GMSObserver",
+    "FrictionResidual",
+    "ExtendedStateObserver",
+    "DisturbanceObserver",
+    "StaticFeedforward",
+    LOOP,
+)
 
 
 @pytest.mark.skipif(shutil.which("cppcheck") is None, reason="cppcheck is not installed")

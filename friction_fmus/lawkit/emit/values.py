@@ -10,6 +10,7 @@ from friction_fmus.lawkit.emit.expressions import (
     COMPARISON,
     FALSE,
     PRIMARY,
+    PRODUCT,
     SUM,
     TRUE,
     UNARY,
@@ -66,8 +67,9 @@ class Values:
                 place = int(node.value)
                 self._texts[number] = Text(rolled.reads[place], PRIMARY, frozenset([place]))
             elif node.operation == "INDEX":
-                index = f"({INDEX} + {node.value:.0f})" if node.value else INDEX
-                self._texts[number] = Text(f"({real.name}){index}", UNARY, frozenset())
+                index = Text(f"({real.name}){INDEX}", UNARY, frozenset())
+                first = literal(node.value, real)
+                self._texts[number] = joined(index, "+", first, SUM, (SUM, PRODUCT)) if node.value else index
             elif node.brief:
                 self._texts[number] = self._expression(number)
 
