@@ -113,6 +113,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
                 knowns[i])
         REQUIRE(isfinite(seed[i]), "fmi2GetDirectionalDerivative: seed %d is not finite", (int)i)
     }
+    const bool fresh = c->refreshed || !c->memory.stale;
     const fmi2Status status = check_get(c, NULL, 0, NULL, REAL);
     if (status != fmi2OK)
         return status;
@@ -135,6 +136,10 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
         result[i] = found[i];
     free(room);
     free(references);
+    if (!good && !fresh) { /* as before the values were computed */
+        (void)roll_back_all(c);
+        c->refreshed = false;
+    }
     REQUIRE(good, "fmi2GetDirectionalDerivative: a derivative is not finite: %s", c->said)
     return fmi2OK;
 }

@@ -144,6 +144,7 @@ typedef struct {
     int64_t signal;     /* where the engine keeps its value; -1: its part is asked */
     uint32_t reference; /* in its part; the number of an input */
     int type, setting;
+    double min, max;
     bool is_input, is_output, finite; /* finite: NaN is refused when it is set */
 } Variable;
 

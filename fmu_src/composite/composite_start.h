@@ -121,6 +121,18 @@ static fmi2Status settle(Instance *c, const char *function)
     return fmi2OK;
 }
 
+/* The same for a call that may be refused: then nothing changes. */
+static fmi2Status settle_or_return(Instance *c, const char *function)
+{
+    if (!c->memory.stale)
+        return fmi2OK;
+    REQUIRE(keep_all(c), "%s: a part cannot save its state: %s", function, c->said)
+    const fmi2Status status = settle(c, function);
+    if (status != fmi2OK)
+        (void)roll_back_all(c);
+    return status;
+}
+
 /* Perform a call of every FMU; the reason for a failure is its last message. */
 #define ALL_PARTS(function, call)                                                                                      \
     c->said[0] = '\0';                                                                                                 \
@@ -163,16 +175,17 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component component)
 {
     ENTER("ExitInitializationMode", MAY_ExitInitializationMode)
     Memory *const m = &c->memory;
+    REQUIRE(keep_all(c), "fmi2ExitInitializationMode: a part cannot save its state: %s", c->said)
     const fmi2Status status = settle(c, "fmi2ExitInitializationMode");
+    bool good = true;
+    for (int64_t i = 0; i < PARTS && good && status == fmi2OK; i++)
+        good = !is_fmu(i) || part_data[i].functions->leave(c->parts[i].component) <= fmi2Warning;
+    good = good && (status != fmi2OK || fetch_all(c));
+    if (!good || status != fmi2OK)
+        (void)roll_back_all(c);
     if (status != fmi2OK)
         return status;
-    REQUIRE(keep_all(c), "fmi2ExitInitializationMode: a part cannot save its state: %s", c->said)
-    for (int64_t i = 0; i < PARTS; i++)
-        if (is_fmu(i) && part_data[i].functions->leave(c->parts[i].component) > fmi2Warning) {
-            (void)roll_back_all(c);
-            return report(c, fmi2Error, LOG_ERROR, "%s", c->said);
-        }
-    REQUIRE(fetch_all(c), "fmi2ExitInitializationMode: %s failed: %s", part_data[c->engine.failed_part].name, c->said)
+    REQUIRE(good, "fmi2ExitInitializationMode: %s", c->said)
     newton_begin(&c->engine, &c->newton);
     for (int64_t k = 0; k < DELAYS; k++)
         for (int64_t i = 0; i < c->delays[k].length; i++)

@@ -19,6 +19,7 @@ static fmi2Status refresh_direct(Instance *c, const char *function)
     if (c->refreshed || !c->memory.stale || MODE(c) != STEP_COMPLETE || START_LOOP)
         return fmi2OK;
     c->said[0] = '\0';
+    REQUIRE(keep_all(c), "%s: a part cannot save its state: %s", function, c->said)
     memcpy(c->earlier, signals, sizeof c->memory.signals);
     for (int64_t k = 0; k < SIGNALS; k++)
         if (input_of_signal[k] >= 0)
@@ -33,6 +34,8 @@ static fmi2Status refresh_direct(Instance *c, const char *function)
     }
     memcpy(c->shown, signals, sizeof c->memory.signals);
     memcpy(signals, c->earlier, sizeof c->memory.signals);
+    if (status > 1)
+        (void)roll_back_all(c);
     REQUIRE(status <= 1, "%s: a part rejects the values that were set: %s", function, c->said)
     c->refreshed = true;
     return fmi2OK;
@@ -60,7 +63,7 @@ static fmi2Status check_get(Instance *c, const fmi2ValueReference references[], 
     for (size_t i = 0; i < n; i++)
         REQUIRE(known(references[i], type), "fmi2Get%s: there is no %s variable with value reference %u",
                 type_names[type], type_names[type], references[i])
-    return MODE(c) == INITIALIZING ? settle(c, "fmi2Get") : refresh_direct(c, "fmi2Get");
+    return MODE(c) == INITIALIZING ? settle_or_return(c, "fmi2Get") : refresh_direct(c, "fmi2Get");
 }
 
 #define GET(TYPE, type, value_type, from)                                                                              \
@@ -95,6 +98,9 @@ static fmi2Status check_set(Instance *c, fmi2ValueReference reference, double va
     if (v->finite && !isfinite(value))
         return report(c, fmi2Discard, LOG_DISCARD, "fmi2Set%s: %s = %g is not finite", type_names[type], v->name,
                       value);
+    if (value < v->min || value > v->max)
+        return report(c, fmi2Discard, LOG_DISCARD, "fmi2Set%s: %s = %g is outside [%g, %g]", type_names[type], v->name,
+                      value, v->min, v->max);
     return fmi2OK;
 }
 

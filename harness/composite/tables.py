@@ -255,10 +255,11 @@ class _Writer:
             is_input, is_output = v.causality == "input", v.causality == "output"
             setting = "SET_ALWAYS" if is_input else _SETTINGS[v.early] if v.start is not None else "SET_NEVER"
             reference = inputs.index(v.name) if is_input else v.reference
-            finite = is_input and v.port.type == "Real" and v.name in moved
+            finite = v.port.type == "Real" and (not is_input or v.name in moved)
             row = (
                 *(_text(v.name), self._index[v.part] if v.part else -1, exchanged.get(v.name, -1), reference),
-                *(TYPE_ORDER.index(v.port.type), setting, int(is_input), int(is_output), int(finite)),
+                *(TYPE_ORDER.index(v.port.type), setting, *map(_number, v.port.limits)),
+                *(int(is_input), int(is_output), int(finite)),
             )
             rows.append(f"    {{{', '.join(str(x) for x in row)}}},")
         return ["static const Variable variables[] = {", *rows, "};"]
