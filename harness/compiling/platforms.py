@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
@@ -102,7 +102,7 @@ def compiled(
     return universal(slices) if len(slices) > 1 else slices[0]
 
 
-def linked(platform: Platform, units: Mapping[str, Mapping[str, str]], name: str) -> bytes:
+def linked(platform: Platform, units: Mapping[str, Mapping[str, str]], name: str, quiet: Collection[str] = ()) -> bytes:
     """Compile and link a library of several C files for a platform; the object of each file is cached.
 
     Parameters
@@ -113,19 +113,21 @@ def linked(platform: Platform, units: Mapping[str, Mapping[str, str]], name: str
         For each file to compile, its text and those of the files that it includes, by path.
     name : str
         Name of the library.
+    quiet : collection of str
+        Files of other tools, whose warnings do not matter.
 
     Raises
     ------
     BuildError
         If a file does not compile, or the library cannot be linked.
     """
-    slices = [_linked(target, units, f"{name}{platform.suffix}") for target in platform.targets]
+    slices = [_linked(target, units, f"{name}{platform.suffix}", quiet) for target in platform.targets]
     return universal(slices) if len(slices) > 1 else slices[0]
 
 
-def _linked(target: str | None, units: Mapping[str, Mapping[str, str]], library: str) -> bytes:
+def _linked(target: str | None, units: Mapping[str, Mapping[str, str]], library: str, quiet: Collection[str]) -> bytes:
     def make(unit: str) -> bytes:
-        return _object(target, unit, units[unit])
+        return _object(target, unit, units[unit], warns=unit not in quiet)
 
     with ThreadPoolExecutor(available()) as pool:
         objects = dict(zip(units, pool.map(make, units), strict=True))
@@ -145,16 +147,16 @@ def _linked(target: str | None, units: Mapping[str, Mapping[str, str]], library:
     return cached(toolchain.cache_folder() / "libraries" / f"{digest}-{library}", link_it)
 
 
-def _object(target: str | None, unit: str, sources: Mapping[str, str]) -> bytes:
+def _object(target: str | None, unit: str, sources: Mapping[str, str], *, warns: bool) -> bytes:
     """Return the object of one C file, from the cache or compiled."""
 
     def compile_it() -> bytes:
         with _scratch() as scratch:
             _write(scratch, sources)
-            toolchain.compile_object(scratch, unit, scratch / "unit.o", target=target)
+            toolchain.compile_object(scratch, unit, scratch / "unit.o", warns=warns, target=target)
             return (scratch / "unit.o").read_bytes()
 
-    digest = _digest(target, " ".join((unit, *toolchain.SECTIONS)), sources)
+    digest = _digest(target, " ".join((unit, *toolchain.SECTIONS, *toolchain.QUIET[warns:])), sources)
     return cached(toolchain.cache_folder() / "objects" / f"{digest}.o", compile_it)
 
 

@@ -25,6 +25,8 @@ FLAGS = (
 LINK_FLAGS = ("-shared", "-s", "-lm")
 SECTIONS = ("-ffunction-sections", "-fdata-sections")
 """Flags of object files, so that the linker can remove what nothing calls."""
+QUIET = ("-w",)
+"""Flag for files of other tools."""
 
 
 def cache_folder() -> Path:
@@ -123,9 +125,20 @@ def compile_library(
     _run(folder, command, f"{source} does not compile", target)
 
 
-def compile_object(folder: Path, source: str, output: Path, *, target: str | None = None) -> None:
+def compile_object(folder: Path, source: str, output: Path, *, warns: bool = True, target: str | None = None) -> None:
     """Compile a C file that includes the FMI headers to an object file; see `compile_library`."""
-    command = [*compiler(target), *FLAGS, *SECTIONS, "-I", str(header_folder()), "-c", source, "-o", str(output)]
+    command = [
+        *compiler(target),
+        *FLAGS,
+        *SECTIONS,
+        *QUIET[warns:],
+        "-I",
+        str(header_folder()),
+        "-c",
+        source,
+        "-o",
+        str(output),
+    ]
     _run(folder, command, f"{source} does not compile", target)
 
 

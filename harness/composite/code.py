@@ -43,6 +43,8 @@ class PartCode:
         Text of each source file.
     compiled : tuple of str
         The files to compile.
+    own : bool
+        Whether this project has generated the FMU; warnings of the compiler are errors then.
     """
 
     folder: str
@@ -51,6 +53,7 @@ class PartCode:
     guid: str
     files: Mapping[str, str]
     compiled: tuple[str, ...]
+    own: bool
 
     @property
     def sources(self) -> dict[str, str]:
@@ -95,7 +98,9 @@ def part_codes(parts: Mapping[str, Part], name: str) -> dict[str, PartCode]:
             folder = next(
                 folder for k in range(len(taken) + 1) if (folder := identifier + f"_{k + 1}" * (k > 0)) not in taken
             )
-            codes[part.name] = next(same, PartCode(folder, f"{name}_{folder}_", identifier, guid, files, compiled))
+            codes[part.name] = next(
+                same, PartCode(folder, f"{name}_{folder}_", identifier, guid, files, compiled, part.strict)
+            )
     return codes
 
 

@@ -174,7 +174,7 @@ def check_parts(system: OpenSystem) -> None:
     Raises
     ------
     BuildError
-        If a part is neither an FMU nor a recorded series.
+        If a part is neither an FMU nor a recorded series, or cannot save its state.
     """
     if not any(isinstance(part, FmuPart) for part in system.parts.values()):
         raise BuildError(f"the system '{system.name}' contains no FMU: add one")
@@ -182,6 +182,10 @@ def check_parts(system: OpenSystem) -> None:
         if not isinstance(part, (FmuPart, SeriesPart)):
             raise BuildError(
                 f"'{part.name}' is a part in Python, which cannot be compiled: replace it with a law or a .c file"
+            )
+        if not part.saves:
+            raise BuildError(
+                f"'{part.name}' cannot save its state, so a composite FMU could not refuse a step: use another FMU"
             )
 
 

@@ -102,9 +102,10 @@ def compose(
     members: dict[str, bytes] = {"modelDescription.xml": description(guid)}
     members |= {f"sources/{key}": text.encode() for key, text in files.items()}
     members |= _documentation(inner, identifier, codes, variables)
+    quiet = {key for code in codes.values() if not code.own for key in code.wrappers}
     compiling = {unit: _includes(unit, files) for unit in units}
     for target in targets:
-        members[f"binaries/{target.folder}/{identifier}{target.suffix}"] = linked(target, compiling, identifier)
+        members[f"binaries/{target.folder}/{identifier}{target.suffix}"] = linked(target, compiling, identifier, quiet)
     content = _zipped(members, made)
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
