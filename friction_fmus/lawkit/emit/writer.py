@@ -158,12 +158,19 @@ class Writer(Values):
             read |= {value for other in stores if other is not store for value in other.values(self._nodes)}
             old = any(self._nodes[n].operation == "INPUT" and self._element(n) == store.places[0] for n in read)
             exact = store.side is None or not self._zeros.becomes_plus(store.node, store.side)
-            exact = exact and bool(values) and self._is_condition(values[0]) == (store.places[0] in self._flags)
+            exact = exact and bool(values) and self._fits(values[0], store.places[0])
             if found and exact and not old and values[0] not in self._elements and len(store.places) == 1:
                 self._elements[values[0]] = store.places[0]
+                if store.places[0] not in self._flags:
+                    self._truths.discard(values[0])
             else:
                 left.append(store)
         return left if later else [*stores]
+
+    def _fits(self, number: int, place: str) -> bool:
+        """Return whether a place has the type of a value, or the value is a select, which can also be a number."""
+        select = self._nodes[number].operation in DECIDES
+        return (place in self._flags) == self._is_condition(number) or (select and place not in self._flags)
 
     def _ends_with(self, block: Block, vectors: Sequence[int]) -> bool:
         """Return whether the last decision of a block assigns all these vectors."""
