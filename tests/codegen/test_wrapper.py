@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from itertools import product
@@ -117,7 +118,7 @@ def test_the_class_computes_what_the_functions_compute(
         "law.c": implementation(export),
         "law.hpp": wrapper(export),
         "law_test.c": unit_test(export, vectors(export)),
-        "program.cpp": PROGRAM if model == "PID" else PROGRAM.replace("Kp", "servo_Kp"),
+        "program.cpp": PROGRAM if model == "PID" else re.sub(r"\b(Kp|integral|held|side)\b", r"servo_\1", PROGRAM),
     }
     for name, text in texts.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
