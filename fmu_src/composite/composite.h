@@ -312,5 +312,6 @@ static bool roll_back_all(Instance *c)
 #include "composite_state.h"
 #include "composite_step.h"
 #include "composite_values.h"
+#include "composite_derivatives.h"
 
 #endif

@@ -25,6 +25,7 @@ typedef struct {
     fmi2SerializeFMUstateTYPE *serialize;
     fmi2DeSerializeFMUstateTYPE *deserialize;
     fmi2GetRealOutputDerivativesTYPE *get_derivatives;
+    fmi2GetDirectionalDerivativeTYPE *get_directional;
     Exchange *set[TYPES], *get[TYPES];
     DoStep *do_step;
     GetState *get_state;
@@ -45,6 +46,7 @@ typedef struct {
     fmi2SerializedFMUstateSizeTYPE prefix##fmi2SerializedFMUstateSize;                                                 \
     fmi2SerializeFMUstateTYPE prefix##fmi2SerializeFMUstate;                                                           \
     fmi2DeSerializeFMUstateTYPE prefix##fmi2DeSerializeFMUstate;                                                       \
+    fmi2GetDirectionalDerivativeTYPE prefix##fmi2GetDirectionalDerivative;                                             \
     fmi2GetRealOutputDerivativesTYPE prefix##fmi2GetRealOutputDerivatives;                                             \
     EXCHANGES(prefix, Real)                                                                                            \
     EXCHANGES(prefix, Integer)                                                                                         \
@@ -98,6 +100,7 @@ typedef struct {
      prefix##fmi2SerializeFMUstate,                                                                                    \
      prefix##fmi2DeSerializeFMUstate,                                                                                  \
      prefix##fmi2GetRealOutputDerivatives,                                                                             \
+     prefix##fmi2GetDirectionalDerivative,                                                                             \
      {prefix##set_Real, prefix##set_Integer, prefix##set_Boolean},                                                     \
      {prefix##get_Real, prefix##get_Integer, prefix##get_Boolean},                                                     \
      prefix##do_step,                                                                                                  \

@@ -164,16 +164,6 @@ fmi2Status fmi2SetString(fmi2Component component, const fmi2ValueReference refer
 
 /* ---- derivatives -------------------------------------------------------------------------------------------- */
 
-fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2ValueReference unknowns[], size_t n_unknowns,
-                                        const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
-                                        fmi2Real result[])
-{
-    ENTER("GetDirectionalDerivative", MAY_GetDirectionalDerivative)
-    (void)unknowns, (void)n_unknowns, (void)knowns, (void)n_knowns, (void)seed, (void)result;
-    return report(c, fmi2Error, LOG_ERROR, "fmi2GetDirectionalDerivative: %s provides no directional derivatives",
-                  QUOTE(MODEL));
-}
-
 static fmi2Status check_derivatives(const Instance *c, const char *function, bool of_inputs,
                                     const fmi2ValueReference references[], size_t n, const fmi2Integer orders[],
                                     const fmi2Real values[])

@@ -130,7 +130,14 @@ def capabilities(parts: Mapping[str, Part]) -> dict[str, str]:
         "canNotUseMemoryManagementFunctions": "true",
         "canGetAndSetFMUstate": "true",
         "canSerializeFMUstate": _flag(all(each.canSerializeFMUstate for each in flags)),
+        "providesDirectionalDerivative": _flag(provides_derivatives(parts)),
     }
+
+
+def provides_derivatives(parts: Mapping[str, Part]) -> bool:
+    """Return whether all parts provide directional derivatives."""
+    fmus = [part for part in parts.values() if isinstance(part, FmuPart)]
+    return all(part.archive.description.coSimulation.providesDirectionalDerivative for part in fmus)
 
 
 def _flag(value: bool) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.composite.code import PartCode
+from harness.composite.description import provides_derivatives
 from harness.composite.interface import InputsPart, OpenSystem
 from harness.composite.variables import Variable
 from harness.engine.defect import UNRESOLVED
@@ -130,6 +131,7 @@ class _Writer:
             "START_VALUES": len(self._starts),
             "VARIABLES": len(self._variables),
             "DIRECT": len(self._direct()),
+            "PROVIDES_DERIVATIVES": int(provides_derivatives(self._system.parts)),
             "CHECKED": int(plan.outputs.max(initial=0)),
         }
         return ["enum {", *(f"    {key} = {value}," for key, value in sizes.items()), "};"]

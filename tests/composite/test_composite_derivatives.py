@@ -1,0 +1,77 @@
+"""Directional derivatives of a composite FMU against central differences of its own outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from shell.instance import ERROR, Instance, load
+
+from friction_fmus import fmu
+from harness import Experiment, FmuPart, System, Wire
+
+
+def difference(run: Instance, output: str, name: str, at: float, h: float) -> float:
+    values = []
+    for value in (at + h, at - h):
+        run.set({name: value})
+        values.append(run.get1(output))
+    run.set({name: at})
+    return (values[0] - values[1]) / (2.0 * h)
+
+
+@pytest.mark.parametrize("output", ["mass.a", "mass.F_ext", "mass.x"])
+@pytest.mark.parametrize(("name", "at"), [("mass.F_drive", 0.3), ("mass.v_support", 0.1)])
+def test_outputs_by_inputs_between_steps(compose: Callable[[str], Path], output: str, name: str, at: float) -> None:
+    with Instance(load(compose("stick_slip"))) as run:
+        run.initialise()
+        run.step(0.0, 1e-3)
+        expected = difference(run, output, name, at, 1e-3)
+        assert run.directional([output], {name: 2.0})[0] == pytest.approx(2.0 * expected, rel=1e-7, abs=1e-7)
+
+
+@pytest.mark.parametrize(("name", "at"), [("mass.v0", 0.2), ("friction.Fs", 1.4), ("friction.sigma2", 0.5)])
+def test_start_values_by_parameters(compose: Callable[[str], Path], name: str, at: float) -> None:
+    """The start velocity drives the friction force, which drives the acceleration."""
+    with Instance(load(compose("stick_slip"))) as run:
+        run.setup()
+        run.must("EnterInitializationMode")
+        run.set({"mass.v0": 0.2, "friction.z": 1e-5})
+        run.set({name: at})
+        for output in ("friction.F", "mass.a"):
+            expected = difference(run, output, name, at, 1e-4)
+            assert run.directional([output], {name: 1.0})[0] == pytest.approx(expected, rel=1e-6, abs=1e-7)
+        run.must("ExitInitializationMode")
+        run.set({"friction.Fc": 0.9})
+        assert run.call("GetDirectionalDerivative", None, 0, None, 0, None, None) == 0
+
+
+def test_through_an_algebraic_loop(tmp_path: Path) -> None:
+    """y = x + 0.5 y + ... : two Sums that read each other; dy/dx = 1/(1 - 0.5 * 0.4)."""
+    parts = [FmuPart("a", fmu("Sum")), FmuPart("b", fmu("Sum"))]
+    wires = [Wire("a.y", "b.u1", gain=0.5), Wire("b.y", "a.u2", gain=0.4)]
+    start = {f"{part.name}.{port.name}": 0.0 for part in parts for port in part.inputs}
+    for target in ("b.u1", "a.u2"):
+        start.pop(target)
+    with System(parts, wires, start, Experiment(stop=1.0, step=1e-2)) as system:
+        system.to_fmu(tmp_path / "loop.fmu")
+    with Instance(load(tmp_path / "loop.fmu")) as run:
+        run.setup()
+        run.must("EnterInitializationMode")
+        run.set({"a.u1": 1.0})
+        assert run.get("a.y", "b.y") == pytest.approx([1.25, 0.625], rel=1e-12)
+        assert run.directional(["a.y", "b.y"], {"a.u1": 1.0}) == pytest.approx([1.25, 0.625], rel=1e-7)
+        run.must("ExitInitializationMode")
+        run.step(0.0, 1e-2)
+        assert run.directional(["a.y", "b.y"], {"a.u1": 2.0}) == pytest.approx([2.5, 1.25], rel=1e-7)
+
+
+def test_wrong_requests_are_errors(compose: Callable[[str], Path]) -> None:
+    with Instance(load(compose("stick_slip"))) as run:
+        run.initialise()
+        with pytest.raises(AssertionError):
+            run.directional(["mass.F_drive"], {"mass.F_drive": 1.0})
+        with pytest.raises(AssertionError):
+            run.directional(["mass.a"], {"mass.m": 1.0})  # parameters are knowns at the start only
+        assert run.messages[-1][1] == ERROR
