@@ -116,7 +116,7 @@ def test_the_command_writes_the_fmu(tmp_path: Path, capsys: pytest.CaptureFixtur
     learned = learn_residual(result)
     assert learned is not None
     parts = [FmuPart("learned", out / "CoulombResidual.fmu")]
-    with System(parts, [], {"learned.F_model": 3.0, "learned.x": 0.03, "learned.v": 0.1}) as system:
-        found = system.run(stop=0.01, step=1e-3)["learned.F"].to_numpy()[-1]
+    with System(parts, [], {"learned.f": 3.0, "learned.x": 0.03, "learned.v": 0.1}) as system:
+        found = system.run(stop=0.01, step=1e-3)["learned.u"].to_numpy()[-1]
     expected = learned.table.total(np.array([3.0]), np.array([0.03]), np.array([0.1]))[0]
     assert found == pytest.approx(expected, abs=0.05)
