@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping
+from numbers import Integral
 
 from friction_fmus.blocks.macros import table
 from friction_fmus.errors import BuildError, UnknownNameError, nearest
@@ -130,7 +131,7 @@ def _with_start_value(code: str, variable: str, value: float | int | bool) -> st
     match = rows[name]
     spans = _arguments(code, match.start(2))
     begin, end = spans[START_ARGUMENT[match.group(1)]]
-    text = str(int(value)) if isinstance(value, bool) else repr(value)
+    text = str(int(value)) if isinstance(value, Integral) else repr(float(value))
     if element:
         values = [part.strip() for part in code[begin:end].strip("()").split(",")]
         number = int(element.group(2))

@@ -39,8 +39,8 @@ class ResidualTable:
 
     Attributes
     ----------
-    speed : tuple of float
-        Speeds [m/s].
+    v_max : float
+        Largest speed; the others are `SPEEDS` times it [m/s].
     x_begin, spacing : float
         First position, and distance of the positions [m].
     forward, backward : tuple of float
@@ -51,7 +51,7 @@ class ResidualTable:
         Whether the residual never assists the motion.
     """
 
-    speed: tuple[float, ...]
+    v_max: float
     x_begin: float
     spacing: float
     forward: tuple[float, ...]
@@ -67,9 +67,9 @@ class ResidualTable:
         dict of str to float or bool
             Values by variable.
         """
-        vectors = {"speed": self.speed, "forward": self.forward, "backward": self.backward}
+        vectors = {"forward": self.forward, "backward": self.backward}
         elements = {f"{name}[{i}]": each for name, values in vectors.items() for i, each in enumerate(values, 1)}
-        rest = {"x_begin": self.x_begin, "spacing": self.spacing, "R_max": self.R_max, "only_adds": self.only_adds}
+        rest = {name: vars(self)[name] for name in ("v_max", "x_begin", "spacing", "R_max", "only_adds")}
         return {**elements, **rest}
 
     def total(self, F_model: Array, x: Array, v: Array) -> Array:
@@ -86,7 +86,7 @@ class ResidualTable:
             Force [N].
         """
         weights = np.array([*self.forward, *self.backward])
-        along = np.clip(np.sign(v) * (columns(self.speed, self.x_begin, self.spacing, x, v) @ weights), *self._limits)
+        along = np.clip(np.sign(v) * (columns(self.v_max, self.x_begin, self.spacing, x, v) @ weights), *self._limits)
         way = np.sign(v)
         total: Array = F_model + way * np.maximum(along, -np.maximum(way * F_model, 0.0))
         return total
@@ -150,10 +150,10 @@ class LearnedResidual:
     over_position: bool
 
 
-def columns(speed: Sequence[float], x_begin: float, spacing: float, x: Array, v: Array) -> Array:
+def columns(v_max: float, x_begin: float, spacing: float, x: Array, v: Array) -> Array:
     """Return the force for a unit of each value of the table, forward then backward, shape (n, 80)."""
-    nodes = np.array([0.0, *speed])
-    along_speed = np.interp(np.abs(v), nodes, np.arange(nodes.size))
+    nodes = np.array([0.0, *SPEEDS])
+    along_speed = np.interp(np.abs(v) / v_max, nodes, np.arange(nodes.size))
     along_x = np.clip((x - x_begin) / spacing, 0.0, POSITIONS - 1.0)
     of_speed = np.maximum(1.0 - np.abs(along_speed[:, None] - np.arange(1, nodes.size)), 0.0)
     of_x = np.maximum(1.0 - np.abs(along_x[:, None] - np.arange(POSITIONS)), 0.0)
@@ -200,10 +200,10 @@ def learn_residual(
         )
     parts = [_Part(result, record) for record in result.records]
     v, x = (np.concatenate(values) for values in zip(*((part.v, part.x) for part in parts), strict=True))
-    speed = tuple(float(share * np.max(np.abs(v))) for share in SPEEDS)
+    v_max = float(np.max(np.abs(v)))
     x_begin = float(x.min())
     spacing = float(np.ptp(x)) / (POSITIONS - 1) or 1.0
-    A = np.vstack([part.rows(columns(speed, x_begin, spacing, part.x, part.v)) for part in parts])
+    A = np.vstack([part.rows(columns(v_max, x_begin, spacing, part.x, part.v)) for part in parts])
     target = np.concatenate([part.measured - part.predicted(part.F) for part in parts])
     same = np.kron(np.eye(2 * len(SPEEDS)), np.ones((POSITIONS, 1)))  # one value for all positions
     without = _rms(target)
@@ -216,7 +216,7 @@ def learn_residual(
     weights = shape @ _ridge(A @ shape, target, ridge)
     forward, backward = np.split(weights, 2)
     table = ResidualTable(
-        speed,
+        v_max,
         x_begin,
         spacing,
         tuple(forward.tolist()),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from casadi import SX, fabs, floor, if_else, logic_and, sign
+from itertools import pairwise
+
+from casadi import SX, fabs, floor, if_else, sign
 
 from friction_fmus.lawkit.expressions import clip
 from friction_fmus.lawkit.law import (
@@ -19,22 +21,14 @@ from friction_fmus.lawkit.law import (
 )
 from friction_fmus.lawkit.parts import variables
 
-SPEEDS = 5
+SPEEDS = (0.03, 0.1, 0.3, 0.6, 1.0)  # over v_max
 POSITIONS = 8
-ZEROS = (0.0,) * (SPEEDS * POSITIONS)
+ZEROS = (0.0,) * (len(SPEEDS) * POSITIONS)
 
 
 def hat(distance: SX) -> SX:
     """Return 1 - |distance| within a distance of 1, else 0, without decisions."""
     return (fabs(distance + 1.0) + fabs(distance - 1.0)) / 2.0 - fabs(distance)
-
-
-def ascending(speed: SX) -> SX:
-    """Return whether the speeds ascend from above 0."""
-    holds = speed[0] > 0.0
-    for i in range(1, SPEEDS):
-        holds = logic_and(holds, speed[i] > speed[i - 1])
-    return holds
 
 
 @law(
@@ -45,65 +39,63 @@ def ascending(speed: SX) -> SX:
     Ts=1e-3,
     use=Use("other", never="It corrects the force of a friction model."),
     outputs={
-        "F": Output(FORCE, "friction force with the residual"),
-        "residual": Output(FORCE, "residual, F - F_model"),
+        "u": Output(FORCE, "force with the residual"),
+        "residual": Output(FORCE, "residual, u - f"),
     },
-    conditions={"0 < speed[1] < ... < speed[5]": ascending},
 )
 def friction_residual(
-    F_model: SX = Input(FORCE, 0.0, "force of the friction model, or of a feedforward law"),
+    f: SX = Input(FORCE, 0.0, "force of the friction model, or of a feedforward law"),
     x: SX = Input(LENGTH, 0.0, "position, or its reference"),
     v: SX = Input(VELOCITY, 0.0, "velocity, or its reference"),
-    enable: SX = Command(True, "false: F = F_model"),
+    enable: SX = Command(True, "false: u = 0 and residual = 0"),
     gain: SX = variables.GAIN,
-    speed: SX = Parameter(VELOCITY, (1e-3, 3e-3, 1e-2, 3e-2, 1e-1), "speeds of the table, ascending from above 0"),
+    v_max: SX = Parameter(VELOCITY, 0.1, "largest speed of the table", min=1e-12),
     x_begin: SX = Parameter(LENGTH, 0.0, "first position of the table"),
-    spacing: SX = Parameter(LENGTH, 1e-2, "distance of the positions of the table", min=1e-12),
+    spacing: SX = Parameter(LENGTH, 1e-3, "distance of the positions of the table", min=1e-12),
     forward: SX = Parameter(FORCE, ZEROS, "friction to add in forward motion: 8 positions for each speed"),
     backward: SX = Parameter(FORCE, ZEROS, "friction to add in backward motion, positive if it opposes the motion"),
-    R_max: SX = Parameter(FORCE, 1e3, "largest residual", min=0.0),
+    R_max: SX = Parameter(FORCE, 100.0, "largest residual", min=0.0),
     only_adds: SX = Switch(False, "true: the residual never assists the motion"),
 ) -> dict[str, SX]:
     """Force of a friction model plus a table over speed and position, one for each direction of motion.
 
-        R        = bilinear interpolation of forward (v > 0) or backward (v < 0) at |v| and x, 0 at v = 0
+        R        = forward(|v|, x) for v > 0, backward(|v|, x) for v < 0
         R        = clip(gain R, -R_max, R_max)
         R        = max(R, 0)                           if only_adds
-        R        = max(R, -max(sgn(v) F_model, 0))
+        R        = max(R, -max(sgn(v) f, 0))
         residual = sgn(v) R
-        F        = F_model + residual
+        u        = f + residual
 
-    Below speed[1], R falls to 0 in proportion to |v|; above speed[5] and outside the positions, the values of the edge
-    hold.
+    The tables have the speeds 0.03, 0.1, 0.3, 0.6 and 1 times v_max and 8 equally spaced positions from x_begin on.
+    They are interpolated bilinearly. Below the first speed, R falls to 0 in proportion to |v|; above v_max and outside
+    the positions, the values of the edge hold.
 
     The interpolation is this library's. `learn_residual` of `friction_fmus.identification` finds the table: least
     squares with ridge regularisation on the residual of an identified model, with cross-validation.
 
-    The residual is bounded by R_max and by the values of the table. With it, F v >= min(F_model v, 0) at each instant:
-    where the model resists the motion, F resists it or is 0, so that the sum with a static model is passive. A model
+    The residual is bounded by R_max and by the values of the table. With it, u v >= min(f v, 0) at each instant:
+    where the model resists the motion, u resists it or is 0, so that the sum with a static model is passive. A model
     with presliding returns energy that it stored; only_adds keeps the sum passive with every passive model.
 
     Use it for what a model lacks: friction that depends on position and direction, or another curve over speed. Connect
     a friction model and the motion, or F_hat of a feedforward law and the reference.
 
-    While enable is false, residual is 0 and F = F_model. The law has no state, so F jumps when enabled in motion.
+    While enable is false, u and residual are 0. The law has no state, so u jumps when enabled in motion.
 
     Limits: the table does not know the history of the motion, so it cannot learn presliding. It is as good as the
     motion from which it was learned; outside it holds the values of the edge.
     """
-    magnitude = fabs(v)
-    before = [SX(0.0), *(speed[i] for i in range(SPEEDS - 1))]
+    share = fabs(v) / v_max
     along_speed = SX(0.0)
-    for i in range(SPEEDS):
-        width = speed[i] - before[i]
-        along_speed += clip((magnitude - before[i]) / if_else(width == 0.0, 1.0, width), SX(0.0), SX(1.0))
+    for before, after in pairwise((0.0, *SPEEDS)):
+        along_speed += clip((share - before) / (after - before), SX(0.0), SX(1.0))
     phase = (x - x_begin) / (POSITIONS * spacing)
     within = POSITIONS * (phase - floor(phase))  # a difference of two positions is accurate in single precision
     last = POSITIONS - 1.0
     along_x = if_else(phase < 0.0, 0.0, if_else(phase < last / POSITIONS, within, last))
     of_position = [hat(along_x - j) for j in range(POSITIONS)]
     R = SX(0.0)
-    for i in range(SPEEDS):
+    for i in range(len(SPEEDS)):
         row = SX(0.0)
         for j in range(POSITIONS):
             k = i * POSITIONS + j
@@ -112,7 +104,7 @@ def friction_residual(
     bounded = clip(gain * R, -R_max, R_max)
     resisting = if_else(only_adds, if_else(bounded < 0.0, 0.0, bounded), bounded)
     way = sign(v)
-    opposed = way * F_model
+    opposed = way * f
     least = if_else(opposed > 0.0, -opposed, 0.0)
     residual = if_else(enable, way * if_else(resisting < least, least, resisting), 0.0)
-    return {"F": F_model + residual, "residual": residual}
+    return {"u": if_else(enable, f + residual, 0.0), "residual": residual}

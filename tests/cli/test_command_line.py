@@ -12,6 +12,7 @@ import sys
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from rich.console import Console
@@ -21,7 +22,7 @@ from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.cli import commands
 from friction_fmus.cli.console import RunBar
 from friction_fmus.cli.main import main, parser
-from harness import Parameter, ParameterSet, System, load_result, masters, write_ssv
+from harness import Parameter, ParameterSet, System, load_result, masters, open_archive, write_ssv
 from harness.compiling.platforms import NATIVE
 
 ROOT = Path(__file__).parents[2]
@@ -114,6 +115,12 @@ def test_show_groups_the_variables(monkeypatch: pytest.MonkeyPatch, capsys: pyte
 def test_show_fits_the_terminal(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     lines = shown(name, 80, monkeypatch, capsys)
     assert [line for line in lines if len(line) > 80] == []
+
+
+def test_start_values_of_numpy_are_written_as_numbers(tmp_path: Path) -> None:
+    file = build("PID", tmp_path, {"Kp": np.float64(5e3), "db": np.int64(0), "Ts": np.float32(0.5)})
+    start = {name: variable.start for name, variable in open_archive(file).variables.items()}
+    assert [float(start[name]) for name in ("Kp", "db", "Ts")] == [5e3, 0.0, 0.5]
 
 
 def test_build_burns_start_values_into_xml_and_source(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

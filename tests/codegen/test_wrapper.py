@@ -11,6 +11,7 @@ from typing import Literal
 import pytest
 
 from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import vectors
@@ -48,10 +49,7 @@ static_assert(std::is_trivially_copyable<Law>::value, "a value");
 static_assert(noexcept(Law().step(Law::start())), "no exception");
 
 template <class T> static bool equal(const T &a, const T &b) { return std::memcmp(&a, &b, sizeof a) == 0; }
-static bool equal(const law_states &a, const law_states &b)  /* without the bytes between members */
-{
-    return equal(a.integral, b.integral) && a.held == b.held && equal(a.side, b.side);
-}
+static bool equal(const law_states &a, const law_states &b) { return MEMBERS; }
 
 int main()
 {
@@ -103,6 +101,13 @@ int main()
 """
 
 
+def equal_members(export: Export) -> str:
+    """The comparison of all states, without the bytes between the members of the struct."""
+    names = [v.name for v in export.groups["states"]]
+    names += [f"{name}_low" for name in names if name in export.pairs]
+    return " && ".join(f"equal(a.{name}, b.{name})" for name in names)
+
+
 @pytest.mark.skipif(not shutil.which("g++"), reason="g++ not installed")
 @pytest.mark.parametrize("model", ["PID", "loop"])
 @pytest.mark.parametrize(("real", "standard"), list(product(REALS, ("c++11", "c++20"))))
@@ -117,7 +122,9 @@ def test_the_class_computes_what_the_functions_compute(
         "law.c": implementation(export),
         "law.hpp": wrapper(export),
         "law_test.c": unit_test(export, vectors(export)),
-        "program.cpp": PROGRAM if model == "PID" else PROGRAM.replace("Kp", "servo_Kp"),
+        "program.cpp": (PROGRAM if model == "PID" else PROGRAM.replace("Kp", "servo_Kp")).replace(
+            "MEMBERS", equal_members(export)
+        ),
     }
     for name, text in texts.items():
         (tmp_path / name).write_text(text, encoding="utf-8")

@@ -80,6 +80,13 @@ def test_a_model_of_positions_has_no_residual() -> None:
         learn_residual(replace(result, signal="q"))
 
 
+def test_the_command_says_first_what_it_cannot_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert main(["identify", "emps", "--residual", "--method", "free-run", "-o", str(out)]) == 2
+    assert "--residual needs a fit to forces" in " ".join(capsys.readouterr().err.split())
+    assert not out.exists()
+
+
 @pytest.mark.parametrize(("model", "most"), [("Coulomb", 0.35), ("Stribeck", 0.75), ("LuGre", 0.75)])
 def test_emps_lacks_a_residual(model: str, most: float) -> None:
     """Validation from 15 s on, the friction before."""
@@ -116,7 +123,7 @@ def test_the_command_writes_the_fmu(tmp_path: Path, capsys: pytest.CaptureFixtur
     learned = learn_residual(result)
     assert learned is not None
     parts = [FmuPart("learned", out / "CoulombResidual.fmu")]
-    with System(parts, [], {"learned.F_model": 3.0, "learned.x": 0.03, "learned.v": 0.1}) as system:
-        found = system.run(stop=0.01, step=1e-3)["learned.F"].to_numpy()[-1]
+    with System(parts, [], {"learned.f": 3.0, "learned.x": 0.03, "learned.v": 0.1}) as system:
+        found = system.run(stop=0.01, step=1e-3)["learned.u"].to_numpy()[-1]
     expected = learned.table.total(np.array([3.0]), np.array([0.03]), np.array([0.1]))[0]
     assert found == pytest.approx(expected, abs=0.05)

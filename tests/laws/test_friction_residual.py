@@ -16,13 +16,14 @@ from friction_fmus.identification import ResidualTable
 from friction_fmus.lawkit.files import discover_laws
 
 LAW = next(law for law in discover_laws(laws_folder()) if law.name == "FrictionResidual")
-SPEED = (1e-3, 5e-3, 2e-2, 5e-2, 0.2)
+V_MAX = 0.2
+SPEED = tuple(V_MAX * share for share in (0.03, 0.1, 0.3, 0.6, 1.0))
 BEGIN, SPACING = -0.1, 0.05
 
 
 def table(seed: int, R_max: float = 10.0, only_adds: bool = False) -> ResidualTable:
     forward, backward = np.random.default_rng(seed).normal(size=(2, 40))
-    return ResidualTable(SPEED, BEGIN, SPACING, tuple(forward.tolist()), tuple(backward.tolist()), R_max, only_adds)
+    return ResidualTable(V_MAX, BEGIN, SPACING, tuple(forward.tolist()), tuple(backward.tolist()), R_max, only_adds)
 
 
 def draws(n: int = 4000) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -34,14 +35,12 @@ def draws(n: int = 4000) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def by_law(given: ResidualTable, F: np.ndarray, x: np.ndarray, v: np.ndarray, **others: float) -> np.ndarray:
     values: dict[str, Any] = vars(given) | others
-    return np.array(
-        [LAW.evaluate({**values, "F_model": a, "x": b, "v": c})["F"] for a, b, c in zip(F, x, v, strict=True)]
-    )
+    return np.array([LAW.evaluate({**values, "f": a, "x": b, "v": c})["u"] for a, b, c in zip(F, x, v, strict=True)])
 
 
 @pytest.mark.parametrize(("R_max", "only_adds"), [(10.0, False), (0.3, False), (10.0, True)])
 def test_the_sum_is_bounded_and_resists_the_motion(R_max: float, only_adds: bool) -> None:
-    """F v >= min(F_model v, 0), with F v >= 0 for every force that resists; exactly, for random tables."""
+    """u v >= min(f v, 0), with u v >= 0 for every force that resists; exactly, for random tables."""
     given = table(1, R_max, only_adds)
     F, x, v = draws()
     for total in (by_law(given, F, x, v), given.total(F, x, v)):
@@ -75,7 +74,7 @@ def test_a_cycle_through_a_static_model_dissipates() -> None:
     x, v = 0.1 * np.sin(phase), 0.1 * np.cos(phase)
     for seed in range(20):
         forward, backward = 5.0 * np.random.default_rng(seed).normal(size=(2, 40))
-        given = ResidualTable(SPEED, BEGIN, SPACING, tuple(forward), tuple(backward), 10.0)
+        given = ResidualTable(V_MAX, BEGIN, SPACING, tuple(forward), tuple(backward), 10.0)
         assert np.trapezoid(given.total(np.sign(v), x, v) * v, phase) >= 0.0
 
 
@@ -86,7 +85,7 @@ def test_the_fmu_is_the_law(build_fmu: Callable[..., Path]) -> None:
         run.initialise()
         found = []
         for k in range(F.size):
-            run.set({"F_model": F[k], "x": x[k], "v": v[k]})
+            run.set({"f": F[k], "x": x[k], "v": v[k]})
             run.step(k * 1e-3, 1e-3)
-            found.append(run.get1("F"))
+            found.append(run.get1("u"))
     assert found == pytest.approx(by_law(given, F, x, v), abs=1e-13)

@@ -96,6 +96,8 @@ def run(options: argparse.Namespace) -> int:
     from friction_fmus.identification.survey import IdentificationTask, compare_models
 
     models = _models(options.model or _configured(options.data))
+    if options.residual and options.method == "free-run":
+        raise FrictionError("--residual needs a fit to forces; --method free-run fits positions: use another method")
     if options.output.exists() and not options.output.is_dir():
         raise FrictionError(f"{options.output} is a file; choose a folder for the results")
     measurement = read_measurement(options.data, options.mapping)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Sequence
 
 from friction_fmus.lawkit.emit.branches import DECIDES
 from friction_fmus.lawkit.emit.expressions import (
@@ -27,6 +27,7 @@ from friction_fmus.lawkit.emit.graph import COMPARE, CONDITIONS, LIBM, LOGIC
 from friction_fmus.lawkit.emit.loops import INDEX, Rolled
 from friction_fmus.lawkit.emit.real import Real
 from friction_fmus.lawkit.emit.signed_zeros import Zeros
+from friction_fmus.lawkit.emit.statements import statement
 
 
 class Values:
@@ -42,9 +43,13 @@ class Values:
         Indices of the arguments that are truth values.
     zeros : Zeros
         Where -0.0 must become 0.0.
+    flags : collection of str
+        Places of results that are truth values.
     """
 
-    def __init__(self, rolled: Rolled, real: Real, conditions: Collection[int], zeros: Zeros) -> None:
+    def __init__(
+        self, rolled: Rolled, real: Real, conditions: Collection[int], zeros: Zeros, flags: Collection[str]
+    ) -> None:
         """Prepare the texts of arguments and constants."""
         self.functions: set[str] = set()
         self._nodes = rolled.nodes
@@ -52,6 +57,8 @@ class Values:
         self._real = real
         self._conditions = conditions
         self._zeros = zeros
+        self._flags = flags
+        self._places = {place for places in rolled.targets.values() for place in places}
         self._zero, self._one = literal(0.0, real), literal(1.0, real)
         self._texts: dict[int, Text] = {}
         self._open: set[int] = set()  # nodes whose text is an expression instead of a name
@@ -175,3 +182,30 @@ class Values:
 
     def _element(self, number: int) -> str:
         return self._reads[int(self._nodes[number].value)]
+
+    def _only_shown(self, number: int, places: Sequence[str]) -> bool:
+        """Return whether a value is only assigned to places that are never read."""
+        return len(self._users[number]) == len(places) and not any(place in self._reads for place in places)
+
+    def _assignments(self, places: Iterable[str], number: int, side: int | None = None) -> list[str]:
+        """Return the assignments of a node, or of a select on one side."""
+        lines = []
+        for place in places:
+            text = self._assigned(number, side, self._holds_truth(place, number)).text
+            lines += statement(f"{place} = {text};") if text != place else []
+        return lines
+
+    def _holds_truth(self, place: str, number: int) -> bool:
+        """Return whether a place is a truth value: a flag, or the variable of a node that is one."""
+        return place in self._flags or (place not in self._places and self._is_condition(number))
+
+    def _assigned(self, number: int, side: int | None, is_truth: bool) -> Text:
+        """Return what is assigned, as a truth value or as a number."""
+        if side is None:
+            return self._truth(number) if is_truth else self._number(number)
+        if is_truth:
+            return self._true_side(number, side)
+        if self._is_condition(number):
+            values = self._nodes[number].arguments[side : side + 1]
+            return self._number(values[0]) if values else self._zero
+        return self._side(number, side)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from friction_fmus.lawkit.emit.branches import DECIDES, Block, Decision, Loop
 from friction_fmus.lawkit.emit.comments import comment_lines
@@ -60,13 +60,11 @@ class Writer(Values):
         unrolls: bool = False,
     ) -> None:
         """Prepare the texts of arguments and constants."""
-        super().__init__(rolled, real, conditions, zeros)
+        super().__init__(rolled, real, conditions, zeros, flags)
         self._names = names
         self._kept = names.assigned | remarks.keys()
         self._remarks = {node: list(texts) for node, texts in remarks.items()}
-        self._places = {place for places in rolled.targets.values() for place in places}
         self._overwritten = frozenset(i for i, place in enumerate(rolled.reads) if place in self._places)
-        self._flags = flags
         self._unrolls = unrolls
         self._last_moment: dict[int, set[str]] = {}  # nodes that are read while results are assigned, and their places
         self._elements: dict[int, str] = {}  # places of elements that are stored before the end
@@ -160,12 +158,19 @@ class Writer(Values):
             read |= {value for other in stores if other is not store for value in other.values(self._nodes)}
             old = any(self._nodes[n].operation == "INPUT" and self._element(n) == store.places[0] for n in read)
             exact = store.side is None or not self._zeros.becomes_plus(store.node, store.side)
-            exact = exact and bool(values) and self._is_condition(values[0]) == (store.places[0] in self._flags)
+            exact = exact and bool(values) and self._fits(values[0], store.places[0])
             if found and exact and not old and values[0] not in self._elements and len(store.places) == 1:
                 self._elements[values[0]] = store.places[0]
+                if store.places[0] not in self._flags:
+                    self._truths.discard(values[0])
             else:
                 left.append(store)
         return left if later else [*stores]
+
+    def _fits(self, number: int, place: str) -> bool:
+        """Return whether a place has the type of a value, or the value is a select, which can also be a number."""
+        select = self._nodes[number].operation in DECIDES
+        return (place in self._flags) == self._is_condition(number) or (select and place not in self._flags)
 
     def _ends_with(self, block: Block, vectors: Sequence[int]) -> bool:
         """Return whether the last decision of a block assigns all these vectors."""
@@ -254,33 +259,6 @@ class Writer(Values):
                 lines += statement(f"{place} = {value.text};") if value.text != place else []
             written |= {*store.places}
         return [*copies, *lines]
-
-    def _only_shown(self, number: int, places: Sequence[str]) -> bool:
-        """Return whether a value is only assigned to places that are never read."""
-        return len(self._users[number]) == len(places) and not any(place in self._reads for place in places)
-
-    def _assignments(self, places: Iterable[str], number: int, side: int | None = None) -> list[str]:
-        """Return the assignments of a node, or of a select on one side."""
-        lines = []
-        for place in places:
-            text = self._assigned(number, side, self._holds_truth(place, number)).text
-            lines += statement(f"{place} = {text};") if text != place else []
-        return lines
-
-    def _holds_truth(self, place: str, number: int) -> bool:
-        """Return whether a place is a truth value: a flag, or the variable of a node that is one."""
-        return place in self._flags or (place not in self._places and self._is_condition(number))
-
-    def _assigned(self, number: int, side: int | None, is_truth: bool) -> Text:
-        """Return what is assigned, as a truth value or as a number."""
-        if side is None:
-            return self._truth(number) if is_truth else self._number(number)
-        if is_truth:
-            return self._true_side(number, side)
-        if self._is_condition(number):
-            values = self._nodes[number].arguments[side : side + 1]
-            return self._number(values[0]) if values else self._zero
-        return self._side(number, side)
 
     def _operation(self, number: int) -> None:
         """Compute a node now, or keep its expression for its only user."""
