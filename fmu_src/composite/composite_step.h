@@ -10,8 +10,8 @@ enum { MOST_TICKS = 100000000 };
 static bool signals_finite(const Instance *c)
 {
     double sum = 0.0;
-    for (int64_t k = 0; k < CHECKED; k++) /* outputs of parts */
-        sum += 0.0 * c->memory.signals[k];
+    for (int64_t k = 0; k < CHECKED; k++) /* outputs of parts; a law may accept an input that is not */
+        sum += input_of_signal[k] >= 0 ? 0.0 : 0.0 * c->memory.signals[k];
     return sum == 0.0;
 }
 

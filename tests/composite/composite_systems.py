@@ -77,13 +77,16 @@ def random_systems(draw: st.DrawFn) -> System:
             if fitting and draw(st.integers(0, 3)) > 0:
                 other, source = draw(st.sampled_from(fitting))
                 real = port.type == "Real"
+                # the master solves loops between parts that move; a connection back through others needs a delay
+                solved = part.moves and other.moves and real
+                back = not solved and parts.index(other) >= parts.index(part)
                 wires.append(
                     Wire(
                         f"{other.name}.{source.name}",
                         name,
                         gain=draw(st.sampled_from((1.0, 1.0, 0.5, -0.1))) if real else 1.0,
                         offset=draw(st.sampled_from((0.0, 0.0, 0.01))) if real else 0.0,
-                        delay=draw(st.sampled_from((0, 0, 0, 1, 3))),
+                        delay=draw(st.sampled_from((1, 2) if back else (0, 0, 0, 1, 3))),
                     )
                 )
             elif port.type == "Real":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import shutil
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shell.instance import DISCARD, ERROR, OK, Instance, Library, load
+from shell.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, load
 
 from friction_fmus import fmu
 from harness import Experiment, FmuPart, System
@@ -232,3 +233,18 @@ def test_outputs_follow_inputs_without_a_step(library: Library) -> None:
         for k in range(1, 20):
             run.step(k * 1e-3, 1e-3)
         assert run.get(*NAMES) == trajectory(library, [k * 1e-3 for k in range(21)]).tolist()[-1]
+
+
+def test_a_law_inside_reports_a_fault(compose: Callable[[str], Path]) -> None:
+    """An input that is not finite reaches a sampled law, which holds its outputs; a continuous part refuses it."""
+    with Instance(load(compose("compensated_axis"))) as run:
+        run.initialise()
+        run.step(0.0, 0.5e-3)
+        run.set({"pid.rdd": math.nan})
+        assert run.call("DoStep", 0.5e-3, 0.5e-3, 0) == WARNING
+        assert "pid" in run.messages[-1][-1].decode()
+        assert run.get1("pid.fault") == 1.0
+        run.set({"pid.rdd": 0.0})
+        run.step(1e-3, 0.5e-3)
+        assert run.get1("pid.fault") == 0.0
+        assert run.try_set({"axis.F_load": math.nan}) == [DISCARD]
