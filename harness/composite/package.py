@@ -21,6 +21,8 @@ from harness.composite.dependencies import start_dependencies, step_dependencies
 from harness.composite.description import Texts, composite_description
 from harness.composite.interface import check_parts, choose_interface, opened, without_sources
 from harness.composite.tables import table_file
+from harness.composite.terminals import MEMBER as TERMINALS
+from harness.composite.terminals import composite_terminals
 from harness.composite.variables import Variable, composite_variables
 from harness.engine.library import sources as engine_sources
 from harness.errors import BuildError, ExperimentError
@@ -102,6 +104,9 @@ def compose(
     members: dict[str, bytes] = {"modelDescription.xml": description(guid)}
     members |= {f"sources/{key}": text.encode() for key, text in files.items()}
     members |= _documentation(inner, identifier, codes, variables)
+    terminals = composite_terminals(inner, variables)
+    if terminals is not None:
+        members[TERMINALS] = terminals
     quiet = {key for code in codes.values() if not code.own for key in code.wrappers}
     compiling = {unit: _includes(unit, files) for unit in units}
     for target in targets:

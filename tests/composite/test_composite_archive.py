@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -13,9 +14,10 @@ import lief
 import pytest
 from fmpy import read_model_description
 
+from friction_fmus import fmu
 from friction_fmus.check import check
 from friction_fmus.cli.systems import open_system
-from harness import FmuPart
+from harness import Experiment, FmuPart, System
 from harness.compiling.toolchain import header_folder
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -74,6 +76,23 @@ def test_units_types_and_limits_are_those_of_the_parts(compose: Callable[[str], 
     assert variables["mass.k"].start == "2"  # of the system, not of the block
     assert variables["friction.z"].causality == "local"
     assert [v.name for v in variables.values() if v.causality == "independent"] == ["time"]
+
+
+def test_terminals_that_are_not_connected_inside_remain(tmp_path: Path) -> None:
+    """A free mass keeps its flange; the flanges of mass and friction in stick-slip are connected."""
+    with open_system(EXAMPLES / "stick_slip.toml") as system:
+        system.to_fmu(tmp_path / "connected.fmu")
+    start = {"mass.F_drive": 0.0, "mass.F_friction": 0.0}
+    with System([FmuPart("mass", fmu("Mass"))], start=start, experiment=Experiment(1.0, 1e-3)) as system:
+        system.to_fmu(tmp_path / "free.fmu")
+    member = "terminalsAndIcons/terminalsAndIcons.xml"
+    with zipfile.ZipFile(tmp_path / "connected.fmu") as archive:
+        assert member not in archive.namelist()
+    with zipfile.ZipFile(tmp_path / "free.fmu") as archive:
+        text = archive.read(member).decode()
+    assert 'name="mass.flange"' in text
+    assert re.findall(r'variableName="(.*?)"', text) == ["mass.v", "mass.F_friction"]
+    assert check(tmp_path / "free.fmu") == []
 
 
 def test_direct_dependencies_are_those_of_the_loop(compose: Callable[[str], Path]) -> None:

@@ -1,0 +1,56 @@
+"""terminalsAndIcons.xml of a composite FMU: the terminals of its parts that nothing inside is connected to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from lxml import etree
+
+from harness.composite.variables import Variable
+from harness.parts.fmu import FmuPart
+from harness.storage.zip_file import open_zip, read_zip
+from harness.system.assembly import Assembly
+
+MEMBER = "terminalsAndIcons/terminalsAndIcons.xml"
+
+
+def composite_terminals(system: Assembly, variables: Sequence[Variable]) -> bytes | None:
+    """Return the XML file, or None if no terminal is left.
+
+    Parameters
+    ----------
+    system : Assembly
+        The system.
+    variables : sequence of Variable
+        The variables of the FMU; a terminal needs all its members among the inputs and outputs.
+    """
+    shown = {variable.name for variable in variables if variable.causality in ("input", "output")}
+    root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
+    listed = etree.SubElement(root, "Terminals")
+    for name, part in system.parts.items():
+        for terminal in _terminals(part) if isinstance(part, FmuPart) else ():
+            members = [(f"{name}.{member.get('variableName')}", member) for member in terminal.iterfind("*")]
+            if not members or not all(variable in shown for variable, _ in members):
+                continue
+            attributes = {str(key): str(value) for key, value in terminal.attrib.items()}
+            element = etree.SubElement(listed, "Terminal", attributes | {"name": f"{name}.{terminal.get('name')}"})
+            for variable, member in members:
+                own = {str(key): str(value) for key, value in member.attrib.items()}
+                etree.SubElement(element, "TerminalMemberVariable", own | {"variableName": variable})
+    if len(listed) == 0:
+        return None
+    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+
+
+def _terminals(part: FmuPart) -> Iterator[etree._Element]:
+    """Yield the terminals of an FMU without graphics."""
+    with open_zip(part.path) as archive:
+        if MEMBER not in archive.namelist():
+            return
+        parser = etree.XMLParser(resolve_entities=False, no_network=True)
+        root = etree.fromstring(read_zip(archive, MEMBER), parser)
+    for terminal in root.iterfind("Terminals/Terminal"):
+        for graphics in terminal.findall("TerminalGraphicalRepresentation"):
+            terminal.remove(graphics)
+        if all(child.tag == "TerminalMemberVariable" for child in terminal):
+            yield terminal
