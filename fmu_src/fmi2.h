@@ -6,6 +6,7 @@
 
 #include "fmi2_instance.h"
 #include "fmi2_state.h"
+#include "fmi2_values.h"
 #include "fmi2_derivatives.h"
 
 /* ---- life of an instance ------------------------------------------------------------------------------------ */
@@ -175,25 +176,6 @@ SET(Boolean, TYPE_BOOLEAN, (double)(values[i] != fmi2False))
 GET(Real, TYPE_REAL, (fmi2Real))
 GET(Integer, TYPE_INTEGER, (fmi2Integer))
 GET(Boolean, TYPE_BOOLEAN, AS_BOOLEAN)
-
-fmi2Status fmi2GetString(fmi2Component component, const fmi2ValueReference references[], size_t n, fmi2String values[])
-{
-    ENTER("GetString", MAY_Get)
-    (void)references;
-    (void)values;
-    REQUIRE(n == 0, "fmi2GetString: %s has no String variables", QUOTE(MODEL))
-    return fmi2OK;
-}
-
-fmi2Status fmi2SetString(fmi2Component component, const fmi2ValueReference references[], size_t n,
-                         const fmi2String values[])
-{
-    ENTER("SetString", MAY_Set)
-    (void)references;
-    (void)values;
-    REQUIRE(n == 0, "fmi2SetString: %s has no String variables", QUOTE(MODEL))
-    return fmi2OK;
-}
 
 /* ---- steps -------------------------------------------------------------------------------------------------- */
 

@@ -86,6 +86,8 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
     return fmi2OK;
 }
 
+static const char *name_of(const Instance *c, fmi2ValueReference reference) { return c->row_of[reference]->name; }
+
 static fmi2Status check_derivatives(const Instance *c, const char *function, int role,
                                     const fmi2ValueReference references[], size_t n, const fmi2Integer orders[],
                                     const fmi2Real values[])
@@ -109,11 +111,8 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueR
         check_derivatives(c, "fmi2SetRealInputDerivatives", ROLE_INPUT, references, n, orders, values);
     if (status != fmi2OK)
         return status;
-    for (size_t i = 0; i < n; i++)
-        if (!isfinite(values[i]))
-            return report(c, fmi2Discard, LOG_DISCARD,
-                          "fmi2SetRealInputDerivatives: the derivative %g of %s is not finite", values[i],
-                          c->row_of[references[i]]->name);
+    if (!slopes_are_finite(c, references, n, values))
+        return fmi2Discard;
     if (c->model.run.slopes_used)
         memset(c->model.slope, 0, sizeof c->model.slope);
     c->model.run.slopes_used = false;

@@ -311,6 +311,7 @@ static bool roll_back_all(Instance *c)
 #include "composite_start.h"
 #include "composite_state.h"
 #include "composite_step.h"
+#include "fmi2_values.h"
 #include "composite_values.h"
 #include "composite_derivatives.h"
 

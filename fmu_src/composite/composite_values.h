@@ -149,26 +149,13 @@ SET(Real, REAL, values[i], 0)
 SET(Integer, INTEGER, (double)values[i], values[i])
 SET(Boolean, BOOLEAN, (double)(values[i] != fmi2False), values[i])
 
-fmi2Status fmi2GetString(fmi2Component component, const fmi2ValueReference references[], size_t n, fmi2String values[])
-{
-    ENTER("GetString", MAY_Get)
-    (void)references;
-    (void)values;
-    REQUIRE(n == 0, "fmi2GetString: %s has no String variables", QUOTE(MODEL))
-    return fmi2OK;
-}
-
-fmi2Status fmi2SetString(fmi2Component component, const fmi2ValueReference references[], size_t n,
-                         const fmi2String values[])
-{
-    ENTER("SetString", MAY_Set)
-    (void)references;
-    (void)values;
-    REQUIRE(n == 0, "fmi2SetString: %s has no String variables", QUOTE(MODEL))
-    return fmi2OK;
-}
-
 /* ---- derivatives -------------------------------------------------------------------------------------------- */
+
+static const char *name_of(const Instance *c, fmi2ValueReference reference)
+{
+    (void)c;
+    return variables[reference].name;
+}
 
 static fmi2Status check_derivatives(const Instance *c, const char *function, bool of_inputs,
                                     const fmi2ValueReference references[], size_t n, const fmi2Integer orders[],
@@ -188,14 +175,10 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueR
                                        const fmi2Integer orders[], const fmi2Real values[])
 {
     ENTER("SetRealInputDerivatives", MAY_SetRealInputDerivatives)
-    const fmi2Status status = check_derivatives(c, "fmi2SetRealInputDerivatives", true, references, n, orders, values);
-    if (status != fmi2OK)
-        return status;
-    for (size_t i = 0; i < n; i++)
-        if (!isfinite(values[i]))
-            return report(c, fmi2Discard, LOG_DISCARD,
-                          "fmi2SetRealInputDerivatives: the derivative %g of %s is not finite", values[i],
-                          variables[references[i]].name);
+    if (check_derivatives(c, "fmi2SetRealInputDerivatives", true, references, n, orders, values) != fmi2OK)
+        return fmi2Error;
+    if (!slopes_are_finite(c, references, n, values))
+        return fmi2Discard;
     Memory *const m = &c->memory;
     if (m->slopes_used)
         memset(m->slopes, 0, sizeof m->slopes);

@@ -21,6 +21,7 @@ def compiled_branches(text: str, macros: set[str]) -> set[int]:
     chains: list[tuple[bool, bool]] = []  # whether the text around is compiled, and whether a branch has been
     active = True
     for number, line in enumerate(text.splitlines(), start=1):
+        line = line.replace(" && __GNUC__ >= 8", "")  # of the compiler, not of a block
         directive = re.match(r"\s*#\s*(ifdef|ifndef|if|elif|else|endif)\b(?: (?:defined )?(\w+))?(.*)", line)
         if directive is None:
             continue
