@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
 import zipfile
@@ -35,7 +36,7 @@ def servo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @seed(20261123)
-@settings(random_seed_settings(220))
+@settings(random_seed_settings(int(os.environ.get("RANDOM_SYSTEMS", "20"))))
 @given(data=st.data())
 def test_random_systems(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     check_random_system(tmp_path_factory.getbasetemp(), data)
