@@ -16,7 +16,7 @@ import time
 
 import numpy as np
 from contacts import LUGRE, lugre_force, lugre_motion, maxwell_force, noise, reversals
-from page import table
+from page import tables
 from rows import Row, report
 
 from friction_fmus import fmu, identify
@@ -147,7 +147,7 @@ def main() -> None:
     report("Identification", rows, options.json)
     if options.page:
         found = [{"name": r.name, "value": r.value, "unit": r.unit, "target": r.target, "ok": r.ok} for r in rows]
-        options.page.write_text("\n".join(table(found)) + "\n", encoding="utf-8")
+        options.page.write_text(f"{tables(found)}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ def export_composites(folder: Path, whole: System) -> tuple[WrittenFile, ...]:
     return (
         WrittenFile(
             f"{folder.name}/axis.fmu",
-            "Mass with the identified friction as one FMU for any simulator at any step; connect the drive force to "
+            "The axis with the identified friction as one FMU for any simulator at any step; connect the drive to "
             "`axis.F_drive`",
         ),
         WrittenFile(

@@ -26,6 +26,7 @@ COMMANDS: dict[str, tuple[list[object], set[int], set[str]]] = {
     "check": (["Viscous.fmu"], {0}, set()),
     "doctor": ([STICK_SLIP], {0, 1}, set()),
     "run": ([STICK_SLIP, "--stop", "0.01", "--step", "1e-4", "-o", "out.csv"], {0}, {"out.csv"}),
+    "compose": ([STICK_SLIP, "-o", "out.fmu"], {0}, {"out.fmu"}),
     "codegen": (["CoulombFeedforward", "-o", "out"], {0}, {"out"}),
     "sweep": (
         [STICK_SLIP, "--stop", "0.01", "--step", "1e-4", "--vary", "mass.m=1,2", "--workers", "1", "-o", "out"],
