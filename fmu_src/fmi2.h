@@ -6,7 +6,6 @@
 
 #include "fmi2_instance.h"
 #include "fmi2_state.h"
-#include "fmi2_values.h"
 #include "fmi2_derivatives.h"
 
 /* ---- life of an instance ------------------------------------------------------------------------------------ */
@@ -16,24 +15,11 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2String guid, f
 {
     (void)resources;
     (void)visible;
-    const bool named = name && name[0];
-    Instance *const c = (Instance *)calloc(1, sizeof(Instance) + (named ? strlen(name) : 0) + 1);
+    Instance *const c = allocated(name, functions);
     if (!c)
         return NULL;
-    if (named)
-        strcpy(c->name, name);
     write_guid(c->guid);
-    c->logger = functions ? functions->logger : NULL;
-    c->environment = functions ? functions->componentEnvironment : NULL;
-    c->logging = LOG_EVERYTHING;
-
-    const char *fault = NULL;
-    if (!named)
-        fault = "the instance name is empty";
-    else if (kind != fmi2CoSimulation)
-        fault = "this FMU is for co-simulation only";
-    else if (!guid || strcmp(guid, c->guid) != 0)
-        fault = "the GUID differs from the GUID of this binary: modelDescription.xml and library do not match";
+    const char *const fault = instantiation_fault(c, kind, guid, c->guid);
     if (fault) {
         report(c, fmi2Error, LOG_ERROR, "fmi2Instantiate of %s: %s", QUOTE(MODEL), fault);
         free(c);
@@ -53,11 +39,8 @@ fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_gi
                                fmi2Boolean stop_given, fmi2Real stop)
 {
     ENTER("SetupExperiment", MAY_SetupExperiment)
-    REQUIRE(!tolerance_given || (tolerance > 0.0 && isfinite(tolerance)),
-            "fmi2SetupExperiment: tolerance %g must be positive", tolerance)
-    REQUIRE(isfinite(start), "fmi2SetupExperiment: start time %g must be finite", start)
-    REQUIRE(!stop_given || stop >= start, "fmi2SetupExperiment: stop time %g must not be before start time %g", stop,
-            start)
+    if (check_experiment(c, tolerance_given, tolerance, start, stop_given, stop) != fmi2OK)
+        return fmi2Error;
     c->model.run.tolerance = tolerance_given ? tolerance : 0.0;
     c->model.run.start = c->model.time = start;
     c->model.run.stop = stop_given ? stop : INF;

@@ -115,4 +115,81 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component component, const fmi2StatusKind ki
     return fmi2OK;
 }
 
+/* ---- life of an instance ------------------------------------------------------------------------------------ */
+
+/* Allocate an instance with its name and callbacks; NULL: no memory. */
+static Instance *allocated(fmi2String name, const fmi2CallbackFunctions *functions)
+{
+    Instance *const c = (Instance *)calloc(1, sizeof(Instance) + (name ? strlen(name) : 0) + 1);
+    if (!c)
+        return NULL;
+    if (name)
+        strcpy(c->name, name);
+    c->logger = functions ? functions->logger : NULL;
+    c->environment = functions ? functions->componentEnvironment : NULL;
+    c->logging = LOG_EVERYTHING;
+    return c;
+}
+
+/* Return why the arguments of fmi2Instantiate are wrong, or NULL. */
+static const char *instantiation_fault(const Instance *c, fmi2Type kind, fmi2String guid, const char *own_guid)
+{
+    if (c->name[0] == '\0')
+        return "the instance name is empty";
+    if (kind != fmi2CoSimulation)
+        return "this FMU is for co-simulation only";
+    if (!guid || strcmp(guid, own_guid) != 0)
+        return "the GUID differs from the GUID of this binary: modelDescription.xml and library do not match";
+    return NULL;
+}
+
+static fmi2Status check_experiment(const Instance *c, fmi2Boolean tolerance_given, fmi2Real tolerance, fmi2Real start,
+                                   fmi2Boolean stop_given, fmi2Real stop)
+{
+    REQUIRE(!tolerance_given || (tolerance > 0.0 && isfinite(tolerance)),
+            "fmi2SetupExperiment: tolerance %g must be positive", tolerance)
+    REQUIRE(isfinite(start), "fmi2SetupExperiment: start time %g must be finite", start)
+    REQUIRE(!stop_given || stop >= start, "fmi2SetupExperiment: stop time %g must not be before start time %g", stop,
+            start)
+    return fmi2OK;
+}
+
+/* ---- values ------------------------------------------------------------------------------------------------- */
+
+/* Return the name of a variable. */
+static const char *name_of(const Instance *c, fmi2ValueReference reference);
+
+/* Return whether all derivatives of inputs are finite; log the first one that is not. */
+static bool slopes_are_finite(const Instance *c, const fmi2ValueReference references[], size_t n,
+                              const fmi2Real values[])
+{
+    for (size_t i = 0; i < n; i++)
+        if (!isfinite(values[i])) {
+            (void)report(c, fmi2Discard, LOG_DISCARD,
+                         "fmi2SetRealInputDerivatives: the derivative %g of %s is not finite", values[i],
+                         name_of(c, references[i]));
+            return false;
+        }
+    return true;
+}
+
+fmi2Status fmi2GetString(fmi2Component component, const fmi2ValueReference references[], size_t n, fmi2String values[])
+{
+    ENTER("GetString", MAY_Get)
+    (void)references;
+    (void)values;
+    REQUIRE(n == 0, "fmi2GetString: %s has no String variables", QUOTE(MODEL))
+    return fmi2OK;
+}
+
+fmi2Status fmi2SetString(fmi2Component component, const fmi2ValueReference references[], size_t n,
+                         const fmi2String values[])
+{
+    ENTER("SetString", MAY_Set)
+    (void)references;
+    (void)values;
+    REQUIRE(n == 0, "fmi2SetString: %s has no String variables", QUOTE(MODEL))
+    return fmi2OK;
+}
+
 #endif

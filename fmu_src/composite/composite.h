@@ -38,7 +38,7 @@ struct Instance {
     Manipulator delays[DELAYS + 1];
     Moving kept_lines[LINES + 1];
     double r[UNKNOWNS + 1], work[6 * MOST + MOST * MOST + 1], kept[6 * MOST + MOST * MOST + 2 * LINES + 1];
-    double start_values[ROOTS + 1], start_work[5 * ROOTS + 2 * ROOTS * ROOTS + 1], earlier[SIGNALS + 1];
+    double start_values[ROOTS + 1], start_work[FIXED_POINT_WORK(ROOTS) + 1], earlier[SIGNALS + 1];
     double shown[SIGNALS + 1]; /* signals after values were set, if `refreshed` */
     double input_slopes[SIGNALS + 1];
     int whole[SIGNALS + 1], orders[SIGNALS + 1];
@@ -257,27 +257,15 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2String guid, f
                               const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging)
 {
     (void)resources;
-    const bool named = name && name[0];
-    Instance *const c = (Instance *)calloc(1, sizeof(Instance) + (named ? strlen(name) : 0) + 1);
+    Instance *const c = allocated(name, functions);
     if (!c)
         return NULL;
-    if (named)
-        strcpy(c->name, name);
-    c->logger = functions ? functions->logger : NULL;
-    c->environment = functions ? functions->componentEnvironment : NULL;
-    c->logging = LOG_EVERYTHING;
     wire_parts(c);
     wire_engine(c);
     wire_newton(c);
 
-    const char *fault = NULL;
-    if (!named)
-        fault = "the instance name is empty";
-    else if (kind != fmi2CoSimulation)
-        fault = "this FMU is for co-simulation only";
-    else if (!guid || strcmp(guid, GUID) != 0)
-        fault = "the GUID differs from the GUID of this binary: modelDescription.xml and library do not match";
-    else if (!make_parts(c, visible) || !set_start_values(c))
+    const char *fault = instantiation_fault(c, kind, guid, GUID);
+    if (!fault && (!make_parts(c, visible) || !set_start_values(c)))
         fault = c->said[0] ? c->said : "a part cannot be instantiated";
     if (fault) {
         report(c, fmi2Error, LOG_ERROR, "fmi2Instantiate of %s: %s", QUOTE(MODEL), fault);
@@ -311,7 +299,6 @@ static bool roll_back_all(Instance *c)
 #include "composite_start.h"
 #include "composite_state.h"
 #include "composite_step.h"
-#include "fmi2_values.h"
 #include "composite_values.h"
 #include "composite_derivatives.h"
 

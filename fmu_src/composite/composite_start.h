@@ -146,11 +146,8 @@ fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_gi
                                fmi2Boolean stop_given, fmi2Real stop)
 {
     ENTER("SetupExperiment", MAY_SetupExperiment)
-    REQUIRE(!tolerance_given || (tolerance > 0.0 && isfinite(tolerance)),
-            "fmi2SetupExperiment: tolerance %g must be positive", tolerance)
-    REQUIRE(isfinite(start), "fmi2SetupExperiment: start time %g must be finite", start)
-    REQUIRE(!stop_given || stop >= start, "fmi2SetupExperiment: stop time %g must not be before start time %g", stop,
-            start)
+    if (check_experiment(c, tolerance_given, tolerance, start, stop_given, stop) != fmi2OK)
+        return fmi2Error;
     /* not the stop time: a sampled part may end its last step after it */
     ALL_PARTS("fmi2SetupExperiment", f->setup(p, tolerance_given, tolerance, start, fmi2False, 0.0))
     Memory *const m = &c->memory;

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
+import tomli_w
+
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.errors import FrictionError, nearest
 from harness.storage.files import reason
@@ -120,8 +122,7 @@ def read_loop(path: Path) -> LoopFile:
     """
     if not path.is_file():
         raise FrictionError(
-            f"There is no file {path}; write one, or use that of a study, which writes recommended/{LOOP_FILE} if it "
-            "recommends a compensation"
+            f"{path} does not exist; write it, or use recommended/{LOOP_FILE} of a study that recommends a compensation"
         )
     try:
         content = read_toml(path)
@@ -172,39 +173,17 @@ def read_loop(path: Path) -> LoopFile:
 def loop_text(loop: LoopFile, heading: str) -> str:
     """Return the file of a loop with a heading as comment."""
     settings = {key: getattr(loop, key) for key in _SETTINGS}
-    lines = [
-        f"# {heading}",
-        "# C code: friction-fmus codegen " + loop.path.name + " -o c",
-        "",
-        "[loop]",
-        *_rows({key: value for key, value in settings.items() if value is not None and value is not False}),
-    ]
+    content: dict[str, Any] = {"loop": {key: value for key, value in settings.items() if value not in (None, False)}}
     for name, law in loop.laws.items():
-        lines += ["", f"[{name}]", f'law = "{law.law}"']
-        if name != "servo":
-            lines.append(f'output = "{law.output}"')
-        if law.factor is not None:
-            lines.append(f"factor = {law.factor!r}")
-        for title, values in (("parameters", law.parameters), ("connections", law.connections)):
-            if values:
-                lines += ["", f"[{name}.{title}]", *_rows(values)]
+        own = {"law": law.law, **({"output": law.output} if name != "servo" else {})}
+        groups = {"factor": law.factor, "parameters": dict(law.parameters), "connections": dict(law.connections)}
+        content[name] = own | {key: value for key, value in groups.items() if value}
     if loop.table is not None:
         grid, table = loop.table.grid, loop.table
+        columns = {name: [float(value) for value in getattr(table, name)] for name in _COLUMNS}
         numbers = {"begin": grid.begin, "spacing": grid.spacing, "periodic": grid.periodic, "v_sign": table.v_sign}
-        lines += ["", "[table]  # force over position at equally spaced nodes", *_rows(numbers)]
-        lines += [f"{name} = {list(map(float, getattr(table, name)))}" for name in _COLUMNS]
-    return "\n".join([*lines, ""])
-
-
-def _rows(values: Mapping[str, float | bool | str]) -> list[str]:
-    keys = {key: key if key.isidentifier() else f'"{key}"' for key in values}
-    return [f"{keys[key]} = {_toml(value)}" for key, value in values.items()]
-
-
-def _toml(value: float | bool | str) -> str:
-    if isinstance(value, str):
-        return f'"{value}"'
-    return str(value).lower() if isinstance(value, bool) else repr(value)
+        content["table"] = numbers | columns
+    return f"# {heading}\n# C code: friction-fmus codegen {loop.path.name} -o c\n\n{tomli_w.dumps(content)}"
 
 
 def _position_map(table: Mapping[str, Any], where: str) -> PositionMap:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import re
-import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -18,6 +15,7 @@ from friction_fmus.fmi.terminals import terminals, terminals_and_icons
 from friction_fmus.version import build_time
 from harness.compiling.platforms import NATIVE, Platform, compiled
 from harness.storage.scratch import ScratchFolder
+from harness.storage.zip_file import zipped
 
 
 def assemble(
@@ -99,18 +97,9 @@ def _check_start_values(block: Block, description: Description) -> None:
 
 
 def _zipped(folder: Path) -> bytes:
-    """Return the zip archive, with sorted entries, one time and one mode, so that equal contents give equal bytes."""
-    stamp = build_time()
-    moment = tuple(int(part) for part in re.findall(r"\d+", stamp))
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
-        for path in sorted(path for path in folder.rglob("*") if path.is_file()):
-            entry = zipfile.ZipInfo(path.relative_to(folder).as_posix(), moment[:6])  # type: ignore[arg-type]
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.create_system = 3
-            entry.external_attr = (0o755 if "binaries" in path.parts else 0o644) << 16
-            archive.writestr(entry, path.read_bytes())
-    return content.getvalue()
+    """Return the FMU with the files of a folder."""
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return zipped({path.relative_to(folder).as_posix(): path.read_bytes() for path in files}, build_time())
 
 
 def computed(block: Block) -> dict[str, tuple[str, ...]]:

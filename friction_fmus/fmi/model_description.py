@@ -25,6 +25,7 @@ from friction_fmus.blocks.probe import (
 from friction_fmus.fmi.rotary import in_rotary_words
 from friction_fmus.fmi.units import DISPLAY_UNITS, QUANTITIES, base_unit
 from friction_fmus.version import VERSION, build_time
+from harness.parts.log_categories import LOG_CATEGORIES
 
 ROLE = {  # role -> causality, variability of a Real in a continuous block, initial
     TIME: ("independent", "continuous", None),
@@ -52,15 +53,6 @@ CAPABILITIES = {
     "providesDirectionalDerivative": ("true", "Directional derivatives are available, for implicit masters."),
 }
 """Attributes of CoSimulation: value, and meaning for a user."""
-
-LOG_CATEGORIES = {
-    "logStatusWarning": "warnings that do not stop the simulation",
-    "logStatusDiscard": "rejected values and steps",
-    "logStatusError": "calls that are not allowed",
-    "logEvents": "events inside the model",
-    "logAll": "all messages",
-}
-"""Log categories, as in fmi2.h."""
 
 
 def model_description(block: Block, description: Description, identifier: str) -> bytes:

@@ -13,15 +13,10 @@ from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.prediction import known_force, simulated
 from friction_fmus.identification.result import Identification
+from friction_fmus.lawkit.residual_grid import POSITIONS, SPEEDS
 
 BLOCK = "FrictionResidual"
 """Law that adds the residual to the force of a model."""
-
-SPEEDS = (0.03, 0.1, 0.3, 0.6, 1.0)
-"""Speeds of the table over the largest one in the training data; as many as FrictionResidual has."""
-
-POSITIONS = 8
-"""Positions of the table, as many as FrictionResidual has."""
 
 BLOCKS = 6
 """Number of blocks of the cross-validation."""
@@ -151,7 +146,7 @@ class LearnedResidual:
 
 
 def columns(v_max: float, x_begin: float, spacing: float, x: Array, v: Array) -> Array:
-    """Return the force for a unit of each value of the table, forward then backward, shape (n, 80)."""
+    """Return the force for a unit of each value of the table, shape (n, values), forward before backward."""
     nodes = np.array([0.0, *SPEEDS])
     along_speed = np.interp(np.abs(v) / v_max, nodes, np.arange(nodes.size))
     along_x = np.clip((x - x_begin) / spacing, 0.0, POSITIONS - 1.0)

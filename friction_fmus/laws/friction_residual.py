@@ -20,9 +20,8 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.residual_grid import POSITIONS, SPEEDS
 
-SPEEDS = (0.03, 0.1, 0.3, 0.6, 1.0)  # over v_max
-POSITIONS = 8
 ZEROS = (0.0,) * (len(SPEEDS) * POSITIONS)
 
 

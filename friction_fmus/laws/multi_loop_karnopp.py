@@ -8,7 +8,6 @@ from casadi import SX, fabs, if_else, sign, vertcat
 
 from friction_fmus.lawkit.expressions import clip
 from friction_fmus.lawkit.law import (
-    DAMPING,
     FORCE,
     MASS,
     NO_UNIT,
@@ -123,19 +122,19 @@ def multi_loop_karnopp(
     order: SX = Parameter(
         NO_UNIT, float(ORDER), "order of CV and G; further coefficients are ignored", min=0.0, max=float(ORDER)
     ),
-    KP: SX = Parameter("1/s", 63.0, "gain of the position loop", min=0.0),
+    KP: SX = variables.KP,
     CV_num: SX = Parameter(NO_UNIT, (127.0, *ZEROS), "numerator of CV in SI units, highest power of s first"),
     CV_den: SX = Parameter(NO_UNIT, (1.0, *ZEROS), "denominator of CV, from the same power of s"),
     G_num: SX = Parameter(NO_UNIT, (0.0, 1.0, *ZEROS[1:]), "numerator of G in SI units, highest power of s first"),
     G_den: SX = Parameter(NO_UNIT, (1.0, *ZEROS), "denominator of G, from the same power of s"),
     Ka_model: SX = Parameter(MASS, 0.0, "acceleration feedforward to the force of the model; 0: none", min=0.0),
-    Kv1: SX = Parameter(NO_UNIT, 1.0, "velocity feedforward to the velocity command", min=0.0),
-    Ka: SX = Parameter(MASS, 1.0, "acceleration feedforward to the force", min=0.0),
-    Kv2: SX = Parameter(DAMPING, 0.4, "velocity feedforward to the force", min=0.0),
+    Kv1: SX = variables.KV1,
+    Ka: SX = variables.KA,
+    Kv2: SX = variables.KV2,
     Fc: SX = variables.FC,
     Fs: SX = variables.FS,
-    Fv: SX = Parameter(DAMPING, 0.0, "viscous coefficient of the Karnopp model, in addition to Kv2", min=0.0),
-    DV: SX = Parameter(VELOCITY, 1e-3, "half width of the velocity band treated as standstill", min=1e-12),
+    Fv: SX = variables.FV_OF_KARNOPP,
+    DV: SX = variables.DV,
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
@@ -163,9 +162,9 @@ def multi_loop_karnopp(
 
     All transfer functions are discretised by Tustin's rule, s = (2/Ts) (z - 1)/(z + 1); the discretised Gsys is that of
     the discretised CV and G. With a gain as CV and a mass as G, u without F_hat equals that of ModelledOutputKarnopp,
-    whose v_model is that of a Vs held between samples and thus one sample older. The structure follows a summary of a
-    paper that was not found; Karnopp, ASME Journal of Dynamic Systems, Measurement and Control 107, 1985, is the
-    friction model, which balances the force of the model inside the band.
+    whose v_model is that of a Vs held between samples and thus one sample older. A survey describes this
+    structure; the paper that it summarises was not found. The friction model, which balances the force of the model
+    inside the band, is that of Karnopp, ASME Journal of Dynamic Systems, Measurement and Control 107, 1985.
 
     Use it in place of ModelledOutputKarnopp if the velocity loop has an integral or a filter, or if the model lags.
     With Kv1 = 1, Ka_model = mass and G = 1/(mass s), the modelled velocity is the reference velocity plus the answer to

@@ -30,7 +30,7 @@ def recommended_loop(
     trajectory: Trajectory,
     path: Path,
 ) -> LoopFile:
-    """Return the loop of an axis, which `without_code` has nothing against.
+    """Return the loop of an axis for which `without_code` gives no reason.
 
     Parameters
     ----------

@@ -73,13 +73,7 @@ def select(names: tuple[str, ...]) -> tuple[Platform, ...]:
     return tuple({platform.folder: platform for name in names for platform in known[name]}.values())
 
 
-def compiled(
-    platform: Platform,
-    sources: Mapping[str, str],
-    name: str,
-    *,
-    headers: bool = True,
-) -> bytes:
+def compiled(platform: Platform, sources: Mapping[str, str], name: str, *, headers: bool = True) -> bytes:
     """Compile a library for a platform.
 
     Parameters

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from harness.composite.variables import Variable
 from harness.parts.fmu import FmuPart
@@ -78,9 +78,8 @@ def _drivers(wires: Iterable[Wire]) -> Mapping[str, str]:
     return {wire.target: wire.source for wire in wires}
 
 
-def _reached(output: str, direct: object, drivers: Mapping[str, str]) -> set[str]:
+def _reached(output: str, direct: Callable[[str], Iterable[str]], drivers: Mapping[str, str]) -> set[str]:
     """Return all variables on which an output depends: directly, or through connections."""
-    assert callable(direct)
     found: set[str] = set()
     pending = [output]
     while pending:

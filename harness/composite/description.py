@@ -6,25 +6,17 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import Any, Final
+from typing import Any
 
 from lxml import etree
 
 from harness.composite.variables import Variable
 from harness.errors import BuildError
 from harness.parts.fmu import FmuPart
+from harness.parts.log_categories import LOG_CATEGORIES
 from harness.parts.part import Part
 from harness.system.experiment import Experiment
 from harness.units import BASE_SYMBOLS, BaseUnit, parse_unit
-
-LOG_CATEGORIES: Final = {
-    "logStatusWarning": "warnings that do not stop the simulation",
-    "logStatusDiscard": "rejected values and steps",
-    "logStatusError": "calls that are not allowed",
-    "logEvents": "events inside the model",
-    "logAll": "all messages",
-}
-"""Log categories, as in fmi2_modes.h."""
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import math
 import os
 import re
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -29,7 +27,7 @@ from harness.errors import BuildError, ExperimentError
 from harness.parts.feedthrough import find_feedthrough
 from harness.parts.fmu import FmuPart
 from harness.storage.atomic import atomic_path
-from harness.storage.zip_file import open_zip, read_zip
+from harness.storage.zip_file import open_zip, read_zip, zipped
 from harness.system.assembly import Assembly
 from harness.system.experiment import LOOP_TOLERANCE, Experiment
 from harness.system.graph import check_loops, stepping_order
@@ -40,7 +38,7 @@ from harness.system.wire import Wire
 ERRORS: Final = {"newton": 0.0, "adaptive": 1e-5}
 """Tolerated coupling error of each master that a composite FMU can contain, see `harness.masters.adaptive`."""
 
-_HEADERS: Final = ("fmi2_modes.h", "fmi2_calls.h", "fmi2_hash.h", "fmi2_values.h")
+_HEADERS: Final = ("fmi2_modes.h", "fmi2_calls.h", "fmi2_hash.h")
 
 
 def compose(
@@ -111,7 +109,7 @@ def compose(
     compiling = {unit: _includes(unit, files) for unit in units}
     for target in targets:
         members[f"binaries/{target.folder}/{identifier}{target.suffix}"] = linked(target, compiling, identifier, quiet)
-    content = _zipped(members, made)
+    content = zipped(members, made)
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
 
@@ -248,17 +246,3 @@ def _map(wire: Wire) -> str:
     texts += [f"offset {wire.offset:g}"] if wire.offset != 0.0 else []
     texts += [f"delay of {wire.delay} steps"] if wire.delay else []
     return ", ".join(texts)
-
-
-def _zipped(members: Mapping[str, bytes], made: str) -> bytes:
-    """Return the archive, with sorted entries, one time and one mode, so that equal contents give equal bytes."""
-    content = io.BytesIO()
-    moment = tuple(int(part) for part in re.findall(r"\d+", made))
-    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in sorted(members.items()):
-            entry = zipfile.ZipInfo(name, moment[:6])  # type: ignore[arg-type]
-            entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.create_system = 3
-            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
-            archive.writestr(entry, data)
-    return content.getvalue()

@@ -20,6 +20,10 @@ MIRRORED(Line)
 MIRRORED(Manipulator)
 MIRRORED(Pair)
 
+EXPORT int64_t fixed_point_work(int64_t n);
+
+EXPORT int64_t fixed_point_work(int64_t n) { return FIXED_POINT_WORK(n); }
+
 /* Data to set, step and read one part in a single pass, stored contiguously. Only for FMUs that exchange Reals only and
    are stepped at every tick. */
 typedef struct {

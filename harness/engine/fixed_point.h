@@ -21,8 +21,7 @@ static double norm_of(const double *w, const double *r, int64_t n)
     return worst;
 }
 
-/* Return the number of doubles that find_fixed_point needs as work space. */
-static inline int64_t fixed_point_work(int64_t n) { return 5 * n + 2 * n * n; }
+#define FIXED_POINT_WORK(n) (5 * (n) + 2 * (n) * (n)) /* doubles of work space for find_fixed_point */
 
 EXPORT bool find_fixed_point(Residual *residual, void *context, double *w, int64_t n, double *work, double *norm);
 

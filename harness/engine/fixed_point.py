@@ -36,7 +36,8 @@ def fixed_point(residual: Callable[[_Values], _Values], estimate: _Values) -> _V
         What ``residual`` raises.
     """
     n = len(estimate)
-    w, work, norm = estimate.copy(), np.zeros(5 * n + 2 * n * n), np.zeros(1)
+    engine = library()
+    w, work, norm = estimate.copy(), np.zeros(engine.fixed_point_work(n)), np.zeros(1)
     errors: list[BaseException] = []
 
     def evaluate(_: int | None, at: _Numbers, result: _Numbers) -> bool:
@@ -47,7 +48,7 @@ def fixed_point(residual: Callable[[_Values], _Values], estimate: _Values) -> _V
             return False
         return True
 
-    library().find_fixed_point(RESIDUAL(evaluate), None, w.ctypes.data, n, work.ctypes.data, norm.ctypes.data)
+    engine.find_fixed_point(RESIDUAL(evaluate), None, w.ctypes.data, n, work.ctypes.data, norm.ctypes.data)
     if errors:
         raise errors[0]
     return w

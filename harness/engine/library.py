@@ -40,6 +40,8 @@ def library() -> ctypes.CDLL:
     engine.newton_begin.argtypes = (_POINTER, _POINTER)
     engine.find_fixed_point.restype = ctypes.c_bool
     engine.find_fixed_point.argtypes = (RESIDUAL, _POINTER, _POINTER, _INT, _POINTER, _POINTER)
+    engine.fixed_point_work.restype = _INT
+    engine.fixed_point_work.argtypes = (_INT,)
     for name in _MIRRORS:
         _check_size(engine, name)
     return engine

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import itertools
+import re
 import stat
 import struct
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import IO, Final
 
@@ -262,3 +264,25 @@ def _refuse_parts(file: IO[bytes]) -> None:
 
 def _reason(error: Exception) -> str:
     return " ".join(str(error).split()) or type(error).__name__
+
+
+def zipped(members: Mapping[str, bytes], made: str) -> bytes:
+    """Return an FMU: sorted members of one time and one mode, so that equal contents give equal bytes.
+
+    Parameters
+    ----------
+    members : mapping of str to bytes
+        Contents by path.
+    made : str
+        Time of all members, as "2026-11-20T00:00:00Z".
+    """
+    content = io.BytesIO()
+    moment = tuple(int(part) for part in re.findall(r"\d+", made))
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in sorted(members.items()):
+            entry = zipfile.ZipInfo(name, moment[:6])  # type: ignore[arg-type]
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.create_system = 3
+            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            archive.writestr(entry, data)
+    return content.getvalue()

@@ -75,6 +75,15 @@ INERTIA: Any = Parameter(MASS, 1.0, "mass of the inertia feedforward; 0: none", 
 MASS_OR_NONE: Any = Parameter(MASS, 1.0, "moving mass", min=0.0)
 POSITIVE_MASS: Any = Parameter(MASS, 1.0, "moving mass", min=1e-12)
 
+# ---- multi-loop scheme -----------------------------------------------------------------------------------------------
+
+KP: Any = Parameter("1/s", 63.0, "gain of the position loop", min=0.0)
+KV1: Any = Parameter(NO_UNIT, 1.0, "velocity feedforward to the velocity command", min=0.0)
+KA: Any = Parameter(MASS, 1.0, "acceleration feedforward to the force", min=0.0)
+KV2: Any = Parameter(DAMPING, 0.4, "velocity feedforward to the force", min=0.0)
+FV_OF_KARNOPP: Any = Parameter(DAMPING, 0.0, "viscous coefficient of the Karnopp model, in addition to Kv2", min=0.0)
+DV: Any = Parameter(VELOCITY, 1e-3, "half width of the velocity band treated as standstill", min=1e-12)
+
 # ---- friction --------------------------------------------------------------------------------------------------------
 
 FC: Any = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0)
