@@ -329,5 +329,5 @@ def test_a_wrong_file_is_refused(name: str, tmp_path: Path, capsys: pytest.Captu
 
 
 def test_a_study_without_a_recommendation_writes_no_loop(tmp_path: Path) -> None:
-    with pytest.raises(FrictionError, match=r"which writes recommended/loop.toml if it recommends a compensation"):
+    with pytest.raises(FrictionError, match=r"of a study that recommends a compensation"):
         make_export(tmp_path / "recommended" / "loop.toml")
