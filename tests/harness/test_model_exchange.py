@@ -1,0 +1,318 @@
+"""FMUs for model exchange as parts: closed forms, events, failures, masters, states."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from harness import CallablePart, Experiment, ExperimentError, FmuPart, PartError, Port, Result, StartValueError, System
+from harness.run import Options, run
+
+MakeFmu = Callable[..., Path]
+EXPLICIT = ["jacobi", "gauss-seidel"]
+ALL = [*EXPLICIT, "newton", "adaptive"]
+
+
+def alone(path: Path, stop: float = 1.0, step: float = 0.01, **settings: object) -> Result:
+    """Run one FMU as part p; settings that are start values of p."""
+    start = {f"p.{key}": settings.pop(key) for key in list(settings) if key not in ("tolerance", "master", "record")}
+    with System([FmuPart("p", path)], start=start) as system:
+        return system.run(stop=stop, step=step, **settings)
+
+
+def test_oscillator(exchange: MakeFmu) -> None:
+    result = alone(exchange("OSCILLATOR"), stop=10.0, F=0.0, x=0.5, v=3.0)
+    t = result["time"].values
+    np.testing.assert_allclose(result["p.x"], 0.5 * np.cos(3 * t) + np.sin(3 * t), atol=1e-6)
+    np.testing.assert_allclose(result["p.v"], -1.5 * np.sin(3 * t) + 3 * np.cos(3 * t), atol=3e-6)
+    np.testing.assert_allclose(result["p.der(v)"], -9.0 * result["p.x"], rtol=1e-12, atol=1e-12)
+
+
+def test_tolerance(exchange: MakeFmu) -> None:
+    errors = []
+    for tolerance in (1e-4, 1e-6, 1e-8, 1e-10):
+        result = alone(exchange("OSCILLATOR"), stop=2.0, F=0.0, tolerance=tolerance)
+        errors.append(float(np.abs(result["p.x"] - np.cos(3 * result["time"])).max()))
+    assert all(error < 3e2 * tolerance for error, tolerance in zip(errors, (1e-4, 1e-6, 1e-8, 1e-10), strict=True))
+    assert all(second < 0.1 * first for first, second in zip(errors, errors[1:], strict=False))
+
+
+@pytest.mark.parametrize("step", [0.01, 0.1])
+def test_bouncing_ball(exchange: MakeFmu, step: float) -> None:
+    """The bounces are at t0, t0 (1 + 2 e), t0 (1 + 2 e + 2 e^2), ... with t0 = sqrt(2 h / g)."""
+    g, e = 9.81, 0.7
+    result = alone(exchange("BALL"), stop=2.0, step=step)
+    times = np.cumsum([math.sqrt(2 / g), *(2 * math.sqrt(2 / g) * e**k for k in range(1, 6))])
+    t = result["time"].values
+    count = np.searchsorted(times, t)
+    np.testing.assert_array_equal(result["p.bounces"], count)
+    since = t - np.concatenate([[0.0], times])[count]
+    up = np.where(count == 0, 0.0, e**count * math.sqrt(2 * g))
+    height = np.where(count == 0, 1.0, 0.0) + up * since - 0.5 * g * since**2
+    np.testing.assert_allclose(result["p.h"], height, atol=1e-7)
+
+
+def test_bounces_that_accumulate_within_a_step_are_an_error(exchange: MakeFmu) -> None:
+    with pytest.raises(PartError, match="more than 10000 events in one communication step: it chatters"):
+        alone(exchange("BALL"), stop=8.0, step=0.01)
+
+
+@pytest.mark.parametrize("step", [0.1, 0.07, 1.0])
+def test_time_events_without_states(exchange: MakeFmu, step: float) -> None:
+    result = alone(exchange("STAIR"), stop=21 * step, step=step)
+    t = result["time"].values
+    np.testing.assert_array_equal(result["p.level"], np.floor(t / 0.3 + 1e-9))
+
+
+def test_van_der_pol(exchange: MakeFmu) -> None:
+    for mu in (5.0, 100.0):
+        result = alone(exchange("VANDERPOL"), stop=20.0, step=0.05, mu=mu, tolerance=1e-10)
+        exact = solve_ivp(
+            lambda _, z, mu=mu: [z[1], mu * (1 - z[0] ** 2) * z[1] - z[0]],
+            (0.0, 20.0),
+            (2.0, 0.0),
+            method="Radau",
+            t_eval=result["time"].values,
+            rtol=1e-11,
+            atol=1e-11,
+        )
+        np.testing.assert_allclose(result["p.x"], exact.y[0], atol=2e-7)
+
+
+@pytest.mark.parametrize("step", [1e-3, 0.05])
+def test_stick_slip_on_a_belt(exchange: MakeFmu, step: float) -> None:
+    """With break-away Fs and sliding force Fc, a = (Fs - Fc) / k: stick lasts 2 a / V, slip 2 (pi - atan(a w / V)) / w."""
+    k, V, Fs, Fc, w = 100.0, 0.1, 5.0, 3.0, 10.0
+    result = alone(exchange("BELT"), stop=5.0, step=step)
+    a = (Fs - Fc) / k
+    stick, slip = 2 * a / V, 2 * (math.pi - math.atan(a * w / V)) / w
+    t = result["time"].values
+    phase = np.mod(t - Fs / k / V, stick + slip)  # since the last break-away
+    slips = (t > Fs / k / V) & (phase < slip)
+    clear = np.minimum(np.abs(phase - slip), np.minimum(phase, stick + slip - phase)) > 1e-6
+    np.testing.assert_array_equal(result["p.slips"].values[clear], slips[clear])
+    sliding = Fc / k + a * np.cos(w * phase) + V / w * np.sin(w * phase)
+    sticking = Fc / k - a + V * (phase - slip)
+    x = np.where(slips, sliding, np.where(t < Fs / k / V, V * t, sticking))
+    np.testing.assert_allclose(result["p.x"], x, atol=1e-6)
+
+
+def test_an_fmu_without_states(exchange: MakeFmu) -> None:
+    """Its indicator is the input, which crosses zero within the step with the implicit masters."""
+    source = CallablePart("s", lambda t, u, x: [math.sin(t)], outputs=["u"])
+    with System([FmuPart("p", exchange("GAIN")), source], ["s.u -> p.u"]) as system:
+        result = system.run(stop=10.0, step=0.1, master="newton")
+    t = result["time"].values
+    np.testing.assert_allclose(result["p.y"], 2 * np.sin(t), atol=1e-14)
+    np.testing.assert_array_equal(result["p.above"], np.sin(t) > 0)
+
+
+def test_an_event_of_a_linear_input_is_located(exchange: MakeFmu) -> None:
+    source = CallablePart("s", lambda t, u, x: [t - 0.537], outputs=["u"])
+    with System([FmuPart("p", exchange("GAIN")), source], ["s.u -> p.u"]) as system:
+        part, times = system.parts["p"], []
+        result = system.run(stop=1.0, step=0.1, master="newton")
+        assert isinstance(part, FmuPart)
+    assert list(result["p.above"].values) == [False] * 6 + [True] * 5
+    assert not times
+
+
+@pytest.mark.parametrize("master", ALL)
+def test_inputs_held_and_linear(exchange: MakeFmu, master: str) -> None:
+    """The integral of u = 2 t: held values make a rectangle rule, linear ones are exact."""
+    source = CallablePart("s", lambda t, u, x: [2 * t], outputs=["u"])
+    with System([source, FmuPart("p", exchange("INTEGRATOR"))], ["s.u -> p.u"]) as system:
+        result = system.run(stop=1.0, step=0.1, master=master)
+    t = result["time"].values
+    exact = t**2
+    # gauss-seidel passes the value at the end of the step, jacobi the one at its beginning
+    off = {"jacobi": -0.1 * t, "gauss-seidel": 0.1 * t}.get(master, 0.0 * t)
+    np.testing.assert_allclose(result["p.x"], exact + off, atol=1e-9)
+
+
+def test_discrete_inputs_change_between_steps(exchange: MakeFmu) -> None:
+    heat = CallablePart("s", lambda t, u, x: [t >= 0.5], outputs=[Port("on", type="Boolean")], sampled=True)
+    with System([heat, FmuPart("p", exchange("ROOM"))], ["s.on -> p.heat"]) as system:
+        result = system.run(stop=1.0, step=0.125)
+    t = result["time"].values
+    cooling = 15 + 5 * np.exp(-t)
+    heating = 25 + (15 + 5 * math.exp(-0.5) - 25) * np.exp(-(t - 0.5))
+    np.testing.assert_allclose(result["p.T"], np.where(t <= 0.5, cooling, heating), atol=1e-7)
+
+
+def test_a_completed_step_can_ask_for_an_event(exchange: MakeFmu) -> None:
+    result = alone(exchange("ASKS"), step=0.25)
+    np.testing.assert_allclose(result["p.x"], [0.0, 0.25, 10.5, 10.75, 11.0], atol=1e-9)
+    np.testing.assert_array_equal(result["p.events"], [0, 0, 1, 1, 1])
+    ignored = alone(exchange("ASKS", needed=False), step=0.25)
+    np.testing.assert_array_equal(ignored["p.events"], [0, 0, 1, 1, 1])  # the events between steps suffice here
+
+
+@pytest.mark.parametrize("kind", ["ENDS", "STOPS"])
+def test_an_fmu_that_ends_the_simulation(exchange: MakeFmu, kind: str) -> None:
+    with pytest.raises(PartError) as caught:
+        alone(exchange(kind), step=0.1)
+    error = caught.value
+    assert error.reason == "it ended the simulation (terminateSimulation)"
+    assert error.time is not None and error.time >= 0.55
+    assert error.result is not None
+    np.testing.assert_allclose(error.result["p.x"], np.arange(6) * 0.1, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "reason"),
+    [
+        ("UNSETTLED", "its event iteration does not end: after 100 calls it still asks for another"),
+        ("TWOFACED", "it has more than 10000 events in one communication step: it chatters or its events accumulate"),
+        ("DUE", "it has more than 10000 events in one communication step: it chatters or its events accumulate"),
+    ],
+)
+def test_events_without_end(exchange: MakeFmu, kind: str, reason: str) -> None:
+    with pytest.raises(PartError) as caught:
+        alone(exchange(kind), step=0.1)
+    assert caught.value.function == "its integration"
+    assert caught.value.reason == reason
+
+
+def test_an_indicator_that_jumps_at_its_own_event_does_not_stop_the_run(exchange: MakeFmu) -> None:
+    result = alone(exchange("CHATTERS"), step=0.1)
+    np.testing.assert_allclose(result["p.x"], result["time"], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (
+            {"status": 3.0},
+            "part 'p' failed in fmi2GetDerivatives at t = 0.5: it returned Error and logged 'the spindle has seized'",
+        ),
+        (
+            {"status": 4.0},
+            "part 'p' failed in fmi2GetDerivatives at t = 0.5: it returned Fatal and logged 'the spindle has seized'",
+        ),
+        (
+            {"status": 2.0},
+            "part 'p' failed in fmi2GetDerivatives at t = 0.5: it returned Discard and logged 'the spindle has seized'",
+        ),
+        ({"nan": 1.0}, "part 'p' failed in its integration at t = 0.5: the derivative of x is not finite"),
+    ],
+)
+def test_failing_derivatives_name_part_time_and_reason(
+    exchange: MakeFmu, settings: dict[str, float], message: str
+) -> None:
+    with pytest.raises(PartError) as caught:
+        alone(exchange("FAILS"), step=0.1, **settings)
+    error = caught.value
+    assert error.time == pytest.approx(0.5, abs=0.1)
+    error.time = None
+    assert str(error) == message.replace(" at t = 0.5", "")
+    assert error.result is not None
+    np.testing.assert_allclose(error.result["p.x"], np.arange(error.result.sizes["time"]) * 0.1, atol=1e-12)
+    assert error.result.sizes["time"] in (5, 6)
+
+
+def test_wrong_number_of_states(exchange: MakeFmu) -> None:
+    with pytest.raises(PartError, match=r"fmi2GetContinuousStates at t = 0 s: .*another number of values"):
+        alone(exchange("OSCILLATOR", derivatives=1), F=0.0)
+
+
+def test_a_rejected_parameter(exchange: MakeFmu, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.ERROR, "harness"), pytest.raises(StartValueError, match="the mass must be positive"):
+        alone(exchange("OSCILLATOR"), F=0.0, mass=-1.0)
+    assert [record.name for record in caplog.records] == ["harness.p"]
+
+
+@pytest.mark.parametrize("master", ALL)
+@pytest.mark.parametrize("isolate", [False, True])
+def test_two_oscillators_exchange_their_force(exchange: MakeFmu, master: str, isolate: bool) -> None:
+    """Both masses have a spring to the ground; a coupling spring in Python joins them: modes with w^2 = 9 and 9 + 2 c."""
+    c = 4.0
+    spring = CallablePart(
+        "spring", lambda t, u, x: [c * (u[1] - u[0]), c * (u[0] - u[1])], ["a", "b"], ["on_a", "on_b"]
+    )
+    parts = [FmuPart(name, exchange("OSCILLATOR"), isolate=isolate) for name in ("a", "b")]
+    wires = ["a.x -> spring.a", "b.x -> spring.b", "spring.on_a -> a.F", "spring.on_b -> b.F"]
+    with System([*parts, spring], wires, {"b.x": 0.0}) as system:
+        result = system.run(stop=2.0, step=1e-3, master=master)
+    t = result["time"].values
+    both, against = 0.5 * np.cos(3 * t), 0.5 * np.cos(math.sqrt(9 + 2 * c) * t)
+    tolerance = 5e-6 if master in ("newton", "adaptive") else 2e-2
+    np.testing.assert_allclose(result["a.x"], both + against, atol=tolerance)
+    np.testing.assert_allclose(result["b.x"], both - against, atol=tolerance)
+
+
+def test_a_loop_needs_saved_states(exchange: MakeFmu) -> None:
+    parts = [FmuPart("a", exchange("OSCILLATOR", states=False)), FmuPart("b", exchange("OSCILLATOR"))]
+    with (
+        System(parts, ["a.x -> b.F", "b.x -> a.F"]) as system,
+        pytest.raises(ExperimentError, match="'a' is part of a loop and cannot save its state"),
+    ):
+        system.run(stop=1.0, step=0.1, master="newton")
+
+
+@pytest.mark.parametrize("kind", ["BALL", "BELT", "STAIR", "OSCILLATOR"])
+def test_engine_python_and_another_run_give_the_same_bits(exchange: MakeFmu, kind: str) -> None:
+    start = {"p.F": 0.0} if kind == "OSCILLATOR" else {}
+    with System([FmuPart("p", exchange(kind))], start=start) as system:
+        experiment = Experiment(stop=1.5, step=0.01)
+        first = run(system, experiment)
+        assert first.identical(run(system, experiment))
+        assert first.identical(run(system, experiment, Options(native=False)))
+
+
+@pytest.mark.parametrize("kind", ["BALL", "BELT", "STAIR", "OSCILLATOR"])
+def test_a_checkpoint_continues_bit_for_bit(exchange: MakeFmu, tmp_path: Path, kind: str) -> None:
+    start = {"p.F": 0.0} if kind == "OSCILLATOR" else {}
+    with System([FmuPart("p", exchange(kind))], start=start) as system:
+        whole = system.run(stop=1.5, step=0.1)
+        system.run(stop=0.9, step=0.1, checkpoint=tmp_path / "state")
+        rest = system.run(stop=1.5, step=0.1, resume=tmp_path / "state")
+    for name in whole:
+        np.testing.assert_array_equal(rest[name].values, whole[name].values[9:])
+
+
+def test_a_checkpoint_needs_a_state_that_can_be_serialised(exchange: MakeFmu, tmp_path: Path) -> None:
+    with (
+        System([FmuPart("p", exchange("BALL", states=False))]) as system,
+        pytest.raises(PartError, match="cannot serialise its state"),
+    ):
+        system.run(stop=0.1, step=0.1, checkpoint=tmp_path / "state")
+
+
+def test_its_own_process(exchange: MakeFmu) -> None:
+    path = exchange("BELT")
+    with System([FmuPart("p", path, isolate=True)]) as system:
+        isolated = system.run(stop=1.0, step=0.01)
+    assert isolated.identical(alone(path))
+
+
+@pytest.mark.parametrize("kind", ["OSCILLATOR", "BALL", "BELT"])
+def test_fmpy_integrates_the_same(exchange: MakeFmu, kind: str) -> None:
+    theirs = fmpy.simulate_fmu(
+        str(exchange(kind)),
+        stop_time=1.0,
+        output_interval=0.1,
+        relative_tolerance=1e-10,
+        output=["x", "v"] if kind != "BALL" else ["h", "v"],
+        record_events=False,
+    )
+    ours = alone(exchange(kind), step=0.1, tolerance=1e-8, **({"F": 0.0} if kind == "OSCILLATOR" else {}))
+    for name in theirs.dtype.names[1:]:
+        np.testing.assert_allclose(ours[f"p.{name}"], theirs[name], atol=1e-6)
+
+
+def test_beside_our_own_blocks(exchange: MakeFmu, build_fmu: MakeFmu) -> None:
+    """An oscillator against LuGre is Mass and Spring against LuGre."""
+    with System(
+        [FmuPart("body", exchange("OSCILLATOR")), FmuPart("friction", build_fmu("LuGre"))],
+        ["body.v -> friction.v", "friction.F -> pull.F", "pull.y -> body.F"][:1],
+        {"body.F": 0.0},
+    ) as system:
+        assert system.parts["body"].saves
