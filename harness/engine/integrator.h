@@ -1,9 +1,9 @@
 /* An FMU for model exchange, integrated by CVODE over each communication step. The exported functions take the place of
    the functions of a co-simulation FMU; their component is an Integrator.
 
-   Between two steps the FMU rests in event mode, where it accepts inputs of all types and gives outputs for them. A step
-   begins and ends with an event iteration, and CVODE starts anew after each event. So nothing but the FMU and its time
-   has a state, and a step that is rolled back and repeated gives the same bits. */
+   Between two steps the FMU rests in event mode, where it accepts inputs of all types and gives outputs for them. A
+   step begins and ends with an event iteration, and CVODE starts anew after each event. So nothing but the FMU and its
+   time has a state, and a step that is rolled back and repeated gives the same bits. */
 
 #ifndef INTEGRATOR_H
 #define INTEGRATOR_H
@@ -131,8 +131,7 @@ static bool go_to(Integrator *i, double t, const double *x)
         return false;
     for (int64_t k = 0; k < i->moving; k++)
         i->u[k] = i->begin[k] + i->slopes[k] * (t - i->from);
-    if (i->moving > 0 &&
-        !works(i, SET_INPUTS, i->set[REAL](i->component, i->references, (size_t)i->moving, i->u)))
+    if (i->moving > 0 && !works(i, SET_INPUTS, i->set[REAL](i->component, i->references, (size_t)i->moving, i->u)))
         return false;
     return i->states == 0 || works(i, SET_STATES, i->set_states(i->component, x, (size_t)i->states));
 }
@@ -159,9 +158,8 @@ EXPORT int integrator_derivatives(double t, void *x, void *derivatives, void *se
 
 static bool read_indicators(Integrator *i, double *z)
 {
-    return i->indicators == 0 ||
-           (works(i, GET_INDICATORS, i->get_indicators(i->component, z, (size_t)i->indicators)) &&
-            all_finite(i, BAD_INDICATOR, z, i->indicators));
+    return i->indicators == 0 || (works(i, GET_INDICATORS, i->get_indicators(i->component, z, (size_t)i->indicators)) &&
+                                  all_finite(i, BAD_INDICATOR, z, i->indicators));
 }
 
 EXPORT int integrator_roots(double t, void *x, double *z, void *self);
@@ -272,7 +270,7 @@ static bool integrate(Integrator *i, double *t, double target)
         if (flag >= 0 && !step_is_over(i, *t, &event))
             return false;
     }
-    return flag >= 0 || i->failure != NO_FAILURE || fails(i, SOLVER, flag);
+    return flag >= 0 || (i->failure == NO_FAILURE && fails(i, SOLVER, flag));
 }
 
 /* Integrate to the end of the step, from event to event. */
@@ -302,11 +300,10 @@ EXPORT int integrator_step(void *self, double t, double h, int keeps_no_state)
     Integrator *const i = self;
     i->failure = NO_FAILURE;
     i->from = i->failed_at = t;
-    const bool good =
-        (i->moving == 0 ||
-         works(i, GET_INPUTS, i->get[REAL](i->component, i->references, (size_t)i->moving, i->begin))) &&
-        /* the last step may have ended at an event that is a rounding error later */
-        advance_to(i, i->time > t && i->time - t <= 2.0 * rounding(t) ? i->time : t, t + h);
+    const bool good = (i->moving == 0 ||
+                       works(i, GET_INPUTS, i->get[REAL](i->component, i->references, (size_t)i->moving, i->begin))) &&
+                      /* the last step may have ended at an event that is a rounding error later */
+                      advance_to(i, i->time > t && i->time - t <= 2.0 * rounding(t) ? i->time : t, t + h);
     i->moving = 0;
     return good ? 0 : (int)i->status;
 }

@@ -1,10 +1,10 @@
 """FMUs for model exchange, integrated by CVODE over each communication step; the loop is in integrator.h.
 
-CVODE is variable-step, stiff (BDF) and locates events. It comes with fmpy, which the harness needs anyway, as SUNDIALS 7
-for Linux, Windows and macOS. The compiled engine calls it and the FMU without Python in between: a step of 1 ms of an
-oscillator takes 4 us. With scikit-sundae, whose callbacks are Python functions, it takes 54 us. Each communication step
-and each event starts CVODE anew, with a first step of order 1: then the solver has no state of its own, and a master
-can repeat a step after the FMU alone has been rolled back.
+CVODE has a variable step, is stiff (BDF) and locates events. It comes with fmpy, which the harness needs anyway, as
+SUNDIALS 7 for Linux, Windows and macOS. The compiled engine calls it and the FMU without Python in between: a step of
+1 ms of an oscillator takes 4 us. With scikit-sundae, whose callbacks are Python functions, it takes 54 us. Each
+communication step and each event starts CVODE anew, with a first step of order 1: then the solver has no state of its
+own, and a master can repeat a step after the FMU alone has been rolled back.
 """
 
 from __future__ import annotations

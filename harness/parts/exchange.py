@@ -8,7 +8,7 @@ import struct
 from harness.engine.integrator import Integrator
 from harness.errors import PartError
 from harness.parts.archive import Archive
-from harness.parts.fmi2 import DO_STEP, FATAL, Instance, Library, State
+from harness.parts.fmi2 import DO_STEP, Instance, Library, State
 
 _TIME = struct.Struct("<d")
 
@@ -40,7 +40,9 @@ class ExchangeInstance(Instance):
                 {name: address * needed.get(name, True) for name, address in library.addresses.items()},
                 tuple(_state_name(unknown.variable) for unknown in description.derivatives),
                 int(description.numberOfEventIndicators or 0),
-                sum(variable.type == "Real" and variable.causality == "input" for variable in archive.variables.values()),
+                sum(
+                    variable.type == "Real" and variable.causality == "input" for variable in archive.variables.values()
+                ),
             )
         except BaseException:
             self.release()

@@ -76,12 +76,9 @@ static void nothing(Model *m) { (void)m; }
 
 static void climb(Model *m, fmi2EventInfo *info)
 {
-    if (m->time >= m->next && m->mode == EVENT) {
+    if (m->next > 0.0 && m->time >= m->next)
         m->whole[0]++;
-        m->next = (m->whole[0] + 1) * m->r[0];
-    }
-    if (m->next == 0.0)
-        m->next = m->r[0];
+    m->next = (m->whole[0] + 1) * m->r[0];
     plan(info, m->next);
 }
 
@@ -135,15 +132,15 @@ static void compare(Model *m, fmi2EventInfo *info)
 /* x, der(x), nothing; whole: events */
 static void clock_of_one(Model *m) { m->r[1] = 1.0; }
 
-static void ask_at_half(Model *m, fmi2Boolean *enter, fmi2Boolean *end)
+static void ask_once(Model *m, fmi2Boolean *enter, fmi2Boolean *end)
 {
     (void)end;
-    *enter = m->r[0] >= 0.5 && !m->memory;
+    *enter = m->r[0] >= 0.45 && !m->memory;
 }
 
 static void jump(Model *m, fmi2EventInfo *info)
 {
-    if (m->r[0] < 0.5 || m->memory)
+    if (m->r[0] < 0.45 || m->memory)
         return;
     m->memory = true;
     m->whole[0]++;
@@ -205,7 +202,7 @@ static const Kind kinds[] = {
     {"VANDERPOL", 2, 0, {2.0, 0.0, 0.0, 0.0, 5.0}, van_der_pol, NULL, NULL, NULL},
     {"BELT", 2, 1, {0.0, 0.1, 0.0, 0.0, 1.0, 100.0, 0.1, 5.0, 3.0}, belt, contact, stick_or_slip, NULL},
     {"GAIN", 0, 1, {0.0, 0.0, 2.0, 0.0}, gain, sign_of_input, compare, NULL},
-    {"ASKS", 1, 0, {0.0, 1.0}, clock_of_one, NULL, jump, ask_at_half},
+    {"ASKS", 1, 0, {0.0, 1.0}, clock_of_one, NULL, jump, ask_once},
     {"ENDS", 1, 0, {0.0, 1.0}, clock_of_one, NULL, end_at_time, NULL},
     {"STOPS", 1, 0, {0.0, 1.0}, clock_of_one, NULL, NULL, end_at_step},
     {"UNSETTLED", 1, 0, {0.0, 1.0}, clock_of_one, NULL, never_settled, NULL},
