@@ -227,7 +227,10 @@ def test_neither_interface(make_fmu: Callable[..., Path]) -> None:
 
 def test_library_without_the_functions_of_model_exchange(make_fmu: Callable[..., Path]) -> None:
     path = make_fmu(("<CoSimulation", "<ModelExchange"), (' canHandleVariableCommunicationStepSize="true"', ""))
-    with System([FmuPart("p", path)], start=CONSTANTS) as system, pytest.raises(FmuError, match="undefined symbol: fmi2"):
+    with (
+        System([FmuPart("p", path)], start=CONSTANTS) as system,
+        pytest.raises(FmuError, match="undefined symbol: fmi2"),
+    ):
         system.run(stop=1.0, step=0.25)
 
 
