@@ -170,16 +170,6 @@ EXPORT int integrator_roots(double t, void *x, double *z, void *self)
     return go_to(i, t, i->values_of(x)) && read_indicators(i, z) ? 0 : -1;
 }
 
-/* Keep SUNDIALS from printing: its errors are reported by their code. */
-EXPORT void integrator_be_silent(int line, const char *function, const char *file, const char *text, int code,
-                                 void *data, void *context);
-
-EXPORT void integrator_be_silent(int line, const char *function, const char *file, const char *text, int code,
-                                 void *data, void *context)
-{
-    (void)line, (void)function, (void)file, (void)text, (void)code, (void)data, (void)context;
-}
-
 /* Iterate in event mode until the discrete states have settled. */
 static bool settle(Integrator *i, double t)
 {
