@@ -1,9 +1,10 @@
 /* An FMU for model exchange, integrated by CVODE over each communication step. The exported functions take the place of
    the functions of a co-simulation FMU; their component is an Integrator.
 
-   Between two steps the FMU rests in event mode, where it accepts inputs of all types and gives outputs for them. A
-   step begins and ends with an event iteration, and CVODE starts anew after each event. So nothing but the FMU and its
-   time has a state, and a step that is rolled back and repeated gives the same bits. */
+   At the end of a step the FMU is in continuous-time mode; inputs and the next step put it into event mode, where it
+   accepts inputs of all types. So an event at a communication point happens at the beginning of the step from there,
+   with the inputs of this point, as in a sampled block. Each step begins with an event iteration, and CVODE starts anew
+   after each event: nothing but the FMU and its time has a state, and a step that is repeated gives the same bits. */
 
 #ifndef INTEGRATOR_H
 #define INTEGRATOR_H
@@ -79,10 +80,10 @@ typedef struct {
     double from;
 
     EventInfo event;
-    double time; /* [s] of the FMU in event mode */
+    double time;        /* [s] of the FMU between steps */
+    int64_t continuous; /* it is in continuous-time mode */
     int64_t failure, status, index;
     double failed_at;
-    int64_t steps, events; /* since the beginning of the run */
 } Integrator;
 
 MIRRORED(Integrator)
@@ -255,7 +256,7 @@ static bool integrate(Integrator *i, double *t, double target)
             return fails(i, MANY_STEPS, 0);
         i->failure = NO_FAILURE;
         flag = i->solve(i->solver, target, i->vector, t, ONE_STEP);
-        i->steps++;
+
         event = flag == ROOT_RETURN;
         if (flag >= 0 && !step_is_over(i, *t, &event))
             return false;
@@ -263,20 +264,30 @@ static bool integrate(Integrator *i, double *t, double target)
     return flag >= 0 || (i->failure == NO_FAILURE && fails(i, SOLVER, flag));
 }
 
+/* Go to event mode, if the FMU is not there already. */
+static bool enter_events(Integrator *i)
+{
+    const bool continuous = i->continuous;
+    i->continuous = 0;
+    return !continuous || works(i, ENTER_EVENT_MODE, i->enter_event_mode(i->component));
+}
+
 /* Integrate to the end of the step, from event to event. */
 static bool advance_to(Integrator *i, double t, double end)
 {
-    if (!settle(i, t))
-        return false;
-    for (int events = 0; t < end; events++) {
-        if (events == MOST_EVENTS)
+    for (int events = 0;; events++) {
+        if (events > MOST_EVENTS)
             return fails(i, MANY_EVENTS, 0);
-        const bool due = i->event.has_next && i->event.next <= end + rounding(end);
-        const double target = due ? fmax(i->event.next, t) : end;
-        if (!enter_continuous_time(i, t) || (t < target && !integrate(i, &t, target)) ||
-            !works(i, ENTER_EVENT_MODE, i->enter_event_mode(i->component)) || !settle(i, t))
+        i->failed_at = t;
+        if (!enter_events(i) || !settle(i, t))
             return false;
-        i->events += t < end || due;
+        const bool due = i->event.has_next && i->event.next < end - rounding(end);
+        const double target = due ? fmax(i->event.next, t) : end;
+        i->continuous = 1;
+        if (!enter_continuous_time(i, t) || (t < target && !integrate(i, &t, target)))
+            return false;
+        if (t >= end)
+            break;
     }
     i->time = t;
     return true;
@@ -292,7 +303,7 @@ EXPORT int integrator_step(void *self, double t, double h, int keeps_no_state)
     i->from = i->failed_at = t;
     const bool good = (i->moving == 0 ||
                        works(i, GET_INPUTS, i->get[REAL](i->component, i->references, (size_t)i->moving, i->begin))) &&
-                      /* the last step may have ended at an event that is a rounding error later */
+                      /* the last step may have ended a rounding error later */
                       advance_to(i, i->time > t && i->time - t <= 2.0 * rounding(t) ? i->time : t, t + h);
     i->moving = 0;
     return good ? 0 : (int)i->status;
@@ -305,7 +316,7 @@ EXPORT int integrator_begin(Integrator *i, double t)
 {
     i->failure = NO_FAILURE;
     i->time = t;
-    i->moving = i->steps = i->events = 0;
+    i->moving = i->continuous = 0;
     return settle(i, t) ? 0 : (int)i->status;
 }
 
@@ -328,20 +339,25 @@ EXPORT int integrator_set_slopes(void *self, const uint32_t *references, size_t 
     return 0;
 }
 
-#define PASS_ON(name, place)                                                                                           \
+#define PASS_ON(name, place, ready)                                                                                    \
     EXPORT int integrator_##name(void *self, const uint32_t *references, size_t n, void *values);                      \
     EXPORT int integrator_##name(void *self, const uint32_t *references, size_t n, void *values)                       \
     {                                                                                                                  \
-        const Integrator *const i = self;                                                                              \
-        return i->place(i->component, references, n, values);                                                          \
+        Integrator *const i = self;                                                                                    \
+        return ready ? i->place(i->component, references, n, values) : (int)i->status;                                 \
     }
 
-PASS_ON(set_real, set[REAL])
-PASS_ON(set_integer, set[INTEGER])
-PASS_ON(set_boolean, set[BOOLEAN])
-PASS_ON(get_real, get[REAL])
-PASS_ON(get_integer, get[INTEGER])
-PASS_ON(get_boolean, get[BOOLEAN])
+PASS_ON(set_real, set[REAL], enter_events(i))
+PASS_ON(set_integer, set[INTEGER], enter_events(i))
+PASS_ON(set_boolean, set[BOOLEAN], enter_events(i))
+PASS_ON(get_real, get[REAL], true)
+PASS_ON(get_integer, get[INTEGER], true)
+PASS_ON(get_boolean, get[BOOLEAN], true)
+
+EXPORT int integrator_enter_events(Integrator *i);
+
+/* Go to the mode in which states are saved and restored: some FMUs do not save their mode. */
+EXPORT int integrator_enter_events(Integrator *i) { return enter_events(i) ? 0 : (int)i->status; }
 
 EXPORT int integrator_get_state(void *self, void **saved);
 
@@ -354,7 +370,7 @@ EXPORT int integrator_get_state(void *self, void **saved)
     if (timed == NULL)
         return 3;
     timed->time = i->time;
-    return i->get_state(i->component, &timed->state);
+    return enter_events(i) ? i->get_state(i->component, &timed->state) : (int)i->status;
 }
 
 EXPORT int integrator_set_state(void *self, void *saved);
@@ -364,7 +380,7 @@ EXPORT int integrator_set_state(void *self, void *saved)
     Integrator *const i = self;
     const TimedState *const timed = saved;
     i->time = timed->time;
-    return i->set_state(i->component, timed->state);
+    return enter_events(i) ? i->set_state(i->component, timed->state) : (int)i->status;
 }
 
 EXPORT int integrator_free_state(void *self, void **saved);

@@ -106,9 +106,8 @@ class IntegratorData(ctypes.Structure):
         ("from", _REAL),
         ("event", _EventInfo),
         ("time", _REAL),
-        *((name, _INT) for name in ("failure", "status", "index")),
+        *((name, _INT) for name in ("continuous", "failure", "status", "index")),
         ("failed_at", _REAL),
-        *((name, _INT) for name in ("steps", "events")),
     )
 
 
@@ -200,6 +199,10 @@ class Integrator:
         if self.data.solver:  # invalidates the tolerances of the last run
             ctypes.memset(self.data.absolute, 0, 8 * max(1, len(self.states)))
         return int(library().integrator_begin(ctypes.byref(self.data), _REAL(time)))
+
+    def enter_events(self) -> int:
+        """Go to event mode, in which states are saved and restored, and return a status of FMI."""
+        return int(library().integrator_enter_events(ctypes.byref(self.data)))
 
     def failure(self) -> Failure:
         """Return why the last step failed."""

@@ -8,7 +8,7 @@ import struct
 from harness.engine.integrator import Integrator
 from harness.errors import PartError
 from harness.parts.archive import Archive
-from harness.parts.fmi2 import DO_STEP, Instance, Library, State
+from harness.parts.fmi2 import DO_STEP, Instance, Library, State, exchanges
 
 _TIME = struct.Struct("<d")
 
@@ -50,6 +50,7 @@ class ExchangeInstance(Instance):
         self.stepped = ctypes.addressof(self._integrator.data)
         self.functions = self._integrator.functions
         self.do_step = DO_STEP(self.functions["DoStep"])
+        self.set_, self.get = exchanges(self.functions)
         self.interpolates = True
 
     def begin(self, time: float, tolerance: float | None) -> None:
@@ -62,10 +63,12 @@ class ExchangeInstance(Instance):
     def save(self, state: State) -> None:
         """Copy the state and the time."""
         state.time = float(self._integrator.data.time)
+        self._enter_events()
         super().save(state)
 
     def restore(self, state: State) -> None:
         """Return to a saved state and its time."""
+        self._enter_events()
         super().restore(state)
         self._integrator.data.time = state.time
 
@@ -79,6 +82,11 @@ class ExchangeInstance(Instance):
             raise PartError(self.name, "deserialise", f"the state has {len(data)} bytes and belongs to another part")
         (state.time,) = _TIME.unpack(data[: _TIME.size])
         super().deserialise(state, data[_TIME.size :])
+
+    def _enter_events(self) -> None:
+        status = self._integrator.enter_events()
+        if status > 1:
+            raise self.failure("fmi2DoStep", status)
 
     def failure(self, function: str, status: int, time: float | None = None) -> PartError:
         """Return the error for a failed call; for a step, with the cause and its time."""

@@ -10,7 +10,7 @@ import threading
 import weakref
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import fmpy
 import fmpy.fmi2
@@ -98,10 +98,6 @@ class Library:
             finally:
                 if here is not None:
                     os.chdir(here)  # fmpy changes to the folder of the library and stays there when loading fails
-        kinds = ("Real", "Integer", "Boolean")
-        # functions that take addresses as integers: twice as fast as converting arrays
-        self.set_: dict[str, Callable[..., int]] = {kind: _EXCHANGE(self.addresses[f"Set{kind}"]) for kind in kinds}
-        self.get: dict[str, Callable[..., int]] = {kind: _EXCHANGE(self.addresses[f"Get{kind}"]) for kind in kinds}
         self.close = weakref.finalize(self, _unload, self.slave.dll._handle, folder)
 
 
@@ -111,6 +107,16 @@ def _refuse_truncated(folder: Path) -> None:
         missing = missing_bytes(path)
         if missing:
             raise ValueError(f"its library {path.name} is truncated: {missing} bytes are missing at the end")
+
+
+Exchanges: TypeAlias = dict[str, Callable[..., int]]
+
+
+def exchanges(addresses: Mapping[str, int]) -> tuple[Exchanges, Exchanges]:
+    """Return fmi2SetXXX and fmi2GetXXX by type; they take addresses as integers, twice as fast as converting arrays."""
+    kinds = ("Real", "Integer", "Boolean")
+    set_, get = ({kind: _EXCHANGE(addresses[f"{verb}{kind}"]) for kind in kinds} for verb in ("Set", "Get"))
+    return set_, get
 
 
 def _address(library: Any, function: str) -> int:
@@ -156,9 +162,11 @@ class Instance:
     component : int
         Address of the instance.
     stepped : int
-        What the engine passes to `functions` and `do_step` in its place.
+        What is passed to the following functions in its place.
     functions : mapping of str to int
         Addresses of the functions that the engine calls, by name without ``fmi2``.
+    set_, get : dict of str to callable
+        fmi2SetXXX and fmi2GetXXX by type.
     do_step : callable
         ``do_step(stepped, t, h, 1)`` returns a status.
     interpolates : bool
@@ -194,6 +202,7 @@ class Instance:
         self.stepped = self.component
         self.functions: Mapping[str, int] = library.addresses
         if not archive.exchange:
+            self.set_, self.get = exchanges(library.addresses)
             self.do_step: Callable[..., int] = DO_STEP(library.addresses["DoStep"])
             self.interpolates = bool(archive.interface.canInterpolateInputs)
         declared = {category.name for category in archive.description.logCategories}

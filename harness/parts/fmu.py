@@ -138,10 +138,9 @@ class FmuPart(Part):
 
     def bind(self, inputs: Sequence[str], outputs: Sequence[str], u: Values, y: Values) -> Calls:
         """Prepare the FMI calls; Reals are copied directly between the FMU and the signal vector."""
-        library, instance = self._library, self.instance
-        assert library is not None and instance is not None, "bind comes after enter_initialisation"
-        setters = [self._exchange(library.set_, "Set", *block) for block in self._blocks(inputs, u)]
-        getters = [self._exchange(library.get, "Get", *block) for block in self._blocks(outputs, y)]
+        instance = self._started()
+        setters = [self._exchange(instance.set_, "Set", *block) for block in self._blocks(inputs, u)]
+        getters = [self._exchange(instance.get, "Get", *block) for block in self._blocks(outputs, y)]
         do_step, component = instance.do_step, instance.stepped
 
         def step(t: float, h: float) -> None:
@@ -297,7 +296,7 @@ class FmuPart(Part):
     ) -> Callable[[], None]:
         """Return one prepared call of fmi2SetXXX or fmi2GetXXX."""
         instance = self._started()
-        function, component, count = functions[kind], instance.component, len(references)
+        function, component, count = functions[kind], instance.stepped, len(references)
         vrs = (ctypes.c_uint * count)(*references)
         numbers: Any = (ctypes.c_double if kind == "Real" else ctypes.c_int) * count
         buffer = numbers.from_buffer(values) if kind == "Real" else numbers()

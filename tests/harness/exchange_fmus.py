@@ -45,6 +45,11 @@ VARIABLES = MappingProxyType(
         ],
         "BALL": [*_states("h", "v"), *_parameters(4, g=9.81, e=0.7), ("bounces", 0, *_COUNT)],
         "STAIR": [("level", 0, *_COUNT), *_parameters(0, period=0.3)],
+        "SAMPLER": [
+            ("u", 0, _INPUT, '<Real start="0"/>'),
+            ("y", 1, _OUTPUT + ' variability="discrete"', "<Real/>"),
+            *_parameters(2, period=0.2),
+        ],
         "VANDERPOL": [*_states("x", "v"), *_parameters(4, mu=5.0)],
         "BELT": [
             *_states("x", "v"),

@@ -78,7 +78,8 @@ def test_bouncing_ball(exchange: MakeFmu, step: float) -> None:
 def test_time_events_without_states(exchange: MakeFmu, step: float) -> None:
     result = alone(exchange("STAIR"), stop=21 * step, step=step)
     t = result["time"].values
-    np.testing.assert_array_equal(result["p.level"], np.floor(t / 0.3 + 1e-9))
+    # a level at a communication point is reached in the step from there
+    np.testing.assert_array_equal(result["p.level"], np.maximum(np.ceil(t / 0.3 - 1e-9) - 1, 0))
 
 
 def test_van_der_pol(exchange: MakeFmu) -> None:
@@ -160,11 +161,25 @@ def test_discrete_inputs_change_between_steps(exchange: MakeFmu) -> None:
 
 
 def test_a_completed_step_can_ask_for_an_event(exchange: MakeFmu) -> None:
-    result = alone(exchange("ASKS"), step=0.25)
-    np.testing.assert_allclose(result["p.x"], [0.0, 0.25, 10.5, 10.75, 11.0], atol=1e-9)
-    np.testing.assert_array_equal(result["p.events"], [0, 0, 1, 1, 1])
-    ignored = alone(exchange("ASKS", needed=False), step=0.25)
-    np.testing.assert_array_equal(ignored["p.events"], [0, 0, 1, 1, 1])  # the events between steps suffice here
+    """At x = 0.45 or later, x jumps by 10."""
+    result = alone(exchange("ASKS"), stop=2.0, step=1.0)
+    np.testing.assert_allclose(result["p.x"], [0.0, 11.0, 12.0], atol=1e-9)
+    np.testing.assert_array_equal(result["p.events"], [0, 1, 1])
+    # without the calls, the jump comes at the beginning of the next step
+    late = alone(exchange("ASKS", needed=False), stop=2.0, step=1.0)
+    np.testing.assert_allclose(late["p.x"], [0.0, 1.0, 12.0], atol=1e-9)
+
+
+def test_an_event_at_a_communication_point_takes_the_inputs_of_this_point(exchange: MakeFmu) -> None:
+    """A sampled law: y = 2 u at each multiple of 0.2 s; u = t reaches it before the step from there."""
+    clock = CallablePart("clock", lambda t, u, x: [t], outputs=["t"])
+    with System([clock, FmuPart("p", exchange("SAMPLER"))], ["clock.t -> p.u"]) as system:
+        for master in ("jacobi", "newton"):
+            result = system.run(stop=1.0, step=0.1, master=master)
+            t = result["time"].values
+            np.testing.assert_allclose(
+                result["p.y"], 0.4 * np.maximum(np.ceil(t / 0.2 - 1e-9) - 1, 0), atol=1e-12, err_msg=master
+            )
 
 
 @pytest.mark.parametrize("kind", ["ENDS", "STOPS"])

@@ -82,6 +82,16 @@ static void climb(Model *m, fmi2EventInfo *info)
     plan(info, m->next);
 }
 
+/* u, y, period */
+static void sample(Model *m, fmi2EventInfo *info)
+{
+    if (m->time >= m->next) {
+        m->r[1] = 2.0 * m->r[0];
+        m->next = ++m->whole[0] * m->r[2];
+    }
+    plan(info, m->next);
+}
+
 /* x, v, der(x), der(v), mu */
 static void van_der_pol(Model *m)
 {
@@ -199,6 +209,7 @@ static const Kind kinds[] = {
     {"OSCILLATOR", 2, 0, {1.0, 0.0, 0.0, 0.0, 0.0, 3.0, 1.0}, oscillator, NULL, NULL, NULL},
     {"BALL", 2, 1, {1.0, 0.0, 0.0, 0.0, 9.81, 0.7}, ball, height, bounce, NULL},
     {"STAIR", 0, 0, {0.3}, nothing, NULL, climb, NULL},
+    {"SAMPLER", 0, 0, {0.0, 0.0, 0.2}, nothing, NULL, sample, NULL},
     {"VANDERPOL", 2, 0, {2.0, 0.0, 0.0, 0.0, 5.0}, van_der_pol, NULL, NULL, NULL},
     {"BELT", 2, 1, {0.0, 0.1, 0.0, 0.0, 1.0, 100.0, 0.1, 5.0, 3.0}, belt, contact, stick_or_slip, NULL},
     {"GAIN", 0, 1, {0.0, 0.0, 2.0, 0.0}, gain, sign_of_input, compare, NULL},
