@@ -10,10 +10,10 @@ own, and a master can repeat a step after the FMU alone has been rolled back.
 from __future__ import annotations
 
 import ctypes
-import importlib
 import weakref
 from collections.abc import Callable, Mapping
 from functools import cache
+from importlib import import_module
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
@@ -255,7 +255,7 @@ def _sundials() -> _Sundials:
         If fmpy has none for this platform, or another version.
     """
     try:
-        found = importlib.import_module("fmpy.sundials.libraries")
+        found = import_module("fmpy.sundials.libraries")
         names = ("core", "nvecserial", "sunmatrixdense", "sunlinsoldense", "cvode")
         # loaded once more, as fmpy has declared Python types for the arguments
         libraries = _Sundials(*(ctypes.CDLL(getattr(found, f"sundials_{name}")._name) for name in names))

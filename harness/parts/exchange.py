@@ -60,6 +60,11 @@ class ExchangeInstance(Instance):
         if status > 1:
             raise self.failure("fmi2DoStep", status)
 
+    def reset(self) -> bool:
+        """Return the instance to its initial state; it is in no mode of a run then."""
+        self._integrator.data.continuous = 0
+        return super().reset()
+
     def save(self, state: State) -> None:
         """Copy the state and the time."""
         state.time = float(self._integrator.data.time)

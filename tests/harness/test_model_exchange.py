@@ -27,7 +27,8 @@ from harness import (
     System,
     sweep,
 )
-from harness.errors import BuildError
+from harness.engine import integrator
+from harness.errors import BuildError, HarnessError
 from harness.run import Options, run
 
 MakeFmu = Callable[..., Path]
@@ -368,17 +369,43 @@ def test_an_oscillator_against_lugre_is_mass_against_lugre(exchange: MakeFmu, bu
     np.testing.assert_allclose(foreign["friction.F"], own["friction.F"], atol=2e-4)  # sigma0 times 2e-8 m
 
 
+def test_an_instance_is_reused(exchange: MakeFmu) -> None:
+    """It gets its inputs in initialisation mode again."""
+    parts = [FmuPart("off", exchange("GAIN")), FmuPart("p", exchange("OSCILLATOR"))]
+    for part in parts:
+        part.reuse = True
+    with System(parts, ["off.y -> p.F"], {"off.u": 0.0}) as system:
+        assert system.run(stop=1.0, step=0.1).identical(system.run(stop=1.0, step=0.1))
+
+
 def test_a_sweep_in_processes(exchange: MakeFmu) -> None:
-    """The oscillators of a sweep keep one instance, which is reset for each run."""
-    with System([FmuPart("p", exchange("OSCILLATOR"))], start={"p.F": 0.0}, name="swept") as system:
+    """The FMUs of a sweep keep one instance, which is reset for each run."""
+    parts = [FmuPart("off", exchange("GAIN")), FmuPart("p", exchange("OSCILLATOR"))]
+    with System(parts, ["off.y -> p.F"], {"off.u": 0.0}, name="swept") as system:
         table = sweep(
             system,
-            [{"p.omega": omega} for omega in (1.0, 2.0, 3.0)],
+            [{"p.omega": omega} for omega in (1.0, 2.0, 3.0, 4.0, 5.0)],
             measure="final(p.x)",
             workers=2,
             experiment=Experiment(stop=2.0, step=0.01),
         )
-    np.testing.assert_allclose(table["final(p.x)"], np.cos([2.0, 4.0, 6.0]), atol=1e-6)
+    np.testing.assert_allclose(table["final(p.x)"], np.cos([2.0, 4.0, 6.0, 8.0, 10.0]), atol=1e-6)
+
+
+def test_an_installation_without_a_solver(exchange: MakeFmu, monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent(name: str) -> object:
+        raise OSError(f"{name} cannot be loaded")
+
+    monkeypatch.setattr(integrator, "import_module", absent)
+    integrator._sundials.cache_clear()
+    with pytest.raises(HarnessError, match=r"fmpy has no CVODE that runs here \(fmpy.sundials.*export the FMU for co"):
+        alone(exchange("BALL"))
+    assert list(alone(exchange("STAIR"), stop=0.1)["p.level"])[-1] == 0  # it needs none
+
+
+def test_a_motion_far_too_fast_for_the_step_is_an_error(exchange: MakeFmu) -> None:
+    with pytest.raises(PartError, match="the solver needs more than a million steps for one communication step"):
+        alone(exchange("OSCILLATOR"), F=0.0, omega=1e7, stop=1.0, step=1.0)
 
 
 def test_system_file_and_ssp(exchange: MakeFmu, tmp_path: Path) -> None:
