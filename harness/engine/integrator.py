@@ -50,7 +50,7 @@ _OTHERS: Final = MappingProxyType(
     {
         16: "it ended the simulation (terminateSimulation)",
         17: "its event iteration does not end: after 100 calls it still asks for another",
-        18: "it has more than 10000 events in one communication step: it chatters or its events accumulate",
+        18: "it has more than 10000 events in one communication step: it chatters, or the step is too long",
         19: "the solver needs more than a million steps for one communication step: use a shorter step",
     }
 )
