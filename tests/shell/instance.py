@@ -113,7 +113,9 @@ class Library:
 
     def __init__(self, fmu: Path) -> None:
         self.fmu = fmu
-        self.folder = Path(fmpy.extract(str(fmu), str(fmu.with_suffix(".unpacked"))))
+        self.folder = fmu.with_suffix(".unpacked")
+        if not self.folder.is_dir():  # the library may be in use: another process must not write it again
+            fmpy.extract(str(fmu), str(self.folder))
         self.description = fmpy.read_model_description(str(fmu))
         self.identifier: str = self.description.coSimulation.modelIdentifier
         self.binary = self.folder / "binaries" / fmpy.platform / f"{self.identifier}{fmpy.sharedLibraryExtension}"
