@@ -66,6 +66,21 @@ static void warn_of_errors(Instance *c, bool last)
     }
 }
 
+/* Update the outputs of the parts if a parameter was set; before the first step also what the iteration begins with. */
+static bool take_parameters(Instance *c)
+{
+    Memory *const m = &c->memory;
+    if (m->stale != PARAMETER_SET)
+        return true;
+    if (refresh_direct(c, "fmi2DoStep") != fmi2OK || (START_LOOP && !fetch_all(c)))
+        return false;
+    if (!START_LOOP)
+        memcpy(m->signals, c->shown, sizeof m->signals);
+    if (m->tick == 0 && !m->inside)
+        newton_begin(&c->engine, &c->newton);
+    return true;
+}
+
 static fmi2Status refuse_step(Instance *c, double t, double h)
 {
     const Engine e = c->engine;
@@ -124,6 +139,8 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
                       (int)MOST_TICKS, STEP_SIZE);
     }
     REQUIRE(keep_all(c), "fmi2DoStep: a part cannot save its state: %s", c->said)
+    if (!take_parameters(c))
+        return refuse_step(c, t, h);
     if (m->slopes_used)
         memset(m->slopes, 0, sizeof m->slopes);
     m->begun = t;
