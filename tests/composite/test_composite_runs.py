@@ -18,6 +18,7 @@ from composite.composite_systems import (
 )
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
+from shell.selection import COMPOSITES
 
 from friction_fmus import build, fmu
 from friction_fmus.cli.systems import open_system
@@ -26,7 +27,7 @@ from harness import Experiment, FmuPart, SeriesPart, System, Wire
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-@pytest.mark.parametrize("name", ["stick_slip", "compensated_axis"])
+@pytest.mark.parametrize("name", [*COMPOSITES, "two_axes"])
 @pytest.mark.parametrize("every", [1, 4])
 def test_examples_are_equal_to_the_harness(compose: Callable[[str], Path], name: str, every: int) -> None:
     path = compose(name)

@@ -35,10 +35,11 @@ COMPOSITES = ("stick_slip", "compensated_axis")
 
 
 def built(name: str, folder: str | Path) -> Path:
-    """The FMU of a block or composite, in this folder."""
-    if name not in COMPOSITES:
+    """The FMU of a block, or of a system of examples/, in this folder."""
+    example = Path(__file__).parents[2] / "examples" / f"{name}.toml"
+    if not example.exists():
         return build(name, folder)
     path = Path(folder) / f"{name}.fmu"
-    with open_system(Path(__file__).parents[2] / "examples" / f"{name}.toml") as system:
+    with open_system(example) as system:
         system.to_fmu(path)
     return path
