@@ -13,6 +13,13 @@ from every_block.test_block_derivatives import (  # noqa: F401
     test_directional_derivatives_are_zero_where_nothing_is_declared,
     test_held_inputs_are_constant,
 )
+from every_block.test_block_documentation import (  # noqa: F401
+    page,
+    test_a_screen_reader_finds_its_way,
+    test_every_reference_leads_to_a_file_of_the_fmu,
+    test_it_fits_on_a_phone,
+    text,
+)
 from every_block.test_block_extremes import (  # noqa: F401
     test_denormal_inputs_are_inputs,
     test_huge_and_tiny_steps_are_answered_or_refused_with_the_reason,
@@ -40,6 +47,13 @@ from every_block.test_block_steps import (  # noqa: F401
     test_nothing_is_printed,
     test_the_bits_do_not_depend_on_logging_or_on_who_reads,
     test_the_same_run_gives_the_same_bits,
+)
+from every_block.test_block_terminals import (  # noqa: F401
+    test_icons_show_a_curve_or_a_sketch,
+    test_meets_the_schema_of_fmi_3,
+    test_members_are_ports_of_the_block,
+    test_pixel_images_are_square_and_carry_no_date,
+    test_vector_images_are_small_and_refer_to_nothing_outside,
 )
 from every_block.test_block_values import (  # noqa: F401
     test_everything_declared_can_be_read_in_initialization_mode_and_later,
@@ -85,6 +99,20 @@ def test_outputs_in_a_run_depend_at_once_on_declared_inputs_only(library: Librar
                 run.set({name: held})
             run.set(inputs)
             run.step(0.01 * k, 0.01)
+
+
+def test_the_page_shows_diagram_parts_and_sources(library: Library, page: etree._Element) -> None:  # noqa: F811
+    content = text(page)
+    for source in ("Canudas de Wit", "@article"):
+        assert source in content
+    drawn = etree.parse(library.folder / "documentation" / "diagram.svg").getroot()
+    words = {text(element) for element in drawn.iter("{http://www.w3.org/2000/svg}text")}
+    parts = {name.partition(".")[0] for name in library.variables} - {"time"}
+    assert parts <= words
+    assert {"v", "F"} <= words
+    tables = {text(table.find("caption")): table for table in page.iter("table")}
+    rows = tables["Variables and their start values"].iter("th")
+    assert {text(head) for head in rows if head.get("scope") == "row"} == set(library.variables)
 
 
 def test_values_may_be_set_at_any_time_before_the_first_step(library: Library) -> None:
