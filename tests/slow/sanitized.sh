@@ -27,9 +27,9 @@ thread)
     runner=(setarch -R)
     # without processes and libraries that have threads of their own, which it cannot follow
     tests=(tests/harness/test_{engine,extrapolation,drive,harness_*,manipulators,newton*}.py)
-    # races and locks within other libraries are not ours
-    printf '%s\n' {race,deadlock}:{libarrow,libscipy_openblas} >"$scratch/suppressions"
-    TSAN_OPTIONS=allocator_may_return_null=1:exitcode=0:log_path=$scratch/report
+    # races within other libraries are not ours; our code has no locks, and libarrow has more than the detector counts
+    printf '%s\n' race:{libarrow,libscipy_openblas} >"$scratch/suppressions"
+    TSAN_OPTIONS=allocator_may_return_null=1:detect_deadlocks=0:exitcode=0:log_path=$scratch/report
     export TSAN_OPTIONS=$TSAN_OPTIONS:suppressions=$scratch/suppressions
     ;;
 *)
