@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from ctypes import c_double, c_void_p
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar
@@ -12,6 +13,7 @@ from fmpy import read_model_description
 from fmpy.fmi2 import FMU2Model, FMU2Slave
 from fmpy.simulation import instantiate_fmu
 from fmpy.sundials import CVodeSolver
+from fmpy.sundials.libraries import sundials_cvode
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -52,7 +54,7 @@ class Exchange:
         self.types = {v.name: v.type for v in self.description.modelVariables}
         self.nodes = nodes
         self.inputs = [self.references[name] for name in lines]
-        self.lines = np.array(list(lines.values()))
+        self.lines = np.array(list(lines.values())).reshape(len(lines), len(nodes))
         self.start = {self.references[name]: value for name, value in start_values.items()}
 
     def read(self, fmu: Any, names: Sequence[str]) -> list[float]:
@@ -64,6 +66,13 @@ class Exchange:
         "Integer": lambda fmu, references: fmu.getInteger(references),
         "Boolean": lambda fmu, references: fmu.getBoolean(references),
     }
+
+    def holds(self) -> set[float]:
+        """The nodes at which an input begins or ends to be exactly 0."""
+        rests = self.lines == 0.0
+        begins = ~rests[:, :-2] & rests[:, 1:-1] & rests[:, 2:]
+        ends = rests[:, :-2] & rests[:, 1:-1] & ~rests[:, 2:]
+        return set(map(float, self.nodes[1:-1][(begins | ends).any(axis=0)]))
 
     def at(self, t: float) -> list[float]:
         return [float(np.interp(t, self.nodes, line)) for line in self.lines]
@@ -89,8 +98,10 @@ class Exchange:
         fmu.freeInstance()
         return np.array(rows)
 
-    def model_exchange(self, outputs: Sequence[str], tolerance: float = 1e-9) -> tuple[Array, list[float]]:
-        """Outputs at the nodes, and the times of the events; fails if events repeat."""
+    def model_exchange(
+        self, outputs: Sequence[str], tolerance: float = 1e-9, step: float | None = 1e-3
+    ) -> tuple[Array, list[float]]:
+        """Outputs at the nodes, and the times of the events, with a largest step; fails if events repeat."""
         fmu: FMU2Model = self._instance("ModelExchange")
         t = float(self.nodes[0])
         _begin(fmu, t, self.start, self.inputs, self.at(t))
@@ -113,13 +124,16 @@ class Exchange:
             input=inputs,
             startTime=t,
             relativeTolerance=tolerance,
-            maxStep=float(np.min(np.diff(self.nodes))),
+            maxStep=step or float("inf"),
             maxNumSteps=100_000,
         )
+        holds = self.holds()  # where the solver stops, as its polynomials do not see a kink
         rows, events, repeated = [self.read(fmu, outputs)], [], 0
         for node in map(float, self.nodes[1:]):
             while t < node:
                 until = min(node, next_event)
+                stop = min((at for at in holds if at > t), default=self.nodes[-1] + 1.0)
+                sundials_cvode.CVodeSetStopTime(c_void_p(solver.cvode_mem), c_double(stop))
                 found, _, reached = solver.step(t, until) if until > t else (False, None, until)
                 repeated = repeated + 1 if found and reached <= t else 0
                 assert repeated < MOST_EVENTS_AT_A_TIME, f"events repeat at {t} s"
@@ -131,6 +145,8 @@ class Exchange:
                     fmu.enterEventMode()
                     next_event = self._event(fmu)
                     solver.reset(t)
+            if node in holds:
+                solver.reset(t)
             rows.append(self.read(fmu, outputs))
         fmu.terminate()
         fmu.freeInstance()
