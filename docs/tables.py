@@ -234,6 +234,12 @@ def capabilities() -> str:
     )
 
 
+def exchange() -> str:
+    """Return the blocks that are for co-simulation only."""
+    rows = [(f"`{block.name}`", block.no_exchange) for block in catalogue().values() if block.no_exchange]
+    return table(("block", "why not model exchange"), rows)
+
+
 def kinds() -> str:
     """Return what modelDescription.xml says of the variables of each kind of block."""
     rows = []
@@ -276,7 +282,8 @@ def roles() -> str:
     return table(("causality", "variability", "initial"), rows)
 
 
-TABLES = {f.__name__: f for f in (motions, reasons, questions, situations, compensators, capabilities, kinds, roles)}
+_ALL = (motions, reasons, questions, situations, compensators, capabilities, exchange, kinds, roles)
+TABLES = {f.__name__: f for f in _ALL}
 
 
 def filled(text: str) -> str:

@@ -26,6 +26,11 @@
                 be NaN or infinite; `fault` is then true and `sample` is not called, so outputs and states are held
      SKIPS_BY   for a GUARDED block, the name of `static void f(Model *m)`, called in place of `sample` in this case,
                 for parts of m->memory that advance with time; it reads no Real input and writes no output
+     DECIDES_BY the name of `static void f(Model *m)`, for model exchange: it writes to m->memory what is decided at an
+                event. While m->run.frozen, `equations` follows m->memory instead of deciding by itself
+     EVENTS     the number of decisions that end at events. The block then defines `static void indicators(const Model
+                *m, double *left)`: each value is positive until its decision ends
+     NO_EXCHANGE the reason why a continuous block cannot be used for model exchange, as text
      REQUIRES   the name of `static const char *f(const Model *m)`: returns the violated relation of parameters as
                 text, or NULL; a block with a violated relation is neither initialised nor stepped   */
 
@@ -111,11 +116,13 @@ typedef struct {
     double last_step;              /* [s] last communication step */
     int64_t tick;                  /* number of samples taken by a sampled block */
     int mode;                      /* mode of the call-sequence table */
+    int exchange;                  /* 1: for model exchange, 0: for co-simulation */
     bool stale;                    /* a value was set after the outputs were computed */
     bool slopes_used;              /* the input derivatives belong to the completed step */
     bool outputs_done;             /* the step has also computed the outputs */
     bool warning, warned;          /* the block's WARNING is due; it has been logged */
     bool too_much;                 /* the failed step would exceed the limit of work */
+    bool frozen;                   /* in model exchange: what the block decides at events is in `memory` */
     double start, stop, tolerance; /* [s], [s], relative; stop = INF and tolerance = 0 if not given. They are
                                       last, as no step changes them                                */
 } Run;
@@ -341,6 +348,14 @@ static const char *REQUIRES(const Model *m);
 static bool VALID_BY(const Model *m);
 #elif defined MEMORY
 #error "a block with MEMORY must define VALID_BY: see the beginning of block.h"
+#endif
+
+#ifdef EVENTS
+static void indicators(const Model *m, double *left);
+#endif
+
+#ifdef DECIDES_BY
+static void DECIDES_BY(Model *m);
 #endif
 
 #ifdef KEEPS_BY

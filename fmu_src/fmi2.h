@@ -19,7 +19,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2String guid, f
     if (!c)
         return NULL;
     write_guid(c->guid);
-    const char *const fault = instantiation_fault(c, kind, guid, c->guid);
+    const char *const fault = instantiation_fault(c, kind, EXCHANGES, guid, c->guid);
     if (fault) {
         report(c, fmi2Error, LOG_ERROR, "fmi2Instantiate of %s: %s", QUOTE(MODEL), fault);
         free(c);
@@ -29,6 +29,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2String guid, f
     for (size_t i = 0; i < ROWS; i++)
         for (uint32_t k = 0; k < (rows[i].length ? rows[i].length : 1); k++)
             c->row_of[rows[i].index + k] = &rows[i];
+    c->model.run.exchange = kind == fmi2ModelExchange;
     set_start_values(c);
     return c;
 }
@@ -62,7 +63,9 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component component)
     REQUIRE(!relation, "fmi2ExitInitializationMode: the parameters of \"%s\" must satisfy %s", c->name, relation)
     REQUIRE(refresh(c), "fmi2ExitInitializationMode: the start values of \"%s\" lead to outputs that are not finite",
             c->name)
-    MODE(c) = STEP_COMPLETE;
+    MODE(c) = c->model.run.exchange ? EVENT_MODE : STEP_COMPLETE;
+    if (c->model.run.exchange)
+        decide(&c->model);
     return fmi2OK;
 }
 
@@ -89,15 +92,24 @@ static bool known(const Instance *c, fmi2ValueReference reference, int type)
     return reference < VALUES && c->row_of[reference]->type == type;
 }
 
+/* Update the outputs; a trial of a solver may lead to values that are not finite, and the solver then takes another. */
+static fmi2Status check_outputs(Instance *c, const char *what)
+{
+    if (refresh(c))
+        return fmi2OK;
+    const bool trial = MODE(c) == CONTINUOUS_TIME;
+    return report(c, trial ? fmi2Discard : fmi2Error, trial ? LOG_DISCARD : LOG_ERROR,
+                  "fmi2Get%s: with the values set at t = %g s, an output of \"%s\" is not finite", what, c->model.time,
+                  c->name);
+}
+
 static fmi2Status check_get(Instance *c, const fmi2ValueReference references[], size_t n, const void *values, int type)
 {
     REQUIRE(n == 0 || (references && values), "fmi2Get%s: a pointer is null", type_names[type])
     for (size_t i = 0; i < n; i++)
         REQUIRE(known(c, references[i], type), "fmi2Get%s: there is no %s variable with value reference %u",
                 type_names[type], type_names[type], references[i])
-    REQUIRE(refresh(c), "fmi2Get%s: with the values set at t = %g s, an output of \"%s\" is not finite",
-            type_names[type], c->model.time, c->name)
-    return fmi2OK;
+    return check_outputs(c, type_names[type]);
 }
 
 static fmi2Status check_set(Instance *c, fmi2ValueReference reference, double value, int type)
@@ -106,9 +118,12 @@ static fmi2Status check_set(Instance *c, fmi2ValueReference reference, double va
             type_names[type], reference)
     const Row *const row = c->row_of[reference];
     const bool early = before_stepping(&c->model);
-    REQUIRE(row->role == ROLE_INPUT || row->role == ROLE_PARAMETER ||
-                (early && (row->role == ROLE_FIXED || row->role == ROLE_STATE)),
-            "fmi2Set%s: %s cannot be set in the mode \"%s\"", type_names[type], row->name, mode_name(MODE(c)))
+    const bool exchanging = (MODE(c) & EXCHANGING) != 0, solving = MODE(c) == CONTINUOUS_TIME;
+    REQUIRE(
+        (row->role == ROLE_INPUT && (type == TYPE_REAL || !solving)) || (row->role == ROLE_PARAMETER && !solving) ||
+            (early && (row->role == ROLE_FIXED || row->role == ROLE_STATE)) ||
+            (exchanging && ALL_STATES > 0 && (row->role == ROLE_STATE || row->role == ROLE_STATE_OUTPUT)), /* casadi */
+        "fmi2Set%s: %s cannot be set in the mode \"%s\"", type_names[type], row->name, mode_name(MODE(c)))
 #ifdef GUARDED
     if (row->role == ROLE_INPUT)
         return fmi2OK;
@@ -224,10 +239,34 @@ static bool advance(Model *m, double t, double h)
 }
 #endif
 
+/* Log, once, what the block warns of in the step from t or in the sample at t. */
+static fmi2Status warned(Instance *c, double t)
+{
+    Model *const m = &c->model;
+    (void)m;
+    (void)t;
+#ifdef GUARDED
+    if (m->fault != 0.0 && !m->run.warned) {
+        const int bad = bad_input(m);
+        m->run.warned = true;
+        return report(c, fmi2Warning, LOG_WARNING,
+                      "%s at t = %g s: %s is not finite; outputs and states are held until all inputs are finite again",
+                      c->name, t, bad < INPUTS ? c->row_of[inputs[bad]]->name : "an input");
+    }
+#endif
+#ifdef WARNING
+    if (m->run.warning && !m->run.warned) {
+        m->run.warned = true;
+        return report(c, fmi2Warning, LOG_WARNING, "%s at t = %g s: %s", c->name, m->time, WARNING);
+    }
+#endif
+    return fmi2OK;
+}
+
 fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boolean keeps_no_state)
 {
     (void)keeps_no_state;
-    ENTER("DoStep", MAY_DoStep)
+    ENTER_AS(fmi2CoSimulation, "DoStep", MAY_DoStep)
     Model *const m = &c->model;
     /* The time of the master applies; it may differ by rounding, or by the error of a master that sums steps. */
     const double slack = 1e-6 * h + 1e-12 * (fabs(t) + fabs(m->run.start)) + 1e-12;
@@ -262,22 +301,11 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     m->run.stale = false;
     m->run.slopes_used = true;
     m->run.last_step = h;
-#ifdef GUARDED
-    if (m->fault != 0.0 && !m->run.warned) {
-        const int bad = bad_input(m);
-        m->run.warned = true;
-        return report(c, fmi2Warning, LOG_WARNING,
-                      "%s at t = %g s: %s is not finite; outputs and states are held until all inputs are finite again",
-                      c->name, t, bad < INPUTS ? c->row_of[inputs[bad]]->name : "an input");
-    }
-#endif
-#ifdef WARNING
-    if (m->run.warning && !m->run.warned) {
-        m->run.warned = true;
-        return report(c, fmi2Warning, LOG_WARNING, "%s at t = %g s: %s", c->name, m->time, WARNING);
-    }
-#endif
-    return fmi2OK;
+    return warned(c, t);
 }
+
+#ifndef NO_EXCHANGE
+#include "fmi2_exchange.h"
+#endif
 
 #endif

@@ -1,5 +1,6 @@
 /* Messages, the check of a call, and the functions of FMI that are the same in every FMU. The shell has defined before:
-   Instance with logger, environment, logging and name; MODE(c), its mode; NOW(c), its time; MODEL, its name. */
+   Instance with logger, environment, logging and name; MODE(c), its mode; NOW(c), its time; KIND(c), its kind; MODEL,
+   its name. */
 
 #ifndef FMI2_CALLS_H
 #define FMI2_CALLS_H
@@ -37,6 +38,8 @@ static const char *mode_name(int mode)
     case INITIALIZING: return "initialization mode";
     case STEP_COMPLETE: return "step complete";
     case STEP_FAILED: return "step failed";
+    case EVENT_MODE: return "event mode";
+    case CONTINUOUS_TIME: return "continuous-time mode";
     default: return "terminated";
     }
 }
@@ -49,6 +52,13 @@ static const char *mode_name(int mode)
     if (!(MODE(c) & (allowed)))                                                                                        \
         return report(c, fmi2Error, LOG_ERROR, "fmi2%s is not allowed in the mode \"%s\"", function,                   \
                       mode_name(MODE(c)));
+
+/* The same for a function of one kind of FMU, co-simulation or model exchange. */
+#define ENTER_AS(kind, function, allowed)                                                                              \
+    ENTER(function, allowed)                                                                                           \
+    if (KIND(c) != (kind))                                                                                             \
+        return report(c, fmi2Error, LOG_ERROR, "fmi2%s is not allowed in %s", function,                                \
+                      KIND(c) == fmi2ModelExchange ? "model exchange" : "co-simulation");
 
 #define REQUIRE(condition, ...)                                                                                        \
     if (!(condition))                                                                                                  \
@@ -87,7 +97,7 @@ fmi2Status fmi2CancelStep(fmi2Component component)
 #define NO_STATUS(TYPE, value_type)                                                                                    \
     fmi2Status fmi2Get##TYPE(fmi2Component component, const fmi2StatusKind kind, value_type *value)                    \
     {                                                                                                                  \
-        ENTER("Get" #TYPE, MAY_GetStatus)                                                                              \
+        ENTER_AS(fmi2CoSimulation, "Get" #TYPE, MAY_GetStatus)                                                         \
         (void)value;                                                                                                   \
         return report(c, fmi2Discard, LOG_DISCARD, "fmi2Get" #TYPE ": status kind %d is not available", (int)kind);    \
     }
@@ -97,7 +107,7 @@ NO_STATUS(StringStatus, fmi2String)
 
 fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Real *value)
 {
-    ENTER("GetRealStatus", MAY_GetStatus)
+    ENTER_AS(fmi2CoSimulation, "GetRealStatus", MAY_GetStatus)
     if (kind != fmi2LastSuccessfulTime)
         return report(c, fmi2Discard, LOG_DISCARD, "fmi2GetRealStatus: status kind %d is not available", (int)kind);
     REQUIRE(value, "fmi2GetRealStatus: the pointer to the value is null")
@@ -107,7 +117,7 @@ fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind,
 
 fmi2Status fmi2GetBooleanStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Boolean *value)
 {
-    ENTER("GetBooleanStatus", MAY_GetStatus)
+    ENTER_AS(fmi2CoSimulation, "GetBooleanStatus", MAY_GetStatus)
     if (kind != fmi2Terminated)
         return report(c, fmi2Discard, LOG_DISCARD, "fmi2GetBooleanStatus: status kind %d is not available", (int)kind);
     REQUIRE(value, "fmi2GetBooleanStatus: the pointer to the value is null")
@@ -131,12 +141,13 @@ static Instance *allocated(fmi2String name, const fmi2CallbackFunctions *functio
     return c;
 }
 
-/* Return why the arguments of fmi2Instantiate are wrong, or NULL. */
-static const char *instantiation_fault(const Instance *c, fmi2Type kind, fmi2String guid, const char *own_guid)
+/* Return why the arguments of fmi2Instantiate are wrong, or NULL. `exchanges`: the FMU is for model exchange too. */
+static const char *instantiation_fault(const Instance *c, fmi2Type kind, bool exchanges, fmi2String guid,
+                                       const char *own_guid)
 {
     if (c->name[0] == '\0')
         return "the instance name is empty";
-    if (kind != fmi2CoSimulation)
+    if (kind != fmi2CoSimulation && !(exchanges && kind == fmi2ModelExchange))
         return "this FMU is for co-simulation only";
     if (!guid || strcmp(guid, own_guid) != 0)
         return "the GUID differs from the GUID of this binary: modelDescription.xml and library do not match";

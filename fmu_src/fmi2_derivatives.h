@@ -106,7 +106,7 @@ static fmi2Status check_derivatives(const Instance *c, const char *function, int
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueReference references[], size_t n,
                                        const fmi2Integer orders[], const fmi2Real values[])
 {
-    ENTER("SetRealInputDerivatives", MAY_SetRealInputDerivatives)
+    ENTER_AS(fmi2CoSimulation, "SetRealInputDerivatives", MAY_SetRealInputDerivatives)
     const fmi2Status status =
         check_derivatives(c, "fmi2SetRealInputDerivatives", ROLE_INPUT, references, n, orders, values);
     if (status != fmi2OK)
@@ -127,7 +127,7 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueR
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2ValueReference references[], size_t n,
                                         const fmi2Integer orders[], fmi2Real values[])
 {
-    ENTER("GetRealOutputDerivatives", MAY_GetRealOutputDerivatives)
+    ENTER_AS(fmi2CoSimulation, "GetRealOutputDerivatives", MAY_GetRealOutputDerivatives)
     const fmi2Status status =
         check_derivatives(c, "fmi2GetRealOutputDerivatives", ROLE_OUTPUT, references, n, orders, values);
     if (status != fmi2OK)

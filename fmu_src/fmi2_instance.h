@@ -5,6 +5,23 @@
 
 #include "fmi2_modes.h"
 
+/* whether the block can be used for model exchange, and what it decides there */
+#ifdef NO_EXCHANGE
+enum { EXCHANGES = 0 };
+#else
+enum { EXCHANGES = 1 };
+#endif
+#ifdef DECIDES_BY
+enum { DECIDES = 1 };
+#else
+enum { DECIDES = 0 };
+#endif
+#ifdef EVENTS
+enum { INDICATORS = EVENTS };
+#else
+enum { INDICATORS = 0 };
+#endif
+
 typedef struct {
     Model model;               /* everything in a saved state */
     Model backup;              /* state at the start of the step, or work space */
@@ -19,6 +36,7 @@ typedef struct {
 
 #define MODE(c) ((c)->model.run.mode)
 #define NOW(c)  ((c)->model.time)
+#define KIND(c) ((c)->model.run.exchange ? fmi2ModelExchange : fmi2CoSimulation)
 
 #include "fmi2_calls.h"
 
@@ -72,6 +90,16 @@ static void evaluate(Model *m)
 #else
     equations(m);
 #endif
+}
+
+/* In model exchange: decide what is fixed until the next event. */
+static void decide(Model *m)
+{
+#ifdef DECIDES_BY
+    DECIDES_BY(m);
+    m->run.frozen = true;
+#endif
+    m->run.stale = true;
 }
 
 /* Return the violated relation of parameters, or NULL if all hold. */
@@ -163,6 +191,7 @@ static bool refresh(Instance *c)
 
 static void set_start_values(Instance *c)
 {
+    const int exchange = c->model.run.exchange;
     memset(&c->model, 0, sizeof c->model);
     for (size_t i = 0; i < ROWS; i++) {
         if (rows[i].starts)
@@ -171,6 +200,7 @@ static void set_start_values(Instance *c)
             *value_of(&c->model, rows[i].index) = isnan(rows[i].start) ? 0.0 : rows[i].start;
     }
     c->follows = false;
+    c->model.run.exchange = exchange;
     c->model.run.mode = INSTANTIATED;
     c->model.run.stop = INF;
     c->model.run.stale = true;

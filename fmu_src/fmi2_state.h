@@ -72,6 +72,8 @@ static const char *fault_of(const Instance *c, const Saved *saved)
         return "it was written on a machine with another byte order";
     if (memcmp(saved->guid, c->guid, sizeof c->guid) != 0 || saved->size != sizeof(Saved))
         return "it belongs to another FMU or version";
+    if (saved->model.run.exchange != c->model.run.exchange)
+        return "it was saved in the other kind of FMU, co-simulation or model exchange";
     return NULL;
 }
 
@@ -112,13 +114,15 @@ static bool plausible(const Model *m)
     const Run *const run = &m->run;
     const double *const value = (const double *)(const void *)m;
     const int mode = run->mode;
-    bool good = (mode == INSTANTIATED || mode == INITIALIZING || mode == STEP_COMPLETE || mode == STEP_FAILED ||
-                 mode == TERMINATED) &&
-                is_flag(&run->stale) && is_flag(&run->slopes_used) && is_flag(&run->outputs_done) &&
-                is_flag(&run->warning) && is_flag(&run->warned) && is_flag(&run->too_much) && run->tick >= 0 &&
-                run->tick <= most_samples && run->inner_step >= 0.0 && run->inner_step < INF && run->last_step >= 0.0 &&
-                run->last_step < INF && isfinite(run->start) && run->stop >= run->start && run->tolerance >= 0.0 &&
-                run->tolerance < INF;
+    const bool before = mode == INSTANTIATED || mode == INITIALIZING, after = mode == TERMINATED;
+    const bool between = run->exchange != 0 ? mode == EVENT_MODE || mode == CONTINUOUS_TIME
+                                            : mode == STEP_COMPLETE || mode == STEP_FAILED;
+    bool good = (before || between || after) && is_flag(&run->frozen) &&
+                run->frozen == (DECIDES && run->exchange != 0 && !before) && is_flag(&run->stale) &&
+                is_flag(&run->slopes_used) && is_flag(&run->outputs_done) && is_flag(&run->warning) &&
+                is_flag(&run->warned) && is_flag(&run->too_much) && run->tick >= 0 && run->tick <= most_samples &&
+                run->inner_step >= 0.0 && run->inner_step < INF && run->last_step >= 0.0 && run->last_step < INF &&
+                isfinite(run->start) && run->stop >= run->start && run->tolerance >= 0.0 && run->tolerance < INF;
     for (int i = 0; i <= INPUTS; i++)
         good = good && isfinite(m->slope[i]);
     for (size_t i = 0; i < ROWS; i++)
@@ -210,18 +214,20 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
 #define PACKAGER_EXPORT __attribute__((visibility("default")))
 #endif
 
-PACKAGER_EXPORT const Row *block_rows(size_t *count, size_t *values, int *sampled, char *guid);
+PACKAGER_EXPORT const Row *block_rows(size_t *count, size_t *values, int *traits, char *guid);
 PACKAGER_EXPORT void block_evaluate(double *values, int initializing);
 
-PACKAGER_EXPORT const Row *block_rows(size_t *count, size_t *values, int *sampled, char *guid)
+PACKAGER_EXPORT const Row *block_rows(size_t *count, size_t *values, int *traits, char *guid)
 {
     *count = ROWS;
     *values = VALUES;
 #ifdef SAMPLED
-    *sampled = 1;
+    traits[0] = 1;
 #else
-    *sampled = 0;
+    traits[0] = 0;
 #endif
+    traits[1] = EXCHANGES;
+    traits[2] = INDICATORS;
     write_guid(guid);
     return rows;
 }

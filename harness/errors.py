@@ -35,7 +35,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 class FmuError(HarnessError):
-    """A file cannot be used as an FMI 2.0 co-simulation FMU on this machine."""
+    """A file cannot be used as an FMI 2.0 FMU on this machine."""
 
 
 class UnknownNameError(HarnessError):

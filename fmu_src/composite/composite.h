@@ -61,6 +61,7 @@ struct Instance {
 
 #define MODE(c) ((c)->memory.mode)
 #define NOW(c)  ((c)->memory.time)
+#define KIND(c) fmi2CoSimulation
 
 #include "fmi2_calls.h"
 
@@ -267,7 +268,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2String guid, f
     wire_engine(c);
     wire_newton(c);
 
-    const char *fault = instantiation_fault(c, kind, guid, GUID);
+    const char *fault = instantiation_fault(c, kind, false, guid, GUID);
     if (!fault && (!make_parts(c, visible) || !set_start_values(c)))
         fault = c->said[0] ? c->said : "a part cannot be instantiated";
     if (fault) {

@@ -120,7 +120,7 @@ static const char *relations(const Model *m)
 static void forget(Model *m)
 {
     m->z = 0.0;
-    m->memory = (struct reversals){{0.0}, 0.0, 0.0, 0.0};
+    m->memory = (struct reversals){.direction = 0.0};
 }
 
 static void sample(Model *m)

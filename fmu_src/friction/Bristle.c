@@ -25,13 +25,14 @@
    Limits: there is no damping, so a mass on it rings. Speed does not affect the mean force. The cost grows with N and
    with the number of re-bonds in a step (a step with more than about 1e8 re-bonds is discarded). */
 
-#define MODEL    Bristle
-#define SUMMARY  "Population of bristles that break and re-bond at random places"
-#define SOURCE   "Haessig, Friedland, ASME J. Dynamic Systems, Measurement, and Control 113(3), 1991"
-#define CITES    "Haessig1991"
-#define STATUS   "equations as given by Olsson et al. 1998"
-#define FEATURES "presliding, drift-free, random"
-#define NEEDS    "random"
+#define MODEL       Bristle
+#define SUMMARY     "Population of bristles that break and re-bond at random places"
+#define SOURCE      "Haessig, Friedland, ASME J. Dynamic Systems, Measurement, and Control 113(3), 1991"
+#define CITES       "Haessig1991"
+#define STATUS      "equations as given by Olsson et al. 1998"
+#define FEATURES    "presliding, drift-free, random"
+#define NEEDS       "random"
+#define NO_EXCHANGE "its bristles are renewed at random, and each would be an event"
 
 /* clang-format off */
 #define VARIABLES                                                                                            \

@@ -33,13 +33,14 @@
    against positive slip only, so the model is not symmetric: a driver that moves backwards unloads the blocks and then
    pushes against blocks that never move. Start values are taken from the papers, except for the number of blocks. */
 
-#define MODEL    BurridgeKnopoff
-#define SUMMARY  "Burridge-Knopoff train of stick-slip blocks pulled by a driver"
-#define SOURCE   "Burridge, Knopoff, BSSA 57, 1967; Carlson, Langer, Physical Review A 40, 1989"
-#define CITES    "CarlsonLanger1989, BurridgeKnopoff1967"
-#define STATUS   "equations from memory of the papers"
-#define FEATURES "presliding, drift-free, Stribeck, rate dependent, mass inside, random"
-#define PORTRAIT "avalanches"
+#define MODEL       BurridgeKnopoff
+#define SUMMARY     "Burridge-Knopoff train of stick-slip blocks pulled by a driver"
+#define SOURCE      "Burridge, Knopoff, BSSA 57, 1967; Carlson, Langer, Physical Review A 40, 1989"
+#define CITES       "CarlsonLanger1989, BurridgeKnopoff1967"
+#define STATUS      "equations from memory of the papers"
+#define FEATURES    "presliding, drift-free, Stribeck, rate dependent, mass inside, random"
+#define NO_EXCHANGE "its blocks are integrated inside, and each start and stop would be an event"
+#define PORTRAIT    "avalanches"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

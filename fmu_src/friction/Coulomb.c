@@ -38,14 +38,30 @@
 #define CONTACT COULOMB(Fc)
 /* clang-format on */
 
+#define EVENTS     2
+#define DECIDES_BY transition
+#define MEMORY     struct rest
+#define VALID_BY   is_rest
+
+struct rest {
+    double direction; /* of the motion; 0: at rest */
+    double stuck;     /* 1: at rest and held by friction */
+};
+
 #include "block.h"
-#include "load.h"
+#include "rest.h"
+
+static void range(const Model *m, double *low, double *high)
+{
+    *high = load_of(m->Fn, m->Fn0) * m->Fc;
+    *low = -*high;
+}
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double level = load_of(Fn, Fn0) * Fc;
+    const double level = load_of(Fn, Fn0) * Fc, direction = direction_of(m);
 
-    m->stuck = v == 0.0 && fabs(F_ext) <= level ? 1.0 : 0.0;
-    m->F = v == 0.0 ? clip(F_ext, -level, level) : sign(v) * level;
+    m->stuck = stuck_at(m, direction);
+    m->F = direction == 0.0 ? clip(F_ext, -level, level) : direction * level;
 }

@@ -51,16 +51,29 @@
     SLIDING(z, Fc / sigma)
 /* clang-format on */
 
-#define STEPS_BY step
+#define STEPS_BY   step
+#define EVENTS     1
+#define DECIDES_BY transition
+#define MEMORY     struct level
+#define VALID_BY   is_level
+
+struct level {      /* in model exchange with n < 1 */
+    double reached; /* direction in which the Coulomb level has been reached, or 0 */
+    double beyond;  /* 1: z is above the level */
+};
 
 #include "block.h"
 #include "presliding.h"
+
+static bool is_level(const Model *m) { return is_direction(m->memory.reached) && is_count(m->memory.beyond, 1.0); }
 
 /* Compute dz/dt and F; softening = sigma/Fc is the inverse path constant of the hysteresis. */
 static void contact(Model *m, double softening)
 {
     GIVEN(m)
-    if (n == 1.0 || v == 0.0)
+    if (m->memory.reached != 0.0)
+        m->der_z = 0.0;
+    else if (n == 1.0 || v == 0.0)
         m->der_z = v - fabs(v) * softening * z;
     else {
         const double gap = sign(v) * (Fc / sigma) - z; /* distance to the deflection of steady sliding */
@@ -101,4 +114,23 @@ static bool step(Model *m, double h)
     contact(m, softening);
     m->run.outputs_done = true;
     return true;
+}
+
+/* Return the distance to the deflection of steady sliding, positive below it. */
+static double gap_of(const Model *m) { return m->Fc / m->sigma - (m->v < 0.0 ? -m->z : m->z); }
+
+static void indicators(const Model *m, double *left)
+{
+    const struct level *const now = &m->memory;
+    const double until_level = now->beyond != 0.0 ? -gap_of(m) : gap_of(m);
+    left[0] = m->n >= 1.0 ? 1.0 : now->reached != 0.0 ? now->reached * m->v : until_level;
+}
+
+static void transition(Model *m)
+{
+    struct level *const now = &m->memory;
+    const double gap = gap_of(m);
+    if (now->reached * m->v <= 0.0)
+        now->reached = m->n < 1.0 && fabs(gap) <= 1e-9 * m->Fc / m->sigma ? sign(m->v) : 0.0;
+    now->beyond = gap < 0.0 ? 1.0 : 0.0;
 }

@@ -19,12 +19,13 @@
    Limits: the model is an interpretation. F jumps at v = 0 and, unless T_dz = Fc, at the edge of the dead zone. A mass
    connected to F keeps a velocity below DV while it is held. No Stribeck effect, no presliding. */
 
-#define MODEL    DeadZoneTorque
-#define SUMMARY  "Coulomb and viscous friction with a torque dead zone at rest (interpretation)"
-#define SOURCE   "Interpretation of a description without an identified source"
-#define CITES    "DeadZoneTorque"
-#define STATUS   "equations specific to this library, from a description"
-#define FEATURES "rate dependent, needs force"
+#define MODEL       DeadZoneTorque
+#define SUMMARY     "Coulomb and viscous friction with a torque dead zone at rest (interpretation)"
+#define SOURCE      "Interpretation of a description without an identified source"
+#define CITES       "DeadZoneTorque"
+#define STATUS      "equations specific to this library, from a description"
+#define FEATURES    "rate dependent, needs force"
+#define NO_EXCHANGE "the model has no solution at rest for forces between T_dz and Fc"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

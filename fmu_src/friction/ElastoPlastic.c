@@ -66,12 +66,21 @@
 #define IDENTIFIED SLIDING(z, Fc / sigma0)
 /* clang-format on */
 
-#define STEPS_BY step
+#define STEPS_BY   step
+#define EVENTS     1
+#define DECIDES_BY transition
+#define MEMORY     struct stage
+#define VALID_BY   is_stage
+
+struct stage {
+    double elastic; /* in model exchange: the flag */
+};
 
 #include "block.h"
 #include "constants.h"
 #include "presliding.h"
 #include "stribeck.h"
+#include "until_change.h"
 
 /* Return the plastic part of the motion, alpha z / z_ss, for a deflection in the direction of motion. */
 static double plastic(double deflection, double z_max, double z_ba)
@@ -83,6 +92,8 @@ static double plastic(double deflection, double z_max, double z_ba)
     return square(sin(HALF_PI * (deflection - z_ba) / (z_max - z_ba))) * deflection / z_max;
 }
 
+static bool is_stage(const Model *m) { return is_count(m->memory.elastic, 1.0); }
+
 static void contact(Model *m, double S)
 {
     GIVEN(m)
@@ -91,9 +102,21 @@ static void contact(Model *m, double S)
 
     m->der_z = v * (1.0 - part);
     m->F = load_of(Fn, Fn0) * (sigma0 * z + damping * m->der_z) + sigma2 * v;
-    m->elastic = part == 0.0 ? 1.0 : 0.0;
+    m->elastic = m->run.frozen ? m->memory.elastic : part == 0.0 ? 1.0 : 0.0;
 }
 
 static void equations(Model *m) { contact(m, stribeck(m->v, m->Fc, m->Fs, m->vs, m->delta)); }
+
+/* Return the deflection that is left until the bristles slip, for model exchange. */
+static double reserve(const Model *m)
+{
+    GIVEN(m)
+    const double direction = fabs(v) < 1e-6 * vs ? 0.0 : sign(v); /* noise of a solver around v = 0 is not motion */
+    return fmin(z_ba, stribeck(v, Fc, Fs, vs, delta) / sigma0) - direction * z;
+}
+
+static void indicators(const Model *m, double *left) { left[0] = until_change(m->memory.elastic, reserve(m), m->z_ba); }
+
+static void transition(Model *m) { m->memory.elastic = reserve(m) >= 0.0 ? 1.0 : 0.0; }
 
 #include "ElastoPlastic_ramp.h"

@@ -31,13 +31,14 @@
    evenly spaced chain is not in equilibrium: with damping, it moves to an equilibrium, which for even N may be a saddle
    unless `amplitude` breaks the symmetry. There is no normal force; vary K with it instead. */
 
-#define MODEL    FrenkelKontorova
-#define SUMMARY  "Frenkel-Kontorova chain of atoms on a periodic substrate, driven by a force"
-#define SOURCE   "Frenkel, Kontorova, Physikalische Zeitschrift der Sowjetunion 13, 1938"
-#define CITES    "FrenkelKontorova1938"
-#define STATUS   "equations from memory of reviews"
-#define FEATURES "presliding, drift-free, rate dependent, needs force, mass inside"
-#define PORTRAIT "depinning"
+#define MODEL       FrenkelKontorova
+#define SUMMARY     "Frenkel-Kontorova chain of atoms on a periodic substrate, driven by a force"
+#define SOURCE      "Frenkel, Kontorova, Physikalische Zeitschrift der Sowjetunion 13, 1938"
+#define CITES       "FrenkelKontorova1938"
+#define STATUS      "equations from memory of reviews"
+#define FEATURES    "presliding, drift-free, rate dependent, needs force, mass inside"
+#define NO_EXCHANGE "the atoms are integrated inside by a method that preserves their energy"
+#define PORTRAIT    "depinning"
 
 /* clang-format off */
 #define VARIABLES                                                                                             \

@@ -27,13 +27,14 @@
    Limits: one dimension, no temperature; fast or strongly coupled sliding may be chaotic. The start values describe a
    pinned golden-mean chain and are not published ones. There is no normal force; vary K with it instead. */
 
-#define MODEL    FrenkelKontorovaTomlinson
-#define SUMMARY  "Frenkel-Kontorova-Tomlinson chain: atoms on a periodic substrate, connected to a slider"
-#define SOURCE   "Weiss, Elmer, Physical Review B 53, 1996"
-#define CITES    "WeissElmer1996"
-#define STATUS   "equations from memory of the paper"
-#define FEATURES "presliding, nonlocal memory, drift-free, rate dependent, mass inside"
-#define PORTRAIT "towed_to_and_fro"
+#define MODEL       FrenkelKontorovaTomlinson
+#define SUMMARY     "Frenkel-Kontorova-Tomlinson chain: atoms on a periodic substrate, connected to a slider"
+#define SOURCE      "Weiss, Elmer, Physical Review B 53, 1996"
+#define CITES       "WeissElmer1996"
+#define STATUS      "equations from memory of the paper"
+#define FEATURES    "presliding, nonlocal memory, drift-free, rate dependent, mass inside"
+#define NO_EXCHANGE "the atoms are integrated inside by a method that preserves their energy"
+#define PORTRAIT    "towed_to_and_fro"
 
 /* clang-format off */
 #define VARIABLES                                                                                             \

@@ -80,24 +80,26 @@
 #define IDENTIFIED METHOD(hysteresis)
 /* clang-format on */
 
-#define STEPS_BY step
-#define MEMORY   struct slip_memory
-#define VALID_BY is_slip_memory
+#define STEPS_BY   step
+#define EVENTS     10
+#define DECIDES_BY transition
+#define MEMORY     struct slip_memory
+#define VALID_BY   is_slip_memory
 
 struct slip_memory {
-    double direction; /* of the last motion; 0: none yet */
-    double slips[10]; /* 1: the element slipped in that motion */
+    double slips[10]; /* direction in which the element slipped in the last motion; 0: it did not */
 };
 
 #include "block.h"
 #include "presliding.h"
+#include "slip.h"
 #include "stribeck.h"
 
 static bool is_slip_memory(const Model *m)
 {
-    bool good = is_direction(m->memory.direction);
+    bool good = true;
     for (int i = 0; i < 10; i++)
-        good = good && is_count(m->memory.slips[i], 1.0);
+        good = good && is_direction(m->memory.slips[i]);
     return good;
 }
 
@@ -117,12 +119,12 @@ static inline double attraction_of(const Model *m, int i) { return m->Ci[i] < 0.
 static void contact(Model *m, double S, double unit)
 {
     GIVEN(m)
-    const double direction = sign(v);
-    const bool same = direction == m->memory.direction;
+    const bool frozen = m->run.frozen;
     double sum = 0.0, rate = 0.0;
     for (int i = 0; i < N; i++) {
+        const double direction = frozen ? m->memory.slips[i] : sign(v);
         const double level = alpha[i] * unit, force = direction * Fi[i];
-        const bool slips = direction != 0.0 && ((same && m->memory.slips[i] != 0.0) || !(force < level * S));
+        const bool slips = direction != 0.0 && (m->memory.slips[i] == direction || !(force < level * S));
         m->slipping[i] = slips ? 1.0 : 0.0;
         m->der_Fi[i] = slips ? direction * attraction_of(m, i) * (level - force / S) : k[i] * v;
         rate += !slips ? v : k[i] > 0.0 ? m->der_Fi[i] / k[i] : 0.0;
@@ -137,6 +139,31 @@ static void equations(Model *m)
 {
     GIVEN(m)
     contact(m, stribeck(v, Fc, Fs, vs, delta), share(m));
+}
+
+/* ---- model exchange ----------------------------------------------------------------------------------------- */
+
+static double slow(const Model *m) { return 1e-6 * m->vs; }
+
+/* Return S divided by the sum of alpha. */
+static double levels(const Model *m)
+{
+    GIVEN(m)
+    return share(m) * stribeck(v, Fc, Fs, vs, delta);
+}
+
+static void indicators(const Model *m, double *left)
+{
+    const double S = levels(m);
+    for (int i = 0; i < 10; i++)
+        left[i] = i < m->N ? slip_indicator(m->memory.slips[i], m->v, slow(m), m->Fi[i], m->alpha[i] * S) : 1.0;
+}
+
+static void transition(Model *m)
+{
+    const double S = levels(m);
+    for (int i = 0; i < m->N; i++)
+        m->memory.slips[i] = slip_after(m->memory.slips[i], m->v, slow(m), m->Fi[i], m->alpha[i] * S);
 }
 
 #include "GMS_ramp.h"

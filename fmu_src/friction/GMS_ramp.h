@@ -14,7 +14,7 @@ static void held_step(Model *m, double h, double S, double unit)
     for (int i = 0; i < N; i++) {
         const double level = alpha[i] * unit * S, force = direction * Fi[i];
         if (m->memory.slips[i] != 0.0 || force >= level) {
-            m->memory.slips[i] = 1.0;
+            m->memory.slips[i] = direction;
             if (attraction_of(m, i) != strength) { /* usually the same for all elements */
                 strength = attraction_of(m, i);
                 decay = exp(-strength * h / S);
@@ -23,7 +23,7 @@ static void held_step(Model *m, double h, double S, double unit)
         } else if (force + k[i] * x < level) {
             m->Fi[i] = Fi[i] + k[i] * v * h;
         } else {
-            m->memory.slips[i] = 1.0;
+            m->memory.slips[i] = direction;
             m->Fi[i] = direction * level;
         }
     }
@@ -79,7 +79,7 @@ static bool ramp_step(Model *m, double h, double direction, double unit)
     for (int i = 0; i < N; i++) {
         const double level = alpha[i] * unit, force = direction * Fi[i], strength = attraction_of(m, i);
         if (m->memory.slips[i] != 0.0 || force >= level * level_at(m, 0.0)) {
-            m->memory.slips[i] = 1.0;
+            m->memory.slips[i] = direction;
             if (strength != known && !slip(m, 0.0, h, strength, &E, &P))
                 return false;
             known = strength;
@@ -89,7 +89,7 @@ static bool ramp_step(Model *m, double h, double direction, double unit)
         double reached = 0.0, E_rest, P_rest;
         const double start = arrival(m, force, k[i], level, h, &reached);
         if (start < h) {
-            m->memory.slips[i] = 1.0;
+            m->memory.slips[i] = direction;
             if (!slip(m, start, h, strength, &E_rest, &P_rest))
                 return false;
             m->Fi[i] = direction * (E_rest * reached + P_rest * level);
@@ -104,11 +104,9 @@ static bool step(Model *m, double h)
 {
     GIVEN(m)
     const double direction = sign(slide(m, h)), unit = share(m);
-    if (direction != m->memory.direction)
-        for (int i = 0; i < N; i++)
+    for (int i = 0; i < N; i++)
+        if (m->memory.slips[i] != direction)
             m->memory.slips[i] = 0.0;
-    if (direction != 0.0)
-        m->memory.direction = direction;
     if (SLOPE(v) != 0.0)
         return direction == 0.0 || ramp_step(m, h, direction, unit);
     const double S = stribeck(v, Fc, Fs, vs, delta);

@@ -54,12 +54,13 @@
    normal motion of slider and tip. Single tips may be chaotic if height < A. A step may cover at most 2e6/N
    wavelengths. */
 
-#define MODEL    GenericAsperity
-#define SUMMARY  "Population of asperities that stick, slip and oscillate freely on a rough profile"
-#define SOURCE   "after Al-Bender, Lampaert, Swevers, Tribology Letters 16, 2004"
-#define CITES    "AlBender2004"
-#define STATUS   "equations specific to this library, after the paper from memory"
-#define FEATURES "presliding, nonlocal memory, drift-free, Stribeck, lag, dwell, rate dependent, random"
+#define MODEL       GenericAsperity
+#define SUMMARY     "Population of asperities that stick, slip and oscillate freely on a rough profile"
+#define SOURCE      "after Al-Bender, Lampaert, Swevers, Tribology Letters 16, 2004"
+#define CITES       "AlBender2004"
+#define STATUS      "equations specific to this library, after the paper from memory"
+#define FEATURES    "presliding, nonlocal memory, drift-free, Stribeck, lag, dwell, rate dependent, random"
+#define NO_EXCHANGE "each of its thousands of asperities would be an event"
 
 /* clang-format off */
 #define VARIABLES                                                                                              \

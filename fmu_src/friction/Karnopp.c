@@ -46,16 +46,52 @@
 #define IDENTIFIED METHOD(none)
 /* clang-format on */
 
+#define EVENTS     2
+#define DECIDES_BY transition
+#define MEMORY     struct band
+#define VALID_BY   is_band
+
+struct band {     /* in model exchange */
+    double side;  /* of the band in which the velocity is; 0: inside */
+    double stuck; /* 1: inside and held */
+};
+
 #include "block.h"
 #include "load.h"
+#include "until_change.h"
+
+static bool is_band(const Model *m) { return is_direction(m->memory.side) && is_count(m->memory.stuck, 1.0); }
+
+static double side_of(double v, double DV) { return fabs(v) < DV || v == 0.0 ? 0.0 : sign(v); }
+
+/* Return how far F_ext is below the friction that holds the mass inside the band. */
+static double reserve(const Model *m) { return load_of(m->Fn, m->Fn0) * m->Fs - fabs(m->F_ext); }
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = load_of(Fn, Fn0);
-    const bool rest = fabs(v) < DV || v == 0.0;
+    const bool frozen = m->run.frozen;
+    const double load = load_of(Fn, Fn0), side = frozen ? m->memory.side : side_of(v, DV);
+    const bool rest = side == 0.0;
 
-    m->stuck = rest && fabs(F_ext) <= load * Fs ? 1.0 : 0.0;
+    m->stuck = frozen ? m->memory.stuck : rest && reserve(m) >= 0.0 ? 1.0 : 0.0;
     m->v_reported = rest ? 0.0 : v;
-    m->F = rest ? clip(F_ext, -load * Fs, load * Fs) : sign(v) * load * Fc + Fv * v;
+    m->F = rest ? clip(F_ext, -load * Fs, load * Fs) : side * load * Fc + Fv * v;
+}
+
+/* Return DV, or a speed that no drive resolves: a solver does not reach v = 0 exactly. */
+static double band(const Model *m) { return fmax(m->DV, 1e-9); }
+
+static void indicators(const Model *m, double *left)
+{
+    const struct band *const now = &m->memory;
+    const double speed = now->side != 0.0 ? now->side * m->v : fabs(m->v);
+    left[0] = until_change(now->side, speed - band(m), band(m));
+    left[1] = now->side != 0.0 ? 1.0 : until_change(now->stuck, reserve(m), load_of(m->Fn, m->Fn0));
+}
+
+static void transition(Model *m)
+{
+    m->memory.side = side_of(m->v, band(m));
+    m->memory.stuck = m->memory.side == 0.0 && reserve(m) >= 0.0 ? 1.0 : 0.0;
 }

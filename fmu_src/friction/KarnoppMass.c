@@ -58,31 +58,82 @@
     MASS  (m)
 /* clang-format on */
 
-#define STEPS_BY step
+#define STEPS_BY   step
+#define EVENTS     2
+#define DECIDES_BY transition
+#define MEMORY     struct band
+#define VALID_BY   is_band
+
+struct band {     /* in model exchange */
+    double side;  /* of the band on which the mass slides; 0: inside */
+    double stuck; /* 1: inside and held */
+};
 
 #include "block.h"
 #include "load.h"
+#include "until_change.h"
+
+static bool is_band(const Model *model)
+{
+    return is_direction(model->memory.side) && is_count(model->memory.stuck, 1.0);
+}
 
 /* Return the velocity just inside the band, which a body keeps when it comes to rest. */
 static double edge(double DV) { return nextafter(DV, 0.0); }
 
-static void equations(Model *model)
+/* Return how far F_ext is below the friction that holds the mass inside the band. */
+static double reserve(const Model *model)
 {
     GIVEN(model)
     const double load = load_of(Fn, Fn0);
     const double sliding = load * Fc + Fv * DV; /* friction just outside the band */
     const double high = w == edge(DV) ? fmax(load * Fs, sliding) : load * Fs;
     const double low = w == -edge(DV) ? fmax(load * Fs, sliding) : load * Fs;
-    const bool inside = fabs(w) < DV;
+    return fmin(F_ext + low, high - F_ext);
+}
 
-    model->stuck = inside && F_ext >= -low && F_ext <= high ? 1.0 : 0.0;
+static void equations(Model *model)
+{
+    GIVEN(model)
+    const bool frozen = model->run.frozen;
+    const double load = load_of(Fn, Fn0), side = frozen ? model->memory.side : fabs(w) < DV ? 0.0 : sign(w);
+    const bool inside = side == 0.0;
+
+    model->stuck = frozen ? model->memory.stuck : inside && reserve(model) >= 0.0 ? 1.0 : 0.0;
     model->v = inside ? 0.0 : w;
     if (!inside)
-        model->F = load * Fc * sign(w) + Fv * w;
+        model->F = load * Fc * side + Fv * w;
     else
         model->F = model->stuck != 0.0 ? F_ext : clip(F_ext, -load * Fs, load * Fs);
     model->der_x = model->v;
     model->der_w = (F_ext - model->F) / m;
+}
+
+/* ---- model exchange ----------------------------------------------------------------------------------------- */
+
+static void indicators(const Model *model, double *left)
+{
+    GIVEN(model)
+    const double side = model->memory.side;
+    left[0] = until_change(side, (side != 0.0 ? side * w : fabs(w)) - DV, DV);
+    left[1] = side != 0.0 ? 1.0 : until_change(model->memory.stuck, reserve(model), load_of(Fn, Fn0));
+}
+
+static void transition(Model *model)
+{
+    GIVEN(model)
+    struct band *const now = &model->memory;
+    if (fabs(w) >= DV)
+        now->side = sign(w);
+    else if (now->side != 0.0) {
+        model->w = now->side * edge(DV);
+        now->side = 0.0;
+    }
+    now->stuck = now->side == 0.0 && reserve(model) >= 0.0 ? 1.0 : 0.0;
+    if (now->side == 0.0 && now->stuck == 0.0 && fabs(model->w) == edge(DV) && F_ext * w > 0.0) {
+        now->side = sign(w); /* slides on from the edge */
+        model->w = now->side * DV;
+    }
 }
 
 #include "KarnoppMass_ramp.h"

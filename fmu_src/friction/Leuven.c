@@ -76,10 +76,45 @@
 
 #include "reversals.h"
 
-#define STEPS_BY step
-#define WARNING  "there are more reversal points than the stacks can store; inner loops are discarded"
-#define MEMORY   struct reversals
-#define VALID_BY are_reversals
+#define STEPS_BY   step
+#define EVENTS     3
+#define DECIDES_BY transition
+#define WARNING    "there are more reversal points than the stacks can store; inner loops are discarded"
+#define MEMORY     struct reversals
+#define VALID_BY   are_reversals
 
 #include "block.h"
 #include "leuven.h"
+#include "until_change.h"
+
+/* ---- model exchange ----------------------------------------------------------------------------------------- */
+
+static double slow(const Model *m) { return 1e-6 * m->vs; } /* noise of a solver around v = 0 is not motion */
+
+/* A reversal, the end of a loop, and the flag `sliding`. */
+static void indicators(const Model *m, double *left)
+{
+    GIVEN(m)
+    const double side = m->memory.direction;
+    left[0] = side != 0.0 ? side * v + slow(m) : slow(m) - fabs(v);
+    left[1] = left[2] = 1.0;
+    if (side == 0.0)
+        return;
+    const struct branch b = branch_of(m, side);
+    const double S = stribeck(v, Fc, Fs, vs, delta), beyond = curve(m, b.zeta) - slides_at * (S - b.base);
+    if (b.depth >= 2)
+        left[1] = closing_force(m, &b) - (b.base + curve(m, b.zeta));
+    left[2] = until_change(m->memory.sliding, beyond, A);
+}
+
+static void transition(Model *m)
+{
+    GIVEN(m)
+    const double side = m->memory.direction != 0.0 && fabs(v) < slow(m) * (1.0 - 1e-6) ? m->memory.direction : sign(v);
+    if (side == 0.0)
+        return;
+    struct branch b = branch_of(m, side);
+    settle(m, &b, stribeck(v, Fc, Fs, vs, delta));
+    store(m, &b);
+    m->memory.sliding = b.sliding ? 1.0 : 0.0;
+}

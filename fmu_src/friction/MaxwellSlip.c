@@ -51,18 +51,36 @@
 #define IDENTIFIED METHOD(hysteresis)
 /* clang-format on */
 
-#define STEPS_BY step
+#define STEPS_BY   step
+#define EVENTS     10
+#define DECIDES_BY transition
+#define MEMORY     struct slip_memory
+#define VALID_BY   is_slip_memory
+
+struct slip_memory {
+    double slips[10]; /* in model exchange: direction in which the element slips, or 0 */
+};
 
 #include "block.h"
 #include "presliding.h"
 #include "maxwell.h"
+#include "slip.h"
+
+static bool is_slip_memory(const Model *m)
+{
+    bool good = true;
+    for (int i = 0; i < 10; i++)
+        good = good && is_direction(m->memory.slips[i]);
+    return good;
+}
 
 static void equations(Model *m)
 {
     GIVEN(m)
     double sum = 0.0;
     for (int i = 0; i < 10; i++) {
-        const bool slips = i < N && v != 0.0 && !(sign(v) * Fi[i] < W[i]);
+        const bool at_level = v != 0.0 && !(sign(v) * Fi[i] < W[i]);
+        const bool slips = i < N && (m->run.frozen ? m->memory.slips[i] != 0.0 : at_level);
         m->slipping[i] = slips ? 1.0 : 0.0;
         m->der_Fi[i] = i < N && !slips ? k[i] * v : 0.0;
         sum += i < N ? limited(Fi[i], W[i]) : 0.0;
@@ -77,4 +95,18 @@ static bool step(Model *m, double h)
     for (int i = 0; i < N; i++)
         m->Fi[i] = limited(limited(Fi[i], W[i]) + k[i] * dx, W[i]);
     return true;
+}
+
+#define SLOW 1e-9 /* [m/s] or [rad/s] */
+
+static void indicators(const Model *m, double *left)
+{
+    for (int i = 0; i < 10; i++)
+        left[i] = i < m->N ? slip_indicator(m->memory.slips[i], m->v, SLOW, m->Fi[i], m->W[i]) : 1.0;
+}
+
+static void transition(Model *m)
+{
+    for (int i = 0; i < m->N; i++)
+        m->memory.slips[i] = slip_after(m->memory.slips[i], m->v, SLOW, m->Fi[i], m->W[i]);
 }

@@ -69,8 +69,41 @@
 #define IDENTIFIED METHOD(none)
 /* clang-format on */
 
-#define STEPS_BY step
-#define WARNING  "the sum of W is below Fs or Fc, so the force cannot reach the Stribeck curve; increase W"
+#define STEPS_BY   step
+#define EVENTS     10
+#define DECIDES_BY transition
+#define MEMORY     struct slip_memory
+#define VALID_BY   is_slip_memory
+#define WARNING    "the sum of W is below Fs or Fc, so the force cannot reach the Stribeck curve; increase W"
+
+struct slip_memory {
+    double slips[10]; /* in model exchange: direction in which the element slips, or 0 */
+};
 
 #include "block.h"
+#define SLIPS(m, i) ((m)->memory.slips[i] != 0.0)
 #include "modified_leuven.h"
+#include "slip.h"
+
+static bool is_slip_memory(const Model *m)
+{
+    bool good = true;
+    for (int i = 0; i < 10; i++)
+        good = good && is_direction(m->memory.slips[i]);
+    return good;
+}
+
+static double slow(const Model *m) { return 1e-9 * m->vs; }
+
+static void indicators(const Model *m, double *left)
+{
+    for (int i = 0; i < 10; i++)
+        left[i] = i < m->N ? slip_indicator(m->memory.slips[i], m->der_z, slow(m), m->Fi[i], m->W[i]) : 1.0;
+}
+
+static void transition(Model *m)
+{
+    equations(m); /* elements follow the rate of z */
+    for (int i = 0; i < m->N; i++)
+        m->memory.slips[i] = slip_after(m->memory.slips[i], m->der_z, slow(m), m->Fi[i], m->W[i]);
+}

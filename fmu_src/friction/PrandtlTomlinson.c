@@ -41,13 +41,14 @@
    Limits: one dimension, one atom. With kT > 0, damping within dt is not resolved. There is no normal force; vary E0
    with it instead. */
 
-#define MODEL    PrandtlTomlinson
-#define SUMMARY  "Prandtl-Tomlinson model of a tip in a periodic potential, with temperature"
-#define SOURCE   "Prandtl, ZAMM 8, 1928; Tomlinson, Philosophical Magazine 7, 1929"
-#define CITES    "Prandtl1928, Tomlinson1929"
-#define STATUS   "equations from memory of reviews"
-#define FEATURES "presliding, drift-free, rate dependent, mass inside, random"
-#define PORTRAIT "tomlinson"
+#define MODEL       PrandtlTomlinson
+#define SUMMARY     "Prandtl-Tomlinson model of a tip in a periodic potential, with temperature"
+#define SOURCE      "Prandtl, ZAMM 8, 1928; Tomlinson, Philosophical Magazine 7, 1929"
+#define CITES       "Prandtl1928, Tomlinson1929"
+#define STATUS      "equations from memory of reviews"
+#define FEATURES    "presliding, drift-free, rate dependent, mass inside, random"
+#define NO_EXCHANGE "thermal noise acts between the points of a grid in time and is integrated inside"
+#define PORTRAIT    "tomlinson"
 
 /* clang-format off */
 #define VARIABLES                                                                                          \

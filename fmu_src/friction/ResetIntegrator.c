@@ -41,16 +41,29 @@
 #define IDENTIFIED SLIDING(z, z0)
 /* clang-format on */
 
-#define STEPS_BY step
+#define STEPS_BY   step
+#define EVENTS     2
+#define DECIDES_BY transition
+#define MEMORY     struct stop
+#define VALID_BY   is_stop
+
+struct stop {     /* in model exchange */
+    double side;  /* where the deflection is stopped; 0: free */
+    double below; /* 1: it is below its limit */
+};
 
 #include "block.h"
 #include "presliding.h"
+#include "slip.h"
+
+static bool is_stop(const Model *m) { return is_direction(m->memory.side) && is_count(m->memory.below, 1.0); }
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const bool stopped = (v > 0.0 && z >= z0) || (v < 0.0 && z <= -z0);
-    const bool below = fabs(z) < z0;
+    const bool at_stop = (v > 0.0 && z >= z0) || (v < 0.0 && z <= -z0);
+    const bool stopped = m->run.frozen ? m->memory.side != 0.0 : at_stop;
+    const bool below = m->run.frozen ? m->memory.below != 0.0 : fabs(z) < z0;
 
     m->der_z = stopped ? 0.0 : v;
     m->F = load_of(Fn, Fn0) * ((1.0 + (below ? a : 0.0)) * sigma0 * z + beta * m->der_z);
@@ -69,4 +82,20 @@ static bool step(Model *m, double h)
     equations(m);
     m->run.outputs_done = true;
     return true;
+}
+
+#define SLOW 1e-9 /* [m/s] or [rad/s] */
+
+static void indicators(const Model *m, double *left)
+{
+    left[0] = slip_indicator(m->memory.side, m->v, SLOW, m->z, m->z0);
+    left[1] = m->memory.side == 0.0 && m->memory.below == 0.0 ? fabs(m->z) - m->z0 * (1.0 - 1e-12) : 1.0;
+}
+
+static void transition(Model *m)
+{
+    struct stop *const now = &m->memory;
+    const bool leaves = now->side * m->v < 0.0; /* z may exceed z0 by rounding */
+    now->side = slip_after(now->side, m->v, SLOW, m->z, m->z0);
+    now->below = now->side == 0.0 && (leaves || fabs(m->z) < m->z0) ? 1.0 : 0.0;
 }

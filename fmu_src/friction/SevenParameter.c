@@ -32,14 +32,15 @@
    neighbours are joined, which preserves the distance, and a warning is logged once; v(t - tauL) is then accurate to
    about tauL / 250 in time. If tauL is increased during a run, the missing history is taken as constant. */
 
-#define MODEL    SevenParameter
-#define SUMMARY  "Presliding spring, delayed Stribeck effect and rising static friction"
-#define SOURCE   "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
-#define CITES    "ArmstrongHelouvry1994"
-#define STATUS   "equations (7) to (9) of Olsson et al. 1998"
-#define FEATURES "presliding, drift-free, Stribeck, lag, dwell, rate dependent"
-#define NEEDS    "dwell"
-#define WARNING  "the velocity changed more than 1024 times within tauL; its history is thinned out"
+#define MODEL       SevenParameter
+#define SUMMARY     "Presliding spring, delayed Stribeck effect and rising static friction"
+#define SOURCE      "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
+#define CITES       "ArmstrongHelouvry1994"
+#define STATUS      "equations (7) to (9) of Olsson et al. 1998"
+#define FEATURES    "presliding, drift-free, Stribeck, lag, dwell, rate dependent"
+#define NEEDS       "dwell"
+#define NO_EXCHANGE "friction depends on the velocity at an earlier time, which a solver does not provide"
+#define WARNING     "the velocity changed more than 1024 times within tauL; its history is thinned out"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

@@ -58,15 +58,34 @@
     VISCOUS (Fv)
 /* clang-format on */
 
+#define EVENTS     2
+#define DECIDES_BY transition
+#define MEMORY     struct rest
+#define VALID_BY   is_rest
+
+struct rest {
+    double direction; /* of the motion; 0: at rest */
+    double stuck;     /* 1: at rest and held by friction */
+};
+
 #include "block.h"
-#include "load.h"
+#include "rest.h"
 #include "stribeck.h"
 
-/* Return the friction in steady sliding, from the parameters for the direction of v. */
-static double level(const Model *m)
+/* Friction at rest. */
+static void range(const Model *m, double *low, double *high)
 {
     GIVEN(m)
-    const bool negative = asymmetric && v < 0.0;
+    const double load = load_of(Fn, Fn0);
+    *low = offset - load * (asymmetric ? Fs_neg : Fs);
+    *high = offset + load * Fs;
+}
+
+/* Return the friction in steady sliding, from the parameters for the direction of motion. */
+static double level(const Model *m, bool backward)
+{
+    GIVEN(m)
+    const bool negative = asymmetric && backward;
     double (*const curve)(double, double, double, double, double) = shape == 1 ? stribeck_lorentzian : stribeck;
     return negative ? curve(v, Fc_neg, Fs_neg, vs_neg, delta_neg) : curve(v, Fc, Fs, vs, delta);
 }
@@ -74,10 +93,12 @@ static double level(const Model *m)
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = load_of(Fn, Fn0);
-    const double low = offset - load * (asymmetric ? Fs_neg : Fs), high = offset + load * Fs;
-    const double viscous = asymmetric && v < 0.0 ? Fv_neg : Fv;
+    const double load = load_of(Fn, Fn0), direction = direction_of(m);
+    const double viscous = asymmetric && direction < 0.0 ? Fv_neg : Fv;
+    double low, high;
+    range(m, &low, &high);
 
-    m->stuck = v == 0.0 && F_ext >= low && F_ext <= high ? 1.0 : 0.0;
-    m->F = v == 0.0 ? clip(F_ext, low, high) /* (4) */ : sign(v) * load * level(m) + viscous * v + offset;
+    m->stuck = stuck_at(m, direction);
+    m->F = direction == 0.0 ? clip(F_ext, low, high) /* (4) */
+                            : direction * load * level(m, direction < 0.0) + viscous * v + offset;
 }

@@ -45,16 +45,32 @@
     VISCOUS (Fv)
 /* clang-format on */
 
+#define EVENTS     2
+#define DECIDES_BY transition
+#define MEMORY     struct rest
+#define VALID_BY   is_rest
+
+struct rest {
+    double direction; /* of the motion; 0: at rest */
+    double stuck;     /* 1: at rest and held by friction */
+};
+
 #include "block.h"
-#include "load.h"
+#include "rest.h"
 #include "stribeck.h"
+
+static void range(const Model *m, double *low, double *high)
+{
+    *high = load_of(m->Fn, m->Fn0) * m->Fs;
+    *low = -*high;
+}
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = load_of(Fn, Fn0);
+    const double load = load_of(Fn, Fn0), direction = direction_of(m);
 
-    m->stuck = v == 0.0 && fabs(F_ext) <= load * Fs ? 1.0 : 0.0;
-    m->F = v == 0.0 ? clip(F_ext, -load * Fs, load * Fs) /* (4) */
-                    : sign(v) * load * stribeck(v, Fc, Fs, vs, 1.0) + Fv * v;
+    m->stuck = stuck_at(m, direction);
+    m->F = direction == 0.0 ? clip(F_ext, -load * Fs, load * Fs) /* (4) */
+                            : direction * load * stribeck(v, Fc, Fs, vs, 1.0) + Fv * v;
 }

@@ -13,7 +13,7 @@ static bool are_reversals(const Model *m)
 {
     const struct reversals *const memory = &m->memory;
     return is_count(memory->depth, DEEPEST) && is_direction(memory->direction) && is_count(memory->overflow, 1.0) &&
-           all_finite(memory->force, (size_t)memory->depth);
+           is_count(memory->sliding, 1.0) && all_finite(memory->force, (size_t)memory->depth);
 }
 
 /* Position of the contact on its hysteresis curve, in the direction of motion `side`. */
@@ -100,10 +100,28 @@ static void equations(Model *m)
 {
     GIVEN(m)
     const double S = stribeck(v, Fc, Fs, vs, delta);
-    struct branch b = branch_of(m, sign(v));
-    if (v != 0.0)
+    const bool frozen = m->run.frozen && m->memory.direction != 0.0;
+    struct branch b = branch_of(m, frozen ? m->memory.direction : sign(v));
+    if (frozen)
+        b.sliding = m->memory.sliding != 0.0;
+    else if (v != 0.0)
         settle(m, &b, S);
     contact(m, &b, S);
+}
+
+/* Store the branch: the reversal points, and the deflection since the last one. */
+static void store(Model *m, const struct branch *b)
+{
+    struct reversals *const memory = &m->memory;
+    memory->direction = b->side;
+    memory->depth = b->depth;
+    if (b->depth > 0)
+        memory->force[b->depth - 1] = b->side * b->base;
+    if (b->full) {
+        memory->overflow = 1.0;
+        m->run.warning = true;
+    }
+    m->z = b->side * b->zeta;
 }
 
 #include "leuven_ramp.h"

@@ -63,19 +63,12 @@ static double piece_goal(double s, double zeta, const void *law)
 static bool follow_motion(Model *m, Motion motion)
 {
     GIVEN(m)
-    struct reversals *const memory = &m->memory;
     const double slope = motion.slope, side = sign(m->v != 0.0 ? m->v : slope), S = stribeck(v, Fc, Fs, vs, delta);
     if (side == 0.0)
         return true;
 
     struct branch b = branch_of(m, side);
-    memory->direction = side;
-    if (b.depth > 0)
-        memory->force[b.depth - 1] = side * b.base;
-    if (b.full) {
-        memory->overflow = 1.0;
-        m->run.warning = true;
-    }
+    store(m, &b);
     struct piece p = {m, motion, S, 0.0, 0.0, false, false, false};
     const double arrival = motion.end;
     double s = motion.start;
@@ -108,8 +101,7 @@ static bool follow_motion(Model *m, Motion motion)
             continue_on(m, &b, b.depth - 2);
     }
     settle(m, &b, piece_level(&p, arrival));
-    m->z = side * b.zeta;
-    memory->depth = b.depth;
+    store(m, &b);
     if (slope == 0.0) {
         b.full = false;
         contact(m, &b, S);

@@ -8,6 +8,11 @@
 #include "maxwell.h"
 #include "transition.h"
 
+/* What a block has decided about an element at the last event. */
+#ifndef SLIPS
+#define SLIPS(m, i) false
+#endif
+
 static double hysteresis_force(const Model *m)
 {
     GIVEN(m)
@@ -23,7 +28,7 @@ static void contact(Model *m, double S)
     const double force = hysteresis_force(m);
     const double rate = v * (1.0 - signed_power(sign(v) * force / S, n));
     for (int i = 0; i < 10; i++) {
-        const bool slips = i < N && rate != 0.0 && !(sign(rate) * Fi[i] < W[i]);
+        const bool slips = i < N && (m->run.frozen ? SLIPS(m, i) : rate != 0.0 && !(sign(rate) * Fi[i] < W[i]));
         m->slipping[i] = slips ? 1.0 : 0.0;
         m->der_Fi[i] = i < N && !slips ? k[i] * rate : 0.0;
     }

@@ -10,6 +10,7 @@ struct reversals {
     double force[DEEPEST];
     double direction;       /* of the last motion; 0: none yet */
     double depth, overflow; /* number of points; 1 after one was lost */
+    double sliding;         /* in model exchange: the flag */
 };
 
 #endif

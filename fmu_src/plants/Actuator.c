@@ -24,12 +24,13 @@
    oldest are lost, the delay is shorter than specified, and a warning is logged. Changes take effect to within 1e-12 of
    the time and the delay. */
 
-#define MODEL    Actuator
-#define SUMMARY  "Delay, force limit and first-order lag of a drive"
-#define SOURCE   "Ellis: Control System Design Guide, 4th ed., 2012"
-#define CITES    "Ellis2012"
-#define PORTRAIT "saturation"
-#define QUOTES   "loop_poles, break_away"
+#define MODEL       Actuator
+#define SUMMARY     "Delay, force limit and first-order lag of a drive"
+#define SOURCE      "Ellis: Control System Design Guide, 4th ed., 2012"
+#define CITES       "Ellis2012"
+#define NO_EXCHANGE "every change of u would become a time event after the delay"
+#define PORTRAIT    "saturation"
+#define QUOTES      "loop_poles, break_away"
 
 /* clang-format off */
 #define VARIABLES                                                                                       \

@@ -54,6 +54,17 @@
     PARAMETER(y_centre,    LENGTH,   0.0,       -INF,  INF, "centre of the circle, second axis")
 /* clang-format on */
 
+#define EVENTS     1
+#define DECIDES_BY transition
+#define MEMORY     struct passed
+#define VALID_BY   is_passed
+
+#include <stdbool.h>
+
+struct passed {
+    double reversals; /* in model exchange */
+};
+
 #include "block.h"
 #include "constants.h"
 
@@ -108,5 +119,23 @@ static void equations(Model *m)
     m->yd = radius * c * rate;
     m->xdd = -radius * (s * rate_dot + c * rate * rate);
     m->ydd = radius * (c * rate_dot - s * rate * rate);
-    m->reversals = fmin(quadrant(way * m->angle) - quadrant(way * start_angle), COUNTS);
+    const double passed = quadrant(way * m->angle) - quadrant(way * start_angle);
+    m->reversals = m->run.frozen ? m->memory.reversals : fmin(passed, COUNTS);
+}
+
+static bool is_passed(const Model *m) { return is_count(m->memory.reversals, COUNTS); }
+
+/* Return the quadrants passed at the angle of the last evaluation. */
+static double place(const Model *m)
+{
+    const double way = m->clockwise != 0.0 ? -1.0 : 1.0;
+    return way * m->angle / HALF_PI - quadrant(way * m->start_angle);
+}
+
+static void indicators(const Model *m, double *left) { left[0] = m->memory.reversals + 1.0 - place(m); }
+
+static void transition(Model *m)
+{
+    equations(m);
+    m->memory.reversals = fmin(floor(place(m)), COUNTS);
 }

@@ -48,9 +48,10 @@
 enum { LONGEST = 256, HIGHEST = 100 };
 
 /* Computed from the fixed parameters once. */
-#define MEMORY   struct plan
-#define STEPS_BY keep_plan
-#define VALID_BY is_plan
+#define DECIDES_BY transition
+#define MEMORY     struct plan
+#define STEPS_BY   keep_plan
+#define VALID_BY   is_plan
 
 struct plan {
     double lines, first, spacing, tilt, seed; /* the parameters it was made for; lines = 0: none yet */
@@ -178,6 +179,8 @@ static bool keep_plan(Model *m, double h)
         m->memory = own;
     return true;
 }
+
+static void transition(Model *m) { (void)keep_plan(m, 0.0); }
 
 static void equations(Model *m)
 {

@@ -24,10 +24,41 @@
     QUANTUM(q)
 /* clang-format on */
 
+#define EVENTS     2
+#define DECIDES_BY transition
+#define MEMORY     struct level
+#define VALID_BY   is_level
+
+#include <math.h>
+#include <stdbool.h>
+
+struct level {
+    double number; /* of the step in model exchange */
+};
+
 #include "block.h"
+
+static bool is_level(const Model *m)
+{
+    return isfinite(m->memory.number) && m->memory.number == floor(m->memory.number);
+}
 
 static void equations(Model *m)
 {
     GIVEN(m)
-    m->y = q == 0.0 ? x : q * round(x / q);
+    m->y = q == 0.0 ? x : q * (m->run.frozen ? m->memory.number : round(x / q));
+}
+
+/* The step ends just beyond its edges: noise of a solver at an edge is not motion. */
+static void indicators(const Model *m, double *left)
+{
+    const double place = m->q == 0.0 ? 0.0 : m->x / m->q - m->memory.number;
+    left[0] = 0.5 + 1e-9 - place;
+    left[1] = 0.5 + 1e-9 + place;
+}
+
+static void transition(Model *m)
+{
+    if (m->q != 0.0 && fabs(m->x / m->q - m->memory.number) >= 0.5)
+        m->memory.number = round(m->x / m->q);
 }

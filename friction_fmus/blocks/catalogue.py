@@ -68,6 +68,8 @@ class Block:
         BibTeX entries of its sources; a note says if one was not read.
     status : str
         Origin of its equations: their numbers in the source, or that they are from memory.
+    no_exchange : str
+        Why it cannot be used for model exchange; empty if it can.
     about : About
         Further declarations in its file.
     """
@@ -82,6 +84,7 @@ class Block:
     features: tuple[str, ...] = ()
     bibtex: tuple[str, ...] = ()
     status: str = ""
+    no_exchange: str = ""
     about: About = field(default_factory=About)
 
     @property
@@ -151,6 +154,7 @@ def read_c_block(path: Path, kind: str) -> Block:
         features=features,
         bibtex=(*cited(about.cites), *entries),
         status=text("STATUS"),
+        no_exchange=text("NO_EXCHANGE"),
         about=about,
     )
 

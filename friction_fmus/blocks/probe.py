@@ -68,11 +68,17 @@ class BlockVariables:
         Hash of the rows, computed in the library.
     sampled : bool
         Whether the block acts at sample times.
+    exchanges : bool
+        Whether it can be used for model exchange.
+    events : int
+        Number of its event indicators.
     """
 
     variables: tuple[Variable, ...]
     guid: str
     sampled: bool
+    exchanges: bool
+    events: int
 
 
 @dataclass(frozen=True)
@@ -108,7 +114,7 @@ def describe(library: Path, computed: Mapping[str, Iterable[str]] | None = None)
     for dependencies, roles in zip(found, ((INPUT,), (INPUT, PARAMETER, FIXED, STATE)), strict=True):
         _add(dependencies, rows.variables, computed or {}, roles)
         _follow_limit(dependencies, rows.variables)
-    return Description(rows.variables, rows.guid, rows.sampled, *found)
+    return Description(rows.variables, rows.guid, rows.sampled, rows.exchanges, rows.events, *found)
 
 
 def read_variables(library: Path) -> BlockVariables:
@@ -124,13 +130,13 @@ def _read(handle: ctypes.CDLL) -> tuple[BlockVariables, int]:
         ctypes.POINTER(ctypes.c_int),
         ctypes.c_char_p,
     )
-    count, size, sampled, guid = (
+    count, size, traits, guid = (
         ctypes.c_size_t(),
         ctypes.c_size_t(),
-        ctypes.c_int(),
+        (ctypes.c_int * 3)(),
         ctypes.create_string_buffer(64),
     )
-    rows = handle.block_rows(ctypes.byref(count), ctypes.byref(size), ctypes.byref(sampled), guid)
+    rows = handle.block_rows(ctypes.byref(count), ctypes.byref(size), traits, guid)
 
     variables = []
     for row in rows[: count.value]:
@@ -142,7 +148,9 @@ def _read(handle: ctypes.CDLL) -> tuple[BlockVariables, int]:
             start = row.starts[k] if row.starts else row.start
             limits = (row.min, row.max, row.nominal, row.role, row.type)
             variables.append(Variable(element, unit, text, start, *limits, row.index + k, row.origin + k))
-    return BlockVariables(tuple(variables), guid.value.decode(), bool(sampled.value)), size.value
+    sampled, exchanges, events = traits
+    block = BlockVariables(tuple(variables), guid.value.decode(), bool(sampled), bool(exchanges), events)
+    return block, size.value
 
 
 def _add(

@@ -1,6 +1,6 @@
 """Checks of an FMU: the archive, the XML, and the behaviour of the binary in a separate process.
 
-The checks apply to any FMI 2.0 co-simulation FMU. The rules are functions in `archive`, `definitions`, `variables`,
+The checks apply to any FMI 2.0 FMU. The rules are functions in `archive`, `definitions`, `variables`,
 `structure` and `side_files`, and probes in `probes`; each rule is one function.
 """
 
@@ -17,7 +17,7 @@ from friction_fmus.check import definitions, structure, variables
 from friction_fmus.check.archive import Contents, examine_archive, list_members, read_member, truncated_libraries
 from friction_fmus.check.binary import examine_binary
 from friction_fmus.check.description import (
-    NO_CO_SIMULATION,
+    NO_INTERFACE,
     SCHEMA,
     VERSION,
     Model,
@@ -59,7 +59,7 @@ def check(
     Returns
     -------
     list of Finding
-        The findings in order of severity. A file that is not an FMI 2.0 co-simulation FMU gives one finding.
+        The findings in order of severity. A file that is not an FMI 2.0 FMU gives one finding.
 
     Raises
     ------
@@ -134,12 +134,9 @@ def _refusals(model: Model) -> Iterator[Finding]:
     elif version != "2.0":
         text = f"fmiVersion is {version!r}, but only 2.0 is supported; export it as FMI 2.0"
         yield VERSION.finding(text, DESCRIPTION, line=line_of(model.root))
-    elif model.simulation is None:
-        kind = (
-            "supports model exchange only" if model.root.find("ModelExchange") is not None else "declares no interface"
-        )
-        text = f"the FMU {kind}; export it for co-simulation"
-        yield NO_CO_SIMULATION.finding(text, DESCRIPTION, line=line_of(model.root))
+    elif not model.interfaces:
+        text = "the FMU declares neither CoSimulation nor ModelExchange; export it again"
+        yield NO_INTERFACE.finding(text, DESCRIPTION, line=line_of(model.root))
 
 
 def _fmpy(path: Path) -> list[Finding]:

@@ -13,18 +13,20 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, Final
 
+from lxml import etree
+
 from friction_fmus.check.archive import Contents, unpack
 from friction_fmus.check.description import Model, Variable, integer, real
 from friction_fmus.check.findings import RULES, Finding, declare
-from friction_fmus.check.probes import lifecycle, stepping, surroundings
-from friction_fmus.check.probes.host import CRASHES, PROBES, SEVERAL
+from friction_fmus.check.probes import events, lifecycle, stepping, surroundings
+from friction_fmus.check.probes.host import CRASHES, ONLY, PROBES, SEVERAL
 from friction_fmus.check.probes.library import TRACE_SIZE
 from friction_fmus.check.probes.rules import RULES as BINARY_RULES
 from friction_fmus.errors import FrictionError
 from harness.compiling.platforms import NATIVE
 from harness.storage.scratch import ScratchFolder
 
-_MODULES: Final = (lifecycle, stepping, surroundings)
+_MODULES: Final = (lifecycle, stepping, events, surroundings)
 """Modules that register the probes, in this order."""
 
 for _id, (_severity, _section, _summary) in BINARY_RULES.items():
@@ -41,7 +43,7 @@ _FLAGS: Final = (
     "providesDirectionalDerivative",
 )
 _PROGRAM: Final = (
-    "import sys; sys.path.append({folder!r}); from probes import lifecycle, stepping, surroundings; "
+    "import sys; sys.path.append({folder!r}); from probes import lifecycle, stepping, events, surroundings; "
     "from probes.host import main; main({place!r}, {names!r})"
 )
 _DEBUG: Final = "run this call in a debugger"
@@ -72,7 +74,15 @@ def examine_binary(contents: Contents, model: Model, time_limit: float) -> list[
     FrictionError
         If a probe itself fails.
     """
-    binary = f"binaries/{NATIVE.folder}/{contents.identifier}{NATIVE.suffix}"
+    findings: list[Finding] = []
+    for interface in model.interfaces:
+        findings += _examine(contents, model, interface, time_limit)
+    return list(dict.fromkeys(findings))
+
+
+def _examine(contents: Contents, model: Model, interface: etree._Element, time_limit: float) -> list[Finding]:
+    """Run the probes of one interface."""
+    binary = f"binaries/{NATIVE.folder}/{interface.get('modelIdentifier', '')}{NATIVE.suffix}"
     if binary not in contents.names:
         found = sorted({path.parts[1] for path in contents.below("binaries") if len(path.parts) > 2})
         there = ", ".join(found) or "none"
@@ -82,18 +92,35 @@ def examine_binary(contents: Contents, model: Model, time_limit: float) -> list[
     with ScratchFolder("friction-fmus-check-") as name:
         folder = Path(name).resolve()
         unpack(contents, folder / "fmu")
-        job = _job(model) | {
+        job = _job(model, interface) | {
             "folder": str(folder),
             "binary": str(folder / "fmu" / binary),
             "resources": str(folder / "fmu" / "resources"),
         }
         (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
         (folder / "trace").write_bytes(b" " * TRACE_SIZE)
-        findings = list(_supervise(folder, model.flag("canBeInstantiatedOnlyOncePerProcess"), binary, time_limit))
-    return list(dict.fromkeys(findings))
+        once = _flag(interface, "canBeInstantiatedOnlyOncePerProcess")
+        return list(_supervise(folder, _probes(model, interface, once), once, binary, time_limit))
 
 
-def _job(model: Model) -> dict[str, Any]:
+def _probes(model: Model, interface: etree._Element, once: bool) -> list[str]:
+    """Return the probes of an interface. Those of both run once, apart from those of saved states."""
+    kind = "model exchange" if interface.tag == "ModelExchange" else "co-simulation"
+    names = [name for name in PROBES if ONLY.get(name, kind) == kind and not (once and name in SEVERAL)]
+    if interface is model.interfaces[0]:
+        return names
+    return [name for name in names if name in ONLY or name in _REPEATED]
+
+
+_REPEATED: Final = ("functions", "state", "serialization", "reset", "messages")
+"""Probes of both interfaces that run for each of them."""
+
+
+def _flag(interface: etree._Element, name: str) -> bool:
+    return interface.get(name) in ("true", "1")
+
+
+def _job(model: Model, interface: etree._Element) -> dict[str, Any]:
     """Return the data of the XML that the probes need, as a JSON value."""
     experiment = model.root.find("DefaultExperiment")
     names = ("startTime", "stopTime", "stepSize")
@@ -101,17 +128,32 @@ def _job(model: Model) -> dict[str, Any]:
     start, stop, step = given.get("startTime") or 0.0, given.get("stopTime"), given.get("stepSize")
     if not step or not 0.0 < step < float("inf"):
         step = (stop - start) / 500.0 if stop and 0.0 < stop - start < float("inf") else 1e-2
-    simulation = model.simulation
-    orders = None if simulation is None else integer(simulation.get("maxOutputDerivativeOrder"))
+    orders = integer(interface.get("maxOutputDerivativeOrder"))
     return {
         "guid": model.root.get("guid", ""),
         "start_time": start if abs(start) < float("inf") else 0.0,
         "step": step,
-        "flags": {name: model.flag(name) for name in _FLAGS},
+        "exchange": interface.tag == "ModelExchange",
+        "flags": {name: _flag(interface, name) for name in _FLAGS},
+        "states": [_state(model, unknown.index) for unknown in model.unknowns["Derivatives"]],
+        "indicators": max(0, integer(model.root.get("numberOfEventIndicators")) or 0),
+        "completes": not _flag(interface, "completedIntegratorStepNotNeeded"),
         "output_derivatives": orders or 0,
         "categories": [element.get("name") for element in model.all("LogCategories/Category")],
         "variables": [row for v in model.variables if (row := _row(v)) is not None],
     }
+
+
+def _state(model: Model, index: int) -> dict[str, Any]:
+    """Return a derivative with its state; None for a name that the XML does not tell."""
+    derivative = model.variable(index)
+    state = None if derivative is None else model.variable(integer(derivative.get("derivative")) or 0)
+    named = {}
+    for key, v in (("derivative", derivative), ("state", state)):
+        row = None if v is None else _row(v)
+        named[key] = None if row is None else row["name"]
+        named[f"{key}_reference"] = None if row is None else row["reference"]
+    return named
 
 
 def _row(v: Variable) -> dict[str, Any] | None:
@@ -143,9 +185,8 @@ def _start(kind: str, text: str | None) -> Any:
     return number if kind == "Real" or number is None or -(1 << 31) <= number < 1 << 31 else None
 
 
-def _supervise(folder: Path, once: bool, binary: str, time_limit: float) -> Iterator[Finding]:
-    """Run all probes, with a new process after each one that does not return."""
-    names = [name for name in PROBES if not (once and name in SEVERAL)]
+def _supervise(folder: Path, names: list[str], once: bool, binary: str, time_limit: float) -> Iterator[Finding]:
+    """Run the probes, with a new process after each one that does not return."""
     while names:
         (folder / "report").write_bytes(b"")
         ending = _run(folder, names[:1] if once else names, time_limit)

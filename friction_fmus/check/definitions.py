@@ -57,8 +57,8 @@ def _metadata(model: Model) -> Iterator[Fault]:
 
 @rule("needs-tool", "note", "4.3.1", "The FMU runs only where the tool that exported it is installed.")
 def _tool(model: Model) -> Iterator[Fault]:
-    if model.flag("needsExecutionTool") and model.simulation is not None:
-        yield Fault("needsExecutionTool is true; install the tool to run the FMU", line_of(model.simulation))
+    if model.flag("needsExecutionTool"):
+        yield Fault("needsExecutionTool is true; install the tool to run the FMU", line_of(model.interfaces[0]))
 
 
 @rule("serialize-without-state", "error", "4.3.1", "A capability is declared without one that it requires.")

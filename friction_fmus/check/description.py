@@ -31,8 +31,8 @@ ENTITIES = declare(
 ENCODING = declare("xml-encoding", "error", "2.2", "An XML file is not encoded as UTF-8.", "description")
 SCHEMA = declare("schema", "error", "2.2", "modelDescription.xml violates the schema of FMI 2.0.", "description")
 VERSION = declare("fmi-version", "error", "2.2.1", "The FMU is not an FMI 2.0 FMU.", "description")
-NO_CO_SIMULATION = declare(
-    "no-co-simulation", "error", "4.3.1", "The FMU does not support co-simulation.", "description"
+NO_INTERFACE = declare(
+    "no-interface", "error", "2.2.1", "The FMU offers neither co-simulation nor model exchange.", "description"
 )
 
 
@@ -165,24 +165,26 @@ class Model:
         """Return elements by their path."""
         return list(self.root.iterfind(path))
 
-    @property
-    def simulation(self) -> etree._Element | None:
-        """The element CoSimulation."""
-        return self.root.find("CoSimulation")
+    @cached_property
+    def interfaces(self) -> list[etree._Element]:
+        """The elements CoSimulation and ModelExchange, as far as they exist."""
+        found = (self.root.find(kind) for kind in ("CoSimulation", "ModelExchange"))
+        return [element for element in found if element is not None]
 
     @property
     def identifier(self) -> str:
-        """Model identifier for co-simulation."""
-        return "" if self.simulation is None else self.simulation.get("modelIdentifier", "")
+        """Model identifier of the first interface."""
+        return self.interfaces[0].get("modelIdentifier", "") if self.interfaces else ""
 
     @property
     def source_files(self) -> tuple[str, ...]:
-        """Source files for co-simulation declared in the XML."""
-        return tuple(element.get("name", "") for element in self.all("CoSimulation/SourceFiles/File"))
+        """Source files of all interfaces, each once."""
+        files = (file for element in self.interfaces for file in element.iterfind("SourceFiles/File"))
+        return tuple(dict.fromkeys(file.get("name", "") for file in files))
 
     def flag(self, name: str) -> bool:
-        """Return a capability flag."""
-        return self.simulation is not None and self.simulation.get(name) in ("true", "1")
+        """Return whether an interface has a capability flag."""
+        return any(element.get(name) in ("true", "1") for element in self.interfaces)
 
     @cached_property
     def unknowns(self) -> dict[str, list[Unknown]]:

@@ -72,12 +72,12 @@ def model_of(part: Part) -> str | None:
     if not isinstance(part, FmuPart):
         return None
     known = known_blocks()
-    description = open_archive(part.path).description
-    for name in (part.model, description.coSimulation.modelIdentifier):
+    archive = open_archive(part.path)
+    for name in (part.model, archive.interface.modelIdentifier):
         if name in known:
             return str(name)
     texts = {f"{block.summary} ({block.source})": name for name, block in catalogue().items() if name in known}
-    return texts.get(description.description)
+    return texts.get(archive.description.description)
 
 
 def values_of(system: System, part: Part) -> Values:

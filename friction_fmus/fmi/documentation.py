@@ -39,7 +39,7 @@ def index_page(block: Block, description: Description, figures: Sequence[Figure]
         _conditions(block),
         _variables(description),
         _terminals(connected),
-        _capabilities(description),
+        _capabilities(block, description),
         _source(block),
         f"<h2>Changes</h2>\n<details><summary>Change log of the library</summary>\n{_changes()}</details>\n",
     )
@@ -127,16 +127,20 @@ def _terminals(connected: Sequence[Terminal]) -> str:
     return f"<h2>Terminals</h2>\n{found}"
 
 
-def _capabilities(description: Description) -> str:
+def _capabilities(block: Block, description: Description) -> str:
     """Return the capability flags of the FMU with their meaning."""
     steps = (
         "The block is sampled with the sample time Ts; its outputs are held between samples."
         if description.sampled
-        else "The block is continuous in time; the FMU integrates over each communication step."
+        else "The block is continuous in time; in co-simulation, the FMU integrates over each communication step."
     )
+    if block.no_exchange:
+        kinds = f"FMI 2.0 for co-simulation, with sources. Not for model exchange: {escape(block.no_exchange)}."
+    else:
+        kinds = "FMI 2.0 for co-simulation and model exchange, with sources."
     rows = "".join(row(name, value, text) for name, (value, text) in CAPABILITIES.items())
     flags = table("Capability flags", ("attribute", "value", "meaning"), rows)
-    return f"<h2>FMI features</h2>\n<p>FMI 2.0 for co-simulation, with sources. {steps}</p>\n{flags}"
+    return f"<h2>FMI features</h2>\n<p>{kinds} {steps}</p>\n{flags}"
 
 
 def _source(block: Block) -> str:

@@ -55,6 +55,17 @@ CAPABILITIES = {
 """Attributes of CoSimulation: value, and meaning for a user."""
 
 
+EXCHANGE = (
+    "canNotUseMemoryManagementFunctions",
+    "canGetAndSetFMUstate",
+    "canSerializeFMUstate",
+    "providesDirectionalDerivative",
+)
+"""The capabilities of `CAPABILITIES` that ModelExchange has too."""
+
+_STEPS_NOT_NEEDED = {"completedIntegratorStepNotNeeded": "true"}
+
+
 def model_description(block: Block, description: Description, identifier: str) -> bytes:
     """Return the XML file.
 
@@ -88,12 +99,12 @@ def model_description(block: Block, description: Description, identifier: str) -
         generationDateAndTime=build_time(),
         variableNamingConvention="structured",
     )
-    simulation = etree.SubElement(
-        root,
-        "CoSimulation",
-        {"modelIdentifier": identifier, **{name: value for name, (value, _) in CAPABILITIES.items()}},
-    )
-    etree.SubElement(etree.SubElement(simulation, "SourceFiles"), "File", name=f"{identifier}.c")
+    if description.exchanges:
+        root.set("numberOfEventIndicators", str(description.events))
+    values = {name: value for name, (value, _) in CAPABILITIES.items()}
+    if description.exchanges:
+        _interface(root, "ModelExchange", identifier, {name: values[name] for name in EXCHANGE} | _STEPS_NOT_NEEDED)
+    _interface(root, "CoSimulation", identifier, values)
     units = list(dict.fromkeys(v.unit for v in variables if v.unit))
     _unit_definitions(root, units)
     _type_definitions(root, units)
@@ -117,6 +128,11 @@ def model_description(block: Block, description: Description, identifier: str) -
     initial = sorted((*outputs, *derivatives), key=lambda v: index[v.reference])
     _unknowns(structure, "InitialUnknowns", initial, description.initial_dependencies, index)
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+
+
+def _interface(root: etree._Element, kind: str, identifier: str, values: dict[str, str]) -> None:
+    interface = etree.SubElement(root, kind, {"modelIdentifier": identifier, **values})
+    etree.SubElement(etree.SubElement(interface, "SourceFiles"), "File", name=f"{identifier}.c")
 
 
 def _number(value: float) -> str:

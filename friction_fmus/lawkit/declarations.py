@@ -202,12 +202,13 @@ _RESERVED = {
     "scalb finite exception matherr div abs index signal time clock remove rename",
     "Windows or compiler headers": "near far small hyper interface huge pascal cdecl min max linux unix i386 vax",
     "block.h": "time slope memory run given model rows states inputs nominals square sign clip value_of sample "
-    "equations advance evaluate relax fault violated relations holds is_flag is_direction is_count all_finite "
-    "Model Memory Run Row Instance INPUT COMMAND "
+    "equations indicators advance evaluate relax fault violated relations holds is_flag is_direction is_count "
+    "all_finite Model Memory Run Row Instance INPUT COMMAND "
     "OUTPUT LOCAL FLAG OPTIONAL OUTPUT_FLAG LOCALS FLAGS TALLY STATES PARAMETER SWITCH "
     "FIXED COUNT PARAMETERS STATE STATE_OUTPUT "
     "SCALAR VECTOR DYNAMIC DYNAMICS GIVEN VARIABLES IDENTITY "
-    "MODEL SUMMARY SOURCE SAMPLED GUARDED REQUIRES "
+    "MODEL SUMMARY SOURCE SAMPLED GUARDED REQUIRES EVENTS INDICATORS DECIDES DECIDES_BY "
+    "NO_EXCHANGE EXCHANGES "
     "MEMORY KEEPS_BY SKIPS_BY STEPS_BY VALID_BY WARNING INF COUNTS INPUTS STATES VALUES ROWS AT SLOPE UNWRAP "
     "LENGTH VELOCITY ACCELERATION JERK FORCE MASS STIFFNESS DAMPING TIME FREQUENCY ANGLE NO_UNIT "
     "ROTATIONAL PASTE QUOTE ENTER REQUIRE MODE UNROLLED SET GET NAN NULL INFINITY HUGE_VAL EOF BUFSIZ RAND_MAX",

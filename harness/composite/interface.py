@@ -174,7 +174,7 @@ def check_parts(system: OpenSystem) -> None:
     Raises
     ------
     BuildError
-        If a part is neither an FMU nor a recorded series, or cannot save its state.
+        If a part is neither an FMU for co-simulation nor a recorded series, or cannot save its state.
     """
     if not any(isinstance(part, FmuPart) for part in system.parts.values()):
         raise BuildError(f"the system '{system.name}' contains no FMU: add one")
@@ -182,6 +182,11 @@ def check_parts(system: OpenSystem) -> None:
         if not isinstance(part, (FmuPart, SeriesPart)):
             raise BuildError(
                 f"'{part.name}' is a part in Python, which cannot be compiled: replace it with a law or a .c file"
+            )
+        if isinstance(part, FmuPart) and part.archive.exchange:
+            raise BuildError(
+                f"'{part.name}' is an FMU for model exchange, whose solver a composite FMU does not contain: export "
+                f"{part.path.name} for co-simulation"
             )
         if not part.saves:
             raise BuildError(

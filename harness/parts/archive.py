@@ -39,6 +39,16 @@ class Archive:
     ports: Mapping[str, Port]
     variables: Mapping[str, Any]
 
+    @property
+    def exchange(self) -> bool:
+        """Whether the FMU offers model exchange only."""
+        return self.description.coSimulation is None
+
+    @property
+    def interface(self) -> Any:
+        """Model identifier and capabilities of the interface that is used."""
+        return self.description.modelExchange if self.exchange else self.description.coSimulation
+
 
 def open_archive(path: Path) -> Archive:
     """Check an FMU file and read its model description without unpacking it.
@@ -56,19 +66,20 @@ def open_archive(path: Path) -> Archive:
     Raises
     ------
     FmuError
-        If the file is missing, is not a zip archive or not an FMI 2.0 co-simulation FMU, has no binary for this
+        If the file is missing, is not a zip archive or not an FMI 2.0 FMU, has no binary for this
         platform, has members that are unsafe to unpack (see `harness.storage.zip_file`), or has a DOCTYPE in its XML.
     """
     members, data = _read_members(path)
     _refuse_entities(path, data)
     description = _read_description(path)
-    _check_binary(path, description.coSimulation.modelIdentifier, members)
-    return Archive(
+    archive = Archive(
         path=path,
         description=description,
         ports=_ports(path, description),
         variables={variable.name: variable for variable in description.modelVariables},
     )
+    _check_binary(path, archive.interface.modelIdentifier, members)
+    return archive
 
 
 def _read_members(path: Path) -> tuple[list[str], bytes]:
@@ -124,9 +135,9 @@ def _read_description(path: Path) -> Any:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise FmuError(f"cannot read modelDescription.xml of {path}: {reason}; give an FMI 2.0 FMU") from error
     if description.fmiVersion != "2.0":
-        raise FmuError(f"{path} is an FMI {description.fmiVersion} FMU: export it as FMI 2.0 for co-simulation")
-    if description.coSimulation is None:
-        raise FmuError(f"{path} supports model exchange only: export it as FMI 2.0 for co-simulation")
+        raise FmuError(f"{path} is an FMI {description.fmiVersion} FMU: export it as FMI 2.0")
+    if description.coSimulation is None and description.modelExchange is None:
+        raise FmuError(f"{path} declares neither co-simulation nor model exchange: export it again as FMI 2.0")
     return description
 
 

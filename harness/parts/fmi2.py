@@ -1,19 +1,21 @@
-"""One FMI 2.0 co-simulation instance: its loaded library, its log, and the status of every call."""
+"""One FMI 2.0 instance: its loaded library, its log, its saved states, and the status of every call."""
 
 from __future__ import annotations
 
 import ctypes
 import logging
+import math
 import os
 import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import fmpy
 import fmpy.fmi2
 
+from harness.engine.integrator import FUNCTIONS
 from harness.errors import FmuError, PartError
 from harness.parts.archive import Archive
 from harness.parts.shared_library import missing_bytes
@@ -27,9 +29,9 @@ _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 _LEVEL = (logging.DEBUG, logging.WARNING, logging.WARNING, logging.ERROR, logging.CRITICAL, logging.DEBUG)
 _CATEGORIES = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
 
-_NATIVE = (
-    *("SetReal", "SetInteger", "SetBoolean", "GetReal", "GetInteger", "GetBoolean", "DoStep"),
-    *("GetFMUstate", "SetFMUstate", "FreeFMUstate", "SetRealInputDerivatives"),
+_COMMON = (
+    *("SetReal", "SetInteger", "SetBoolean", "GetReal", "GetInteger", "GetBoolean"),
+    *("GetFMUstate", "SetFMUstate", "FreeFMUstate"),
 )
 
 LOADING = threading.Lock()
@@ -38,8 +40,9 @@ LOADING = threading.Lock()
 _POINTER = ctypes.c_void_p
 _REAL = ctypes.c_double
 _INT = ctypes.c_int
-_EXCHANGE = ctypes.CFUNCTYPE(_INT, _POINTER, _POINTER, ctypes.c_size_t, _POINTER)
-_DO_STEP = ctypes.CFUNCTYPE(_INT, _POINTER, _REAL, _REAL, _INT)
+_EXCHANGE: Any = ctypes.CFUNCTYPE(_INT, _POINTER, _POINTER, ctypes.c_size_t, _POINTER)
+DO_STEP: Final = ctypes.CFUNCTYPE(_INT, _POINTER, _REAL, _REAL, _INT)
+"""Type of fmi2DoStep, with addresses as integers."""
 
 
 class Library:
@@ -73,12 +76,14 @@ class Library:
                 with open_zip(archive.path) as members:
                     unpack_zip(members, Path(folder.name))
                 _refuse_truncated(Path(folder.name) / "binaries" / fmpy.platform)
-                self.slave = fmpy.fmi2.FMU2Slave(
+                self.slave = (fmpy.fmi2.FMU2Model if archive.exchange else fmpy.fmi2.FMU2Slave)(
                     instanceName=name,
                     guid=archive.description.guid,
-                    modelIdentifier=archive.description.coSimulation.modelIdentifier,
+                    modelIdentifier=archive.interface.modelIdentifier,
                     unzipDirectory=folder.name,
                 )
+                own = FUNCTIONS if archive.exchange else ("DoStep", "SetRealInputDerivatives")
+                self.addresses = {name: _address(self.slave.dll, f"fmi2{name}") for name in (*_COMMON, *own)}
             except BaseException as error:
                 folder.cleanup()
                 if not isinstance(error, Exception):
@@ -93,14 +98,6 @@ class Library:
             finally:
                 if here is not None:
                     os.chdir(here)  # fmpy changes to the folder of the library and stays there when loading fails
-        self.set_ = {
-            kind: _pointer(self.slave.dll, f"fmi2Set{kind}", _EXCHANGE) for kind in ("Real", "Integer", "Boolean")
-        }
-        self.get = {
-            kind: _pointer(self.slave.dll, f"fmi2Get{kind}", _EXCHANGE) for kind in ("Real", "Integer", "Boolean")
-        }
-        self.do_step = _pointer(self.slave.dll, "fmi2DoStep", _DO_STEP)
-        self.addresses = {name: _address(self.slave.dll, f"fmi2{name}") for name in _NATIVE}
         self.close = weakref.finalize(self, _unload, self.slave.dll._handle, folder)
 
 
@@ -112,14 +109,18 @@ def _refuse_truncated(folder: Path) -> None:
             raise ValueError(f"its library {path.name} is truncated: {missing} bytes are missing at the end")
 
 
+Exchanges: TypeAlias = dict[str, Callable[..., int]]
+
+
+def exchanges(addresses: Mapping[str, int]) -> tuple[Exchanges, Exchanges]:
+    """Return fmi2SetXXX and fmi2GetXXX by type; they take addresses as integers, twice as fast as converting arrays."""
+    kinds = ("Real", "Integer", "Boolean")
+    set_, get = ({kind: _EXCHANGE(addresses[f"{verb}{kind}"]) for kind in kinds} for verb in ("Set", "Get"))
+    return set_, get
+
+
 def _address(library: Any, function: str) -> int:
     return ctypes.cast(getattr(library, function), _POINTER).value or 0
-
-
-def _pointer(library: Any, function: str, prototype: Any) -> Callable[..., int]:
-    """Return a library function that takes addresses as integers: twice as fast as converting arrays."""
-    call: Callable[..., int] = prototype(_address(library, function))
-    return call
 
 
 def _unload(handle: int, folder: ScratchFolder) -> None:
@@ -127,8 +128,25 @@ def _unload(handle: int, folder: ScratchFolder) -> None:
     folder.cleanup()
 
 
+class State:
+    """Handle of a saved state of an FMU.
+
+    Attributes
+    ----------
+    pointer : c_void_p
+        The state.
+    time : float
+        Time of an FMU for model exchange [s], which does not tell it.
+    """
+
+    def __init__(self) -> None:
+        """Refer to no state yet."""
+        self.pointer = ctypes.c_void_p()
+        self.time = math.nan
+
+
 class Instance:
-    """One instance of an FMU, from instantiation to release.
+    """One instance of an FMU for co-simulation, from instantiation to release.
 
     Parameters
     ----------
@@ -138,6 +156,21 @@ class Instance:
         Its model description.
     name : str
         Name of the part, used as instance name and as name of the logger below ``harness``.
+
+    Attributes
+    ----------
+    component : int
+        Address of the instance.
+    stepped : int
+        What is passed to the following functions in its place.
+    functions : mapping of str to int
+        Addresses of the functions that the engine calls, by name without ``fmi2``.
+    set_, get : dict of str to callable
+        fmi2SetXXX and fmi2GetXXX by type.
+    do_step : callable
+        ``do_step(stepped, t, h, 1)`` returns a status.
+    interpolates : bool
+        Whether the inputs may change linearly during a step.
 
     Raises
     ------
@@ -166,9 +199,52 @@ class Instance:
             reason = "it returned no instance and logged " + self._quoted_message()
             raise PartError(name, "fmi2Instantiate", reason) from error
         self.component: int = self.slave.component
+        self.stepped = self.component
+        self.functions: Mapping[str, int] = library.addresses
+        if not archive.exchange:
+            self.set_, self.get = exchanges(library.addresses)
+            self.do_step: Callable[..., int] = DO_STEP(library.addresses["DoStep"])
+            self.interpolates = bool(archive.interface.canInterpolateInputs)
         declared = {category.name for category in archive.description.logCategories}
         self._categories = [category.encode() for category in _CATEGORIES if category in declared]
         self._choose_categories()
+
+    def begin(self, time: float, tolerance: float | None) -> None:
+        """Leave initialisation mode.
+
+        Parameters
+        ----------
+        time : float
+            Start time [s].
+        tolerance : float or None
+            Relative tolerance of the run, if there is one.
+        """
+        self.call("ExitInitializationMode")
+        self.running = True
+
+    def save(self, state: State) -> None:
+        """Copy the state of the FMU; memory that the handle refers to is reused."""
+        self.call("GetFMUstate", ctypes.byref(state.pointer))
+
+    def restore(self, state: State) -> None:
+        """Return to a saved state."""
+        self.call("SetFMUstate", state.pointer)
+
+    def free(self, state: State) -> None:
+        """Free a saved state."""
+        self.call("FreeFMUstate", ctypes.byref(state.pointer))
+
+    def serialised(self, state: State) -> bytes:
+        """Return a saved state as bytes."""
+        size = ctypes.c_size_t()
+        self.call("SerializedFMUstateSize", state.pointer, ctypes.byref(size))
+        data = ctypes.create_string_buffer(size.value)
+        self.call("SerializeFMUstate", state.pointer, data, size)
+        return data.raw
+
+    def deserialise(self, state: State, data: bytes) -> None:
+        """Make a saved state of bytes from `serialised`."""
+        self.call("DeSerializeFMUstate", data, ctypes.c_size_t(len(data)), ctypes.byref(state.pointer))
 
     def call(self, function: str, *arguments: object) -> None:
         """Call fmi2<function> with the instance as its first argument.

@@ -1,4 +1,4 @@
-"""Parts that are FMI 2.0 co-simulation FMUs."""
+"""Parts that are FMI 2.0 FMUs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from typing import Any, Final
 
 from harness.errors import HarnessError, PartError, StartValueError, not_whole
 from harness.parts.archive import Archive, open_archive
-from harness.parts.fmi2 import Instance, Library
+from harness.parts.exchange import ExchangeInstance
+from harness.parts.fmi2 import Instance, Library, State
 from harness.parts.part import Calls, Native, Part, Port, StartValue, Values
 from harness.values import is_number, shown
 
@@ -20,9 +21,10 @@ LONGEST_TIMEOUT: Final = 1e6
 
 
 class FmuPart(Part):
-    """A part that is an FMI 2.0 co-simulation FMU.
+    """A part that is an FMI 2.0 FMU.
 
-    The file is checked immediately. It is unpacked to a temporary folder at the start of its first run.
+    The file is checked immediately. It is unpacked to a temporary folder at the start of its first run. An FMU that
+    offers model exchange only is integrated by the harness, see `harness.engine.integrator`.
 
     Parameters
     ----------
@@ -98,7 +100,9 @@ class FmuPart(Part):
         self._library: Library | None = None
         self.instance: Instance | None = None
         self._idle: Instance | None = None
-        self._states: list[_State] = []
+        self._start = 0.0
+        self._tolerance: float | None = None
+        self._states: list[State] = []
         ports, variables = self.archive.ports, self.archive.variables
         numeric = [name for name in ports if ports[name].type != "String"]
         self.inputs = tuple(ports[name] for name in numeric if variables[name].causality == "input")
@@ -111,7 +115,7 @@ class FmuPart(Part):
         )
         self.dependencies, self.undeclared = _dependencies(self.archive)
         self.strict = str(self.archive.description.generationTool or "").startswith("friction-fmus")
-        self.saves = bool(self.archive.description.coSimulation.canGetAndSetFMUstate)
+        self.saves = bool(self.archive.interface.canGetAndSetFMUstate)
         self.identity = str(self.archive.description.guid)
         self.sampled = bool(self.outputs) and all(port.held for port in self.outputs)
 
@@ -122,8 +126,10 @@ class FmuPart(Part):
         self.terminate()
         if self._library is None:
             self._library = Library(self.archive, self.name)
-        instance = self.instance = self._idle or Instance(self._library, self.archive, self.name)
+        kind = ExchangeInstance if self.archive.exchange else Instance
+        instance = self.instance = self._idle or kind(self._library, self.archive, self.name)
         self._idle = None
+        self._start, self._tolerance = start, tolerance
         for name, value in values.items():
             self._set_start(instance, self.archive.ports[name], value)
         known = math.isfinite(stop)
@@ -132,11 +138,10 @@ class FmuPart(Part):
 
     def bind(self, inputs: Sequence[str], outputs: Sequence[str], u: Values, y: Values) -> Calls:
         """Prepare the FMI calls; Reals are copied directly between the FMU and the signal vector."""
-        library, instance = self._library, self.instance
-        assert library is not None and instance is not None, "bind comes after enter_initialisation"
-        setters = [self._exchange(library.set_, "Set", *block) for block in self._blocks(inputs, u)]
-        getters = [self._exchange(library.get, "Get", *block) for block in self._blocks(outputs, y)]
-        do_step, component = library.do_step, instance.component
+        instance = self._started()
+        setters = [self._exchange(instance.set_, "Set", *block) for block in self._blocks(inputs, u)]
+        getters = [self._exchange(instance.get, "Get", *block) for block in self._blocks(outputs, y)]
+        do_step, component = instance.do_step, instance.stepped
 
         def step(t: float, h: float) -> None:
             # the last argument, noSetFMUStatePriorToCurrentPoint, is true in all common importers
@@ -148,66 +153,60 @@ class FmuPart(Part):
 
     def native(self, inputs: Sequence[str], outputs: Sequence[str]) -> Native | None:
         """Return the addresses of the instance and of the functions of its library."""
-        assert self._library is not None, "native comes after enter_initialisation"
         instance, ports, variables = self._started(), self.archive.ports, self.archive.variables
-        flags = self.archive.description.coSimulation
         return Native(
-            instance.component,
-            self._library.addresses,
+            instance.stepped,
+            instance.functions,
             [variables[name].valueReference for name in inputs],
             [variables[name].valueReference for name in outputs],
             [ports[name].type for name in inputs],
             [ports[name].type for name in outputs],
-            bool(flags.canInterpolateInputs),
+            instance.interpolates,
             self.saves,
             instance.failure,
         )
 
     def exit_initialisation(self) -> None:
         """Leave initialisation mode."""
-        self._started().call("ExitInitializationMode")
-        self._started().running = True
+        self._started().begin(self._start, self._tolerance)
 
     def save(self, state: object | None = None) -> object:
         """Copy the state of the FMU with fmi2GetFMUstate."""
         if not self.saves:
             raise PartError(self.name, "fmi2GetFMUstate", "this FMU declares that it cannot save its state")
-        if not isinstance(state, _State):
-            state = _State()
+        if not isinstance(state, State):
+            state = State()
             self._states.append(state)
-        self._started().call("GetFMUstate", ctypes.byref(state.pointer))
+        self._started().save(state)
         return state
 
     def restore(self, state: object) -> None:
         """Return to a saved state with fmi2SetFMUstate."""
-        assert isinstance(state, _State)
+        assert isinstance(state, State)
         if state not in self._states:
             raise PartError(self.name, "fmi2SetFMUstate", "this state belongs to another run; save it again")
-        self._started().call("SetFMUstate", state.pointer)
+        self._started().restore(state)
 
     def serialise(self) -> bytes:
         """Return the state from fmi2SerializeFMUstate."""
-        if not self.archive.description.coSimulation.canSerializeFMUstate:
+        if not self.archive.interface.canSerializeFMUstate:
             raise PartError(self.name, "fmi2SerializeFMUstate", "this FMU declares that it cannot serialise its state")
-        instance, state = self._started(), self.save()
-        assert isinstance(state, _State)
-        size = ctypes.c_size_t()
-        instance.call("SerializedFMUstateSize", state.pointer, ctypes.byref(size))
-        data = ctypes.create_string_buffer(size.value)
-        instance.call("SerializeFMUstate", state.pointer, data, size)
+        state = self.save()
+        assert isinstance(state, State)
+        data = self._started().serialised(state)
         self._free(state)
-        return data.raw
+        return data
 
     def deserialise(self, data: bytes) -> None:
         """Return to a state from `serialise`."""
-        state = _State()
+        state = State()
         self._states.append(state)
-        self._started().call("DeSerializeFMUstate", data, ctypes.c_size_t(len(data)), ctypes.byref(state.pointer))
+        self._started().deserialise(state, data)
         self.restore(state)
         self._free(state)
 
-    def _free(self, state: _State) -> None:
-        self._started().call("FreeFMUstate", ctypes.byref(state.pointer))
+    def _free(self, state: State) -> None:
+        self._started().free(state)
         self._states.remove(state)
 
     def terminate(self) -> None:
@@ -297,7 +296,7 @@ class FmuPart(Part):
     ) -> Callable[[], None]:
         """Return one prepared call of fmi2SetXXX or fmi2GetXXX."""
         instance = self._started()
-        function, component, count = functions[kind], instance.component, len(references)
+        function, component, count = functions[kind], instance.stepped, len(references)
         vrs = (ctypes.c_uint * count)(*references)
         numbers: Any = (ctypes.c_double if kind == "Real" else ctypes.c_int) * count
         buffer = numbers.from_buffer(values) if kind == "Real" else numbers()
@@ -326,13 +325,6 @@ class FmuPart(Part):
         if kind == "Real":
             return exchange
         return set_whole if verb == "Set" else get_whole
-
-
-class _State:
-    """Handle of a saved FMU state."""
-
-    def __init__(self) -> None:
-        self.pointer = ctypes.c_void_p()
 
 
 def _whole(value: StartValue) -> int:

@@ -69,4 +69,14 @@ def _parts(package: Package, structure: Structure, folder: Path | None) -> dict[
         fmu = package.unpack(member_name(element.get("source"), where), folder, where)
         part = parts[path] = FmuPart(name, fmu, **read_part(element, where))
         part.keep = temporary
+        _check_implementation(element.get("implementation", "any"), part, where)
     return parts
+
+
+def _check_implementation(wanted: str, part: FmuPart, where: str) -> None:
+    """Raise a SystemFileError if the component asks for another interface than the one that is used."""
+    used = "ModelExchange" if part.archive.exchange else "CoSimulation"
+    if wanted not in ("any", used):
+        raise SystemFileError(
+            f"{where} asks for {wanted}, but {part.path.name} is run as {used}: remove the attribute implementation"
+        )

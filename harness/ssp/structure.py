@@ -155,8 +155,6 @@ def _check_component(element: etree._Element, where: str) -> None:
         raise SystemFileError(
             f"{where} is of type {kind}, which is not supported: put its content into the system instead"
         )
-    if element.get("implementation") == "ModelExchange":
-        raise SystemFileError(f"{where} is an FMU for model exchange: export it as FMI 2.0 for co-simulation")
 
 
 def _edge(path: Path, element: etree._Element, connectors: Mapping[Node, Connector], where: str) -> Edge:

@@ -13,15 +13,15 @@ from harness.compiling import toolchain
 @pytest.fixture(scope="session")
 def library(tmp_path_factory: pytest.TempPathFactory) -> Library:
     """The compiled FMU, with a definition."""
-    made: dict[str, bytes] = {}
+    made: dict[tuple[str, str], bytes] = {}
 
-    def compile_it(definition: str = "IN_ORDER") -> bytes:
-        if definition not in made:
+    def compile_it(definition: str = "IN_ORDER", source: str = "faulty.c") -> bytes:
+        if (definition, source) not in made:
             path = tmp_path_factory.mktemp("faulty") / "faulty.so"
             flags = ["-std=gnu99", "-O1", "-shared", "-fPIC", f"-I{toolchain.header_folder()}", f"-D{definition}"]
-            command = [*toolchain.compiler(), *flags, "-Wl,-z,lazy", str(HERE / "faulty.c"), "-o", str(path), "-lm"]
+            command = [*toolchain.compiler(), *flags, "-Wl,-z,lazy", str(HERE / source), "-o", str(path), "-lm"]
             subprocess.run(command, check=True, timeout=300)
-            made[definition] = path.read_bytes()
-        return made[definition]
+            made[definition, source] = path.read_bytes()
+        return made[definition, source]
 
     return compile_it

@@ -10,6 +10,7 @@ import fmpy
 import pytest
 from check.broken import XML, zipped
 from check.libraries import BINARY, HERE, Library
+from check.test_check_exchange import FAULTS as OF_MODEL_EXCHANGE
 
 from friction_fmus.check import RULES, check
 
@@ -70,7 +71,7 @@ def faulty(library: Library, tmp_path: Path) -> Callable[..., Path]:
 
 def test_every_rule_has_a_fault() -> None:
     of_the_binary = {rule.id for rule in RULES.values() if rule.kind == "binary"}
-    named = {rule for rule, *_ in (*FAULTS.values(), *COMPILED.values())}
+    named = {rule for rule, *_ in (*FAULTS.values(), *COMPILED.values(), *OF_MODEL_EXCHANGE.values())}
     assert named | {"no-binary-here"} == of_the_binary
 
 

@@ -58,12 +58,6 @@ def swap_initial(root: etree._Element) -> None:
     parent.append(parent[0])
 
 
-def only_model_exchange(root: etree._Element) -> None:
-    root.find("CoSimulation").tag = "ModelExchange"
-    for name in ("canHandleVariableCommunicationStepSize", "canInterpolateInputs", "maxOutputDerivativeOrder"):
-        root.find("ModelExchange").attrib.pop(name, None)
-
-
 def experiment(**values: str) -> Edit:
     return lambda root: root.find("DefaultExperiment").attrib.update(values)
 
@@ -102,10 +96,7 @@ FAULTS: dict[str, list[tuple[Edit, str]]] = {
         (lambda root: root.set("fmiVersion", "2.0.5"), "2.0.5"),
         (lambda root: setattr(root, "tag", "model"), "model"),
     ],
-    "no-co-simulation": [
-        (only_model_exchange, "model exchange only"),
-        (lambda root: remove(root.find("CoSimulation")), "declares no interface"),
-    ],
+    "no-interface": [(lambda root: remove(root.find("CoSimulation")), "neither CoSimulation nor ModelExchange")],
     "model-identifier": [
         (simulation(modelIdentifier="3 bad"), "3 bad"),
         (simulation(modelIdentifier="Lu.Gre"), "Lu.Gre"),

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
-from shell.instance import SIGNATURES, Instance, Library, RefusedError, signals
+from shell.instance import EXCHANGE_SIGNATURES, SIGNATURES, Instance, Library, RefusedError, signals
 from shell.selection import CONTINUOUS_BLOCKS
 
 from friction_fmus import catalogue
@@ -104,8 +104,9 @@ def test_only_the_functions_of_the_standard_and_the_packager_are_exported(librar
         ["nm", "-D", "--defined-only", library.binary], capture_output=True, text=True, check=True
     ).stdout
     symbols = {line.split()[-1].split("@")[0] for line in listing.splitlines()}
-    assert symbols == {f"fmi2{name}" for name in SIGNATURES} | PACKAGER
-    assert len(SIGNATURES) == 34
+    functions = {*SIGNATURES, *EXCHANGE_SIGNATURES} if library.exchanges else {*SIGNATURES}
+    assert symbols == {f"fmi2{name}" for name in functions} | PACKAGER
+    assert len(functions) == (44 if library.exchanges else 34)
 
 
 def test_a_warning_of_the_compiler_ends_a_build() -> None:
@@ -115,7 +116,7 @@ def test_a_warning_of_the_compiler_ends_a_build() -> None:
 
 def test_one_source_file_is_compiled(library: Library) -> None:
     files = [str(element.get("name")) for element in etree.parse(library.folder / "modelDescription.xml").iter("File")]
-    assert files == [f"{library.identifier}.c"]
+    assert files == [f"{library.identifier}.c"] * (2 if library.exchanges else 1)  # for each kind of FMU
 
 
 # ---- the XML and the binary agree

@@ -7,6 +7,7 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import exchange_fmus
 import fmpy
 import pytest
 from foreign_fmus import in_c, in_python
@@ -58,6 +59,12 @@ def probe(make_fmu: Callable[..., Path]) -> Path:
 def foreign(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """FMUs as other tools export them, see `in_c`."""
     return in_c(tmp_path_factory.mktemp("foreign"), compiler())
+
+
+@pytest.fixture(scope="session")
+def exchange(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """FMUs for model exchange as other tools export them, see `exchange_fmus.in_c`."""
+    return exchange_fmus.in_c(tmp_path_factory.mktemp("exchange"), compiler())
 
 
 @pytest.fixture(scope="session")

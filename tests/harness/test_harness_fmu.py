@@ -220,9 +220,18 @@ def test_other_fmi_version(make_fmu: Callable[..., Path]) -> None:
     assert "is an FMI 3.0 FMU" in refused(make_fmu(members={"modelDescription.xml": xml}))
 
 
-def test_model_exchange_only(make_fmu: Callable[..., Path]) -> None:
+def test_neither_interface(make_fmu: Callable[..., Path]) -> None:
+    path = make_fmu(("<CoSimulation", "<Simulation"))
+    assert "declares neither co-simulation nor model exchange" in refused(path)
+
+
+def test_library_without_the_functions_of_model_exchange(make_fmu: Callable[..., Path]) -> None:
     path = make_fmu(("<CoSimulation", "<ModelExchange"), (' canHandleVariableCommunicationStepSize="true"', ""))
-    assert "model exchange only" in refused(path)
+    with (
+        System([FmuPart("p", path)], start=CONSTANTS) as system,
+        pytest.raises(FmuError, match="undefined symbol: fmi2"),
+    ):
+        system.run(stop=1.0, step=0.25)
 
 
 def test_no_binary_for_this_platform(make_fmu: Callable[..., Path]) -> None:

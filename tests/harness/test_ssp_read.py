@@ -230,7 +230,7 @@ TABLE = '<ssc:IntegerMappingTransformation><ssc:MapEntry source="1" target="2"/>
         (system(component("p")) + DICTIONARY, "has signal dictionaries"),
         (system('<ssd:SignalDictionaryReference name="r" dictionary="d"/>'), "has signal dictionaries"),
         (system(component("p")).replace("source=", 'type="application/x-ssp-package" source='), "type .*x-ssp-package"),
-        (system(component("p")).replace("source=", 'implementation="ModelExchange" source='), "for model exchange"),
+        (system(component("p")).replace("source=", 'implementation="ModelExchange" source='), "run as CoSimul"),
         (system(component("p", source="http://host/p.fmu")), "not a file in the archive"),
         (system(component("p", source="../p.fmu")), "not a file in the archive"),
         (system(component("p", source="%2e%2e/p.fmu")), "not a file in the archive"),

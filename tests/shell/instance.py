@@ -75,6 +75,32 @@ SIGNATURES: Mapping[str, tuple[type, ...]] = MappingProxyType(
 )
 """The 34 functions of FMI 2.0 for co-simulation without their prefix, and the types of their arguments."""
 
+
+class EventInfo(ctypes.Structure):
+    """fmi2EventInfo."""
+
+    _fields_ = (
+        *((name, c_int) for name in ("again", "terminate", "nominals_changed", "states_changed", "defined")),
+        ("next", c_double),
+    )
+
+
+EXCHANGE_SIGNATURES: Mapping[str, tuple[type, ...]] = MappingProxyType(
+    {
+        "EnterEventMode": (c_void_p,),
+        "NewDiscreteStates": (c_void_p, POINTER(EventInfo)),
+        "EnterContinuousTimeMode": (c_void_p,),
+        "CompletedIntegratorStep": (c_void_p, c_int, _integers, _integers),
+        "SetTime": (c_void_p, c_double),
+        "SetContinuousStates": (c_void_p, _reals, c_size_t),
+        "GetContinuousStates": (c_void_p, _reals, c_size_t),
+        "GetNominalsOfContinuousStates": (c_void_p, _reals, c_size_t),
+        "GetDerivatives": (c_void_p, _reals, c_size_t),
+        "GetEventIndicators": (c_void_p, _reals, c_size_t),
+    }
+)
+"""The functions of model exchange; an FMU for co-simulation only has none of them."""
+
 _RESULTS = {"GetTypesPlatform": c_char_p, "GetVersion": c_char_p, "Instantiate": c_void_p, "FreeInstance": None}
 
 # amplitude of the signals that drive a block, by unit of the input; where friction and control are neither
@@ -87,12 +113,16 @@ class Library:
 
     def __init__(self, fmu: Path) -> None:
         self.fmu = fmu
-        self.folder = Path(fmpy.extract(str(fmu), str(fmu.with_suffix(".unpacked"))))
+        self.folder = fmu.with_suffix(".unpacked")
+        if not self.folder.is_dir():  # the library may be in use: another process must not write it again
+            fmpy.extract(str(fmu), str(self.folder))
         self.description = fmpy.read_model_description(str(fmu))
         self.identifier: str = self.description.coSimulation.modelIdentifier
         self.binary = self.folder / "binaries" / fmpy.platform / f"{self.identifier}{fmpy.sharedLibraryExtension}"
         self.handle = ctypes.CDLL(str(self.binary))
-        for name, arguments in SIGNATURES.items():
+        self.exchanges = self.description.modelExchange is not None
+        signatures = {**SIGNATURES, **(EXCHANGE_SIGNATURES if self.exchanges else {})}
+        for name, arguments in signatures.items():
             function = getattr(self.handle, f"fmi2{name}")
             function.argtypes = arguments
             function.restype = _RESULTS.get(name, c_int)
@@ -117,6 +147,16 @@ class Library:
     def sampled(self) -> bool:
         """Whether the block acts at sample times: its Real outputs are then discrete."""
         return any(v.variability == "discrete" for v in self.variables.values() if v.type == "Real")
+
+    @property
+    def states(self) -> int:
+        """Number of continuous states."""
+        return int(self.description.numberOfContinuousStates)
+
+    @property
+    def indicators(self) -> int:
+        """Number of event indicators."""
+        return int(self.description.numberOfEventIndicators)
 
     def start(self, name: str) -> float:
         """The start value in the XML as a number."""
@@ -210,6 +250,29 @@ class Instance:
         status = self.call("DoStep", t, h, 1)
         if status not in (OK, WARNING):
             raise RefusedError(f"fmi2DoStep({t}, {h}) returned {status}; log: {self.messages}")
+
+    # ---- model exchange
+
+    def event(self) -> EventInfo:
+        """fmi2NewDiscreteStates; a warning that the block gives is no failure."""
+        info = EventInfo()
+        status = self.call("NewDiscreteStates", byref(info))
+        if status not in (OK, WARNING):
+            raise RefusedError(f"fmi2NewDiscreteStates returned {status}; log: {self.messages}")
+        return info
+
+    def exchange(self, start: float = 0.0, **values: float) -> Instance:
+        """From instantiated to continuous-time mode, `values` set in initialization mode."""
+        self.initialise(start, **values)
+        self.event()
+        self.must("EnterContinuousTimeMode")
+        return self
+
+    def vector(self, function: str, n: int) -> list[float]:
+        """The n values of a function such as GetDerivatives."""
+        values = (c_double * n)()
+        self.must(function, values, n)
+        return list(values)
 
     # ---- values
 

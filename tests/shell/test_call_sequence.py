@@ -1,7 +1,7 @@
-"""Every function in every mode, against the table of section 4.2.4 of FMI 2.0.5.
+"""Every function in every mode, against the tables of sections 3.2.3 and 4.2.4 of FMI 2.0.5.
 
-Two columns are wider than there: inputs may be set right after fmi2Instantiate, as many importers do, and an fmi2Error
-leaves the instance in the mode it was in.
+Three columns are wider than there: inputs may be set right after fmi2Instantiate, as many importers do; states may be
+set by fmi2SetReal in model exchange, as casadi does; and an fmi2Error leaves the instance in the mode it was in.
 """
 
 from __future__ import annotations
@@ -12,42 +12,48 @@ from pathlib import Path
 
 import pytest
 from shell.instance import (
+    CO_SIMULATION,
     DISCARD,
     ERROR,
+    EXCHANGE_SIGNATURES,
     LAST_SUCCESSFUL_TIME,
     MODEL_EXCHANGE,
     OK,
     SIGNATURES,
     TERMINATED,
+    EventInfo,
     Instance,
     Library,
     load,
     signals,
 )
 
-# I instantiated, N initialization mode, C step complete, F step failed, T terminated
-TABLE = {
-    "SetDebugLogging": "INCFT",
+# I instantiated, N initialization mode, C step complete, F step failed, T terminated; in model exchange E event mode
+# and X continuous-time mode
+BOTH = {
+    "SetDebugLogging": "INCFTEX",
     "SetupExperiment": "I",
     "EnterInitializationMode": "I",
     "ExitInitializationMode": "N",
-    "Terminate": "CF",
-    "Reset": "INCFT",
-    "GetReal": "NCFT",
-    "GetInteger": "NCFT",
-    "GetBoolean": "NCFT",
-    "GetString": "NCFT",
-    "SetReal": "INC",
-    "SetInteger": "INC",
-    "SetBoolean": "INC",
-    "SetString": "INC",
-    "GetFMUstate": "INCFT",
-    "SetFMUstate": "INCFT",
-    "FreeFMUstate": "INCFT",
-    "SerializedFMUstateSize": "INCFT",
-    "SerializeFMUstate": "INCFT",
-    "DeSerializeFMUstate": "INCFT",
-    "GetDirectionalDerivative": "NCFT",
+    "Terminate": "CFEX",
+    "Reset": "INCFTEX",
+    "GetReal": "NCFTEX",
+    "GetInteger": "NCFTEX",
+    "GetBoolean": "NCFTEX",
+    "GetString": "NCFTEX",
+    "SetReal": "INCEX",
+    "SetInteger": "INCEX",
+    "SetBoolean": "INCEX",
+    "SetString": "INCEX",
+    "GetFMUstate": "INCFTEX",
+    "SetFMUstate": "INCFTEX",
+    "FreeFMUstate": "INCFTEX",
+    "SerializedFMUstateSize": "INCFTEX",
+    "SerializeFMUstate": "INCFTEX",
+    "DeSerializeFMUstate": "INCFTEX",
+    "GetDirectionalDerivative": "NCFTEX",
+}
+CO_SIMULATION_ONLY = {
     "SetRealInputDerivatives": "INC",
     "GetRealOutputDerivatives": "CFT",
     "DoStep": "C",
@@ -58,18 +64,42 @@ TABLE = {
     "GetBooleanStatus": "CFT",
     "GetStringStatus": "CFT",
 }
+MODEL_EXCHANGE_ONLY = {
+    "EnterEventMode": "X",
+    "NewDiscreteStates": "E",
+    "EnterContinuousTimeMode": "E",
+    "CompletedIntegratorStep": "X",
+    "SetTime": "EX",
+    "SetContinuousStates": "X",
+    "GetContinuousStates": "NTEX",
+    "GetNominalsOfContinuousStates": "INTEX",
+    "GetDerivatives": "NTEX",
+    "GetEventIndicators": "NTEX",
+}
+TABLE = {
+    CO_SIMULATION: BOTH | CO_SIMULATION_ONLY | dict.fromkeys(MODEL_EXCHANGE_ONLY, ""),
+    MODEL_EXCHANGE: BOTH | dict.fromkeys(CO_SIMULATION_ONLY, "") | MODEL_EXCHANGE_ONLY,
+}
+KINDS = {CO_SIMULATION: "co-simulation", MODEL_EXCHANGE: "model exchange"}
+MODES_OF = {CO_SIMULATION: "INCFT", MODEL_EXCHANGE: "INTEX"}
 NOT_OF_AN_INSTANCE = {"GetTypesPlatform", "GetVersion", "Instantiate", "FreeInstance"}
 NEVER_AVAILABLE = {"GetStatus", "GetIntegerStatus", "GetStringStatus"}
-MODES = {"I": "instantiated", "N": "initialization mode", "C": "step complete", "F": "step failed", "T": "terminated"}
+MODES = {
+    **{"I": "instantiated", "N": "initialization mode", "C": "step complete", "F": "step failed", "T": "terminated"},
+    **{"E": "event mode", "X": "continuous-time mode"},
+}
+EACH = [(kind, mode) for kind in KINDS for mode in MODES_OF[kind]]
+each_mode = pytest.mark.parametrize(("kind", "mode"), EACH, ids=[f"{KINDS[kind]} {MODES[mode]}" for kind, mode in EACH])
 
 
 def test_the_table_has_all_functions() -> None:
-    assert set(TABLE) | NOT_OF_AN_INSTANCE == set(SIGNATURES)
+    for table in TABLE.values():
+        assert set(table) | NOT_OF_AN_INSTANCE == {*SIGNATURES, *EXCHANGE_SIGNATURES}
 
 
-def in_mode(library: Library, mode: str) -> Instance:
+def in_mode(library: Library, mode: str, kind: int = CO_SIMULATION) -> Instance:
     """A Mass, or for all modes but F any block, brought into that mode."""
-    run = Instance(library)
+    run = Instance(library, kind=kind)
     if mode == "I":
         return run
     run.setup()
@@ -78,7 +108,12 @@ def in_mode(library: Library, mode: str) -> Instance:
     if mode == "N":
         return run
     run.must("ExitInitializationMode")
-    run.step(0.0, 0.1)
+    if kind == MODEL_EXCHANGE:
+        run.event()
+        if mode != "E":
+            run.must("EnterContinuousTimeMode")
+    else:
+        run.step(0.0, 0.1)
     if mode == "F":
         run.set({"F_drive": 1e308})
         assert run.call("DoStep", 0.1, 10.0, 1) == DISCARD
@@ -93,7 +128,7 @@ def mass(build_fmu: Callable[..., Path]) -> Library:
     return load(build_fmu("Mass"))
 
 
-def arguments_of(function: str, run: Instance, state: c_void_p) -> tuple[object, ...]:
+def arguments_of(function: str, run: Instance, state: c_void_p, mode: str = "") -> tuple[object, ...]:
     """Arguments with which the function succeeds where it is allowed; nothing for types that a block has not."""
     real, size = c_double(), c_size_t()
     run.must("SerializedFMUstateSize", state, byref(size))
@@ -102,8 +137,8 @@ def arguments_of(function: str, run: Instance, state: c_void_p) -> tuple[object,
     outputs = [run.reference(name) for name in run.library.names("output", type="Real")][:1]
     inputs = [run.reference(name) for name in run.library.names("input", type="Real")][:1]
     tunable = [v for v in run.library.variables.values() if v.variability == "tunable" and v.type == "Real"]
-    chosen = [int(v.valueReference) for v in tunable][:1]
-    value = float(tunable[0].start) if tunable else 0.0
+    chosen = inputs if mode == "X" else [int(v.valueReference) for v in tunable][:1]
+    value = float(tunable[0].start) if tunable and mode != "X" else 0.0
     orders = (c_int * 1)(1)
     a, b = (c_uint * 1)(*outputs), (c_uint * 1)(*inputs)
     return {
@@ -123,6 +158,14 @@ def arguments_of(function: str, run: Instance, state: c_void_p) -> tuple[object,
         "SetRealInputDerivatives": (b, len(inputs), orders, c_double(0.0)),
         "GetRealOutputDerivatives": (a, len(outputs), orders, real),
         "DoStep": (0.1, 0.1, 1),
+        "NewDiscreteStates": (byref(EventInfo()),),
+        "CompletedIntegratorStep": (1, c_int(), c_int()),
+        "SetTime": (0.1,),
+        **dict.fromkeys(
+            ("SetContinuousStates", "GetContinuousStates", "GetNominalsOfContinuousStates", "GetDerivatives"),
+            ((c_double * run.library.states)(), run.library.states),
+        ),
+        "GetEventIndicators": ((c_double * run.library.indicators)(), run.library.indicators),
         "GetStatus": (0, c_int()),
         "GetRealStatus": (LAST_SUCCESSFUL_TIME, real),
         "GetIntegerStatus": (0, c_int()),
@@ -131,12 +174,12 @@ def arguments_of(function: str, run: Instance, state: c_void_p) -> tuple[object,
     }.get(function, ())
 
 
-def check(run: Instance, function: str, mode: str) -> None:
+def check(run: Instance, function: str, mode: str, kind: int = CO_SIMULATION) -> None:
     before = run.serialised()
     with run.saved() as state:
         run.messages.clear()
-        status = run.call(function, *arguments_of(function, run, state))
-    if mode in TABLE[function]:
+        status = run.call(function, *arguments_of(function, run, state, mode))
+    if mode in TABLE[kind][function]:
         assert status == (DISCARD if function in NEVER_AVAILABLE else OK)
         assert [message[1] for message in run.messages] == ([DISCARD] if status == DISCARD else [])
     else:
@@ -147,45 +190,63 @@ def check(run: Instance, function: str, mode: str) -> None:
         assert run.serialised() == before
 
 
-@pytest.mark.parametrize("mode", MODES, ids=MODES.get)
-@pytest.mark.parametrize("function", TABLE)
+@each_mode
+@pytest.mark.parametrize("function", TABLE[CO_SIMULATION])
 def test_a_function_is_accepted_where_the_standard_allows_it_and_nowhere_else(
-    mass: Library, function: str, mode: str
+    mass: Library, function: str, kind: int, mode: str
 ) -> None:
-    with in_mode(mass, mode) as run:
-        check(run, function, mode)
+    with in_mode(mass, mode, kind) as run:
+        check(run, function, mode, kind)
 
 
-@pytest.mark.parametrize("mode", "INCT", ids=MODES.get)
-def test_every_block_has_that_table(library: Library, mode: str) -> None:
-    for function in TABLE:
-        with in_mode(library, mode) as run:
-            check(run, function, mode)
+@pytest.mark.parametrize(("kind", "mode"), [each for each in EACH if each[1] != "F"])
+def test_every_block_has_that_table(library: Library, kind: int, mode: str) -> None:
+    if library.exchanges:
+        for function in TABLE[kind]:
+            with in_mode(library, mode, kind) as run:
+                check(run, function, mode, kind)
+    elif kind == CO_SIMULATION:
+        for function in BOTH | CO_SIMULATION_ONLY:
+            with in_mode(library, mode) as run:
+                check(run, function, mode)
+    else:
+        assert Instance(library, kind=kind).pointer is None
 
 
-@pytest.mark.parametrize("mode", MODES, ids=MODES.get)
-def test_an_illegal_call_does_no_harm(mass: Library, mode: str) -> None:
+@each_mode
+def test_an_illegal_call_does_no_harm(mass: Library, kind: int, mode: str) -> None:
     """After all that is refused, what is allowed goes on as if nothing had been."""
-    with in_mode(mass, mode) as run:
+    with in_mode(mass, mode, kind) as run:
         before = run.serialised()
-        for function, modes in TABLE.items():
+        for function, modes in TABLE[kind].items():
             if mode not in modes:
                 with run.saved() as state:
                     assert run.call(function, *arguments_of(function, run, state)) == ERROR
         assert run.serialised() == before
         run.must("Reset")
-        run.initialise()
-        run.step(0.0, 0.1)
+        if kind == MODEL_EXCHANGE:
+            run.exchange()
+        else:
+            run.initialise()
+            run.step(0.0, 0.1)
 
 
-@pytest.mark.parametrize("mode", MODES, ids=MODES.get)
-def test_a_saved_state_carries_its_mode(mass: Library, mode: str) -> None:
-    with in_mode(mass, mode) as run, Instance(mass) as other:
+@each_mode
+def test_a_saved_state_carries_its_mode(mass: Library, kind: int, mode: str) -> None:
+    with in_mode(mass, mode, kind) as run, Instance(mass, kind=kind) as other:
         other.restore(run.serialised())
-        for function in ("EnterInitializationMode", "ExitInitializationMode", "DoStep", "GetReal"):
-            with in_mode(mass, "I") as fresh:
+        for function in ("EnterInitializationMode", "ExitInitializationMode", "DoStep", "GetReal", "NewDiscreteStates"):
+            with in_mode(mass, "I", kind) as fresh:
                 fresh.restore(run.serialised())
-                check(fresh, function, mode)
+                check(fresh, function, mode, kind)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=KINDS.get)
+def test_a_state_of_the_other_kind_is_refused(mass: Library, kind: int) -> None:
+    other = MODEL_EXCHANGE if kind == CO_SIMULATION else CO_SIMULATION
+    with in_mode(mass, "N", kind) as run, Instance(mass, kind=other) as fresh:
+        assert fresh.try_restore(run.serialised()) == ERROR
+        assert b"the other kind" in fresh.messages[-1][3]
 
 
 def test_after_terminate_the_last_values_can_still_be_read(library: Library) -> None:
@@ -198,7 +259,7 @@ def test_after_terminate_the_last_values_can_still_be_read(library: Library) -> 
 # ---- what has no instance
 
 
-@pytest.fixture(params=[name for name in TABLE])
+@pytest.fixture(params=list(TABLE[CO_SIMULATION]))
 def function(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
@@ -214,8 +275,8 @@ def test_freeing_nothing_does_nothing(library: Library) -> None:
 
 
 def test_an_instance_may_be_freed_in_any_mode(mass: Library) -> None:
-    for mode in MODES:
-        in_mode(mass, mode).free()
+    for kind, mode in EACH:
+        in_mode(mass, mode, kind).free()
 
 
 def test_freeing_no_state_does_nothing(lugre: Library) -> None:
@@ -232,7 +293,6 @@ def test_the_library_says_what_it_is(library: Library) -> None:
 REFUSED = {
     "wrong GUID": ({"guid": b"{00000000-0000-0000-0000-000000000000}"}, b"GUID"),
     "empty GUID": ({"guid": b""}, b"GUID"),
-    "model exchange": ({"kind": MODEL_EXCHANGE}, b"co-simulation"),
     "unknown kind": ({"kind": 7}, b"co-simulation"),
     "empty name": ({"name": b""}, b"name"),
     "no name": ({"name": None}, b"name"),

@@ -22,9 +22,11 @@ SEVERAL: Final[set[str]] = set()
 """Probes that use more than one instance in a process."""
 CRASHES: Final[dict[str, str]] = {}
 """Rules for a crash or a hang in a probe, if not the general ones."""
+ONLY: Final[dict[str, str]] = {}
+"""Probes of one interface only: "co-simulation" or "model exchange"."""
 
 
-def probe(*, several: bool = False, crash: str = "") -> Callable[[Probe], Probe]:
+def probe(*, several: bool = False, crash: str = "", only: str = "") -> Callable[[Probe], Probe]:
     """Register a probe under the name of its function."""
 
     def add(function: Probe) -> Probe:
@@ -33,6 +35,8 @@ def probe(*, several: bool = False, crash: str = "") -> Callable[[Probe], Probe]
             SEVERAL.add(function.__name__)
         if crash:
             CRASHES[function.__name__] = crash
+        if only:
+            ONLY[function.__name__] = only
         return function
 
     return add

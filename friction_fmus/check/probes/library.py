@@ -10,16 +10,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from ctypes import CFUNCTYPE, POINTER, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Self
 
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 STATUS: Final = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
-CO_SIMULATION: Final = 1
 TRACE_SIZE: Final = 64
 
 _refs, _reals, _ints, _strings = POINTER(c_uint), POINTER(c_double), POINTER(c_int), POINTER(c_char_p)
 _state = c_void_p
-SIGNATURES: Final[dict[str, tuple[Any, ...]]] = {
+_COMMON: Final[dict[str, tuple[Any, ...]]] = {
     "GetTypesPlatform": (),
     "GetVersion": (),
     "SetDebugLogging": (c_void_p, c_int, c_size_t, _strings),
@@ -42,6 +41,8 @@ SIGNATURES: Final[dict[str, tuple[Any, ...]]] = {
     "SerializeFMUstate": (c_void_p, _state, c_void_p, c_size_t),
     "DeSerializeFMUstate": (c_void_p, c_void_p, c_size_t, POINTER(_state)),
     "GetDirectionalDerivative": (c_void_p, _refs, c_size_t, _refs, c_size_t, _reals, _reals),
+}
+_CO_SIMULATION: Final[dict[str, tuple[Any, ...]]] = {
     "SetRealInputDerivatives": (c_void_p, _refs, c_size_t, _ints, _reals),
     "GetRealOutputDerivatives": (c_void_p, _refs, c_size_t, _ints, _reals),
     "DoStep": (c_void_p, c_double, c_double, c_int),
@@ -52,7 +53,15 @@ SIGNATURES: Final[dict[str, tuple[Any, ...]]] = {
     "GetBooleanStatus": (c_void_p, c_int, _ints),
     "GetStringStatus": (c_void_p, c_int, _strings),
 }
-"""All functions of FMI 2.0 co-simulation without their prefix, with the types of their arguments."""
+_EXCHANGE: Final[dict[str, tuple[Any, ...]]] = {
+    **dict.fromkeys(("EnterEventMode", "EnterContinuousTimeMode"), (c_void_p,)),
+    "NewDiscreteStates": (c_void_p, c_void_p),
+    "CompletedIntegratorStep": (c_void_p, c_int, _ints, _ints),
+    "SetTime": (c_void_p, c_double),
+    "SetContinuousStates": (c_void_p, _reals, c_size_t),
+    **dict.fromkeys(("GetContinuousStates", "GetDerivatives"), (c_void_p, _reals, c_size_t)),
+    **dict.fromkeys(("GetEventIndicators", "GetNominalsOfContinuousStates"), (c_void_p, _reals, c_size_t)),
+}
 
 _RESULTS: Final = {"GetTypesPlatform": c_char_p, "GetVersion": c_char_p, "Instantiate": c_void_p, "FreeInstance": None}
 _LOGGER = CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p)
@@ -138,8 +147,10 @@ class Library:
         self.settings = settings_now()
         self.mark("loading")
         self._handle = ctypes.CDLL(job["binary"])
-        self.missing = [name for name in SIGNATURES if not hasattr(self._handle, f"fmi2{name}")]
-        for name, arguments in SIGNATURES.items():
+        self.exchange: bool = job["exchange"]
+        signatures = _COMMON | (_EXCHANGE if self.exchange else _CO_SIMULATION)
+        self.missing = [name for name in signatures if not hasattr(self._handle, f"fmi2{name}")]
+        for name, arguments in signatures.items():
             if name not in self.missing:
                 function = getattr(self._handle, f"fmi2{name}")
                 function.argtypes, function.restype = arguments, _RESULTS.get(name, c_int)
@@ -156,6 +167,11 @@ class Library:
         names = (category or b"").decode(errors="replace"), (message or b"").decode(errors="replace")
         self.categories.add(names[0])
         self.messages = [*self.messages[-3:], (status, *names)]
+
+    @property
+    def kind(self) -> int:
+        """The type of instances: fmi2ModelExchange or fmi2CoSimulation."""
+        return 0 if self.exchange else 1
 
     def flag(self, name: str) -> bool:
         """Return a capability flag."""
@@ -174,7 +190,7 @@ class Library:
         pointer: int | None = self.call(
             "Instantiate",
             name.encode(),
-            CO_SIMULATION,
+            self.kind,
             (self.guid if guid is None else guid).encode(),
             folder.encode(),
             ctypes.addressof(self._callbacks),
@@ -207,7 +223,7 @@ class Instance:
         if not self.pointer:
             raise RefusedError("Instantiate", "no instance", last_message(library))
 
-    def __enter__(self) -> Instance:
+    def __enter__(self) -> Self:
         """Return the instance."""
         return self
 
@@ -233,23 +249,27 @@ class Instance:
             name = STATUS[status] if 0 <= status < len(STATUS) else str(status)
             raise RefusedError(function, name, last_message(self.library))
 
-    def set_up(self) -> Instance:
+    def set_up(self) -> Self:
         """fmi2SetupExperiment."""
         self.must("SetupExperiment", 0, 0.0, self.library.start_time, 0, 0.0)
         return self
 
-    def begin(self) -> Instance:
+    def begin(self) -> Self:
         """Enter initialization mode."""
         self.set_up().must("EnterInitializationMode")
         return self
 
-    def initialise(self) -> Instance:
+    def initialise(self) -> Self:
         """Complete the initialisation."""
         self.begin().must("ExitInitializationMode")
         return self
 
+    def step_status(self, t: float, h: float) -> int:
+        """Perform a communication step and return its status."""
+        return self.status("DoStep", t, h, 1)
+
     def step(self, t: float, h: float) -> None:
-        """fmi2DoStep."""
+        """Perform a communication step, which must succeed."""
         self.must("DoStep", t, h, 1)
 
     # ---- values

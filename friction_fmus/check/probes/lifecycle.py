@@ -119,7 +119,7 @@ def _any_real(library: Library) -> Variable | None:
     return next((v for v in library.variables if v.type == "Real"), None)
 
 
-@probe(several=True)
+@probe(several=True, only="co-simulation")
 def allowed(library: Library, report: Report) -> None:
     """Check that calls are accepted in each state in which the standard allows them."""
     calls: dict[str, tuple[str, Callable[[Instance], int]]] = {
@@ -147,7 +147,7 @@ def _state(run: Instance) -> int:
     return status
 
 
-@probe(several=True, crash="misuse-crashes")
+@probe(several=True, crash="misuse-crashes", only="co-simulation")
 def forbidden(library: Library, report: Report) -> None:
     """Check that calls are rejected in each state in which the standard forbids them."""
     step = library.job["step"]
@@ -176,6 +176,6 @@ def forbidden(library: Library, report: Report) -> None:
 def without_logger(library: Library, report: Report) -> None:
     """Check that a rejected fmi2Instantiate works with callbacks without a logger."""
     callbacks = (c_void_p * 5)()
-    pointer = library.call("Instantiate", b"checked", 1, b"{wrong}", b"", ctypes.addressof(callbacks), 0, 1)
+    pointer = library.call("Instantiate", b"checked", library.kind, b"{wrong}", b"", ctypes.addressof(callbacks), 0, 1)
     if pointer:
         library.call("FreeInstance", pointer)

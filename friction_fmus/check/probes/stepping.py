@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from ctypes import byref, c_double, c_int, c_size_t, c_void_p
 from typing import Any
 
+from .exchange import start
 from .host import Report, probe
 from .library import DISCARD, OK, WARNING, Instance, Library, RefusedError, Variable, last_message, references
 
@@ -33,7 +34,7 @@ def _drive(run: Instance, seed: int, count: int, first: int = 0) -> Trajectory:
             for v in run.library.variables:
                 if v.causality == "input" and v.type == "Real":
                     _move(run, v, math.sin(1.0 + seed + 1.7 * k + v.reference))
-            if run.status("DoStep", t, h, 1) not in (OK, WARNING):
+            if run.step_status(t, h) not in (OK, WARNING):
                 break
             states.append(run.snapshot())
     return states
@@ -54,15 +55,15 @@ def _difference(a: Trajectory, b: Trajectory) -> tuple[str, Any, Any] | None:
     return None
 
 
-@probe()
+@probe(only="co-simulation")
 def steps(library: Library, report: Report) -> None:
     """Check that allowed steps are performed and end at their end time."""
     told: set[str] = set()
     clock = next((v for v in library.variables if v.causality == "independent" and v.type == "Real"), None)
-    with Instance(library) as run:
+    with start(library) as run:
         run.initialise()
         for t, h in _steps(library, 8):
-            if run.status("DoStep", t, h, 1) not in (OK, WARNING):
+            if run.step_status(t, h) not in (OK, WARNING):
                 where = f"the step from {t!r} s over {h!r} s is rejected{last_message(library)}"
                 report("step-refused", f"{where}; accept it, or do not declare variable steps")
                 return
@@ -89,16 +90,16 @@ def _judge_time(library: Library, time: float, end: float) -> str | None:
     return "time-own-grid" if variable and 0.0 < end - time <= preferred else "time-wrong"
 
 
-@probe()
+@probe(only="co-simulation")
 def rounded_steps(library: Library, report: Report) -> None:
     """Check steps whose times are rounded differently, as from a master that counts steps."""
     h, first = library.job["step"], library.start_time
-    with Instance(library) as run:
+    with start(library) as run:
         run.initialise()
         for k in range(8):
             t, step = first + k * h, (first + (k + 1) * h) - (first + k * h)
             t = math.nextafter(t, math.inf if k % 2 else -math.inf) if k else t
-            if run.status("DoStep", t, step, 1) not in (OK, WARNING):
+            if run.step_status(t, step) not in (OK, WARNING):
                 if k:
                     where = f"the step from {t!r} s over {step!r} s is rejected{last_message(library)}"
                     report("step-rounding", f"{where}; compare times with a tolerance")
@@ -113,15 +114,15 @@ def instances(library: Library, report: Report) -> None:
     """Check that runs are reproducible and that another instance in between has no effect."""
     trajectories = []
     for _ in range(2):
-        with Instance(library) as run:
+        with start(library) as run:
             trajectories.append(_drive(run.initialise(), 1, 6))
     if found := _difference(*trajectories):
         name, a, b = found
         report("not-reproducible", f"{name} is {a} in one run and {b} in the next; initialise all memory", name)
         return
-    with Instance(library) as run:
+    with start(library) as run:
         try:
-            other = Instance(library, "other")
+            other = start(library, "other")
         except RefusedError as error:
             message = f"a second instance is rejected{error.message}; allow it, or set canBeInstantiatedOnlyOncePerProcess"  # fmt: skip  # noqa: E501
             report("second-instance", message)
@@ -147,9 +148,9 @@ def instances(library: Library, report: Report) -> None:
 @probe()
 def reset(library: Library, report: Report) -> None:
     """Check that a reset restores the initial state."""
-    with Instance(library) as run:
+    with start(library) as run:
         run.begin()
-        start = run.snapshot()
+        initial = run.snapshot()
         run.must("ExitInitializationMode")
         before = _drive(run, 1, 6)
         run.must("Reset")
@@ -157,7 +158,7 @@ def reset(library: Library, report: Report) -> None:
         again = run.snapshot()
         run.must("ExitInitializationMode")
         after = _drive(run, 1, 6)
-    if found := _difference([start, *before], [again, *after]):
+    if found := _difference([initial, *before], [again, *after]):
         name, a, b = found
         report("reset-incomplete", f"{name} is {a} at first and {b} after fmi2Reset; reset the complete state", name)
 
@@ -170,7 +171,7 @@ def state(library: Library, report: Report) -> None:
     """Check that a saved state restores every variable and all future values."""
     if not library.flag("canGetAndSetFMUstate"):
         return
-    with Instance(library) as run:
+    with start(library) as run:
         _drive(run.initialise(), 1, 4)
         pointer = c_void_p()
         run.must("GetFMUstate", byref(pointer))
@@ -191,12 +192,12 @@ def serialization(library: Library, report: Report) -> None:
     """Check that the bytes of a state restore it in another instance."""
     if not (library.flag("canGetAndSetFMUstate") and library.flag("canSerializeFMUstate")):
         return
-    with Instance(library) as run:
+    with start(library) as run:
         _drive(run.initialise(), 1, 4)
         with run.saved() as pointer:
             data = run.serialized(pointer)
         here = [run.snapshot(), *_drive(run, 1, 4, 4)]
-    with Instance(library) as other:
+    with start(library) as other:
         other.initialise().restore(data)
         there = [other.snapshot(), *_drive(other, 1, 4, 4)]
     if found := _difference(here, there):
@@ -217,7 +218,7 @@ def _continuous(library: Library, causality: str) -> list[Variable]:
     ]
 
 
-@probe()
+@probe(only="co-simulation")
 def derivatives(library: Library, report: Report) -> None:
     """Check the functions of declared capabilities for derivatives."""
     inputs, outputs = _continuous(library, "input")[:1], _continuous(library, "output")[:1]
@@ -240,7 +241,7 @@ def derivatives(library: Library, report: Report) -> None:
             (references(outputs), c_size_t(1), references(inputs), c_size_t(1), one, result),
         ),
     }
-    with Instance(library) as run:
+    with start(library) as run:
         run.initialise().step(library.start_time, library.job["step"])
         for function, (declared, capability, arguments) in calls.items():
             if declared and (status := run.status(function, *arguments)) >= DISCARD:

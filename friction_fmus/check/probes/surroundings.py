@@ -9,8 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 
+from .exchange import start
 from .host import Report, probe
-from .library import OK, WARNING, Instance, Library, settings_now
+from .library import OK, WARNING, Library, settings_now
 
 _BLOCK = 0.4
 """Duration of a block of repetitions [s]."""
@@ -55,7 +56,7 @@ def memory_of_instances(library: Library, report: Report) -> None:
     """Check that freed instances leave no memory allocated."""
 
     def live() -> None:
-        with Instance(library) as run:
+        with start(library) as run:
             run.initialise().step(library.start_time, library.job["step"])
             run.must("Terminate")
 
@@ -66,17 +67,17 @@ def memory_of_instances(library: Library, report: Report) -> None:
 @probe()
 def memory_of_steps(library: Library, report: Report) -> None:
     """Check that a long run needs no more memory than a short one."""
-    with Instance(library) as run:
+    with start(library) as run:
         run.initialise()
         h, done = library.job["step"], 0
 
         def step() -> None:
             nonlocal done
-            if run.status("DoStep", library.start_time + done * h, h, 1) in (OK, WARNING):
+            if run.step_status(library.start_time + done * h, h) in (OK, WARNING):
                 done += 1
 
         if growth := _grows(step):
-            report("memory-grows", f"every step allocates another {growth:.0f} bytes; allocate no memory in fmi2DoStep")
+            report("memory-grows", f"every step allocates another {growth:.0f} bytes; free it in the step")
 
 
 @probe()

@@ -19,14 +19,19 @@ from friction_fmus import BuildError, build, catalogue
 from harness.compiling.platforms import PLATFORMS, select
 from harness.parts.universal import universal
 
-EXPORTS = 34
-"""Functions of FMI 2.0 for co-simulation."""
+CO_SIMULATION, BOTH = 34, 44
+"""Numbers of functions of FMI 2.0: for co-simulation, and also for model exchange."""
 OURS = {"block_rows", "block_evaluate"}
 """What the packager reads from a library."""
 SYSTEM_DLLS = ("kernel32.dll", "api-ms-win-crt-")
 NOT_NUMERIC = {"strcmp", "strcpy", "strlen", "snprintf", "vsnprintf", "bcmp", "memcpy", "memset", "calloc", "free"}
 EXACT = {"floor", "ceil", "fmod", "round", "ldexp", "nextafter"}
 """Functions of the C library with one right result."""
+
+
+def exports(name: str) -> int:
+    """Return the number of functions that a block has."""
+    return CO_SIMULATION if catalogue()[name].no_exchange else BOTH
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +86,7 @@ def test_linux_binaries_need_an_old_glibc_only(fmus: dict[str, Path], folder: st
         for version in needed:
             assert tuple(map(int, version.removeprefix("GLIBC_").split("."))) <= (2, 17), (name, version)
         exported = {str(symbol.name) for symbol in found.exported_symbols}
-        assert exported >= OURS and len(exported - OURS) == EXPORTS, name
+        assert exported >= OURS and len(exported - OURS) == exports(name), name
         assert all(symbol.startswith("fmi2") for symbol in exported - OURS)
         assert not found.has(lief.ELF.DynamicEntry.TAG.RUNPATH) and not found.has(lief.ELF.DynamicEntry.TAG.RPATH)
 
@@ -92,7 +97,7 @@ def test_windows_binaries_need_nothing_but_the_system(fmus: dict[str, Path]) -> 
         assert isinstance(found, lief.PE.Binary)
         assert all(str(each.name).lower().startswith(SYSTEM_DLLS) for each in found.imports), name
         exported = {str(entry.name) for entry in found.get_export().entries}
-        assert exported >= OURS and len(exported - OURS) == EXPORTS, name
+        assert exported >= OURS and len(exported - OURS) == exports(name), name
 
 
 def test_mac_binaries_are_signed_where_the_system_asks_for_it(fmus: dict[str, Path]) -> None:
@@ -110,7 +115,7 @@ def test_mac_binaries_are_signed_where_the_system_asks_for_it(fmus: dict[str, Pa
                 libraries = [str(library.name) for library in each.libraries]
                 assert libraries == [f"@rpath/{name}.dylib", "/usr/lib/libSystem.B.dylib"]
                 exported = {str(symbol.name).removeprefix("_") for symbol in each.exported_symbols}
-                assert exported >= OURS and len([s for s in exported if s.startswith("fmi2")]) == EXPORTS, name
+                assert exported >= OURS and len([s for s in exported if s.startswith("fmi2")]) == exports(name), name
 
 
 @pytest.mark.parametrize("platform", [name for name, (_, runner) in RUNNERS.items() if runner])

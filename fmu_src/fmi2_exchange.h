@@ -1,0 +1,169 @@
+/* Model exchange (FMI 2.0, chapter 3): the importer integrates the states. What jumps is decided at events and fixed
+   between them; a sampled block takes its samples at time events. */
+
+#ifndef BLOCK_FMI2_EXCHANGE_H
+#define BLOCK_FMI2_EXCHANGE_H
+
+/* ---- modes -------------------------------------------------------------------------------------------------- */
+
+fmi2Status fmi2EnterEventMode(fmi2Component component)
+{
+    ENTER_AS(fmi2ModelExchange, "EnterEventMode", MAY_EnterEventMode)
+    MODE(c) = EVENT_MODE;
+    return fmi2OK;
+}
+
+fmi2Status fmi2EnterContinuousTimeMode(fmi2Component component)
+{
+    ENTER_AS(fmi2ModelExchange, "EnterContinuousTimeMode", MAY_EnterContinuousTimeMode)
+    MODE(c) = CONTINUOUS_TIME;
+    return fmi2OK;
+}
+
+#ifdef SAMPLED
+static double next_sample(const Model *m) { return m->run.start + (double)m->run.tick * m->Ts; }
+
+/* Take the samples that are due; a solver that steps over time events gets them all at once. */
+static bool discrete_states(Model *m)
+{
+    const double now = m->time, until = now + 1e-6 * m->Ts;
+    if ((until - next_sample(m)) / m->Ts > MOST_TRIES)
+        return false;
+    while (next_sample(m) <= until) {
+        m->time = next_sample(m);
+        take_sample(m);
+        m->run.tick++;
+    }
+    m->time = now;
+    return true;
+}
+#else
+static bool discrete_states(Model *m)
+{
+    decide(m);
+    equations(m);
+    return true;
+}
+#endif
+
+fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info)
+{
+    ENTER_AS(fmi2ModelExchange, "NewDiscreteStates", MAY_NewDiscreteStates)
+    REQUIRE(info, "fmi2NewDiscreteStates: the pointer to the event information is null")
+    Model *const m = &c->model;
+    const char *const relation = violated(m);
+    REQUIRE(!relation, "fmi2NewDiscreteStates: the parameters of \"%s\" must satisfy %s", c->name, relation)
+    keep(c);
+    if (!discrete_states(m) || !results_finite(m)) {
+        roll_back(c);
+        return report(c, fmi2Error, LOG_ERROR,
+                      "fmi2NewDiscreteStates: the event at t = %.17g s leads to a value that is not finite; nothing "
+                      "is changed",
+                      m->time);
+    }
+    m->run.stale = false;
+    bool jumped = false;
+    for (int r = 0; r < STATE_ROWS; r++)
+        for (uint32_t k = 0; k < state_rows[r].count; k++)
+            jumped = jumped || *value_of(m, state_rows[r].index + k) != *value_of(&c->backup, state_rows[r].index + k);
+    memset(info, 0, sizeof *info);
+    info->valuesOfContinuousStatesChanged = jumped ? fmi2True : fmi2False;
+#ifdef SAMPLED
+    info->nextEventTimeDefined = fmi2True;
+    info->nextEventTime = next_sample(m);
+#endif
+    return warned(c, m->time);
+}
+
+fmi2Status fmi2CompletedIntegratorStep(fmi2Component component, fmi2Boolean keeps_no_state, fmi2Boolean *event,
+                                       fmi2Boolean *terminate)
+{
+    (void)keeps_no_state;
+    ENTER_AS(fmi2ModelExchange, "CompletedIntegratorStep", MAY_CompletedIntegratorStep)
+    REQUIRE(event && terminate, "fmi2CompletedIntegratorStep: a pointer is null")
+    *event = *terminate = fmi2False;
+    return fmi2OK;
+}
+
+/* ---- values ------------------------------------------------------------------------------------------------- */
+
+fmi2Status fmi2SetTime(fmi2Component component, fmi2Real t)
+{
+    ENTER_AS(fmi2ModelExchange, "SetTime", MAY_SetTime)
+    REQUIRE(isfinite(t), "fmi2SetTime: time %g must be finite", t)
+    c->model.time = t;
+    c->model.run.stale = true;
+    return fmi2OK;
+}
+
+#define REQUIRE_VECTOR(function, values, n, count, what)                                                               \
+    REQUIRE((n) == (size_t)(count), "fmi2" function ": %u values are requested, but %s has %d " what, (unsigned)(n),   \
+            QUOTE(MODEL), (int)(count))                                                                                \
+    REQUIRE((n) == 0 || (values), "fmi2" function ": the pointer to the values is null")
+
+fmi2Status fmi2SetContinuousStates(fmi2Component component, const fmi2Real states[], size_t n)
+{
+    ENTER_AS(fmi2ModelExchange, "SetContinuousStates", MAY_SetContinuousStates)
+    REQUIRE_VECTOR("SetContinuousStates", states, n, ALL_STATES, "states")
+    for (size_t i = 0; i < n; i++)
+        if (!isfinite(states[i]))
+            return report(c, fmi2Discard, LOG_DISCARD, "fmi2SetContinuousStates: state %d = %g is not finite", (int)i,
+                          states[i]);
+    const double *from = states;
+    for (int r = 0; r < STATE_ROWS; r++)
+        for (uint32_t k = 0; k < state_rows[r].count; k++)
+            *value_of(&c->model, state_rows[r].index + k) = *from++;
+    c->model.run.stale = true;
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetContinuousStates(fmi2Component component, fmi2Real states[], size_t n)
+{
+    ENTER_AS(fmi2ModelExchange, "GetContinuousStates", MAY_GetContinuous)
+    REQUIRE_VECTOR("GetContinuousStates", states, n, ALL_STATES, "states")
+    const fmi2Status status = check_outputs(c, "ContinuousStates"); /* initial values may follow parameters */
+    if (status != fmi2OK)
+        return status;
+    for (int r = 0; r < STATE_ROWS; r++)
+        for (uint32_t k = 0; k < state_rows[r].count; k++)
+            *states++ = *value_of(&c->model, state_rows[r].index + k);
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component component, fmi2Real nominals[], size_t n)
+{
+    ENTER_AS(fmi2ModelExchange, "GetNominalsOfContinuousStates", ANY_MODE)
+    REQUIRE_VECTOR("GetNominalsOfContinuousStates", nominals, n, ALL_STATES, "states")
+    for (int r = 0; r < STATE_ROWS; r++)
+        for (uint32_t k = 0; k < state_rows[r].count; k++)
+            *nominals++ = state_rows[r].nominal;
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetDerivatives(fmi2Component component, fmi2Real derivatives[], size_t n)
+{
+    ENTER_AS(fmi2ModelExchange, "GetDerivatives", MAY_GetContinuous)
+    REQUIRE_VECTOR("GetDerivatives", derivatives, n, ALL_STATES, "states")
+    const fmi2Status status = check_outputs(c, "Derivatives");
+    if (status != fmi2OK)
+        return status;
+    for (int r = 0; r < STATE_ROWS; r++)
+        for (uint32_t k = 0; k < state_rows[r].count; k++)
+            *derivatives++ = *value_of(&c->model, state_rows[r].derivative + k);
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetEventIndicators(fmi2Component component, fmi2Real values[], size_t n)
+{
+    ENTER_AS(fmi2ModelExchange, "GetEventIndicators", MAY_GetContinuous)
+    REQUIRE_VECTOR("GetEventIndicators", values, n, INDICATORS, "event indicators")
+#ifdef EVENTS
+    const fmi2Status status = check_outputs(c, "EventIndicators");
+    if (status != fmi2OK)
+        return status;
+    indicators(&c->model, values);
+#endif
+    return fmi2OK;
+}
+
+#endif
