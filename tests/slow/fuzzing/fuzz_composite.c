@@ -138,7 +138,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
 {
     static FuzzState before, after;
     Fuzz in = {bytes, bytes + count};
-    Instance *const c = fuzz_instance();
+    Instance *const c = fuzz_instance(fmi2CoSimulation);
     fmi2FMUstate state = NULL;
     fuzz_forged = false;
     if (fuzz_choice(&in, 4)) {
