@@ -60,9 +60,7 @@ def euler(run: Instance, t: float, h: float, values: Mapping[str, float]) -> Non
     run.must("CompletedIntegratorStep", 1, c_int(), c_int())
 
 
-def go_on(
-    run: Instance, situation: str, inputs: Iterable[Mapping[str, float]], t: float, h: float
-) -> list[bytes]:
+def go_on(run: Instance, situation: str, inputs: Iterable[Mapping[str, float]], t: float, h: float) -> list[bytes]:
     """`shell.instance.drive` for either kind; from event mode, its event comes first."""
     if situation == "co-simulation":
         return drive(run, inputs, t, h)
