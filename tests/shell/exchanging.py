@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from ctypes import c_double, c_int
 
 import pytest
-from shell.instance import CO_SIMULATION, ERROR, MODEL_EXCHANGE, OK, Instance, Library, drive
+from shell.instance import CO_SIMULATION, ERROR, MODEL_EXCHANGE, Instance, Library, drive
 
 KINDS = {CO_SIMULATION: "co-simulation", MODEL_EXCHANGE: "model exchange"}
 each_kind = pytest.mark.parametrize("kind", KINDS, ids=KINDS.get)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from shell.exchanging import SITUATIONS, begin, go_to, need
+from shell.exchanging import SITUATIONS, need
 from shell.instance import Instance, Library, load, signals
 
 

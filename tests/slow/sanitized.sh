@@ -39,7 +39,7 @@ thread)
 esac
 shift
 # sanitizers keep back what is freed, so the growth of memory is watched without them
-blocks=(tests/models tests/shell tests/every_block tests/slow/test_long_steps.py)
+blocks=(tests/models tests/shell tests/every_block tests/exchange tests/slow/test_long_steps.py)
 [ $# -gt 0 ] || set -- -n 2 "${blocks[@]}" "${tests[@]}" -k "not leave_no_memory_behind"
 export FRICTION_FMUS_CACHE="$scratch/cache"
 # no -Werror: with sanitizers gcc guesses at values that cannot be
