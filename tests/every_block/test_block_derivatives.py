@@ -62,6 +62,8 @@ def point(library: Library, seed: int) -> dict[str, float]:
             values[v.name] = size * AMPLITUDE.get(v.unit, 1.0)
         elif v.derivative is not None and v.derivative.initial == "exact":
             values[v.derivative.name] = size * 0.3 * float(v.derivative.nominal or 1.0)
+        elif v.name in ("x0", "v0"):
+            values[v.name] = size
     return values
 
 
