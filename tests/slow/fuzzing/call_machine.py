@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from hypothesis import HealthCheck, Phase, note, seed, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, rule, run_state_machine_as_test
+from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
@@ -385,6 +385,15 @@ class Exchange(Calls):
     """An instance for model exchange."""
 
     kind = MODEL_EXCHANGE
+
+    @initialize(far=st.integers(0, 5))
+    def start_far(self, far: int) -> None:
+        """Most sequences begin in event mode or later."""
+        if far > 0:
+            self.initialise()
+        if far > 1:
+            self.discrete_states(1)
+            self.solve()
 
     @rule()
     def enter_events(self) -> None:
