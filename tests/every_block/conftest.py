@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from shell.fixtures import instance, lugre, running  # noqa: F401
+from shell.fixtures import instance, lugre, running, situation  # noqa: F401
 from shell.instance import Library, load
 
 from friction_fmus import catalogue

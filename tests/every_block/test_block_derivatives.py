@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+import random
 
 import pytest
 from lxml import etree
-from shell.instance import Instance, Library
+from shell.exchanging import SITUATIONS, go_to, need
+from shell.instance import MODEL_EXCHANGE, Instance, Library
 from shell.selection import SAMPLED_BLOCKS
+
+AMPLITUDE = {"m": 1e-3, "m/s": 5e-3, "m/s2": 0.5, "rad": 1e-3, "rad/s": 5e-3}
 
 
 def test_held_inputs_are_constant(library: Library, running: Instance) -> None:
@@ -46,3 +50,44 @@ def test_asking_for_directional_derivatives_changes_nothing(library: Library, ru
     before = running.everything(), running.serialised()
     running.directional(library.names("output", type="Real"), dict.fromkeys(library.names("input", type="Real"), 1.0))
     assert (running.everything(), running.serialised()) == before
+
+
+def point(library: Library, seed: int) -> dict[str, float]:
+    """Inputs and states away from zero, where decisions change, and of one sign: none is due."""
+    draw = random.Random(f"{library.identifier} {seed}")
+    values, side = {}, (1.0, -1.0)[seed % 2]
+    for v in library.variables.values():
+        size = side * draw.uniform(0.3, 1.0)
+        if v.causality == "input" and v.type == "Real":
+            values[v.name] = size * AMPLITUDE.get(v.unit, 1.0)
+        elif v.derivative is not None and v.derivative.initial == "exact":
+            values[v.derivative.name] = size * 0.3 * float(v.derivative.nominal or 1.0)
+        elif v.name in ("x0", "v0"):
+            values[v.name] = size
+    return values
+
+
+@pytest.mark.parametrize("situation", [name for name, kind in SITUATIONS.items() if kind == MODEL_EXCHANGE])
+def test_directional_derivatives_in_model_exchange_are_those_of_co_simulation(library: Library, situation: str) -> None:
+    """At the same point, of outputs and state derivatives with respect to inputs and states.
+
+    A quantiser is constant up to its next step; with steps far below the distance of the differences, co-simulation
+    gives the mean slope of the staircase.
+    """
+    need(library, MODEL_EXCHANGE)
+    variables = library.variables.values()
+    states = [v.derivative.name for v in variables if v.derivative is not None]
+    unknowns = [v.name for v in variables if v.derivative is not None] + library.names("output", type="Real")
+    for seed in range(3):
+        values = point(library, seed)
+        with Instance(library).initialise(**values) as slave, Instance(library, kind=MODEL_EXCHANGE) as model:
+            model.exchange(**values)
+            if library.sampled:
+                slave.step(0.0, library.start("Ts"))
+            go_to(model, situation)
+            before = model.serialised()
+            for known in (*library.names("input", type="Real"), *states):
+                stairs = library.identifier == "Quantiser"
+                expected = [0.0] if stairs else slave.directional(unknowns, {known: 1.0})
+                assert model.directional(unknowns, {known: 1.0}) == pytest.approx(expected, rel=1e-7, abs=1e-12), known
+            assert model.serialised() == before

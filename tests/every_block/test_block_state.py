@@ -19,13 +19,6 @@ THREADS = {CO_SIMULATION: 4, MODEL_EXCHANGE: 16}
 STEPS = {CO_SIMULATION: 200, MODEL_EXCHANGE: 20}
 
 
-@pytest.fixture(params=SITUATIONS)
-def situation(request: pytest.FixtureRequest, library: Library) -> str:
-    """Where the run is; skipped for a block that has no model exchange."""
-    need(library, SITUATIONS[request.param])
-    return str(request.param)
-
-
 def begun(
     run: Instance, situation: str, seed: int, count: int, start: float = 0.0, *limits: float | None
 ) -> list[bytes]:

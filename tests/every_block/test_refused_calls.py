@@ -5,13 +5,15 @@ The states are compared as they are. No other call refreshes the outputs before,
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Iterator, Sequence
 from ctypes import c_double, c_int, c_uint
 from itertools import product
 from pathlib import Path
 
 import pytest
-from shell.instance import DISCARD, ERROR, OK, Instance, Library, load
+from shell.exchanging import SITUATIONS, begin, go_on, go_to
+from shell.instance import DISCARD, ERROR, MODEL_EXCHANGE, OK, EventInfo, Instance, Library, load
 
 H = 1e-3
 HEADER = 64  # bytes of a serialised state before the model
@@ -35,9 +37,14 @@ OVERFLOWING = {
 """Blocks, an input and its value, an output: the output is finite, its derivative is not."""
 
 
-def running(library: Library) -> Instance:
-    run = Instance(library).initialise()
-    run.step(0.0, H)
+def running(library: Library, situation: str = "co-simulation") -> Instance:
+    kind = SITUATIONS[situation]
+    run = begin(Instance(library, kind=kind), kind)
+    if kind == MODEL_EXCHANGE:
+        go_on(run, "continuous-time mode", [{}], 0.0, H)
+        go_to(run, situation)
+    else:
+        run.step(0.0, H)
     return run
 
 
@@ -56,7 +63,8 @@ def without(data: bytes, words: set[int]) -> bytes:
 
 def check(run: Instance, function: str, *arguments: object, mode: set[int] | None = None) -> bool:
     """Call; whether the call was refused. It must have changed nothing then, except for the mode in these words."""
-    before, arrays = run.serialised(), [bytes(each) for each in arguments if hasattr(each, "_length_")]
+    written = [each for each in arguments if isinstance(each, (ctypes.Array, ctypes.Structure))]
+    before, arrays = run.serialised(), [bytes(each) for each in written]
     status = run.call(function, *arguments)
     if status not in (DISCARD, ERROR):
         return False
@@ -64,7 +72,7 @@ def check(run: Instance, function: str, *arguments: object, mode: set[int] | Non
     if mode is not None:
         before, after = without(before, mode), without(after, mode)
     assert after == before, f"{function} was refused and changed the state: {run.messages[-1:]}"
-    assert [bytes(each) for each in arguments if hasattr(each, "_length_")] == arrays, f"{function} wrote a value"
+    assert [bytes(each) for each in written] == arrays, f"{function} wrote a value"
     return True
 
 
@@ -73,11 +81,19 @@ def output_derivatives(run: Instance, names: Sequence[str]) -> tuple[object, ...
     return (c_uint * n)(*map(run.reference, names)), n, (c_int * n)(*[1] * n), (c_double * n)(*[UNTOUCHED] * n)
 
 
-def calls_of_results(library: Library, run: Instance) -> Iterator[tuple[object, ...]]:
+def calls_of_results(library: Library, run: Instance, situation: str) -> Iterator[tuple[object, ...]]:
     """Calls that compute a result from the values as they are, for one variable and for all."""
     outputs, inputs = library.names("output", type="Real"), library.names("input", type="Real")
-    for names in (outputs, *([name] for name in outputs)):
-        yield "GetRealOutputDerivatives", *output_derivatives(run, names)
+    if situation == "co-simulation":
+        for names in (outputs, *([name] for name in outputs)):
+            yield "GetRealOutputDerivatives", *output_derivatives(run, names)
+        yield "DoStep", H, H, 1
+    else:
+        vectors = {"GetDerivatives": library.states, "GetContinuousStates": library.states}
+        for function, n in (vectors | {"GetEventIndicators": library.indicators}).items():
+            yield function, (c_double * n)(*[UNTOUCHED] * n), n
+    if situation == "event mode":
+        yield "NewDiscreteStates", EventInfo(next=UNTOUCHED)
     n = len(outputs)
     references, values = (c_uint * n)(*map(run.reference, outputs)), (c_double * n)(*[UNTOUCHED] * n)
     for name in inputs[:1]:
@@ -86,8 +102,11 @@ def calls_of_results(library: Library, run: Instance) -> Iterator[tuple[object, 
     yield "GetReal", references, n, values
 
 
-def changes(library: Library) -> Iterator[Callable[[Instance], int]]:
-    """Each input, slope and tunable parameter set to values of any size; the status is returned."""
+def changes(library: Library, situation: str) -> Iterator[Callable[[Instance], int]]:
+    """Each input, state, slope and tunable parameter set to values of any size; the status is returned.
+
+    What may not be set in the situation is refused and so no change.
+    """
 
     def value(name: str, x: float) -> Callable[[Instance], int]:
         return lambda run: run.try_set({name: x})[0]
@@ -97,18 +116,21 @@ def changes(library: Library) -> Iterator[Callable[[Instance], int]]:
 
     for name, x in product(library.names("input", type="Real"), EXTREMES):
         yield value(name, x)
-        yield slope(name, x)
+        if situation == "co-simulation":
+            yield slope(name, x)
     for v in library.variables.values():
         if (v.type, v.causality, v.variability) == ("Real", "parameter", "tunable"):
             yield value(v.name, 1e308)
+        if v.derivative is not None and situation != "co-simulation":
+            yield from (value(v.derivative.name, x) for x in EXTREMES)
 
 
-def test_results_that_are_not_finite_change_nothing(library: Library) -> None:
+def test_results_that_are_not_finite_change_nothing(library: Library, situation: str) -> None:
     """Values of any size, and every call that computes something from them."""
     mode = places_of_mode(library)
-    with running(library) as run, run.saved() as state:
-        for change in changes(library):
-            for call in (*calls_of_results(library, run), ("DoStep", H, H, 1)):
+    with running(library, situation) as run, run.saved() as state:
+        for change in changes(library, situation):
+            for call in calls_of_results(library, run, situation):
                 run.must("SetFMUstate", state)
                 if change(run) == OK:
                     check(run, *call, mode=mode if call[0] == "DoStep" else None)

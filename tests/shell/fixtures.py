@@ -6,7 +6,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from shell.exchanging import SITUATIONS, need
 from shell.instance import Instance, Library, load, signals
+
+
+@pytest.fixture(params=SITUATIONS)
+def situation(request: pytest.FixtureRequest, library: Library) -> str:
+    """Where a run is between two steps; skipped for a block that has no model exchange."""
+    need(library, SITUATIONS[request.param])
+    return str(request.param)
 
 
 @pytest.fixture

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from ctypes import c_uint
+from ctypes import c_int, c_uint
 from pathlib import Path
 
 from shell.exchanging import SITUATIONS, begin, go_on, go_to
 from shell.instance import Instance, load, signals
 
-POINTERS = {"none": None, "one": (c_uint * 1)(1), "two": (c_uint * 1)(2)}
+POINTERS = {"none": None, "one": (c_uint * 1)(1), "two": (c_uint * 1)(2), "flag": (c_int * 1)(0)}
 """Arguments by name, as pointers cannot be sent to a process."""
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import struct
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from ctypes import byref, c_size_t, c_void_p, create_string_buffer
 from pathlib import Path
 
 import pytest
-from shell.instance import ERROR, OK, Instance, Library, drive, load, signals
+from shell.exchanging import SITUATIONS, begin, go_on, go_to
+from shell.instance import ERROR, MODEL_EXCHANGE, OK, Instance, Library, load, signals
 
 from friction_fmus import catalogue
 
@@ -17,26 +18,30 @@ H = 1e-3
 
 
 @pytest.fixture
-def running(library: Library, instance: Instance) -> Instance:
+def running(library: Library, situation: str) -> Iterator[Instance]:
     """In the middle of a run, at 30 H."""
-    instance.initialise()
-    drive(instance, signals(library, 1, 30), 0.0, H)
-    return instance
+    with Instance(library, kind=SITUATIONS[situation]) as made:
+        begin(made, SITUATIONS[situation])
+        between = "co-simulation" if situation == "co-simulation" else "continuous-time mode"
+        go_on(made, between, signals(library, 1, 30), 0.0, H)
+        go_to(made, situation)
+        yield made
 
 
 def now(instance: Instance) -> float:
     return instance.get1("time")
 
 
-def test_a_state_pointer_is_used_again(running: Instance) -> None:
+def test_a_state_pointer_is_used_again(library: Library, situation: str, running: Instance) -> None:
     state = c_void_p()
     running.must("GetFMUstate", byref(state))
     first = state.value
     t = now(running)
-    running.step(t, H)
+    go_on(running, situation, signals(library, 2, 1), t, H)
+    go_to(running, situation)
     running.must("GetFMUstate", byref(state))
     assert state.value == first
-    running.step(t + H, H)
+    go_on(running, situation, signals(library, 2, 1), t + H, H)
     running.must("SetFMUstate", state)
     assert now(running) == t + H
     running.must("FreeFMUstate", byref(state))
@@ -76,6 +81,33 @@ def test_values_that_no_run_can_have_are_refused(library: Library, running: Inst
     assert running.serialised() == data
 
 
+# blocks that remember what was decided at an event: numbers at the end of their memory, and what these may not be
+REMEMBERED = {
+    **dict.fromkeys(("Coulomb", "Stiction", "Tustin", "Stribeck", "Karnopp", "KarnoppMass"), (2, (0.5, 2.0))),
+    **dict.fromkeys(("ResetIntegrator", "Dahl"), (2, (0.5, 2.0))),
+    **dict.fromkeys(("MaxwellSlip", "GMS", "ModifiedLeuven"), (10, (0.5, -2.0))),
+    "ElastoPlastic": (1, (-1.0, 0.5)),
+    "Leuven": (4, (-2.0, 0.5)),
+    "Quantiser": (1, (0.5,)),
+    "Circle": (1, (-1.0, 0.5)),
+}
+
+
+@pytest.mark.parametrize("name", REMEMBERED)
+def test_decisions_that_no_run_can_make_are_refused(name: str, build_fmu: Callable[..., Path]) -> None:
+    """Directions, flags and counts, with the checksum of such bytes."""
+    library = load(build_fmu(name))
+    count, wrong = REMEMBERED[name]
+    with Instance(library, kind=MODEL_EXCHANGE) as run:
+        run.exchange(**signals(library, 1, 1)[0])
+        data = run.serialised()
+        for place in range(len(data) - 64 - 8 * count, len(data) - 64, 8):
+            assert run.try_restore(forged(data, place, data[64 + place : 72 + place])) == OK
+            for value in (*wrong, float("nan"), float("inf")):
+                assert run.try_restore(forged(data, place, struct.pack("d", value))) == ERROR, (place, value)
+        assert run.serialised() == data
+
+
 @pytest.mark.parametrize("change", [lambda b: b[:-1], lambda b: b[: len(b) // 2], lambda b: b[:1], lambda b: b + b"\0"])
 def test_bytes_of_another_length_are_refused(running: Instance, change: Callable[[bytes], bytes]) -> None:
     data = running.serialised()
@@ -90,10 +122,13 @@ def test_no_bytes_at_all_are_refused(running: Instance) -> None:
     assert not state.value
 
 
-def test_the_state_of_another_block_is_refused(running: Instance, build_fmu: Callable[..., Path]) -> None:
-    foreign = next(name for name in catalogue() if name != running.library.identifier)
+def test_the_state_of_another_block_is_refused(
+    situation: str, running: Instance, build_fmu: Callable[..., Path]
+) -> None:
+    others = (load(build_fmu(name)) for name in catalogue() if name != running.library.identifier)
+    foreign = next(other for other in others if other.exchanges)
     before = running.serialised()
-    with Instance(load(build_fmu(foreign))) as other:
+    with Instance(foreign, kind=SITUATIONS[situation]) as other:
         other.initialise()
         assert running.try_restore(other.serialised()) == ERROR
         with other.saved() as state:

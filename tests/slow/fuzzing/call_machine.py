@@ -13,21 +13,35 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable, Sequence
 from ctypes import byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p, create_string_buffer
+from io import FileIO
 from pathlib import Path
 from typing import NamedTuple
 
 from hypothesis import HealthCheck, Phase, note, seed, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, rule, run_state_machine_as_test
+from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from shell.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, load
+from shell.exchanging import KINDS
+from shell.instance import (
+    CO_SIMULATION,
+    DISCARD,
+    ERROR,
+    MODEL_EXCHANGE,
+    OK,
+    WARNING,
+    EventInfo,
+    Instance,
+    Library,
+    load,
+)
 from shell.selection import COMPOSITES, built
 
-INSTANTIATED, INITIALIZING, STEP_COMPLETE, STEP_FAILED, TERMINATED = "INCFT"
-BEFORE, WITH_RESULTS, STEPPED, ALWAYS = "IN", "NCFT", "CFT", "INCFT"
-MAY_SET = "INC"
+INSTANTIATED, INITIALIZING, STEP_COMPLETE, STEP_FAILED, TERMINATED, EVENTS, SOLVING = "INCFTEX"
+BEFORE, WITH_RESULTS, STEPPED, ALWAYS = "IN", "NCFTEX", "CFT", "INCFTEX"
+EXCHANGING, WITH_VECTORS = "EX", "NTEX"
+MAY_SET, MAY_SET_SLOPES = "INCEX", "INC"
 HEADER = 64  # bytes of a serialised state before the model
 
 REFUSED = {DISCARD, ERROR}
@@ -55,15 +69,17 @@ class Calls(RuleBasedStateMachine):
     """One instance of `library`; a line is written to `trace` before each call, for the reader of a crash."""
 
     library: Library
+    kind: int = CO_SIMULATION
     trace: Callable[[str], None]
 
     def __init__(self) -> None:
         """A new instance."""
         super().__init__()
-        self.trace("new instance")
-        self.run = Instance(self.library)
+        self.trace(f"new instance for {KINDS[self.kind]}")
+        self.run = Instance(self.library, kind=self.kind)
         self.rows = list(self.library.variables.values())
         self.reals = [v for v in self.rows if v.type == "Real"]
+        self.states = {v.derivative.name for v in self.rows if v.derivative is not None}
         self.guarded = {v.name for v in self.rows if self._is_guarded(v)}
         self.kept: list[Kept] = []
         self.begin()
@@ -104,6 +120,10 @@ class Calls(RuleBasedStateMachine):
                 before, after = self._without_mode(before), self._without_mode(after)
             assert after == before, f"{shown} was refused with {status} and changed something"
         return status
+
+    def slave(self, modes: str) -> str:
+        """The modes in which a function of co-simulation is allowed: none in model exchange."""
+        return modes if self.kind == CO_SIMULATION else ""
 
     def _without_mode(self, data: bytes) -> bytes:
         return b"".join(data[4 * k : 4 * k + 4] for k in range(HEADER // 4, len(data) // 4) if k not in self.modes_at)
@@ -152,7 +172,7 @@ class Calls(RuleBasedStateMachine):
     def leave(self) -> None:
         expected = DONE if self.calm else {OK, ERROR}
         if self.try_call("N", expected, "ExitInitializationMode") == OK:
-            self.mode = STEP_COMPLETE
+            self.mode = STEP_COMPLETE if self.kind == CO_SIMULATION else EVENTS
 
     @rule()
     def initialise(self) -> None:
@@ -162,7 +182,7 @@ class Calls(RuleBasedStateMachine):
 
     @rule(really=st.integers(0, 3))
     def terminate(self, really: int) -> None:
-        if (self.mode not in "CF" or really == 0) and self.try_call("CF", DONE, "Terminate") == OK:
+        if (self.mode not in "CFEX" or really == 0) and self.try_call("CFEX", DONE, "Terminate") == OK:
             self.mode = TERMINATED
 
     @rule(really=st.integers(0, 2))
@@ -204,6 +224,9 @@ class Calls(RuleBasedStateMachine):
         if row is None:
             return {ERROR}
         tunable = row.causality == "input" or (row.causality == "parameter" and row.variability == "tunable")
+        if self.mode == SOLVING:
+            tunable = row.causality == "input" and type == "Real"
+        tunable = tunable or (self.mode in EXCHANGING and row.name in self.states)
         early = row.causality == "parameter" or (row.causality in ("local", "output") and row.initial == "exact")
         if not (tunable or (self.mode in BEFORE and early)):
             return {ERROR}
@@ -218,7 +241,7 @@ class Calls(RuleBasedStateMachine):
     def get(self, chosen: list[tuple[int, float]], type: str) -> None:
         references = self.references(chosen, [v for v in self.rows if v.type == type])
         rows = [self.row(reference, type) for reference in references]
-        expected = {ERROR} if None in rows else DONE if self.calm else {OK, ERROR}
+        expected = {ERROR} if None in rows else DONE if self.calm else self.unless_not_finite()
         arrays = _arrays(references, [7.0] * len(references), type)
         status = self.try_call(WITH_RESULTS, expected, f"Get{type}", *arrays)
         for row, value in zip(rows, list(arrays[2]), strict=True):
@@ -227,10 +250,14 @@ class Calls(RuleBasedStateMachine):
             elif row.name not in self.guarded:
                 assert math.isfinite(value), f"{row.name} = {value} with fmi2OK"
 
+    def unless_not_finite(self) -> set[int]:
+        """Statuses of a call that may meet a result that is not finite: a solver then takes another trial."""
+        return {OK, DISCARD if self.mode == SOLVING else ERROR}
+
     @rule(type=st.sampled_from(("Real", "Integer", "Boolean", "String")), sets=st.booleans(), n=st.integers(0, 2))
     def null_arrays(self, type: str, sets: bool, n: int) -> None:
         function, allowed = (f"Set{type}", MAY_SET) if sets else (f"Get{type}", WITH_RESULTS)
-        nothing = DONE if sets or self.calm or type == "String" else {OK, ERROR}
+        nothing = DONE if sets or self.calm or type == "String" else self.unless_not_finite()
         self.try_call(allowed, {ERROR} if n else nothing, function, None, n, None)
 
     # ---- derivatives
@@ -243,7 +270,9 @@ class Calls(RuleBasedStateMachine):
         good = all(row is not None and row.causality == "input" for row in rows) and (order == 1 or not rows)
         finite = all(map(math.isfinite, values))
         expected = {ERROR} if not good else DONE if finite else {DISCARD}
-        status = self.try_call(MAY_SET, expected, "SetRealInputDerivatives", *_with_orders(references, order, values))
+        status = self.try_call(
+            self.slave(MAY_SET_SLOPES), expected, "SetRealInputDerivatives", *_with_orders(references, order, values)
+        )
         self.calm = self.calm and (status != OK or not any(abs(value) > 1.0 for value in values))
 
     @rule(chosen=picks, order=st.sampled_from((1, 1, 1, 0, 2)))
@@ -252,7 +281,8 @@ class Calls(RuleBasedStateMachine):
         rows = [self.row(reference, "Real") for reference in references]
         good = all(row is not None and row.causality == "output" for row in rows) and (order == 1 or not rows)
         arrays = _with_orders(references, order, [7.0] * len(references))
-        status = self.try_call(STEPPED, {OK, ERROR} if good else {ERROR}, "GetRealOutputDerivatives", *arrays)
+        expected = {OK, ERROR} if good else {ERROR}
+        status = self.try_call(self.slave(STEPPED), expected, "GetRealOutputDerivatives", *arrays)
         assert all(map(math.isfinite, arrays[3])) if status == OK else {*arrays[3]} <= {7.0}, "a refused call wrote"
 
     @rule(unknown=picks, known=picks)
@@ -296,8 +326,9 @@ class Calls(RuleBasedStateMachine):
         value = {"Real": c_double, "String": c_char_p}.get(type, c_int)()
         known = (type, kind) in (("Real", 2), ("Boolean", 3))
         expected = {DISCARD} if not known else {ERROR} if null else DONE
-        self.try_call(STEPPED, expected, f"Get{type}Status", kind, None if null else byref(value))
-        if known and not null and self.mode in STEPPED:
+        allowed = self.slave(STEPPED)
+        self.try_call(allowed, expected, f"Get{type}Status", kind, None if null else byref(value))
+        if known and not null and self.mode in allowed:
             assert value.value == (self.t if type == "Real" else 0)
 
     @rule()
@@ -356,6 +387,104 @@ class Calls(RuleBasedStateMachine):
             assert not any(buffer.raw)
 
 
+class Exchange(Calls):
+    """An instance for model exchange."""
+
+    kind = MODEL_EXCHANGE
+
+    @initialize(far=st.integers(0, 5))
+    def start_far(self, far: int) -> None:
+        """Most sequences begin in event mode or later."""
+        if far > 0:
+            self.initialise()
+        if far > 1:
+            self.discrete_states(1)
+            self.solve()
+
+    @rule()
+    def enter_events(self) -> None:
+        if self.try_call("X", DONE, "EnterEventMode") == OK:
+            self.mode = EVENTS
+
+    @rule()
+    def solve(self) -> None:
+        if self.try_call("E", DONE, "EnterContinuousTimeMode") == OK:
+            self.mode = SOLVING
+
+    @rule(null=st.integers(0, 9))
+    def discrete_states(self, null: int) -> None:
+        info = EventInfo(next=7.0)
+        expected = {OK, WARNING} if self.calm else {OK, WARNING, ERROR}
+        arguments = (None,) if null == 0 else (byref(info),)
+        status = self.try_call("E", {ERROR} if null == 0 else expected, "NewDiscreteStates", *arguments)
+        if status not in (OK, WARNING):
+            assert info.next == 7.0, "a refused call wrote a value"
+            return
+        assert (info.again, info.terminate, info.nominals_changed) == (0, 0, 0)
+        assert bool(info.defined) == self.library.sampled
+        assert not info.defined or self.t < info.next < INF
+
+    @rule(t=numbers, ahead=sizes, far=st.integers(0, 9))
+    def set_time(self, t: float, ahead: float, far: int) -> None:
+        t = t if far == 0 else self.t + ahead
+        if self.library.sampled and abs(t) > self.t + 1e3:
+            return  # so many samples are legal work, but take as long
+        if self.try_call(EXCHANGING, DONE if math.isfinite(t) else {ERROR}, "SetTime", t) == OK:
+            self.calm = self.calm and abs(t) < 1e3
+            self.t = t
+
+    @rule(values=st.lists(numbers, min_size=1, max_size=8), gentle=st.integers(0, 3), more=st.integers(0, 20))
+    def set_states(self, values: list[float], gentle: int, more: int) -> None:
+        n = self.library.states
+        given = [values[k % len(values)] for k in range(n + (more == 0))]
+        if gentle:
+            given = [1e-5 * math.sin(x) if math.isfinite(x) else 0.0 for x in given]
+        expected = {ERROR} if more == 0 else DONE if all(map(math.isfinite, given)) else {DISCARD}
+        status = self.try_call("X", expected, "SetContinuousStates", (c_double * len(given))(*given), len(given))
+        self.calm = self.calm and (status != OK or bool(gentle) or not n)
+
+    @rule(
+        what=st.sampled_from(("ContinuousStates", "Derivatives", "EventIndicators", "NominalsOfContinuousStates")),
+        more=st.integers(0, 20),
+        null=st.integers(0, 20),
+    )
+    def vector(self, what: str, more: int, null: int) -> None:
+        right = self.library.indicators if what == "EventIndicators" else self.library.states
+        n = right + (more == 0)
+        values = (c_double * n)(*[7.0] * n)
+        nominals = what == "NominalsOfContinuousStates"
+        sure = nominals or self.calm or (what == "EventIndicators" and not n)
+        expected = {ERROR} if more == 0 or (null == 0 and n) else DONE if sure else self.unless_not_finite()
+        allowed = INSTANTIATED + WITH_VECTORS if nominals else WITH_VECTORS
+        status = self.try_call(allowed, expected, f"Get{what}", None if null == 0 else values, n)
+        if null and status == OK:
+            assert all(map(math.isfinite, values)), f"{what}: {[*values]} with fmi2OK"
+        else:
+            assert {*values} <= {7.0}, "a refused call wrote a value"
+
+    @rule(null=st.integers(0, 5))
+    def completed(self, null: int) -> None:
+        event, ends = c_int(7), c_int(7)
+        expected = {ERROR} if null == 0 else DONE
+        status = self.try_call("X", expected, "CompletedIntegratorStep", 1, event, None if null == 0 else ends)
+        assert (event.value, ends.value) == ((0, 0) if status == OK else (7, 7))
+
+    @rule(ahead=sizes)
+    def euler(self, ahead: float) -> None:
+        """The usual way: an event, a step, and the mode in which it began."""
+        if self.mode not in EXCHANGING or not self.calm:
+            return
+        n = self.library.states
+        self.enter_events()
+        self.discrete_states(1)
+        self.solve()
+        x, rates = (self.run.vector(f"Get{what}", n) for what in ("ContinuousStates", "Derivatives"))
+        self.set_time(0.0, ahead, 1)
+        moved = [a + ahead * b for a, b in zip(x, rates, strict=True)]
+        self.try_call("X", DONE, "SetContinuousStates", (c_double * n)(*moved), n)
+        self.calm = max(map(abs, moved), default=0.0) < 1.0
+
+
 def _arrays(references: Sequence[int], values: Sequence[float], type: str) -> tuple[object, int, object]:
     n = len(references)
     buffer = (c_double * n)(*values) if type == "Real" else (c_int * n)(*map(int, values))
@@ -376,7 +505,7 @@ def _shown(argument: object) -> object:
 
 
 def run(fmu: Path, trace: Path, examples: int, start: int | None = None) -> None:
-    """Random calls of one FMU.
+    """Random calls of one FMU, of each kind that it is.
 
     Parameters
     ----------
@@ -385,7 +514,7 @@ def run(fmu: Path, trace: Path, examples: int, start: int | None = None) -> None
     trace : Path
         Gets the calls of the sequence that runs, each before it is made.
     examples : int
-        Number of sequences, of up to 30 calls.
+        Number of sequences of each kind, of up to 30 calls.
     start : int, optional
         Where the random numbers start; without it the sequences are always the same.
 
@@ -394,32 +523,37 @@ def run(fmu: Path, trace: Path, examples: int, start: int | None = None) -> None
     AssertionError
         With the shortest sequence found that fails.
     """
-    with trace.open("wb", buffering=0) as file:
+    library = load(fmu)
+    for machine in (Calls, Exchange) if library.exchanges else (Calls,):
+        with trace.open("wb", buffering=0) as file:
+            _run(machine, library, file, examples, start)
 
-        class Machine(Calls):
-            library = load(fmu)
 
-            @staticmethod
-            def trace(line: str) -> None:
-                if line == "new instance":
-                    file.seek(0)
-                    file.truncate()
-                file.write(line.encode() + b"\n")
+def _run(machine: type[Calls], opened: Library, file: FileIO, examples: int, start: int | None) -> None:
+    class Machine(machine):  # type: ignore[misc,valid-type]
+        library = opened
 
-        if start is not None:
-            seed(start)(Machine)
-        run_state_machine_as_test(
-            Machine,
-            settings=settings(
-                max_examples=examples,
-                stateful_step_count=30,
-                deadline=None,
-                database=None,
-                phases=(Phase.generate,),
-                derandomize=start is None,
-                suppress_health_check=list(HealthCheck),
-            ),
-        )
+        @staticmethod
+        def trace(line: str) -> None:
+            if line.startswith("new instance"):
+                file.seek(0)
+                file.truncate()
+            file.write(line.encode() + b"\n")
+
+    if start is not None:
+        seed(start)(Machine)
+    run_state_machine_as_test(
+        Machine,
+        settings=settings(
+            max_examples=examples,
+            stateful_step_count=30,
+            deadline=None,
+            database=None,
+            phases=(Phase.generate,),
+            derandomize=start is None,
+            suppress_health_check=list(HealthCheck),
+        ),
+    )
 
 
 def main(seconds: float, names: Iterable[str]) -> None:
